@@ -1,0 +1,237 @@
+r"""Is this a solution? Computed on the original data, whatever the back end said.
+
+With σ_N = N z + n0, σ_T = T z + t0, λ = m / W, the scales
+
+    S   stress:        max |σ_N|, |σ_T|, |n0|, |t0|, and 1e-3 times the bonded tractions
+    E   energy:        max ½ zᵀKz, |fᵀz|, and 1e-3 times the same of the bonded solution
+    D   displacement:  max |λ_N|, |λ_T|, and E / (S Σ W)
+    F   force:         max |K z|, |f|, |Nᵀm_N|, |Tᵀm_T|, |Aᵀν|, and 1e-6 max |K||z| (below that is round-off)
+
+("bonded": the energy's minimiser under A z = b alone), at least 1 if f, b, n0 and t0 are all zero (nothing
+but z itself would have a size then), and the natural map (Alart-Curnier) with r = S / D, the measures are
+
+    equality                    max |A z − b| / (|A||z| + |b|)
+    normal                      max (σ_N)⁺ / S
+    friction                    max (|σ_T| − mu |σ_N|)⁺ / S
+    stationarity                max |K z − f + Nᵀm_N + Tᵀm_T + Aᵀν| / F
+    sign                        max of (−λ_N)⁺ / D and (−λ_T σ_T)⁺ / (S D)
+    complementarity_normal      Σ |m_N σ_N| / E
+    complementarity_tangential  Σ | |m_T| mu |σ_N| − m_T σ_T | / E
+    energy_gap                  |primal − dual energy| / E for the bound s = |σ_N|
+    natural_map                 max of |σ_N − min(σ_N + r λ_N, 0)| / S  and
+                                       |σ_T − clip(σ_T + r λ_T, −mu |σ_N|, mu |σ_N|)| / S
+
+Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
+energy is that of max(m_N, 0): primal − dual = Σ (mu |σ_N| |m_T| − m_T σ_T − m_N σ_N) + ½ rᵀK⁻¹r with r the
+residual of stationarity (K⁻¹ on the null space of A), which bounds ½ |z − z*|² in the norm of K.
+
+At a point that touches without load σ_N λ_N of size ε allows |σ_N| and λ_N of size √ε each; the natural map
+is their minimum. Its limit is therefore √tolerance, that of the others the tolerance itself. All measures
+are invariant to the units of stress, displacement and length, and to exchanging the unknowns z for c z.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from solvers.errors import InputError
+from solvers.problem import FrictionQVI
+from solvers.types import Vector
+
+_BONDED = 1e-3  # share of the bonded solution's tractions and energy below which nothing is resolved
+_ROUND_OFF = 1e-6  # share of |K||z| below which a force is round-off
+
+EXPONENTS: Mapping[str, float] = MappingProxyType(
+    {
+        "equality": 1.0,
+        "normal": 1.0,
+        "friction": 1.0,
+        "stationarity": 1.0,
+        "sign": 1.0,
+        "complementarity_normal": 1.0,
+        "complementarity_tangential": 1.0,
+        "energy_gap": 1.0,
+        "natural_map": 0.5,
+    }
+)
+"""Measure → exponent e of its limit tolerance**e."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Measured violations of every condition of (D2), relative to the scales of this module.
+
+    Attributes
+    ----------
+    measures : name → value, ≥ 0; ``inf`` where it could not be computed, so that nothing missing passes
+    tolerance : the tolerance asked for
+    scales : the four scales "stress", "energy", "displacement", "force"
+
+    """
+
+    measures: Mapping[str, float]
+    tolerance: float
+    scales: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Measure → the value at which it fails: tolerance, or its root for the natural map."""
+        return {name: self.tolerance**exponent for name, exponent in EXPONENTS.items()}
+
+    @property
+    def passed(self) -> bool:
+        """Whether every measure is within its limit."""
+        return all(self.measures[name] <= limit for name, limit in self.limits.items())
+
+    @property
+    def accuracy(self) -> float:
+        """The smallest tolerance at which it would pass."""
+        return max(self._needed.values())
+
+    @property
+    def worst(self) -> str:
+        """Name of the measure that decides `accuracy`."""
+        needed = self._needed
+        return max(needed, key=needed.__getitem__)
+
+    @property
+    def _needed(self) -> dict[str, float]:
+        return {name: self.measures[name] ** (1.0 / exponent) for name, exponent in EXPONENTS.items()}
+
+    def summary(self) -> str:
+        """One line: passed or failed, at which accuracy, and what limits it."""
+        verdict = "passed" if self.passed else "failed"
+        return (
+            f"certificate {verdict} at {self.tolerance:.0e}: accuracy {self.accuracy:.1e}, "
+            f"limited by {self.worst} = {self.measures[self.worst]:.1e}"
+        )
+
+
+def certify(
+    qvi: FrictionQVI,
+    z: Vector | None,
+    normal_multiplier: Vector | None,
+    tangential_multiplier: Vector | None,
+    equality_multiplier: Vector | None = None,
+    tolerance: float = 1e-8,
+) -> Certificate:
+    """Measure how well (z, m_N, m_T, ν) solves the QVI.
+
+    Parameters
+    ----------
+    qvi : FrictionQVI
+        The original data.
+    z : (n,)
+        Unknowns.
+    normal_multiplier, tangential_multiplier : (m,)
+        Row multipliers m = W λ with the signs of `FrictionQVI`.
+    equality_multiplier : (p,)
+        ν, needed if there are equalities.
+    tolerance : float
+        Relative, in (0, 1).
+
+    A missing or non-finite argument gives infinite measures; a wrong shape raises `InputError`.
+
+    """
+    if not 0 < tolerance < 1:
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    if equality_multiplier is None and qvi.p == 0:
+        equality_multiplier = np.zeros(0)
+    given = {
+        "z": (z, qvi.n),
+        "normal_multiplier": (normal_multiplier, qvi.m),
+        "tangential_multiplier": (tangential_multiplier, qvi.m),
+        "equality_multiplier": (equality_multiplier, qvi.p),
+    }
+    vectors = [_checked(name, value, size) for name, (value, size) in given.items()]
+    if any(vector is None or not np.isfinite(vector).all() for vector in vectors):
+        return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
+    with np.errstate(over="ignore", invalid="ignore"):
+        measures, scales = _measure(qvi, *[vector for vector in vectors if vector is not None])
+    return Certificate({k: v if np.isfinite(v) else np.inf for k, v in measures.items()}, tolerance, scales)
+
+
+def _checked(name: str, value: Vector | None, size: int) -> Vector | None:
+    if value is None:
+        return None
+    vector = np.asarray(value, dtype=np.float64)
+    if vector.shape != (size,):
+        raise InputError(name, f"shape {vector.shape}", f"give shape ({size},)")
+    return vector
+
+
+def _measure(
+    qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector
+) -> tuple[dict[str, float], dict[str, float]]:
+    """All measures and scales; the formulas stand in the module's docstring."""
+    sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
+    lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
+    bound = qvi.threshold(np.abs(sigma_N))
+    S, E, D = _scales(qvi, z, sigma_N, sigma_T, lambda_N, lambda_T)
+    forces = [qvi.K @ z, qvi.f, qvi.N.T @ m_N, qvi.T.T @ m_T, qvi.A.T @ nu]
+    F = _nonzero(max(_unit(qvi), *map(_largest, forces), _ROUND_OFF * _largest(abs(qvi.K) @ np.abs(z))))
+    residual = forces[0] - forces[1] + forces[2] + forces[3] + forces[4]
+    slack_T = np.abs(m_T) * bound - m_T * sigma_T
+    r = S / D
+    natural_N = sigma_N - np.minimum(sigma_N + r * lambda_N, 0.0)
+    natural_T = sigma_T - np.clip(sigma_T + r * lambda_T, -bound, bound)
+    measures = {
+        "equality": _equality(qvi, z),
+        "normal": _largest(np.maximum(sigma_N, 0.0)) / S,
+        "friction": _largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
+        "stationarity": _largest(residual) / F,
+        "sign": max(
+            _largest(np.maximum(-lambda_N, 0.0)) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * D)
+        ),
+        "complementarity_normal": float(np.abs(m_N * sigma_N).sum()) / E,
+        "complementarity_tangential": float(np.abs(slack_T).sum()) / E,
+        "energy_gap": _energy_gap(qvi, residual, m_N, sigma_N, slack_T) / E,
+        "natural_map": max(_largest(natural_N), _largest(natural_T)) / S,
+    }
+    return measures, {"stress": S, "energy": E, "displacement": D, "force": F}
+
+
+def _scales(
+    qvi: FrictionQVI, z: Vector, sigma_N: Vector, sigma_T: Vector, lambda_N: Vector, lambda_T: Vector
+) -> tuple[float, float, float]:
+    """S, E, D."""
+    bonded = qvi.bonded
+    at_bonded = max(_largest(qvi.normal(bonded)), _largest(qvi.tangential(bonded)))
+    S = _nonzero(max(_unit(qvi), *map(_largest, (sigma_N, sigma_T, qvi.n0, qvi.t0)), _BONDED * at_bonded))
+    E = _nonzero(
+        max(_unit(qvi), *_energies(qvi, z), *(_BONDED * energy for energy in _energies(qvi, bonded)))
+    )
+    return S, E, _nonzero(max(_largest(lambda_N), _largest(lambda_T), E / (S * _nonzero(float(qvi.W.sum())))))
+
+
+def _unit(qvi: FrictionQVI) -> float:
+    """1 if the data have no size, which the scales then lack as well; else 0."""
+    return 0.0 if any(data.any() for data in (qvi.f, qvi.b, qvi.n0, qvi.t0)) else 1.0
+
+
+def _energies(qvi: FrictionQVI, z: Vector) -> tuple[float, float]:
+    return 0.5 * float(z @ (qvi.K @ z)), abs(float(qvi.f @ z))
+
+
+def _energy_gap(qvi: FrictionQVI, residual: Vector, m_N: Vector, sigma_N: Vector, slack_T: Vector) -> float:
+    """|Primal − dual| with m_N made admissible; the residual of stationarity changes accordingly."""
+    admissible = np.maximum(m_N, 0.0)
+    residual = residual + qvi.N.T @ (admissible - m_N)
+    correction = residual @ qvi.equality_system.solve(residual)[0]
+    return abs(float(slack_T.sum() - admissible @ sigma_N)) + 0.5 * abs(float(correction))
+
+
+def _equality(qvi: FrictionQVI, z: Vector) -> float:
+    scale = _nonzero(_largest(abs(qvi.A) @ np.abs(z) + np.abs(qvi.b)))
+    return _largest(qvi.A @ z - qvi.b) / scale
+
+
+def _largest(vector: Vector) -> float:
+    """Max |v|, 0 for no entries."""
+    return float(np.abs(vector).max(initial=0.0))
+
+
+def _nonzero(scale: float) -> float:
+    return scale if scale > 0 else 1.0

@@ -1,0 +1,45 @@
+"""The project's exception tree.
+
+`QVIError` is the root of everything the project raises on purpose; the mechanics package adds no second root.
+"""
+
+
+class QVIError(Exception):
+    """Root of the project's exceptions: catch this one to catch them all."""
+
+
+class InputError(QVIError, ValueError):
+    """Something the caller gave is wrong.
+
+    The message is one line: the field, the value found there, and what to do about it.
+
+    Attributes
+    ----------
+    field : str
+        Name of the offending argument or file entry, e.g. ``"Contact.friction"``.
+    value : object
+        The value found.
+    remedy : str
+        A sentence telling what to give instead.
+
+    """
+
+    def __init__(self, field: str, value: object, remedy: str) -> None:
+        self.field = field
+        self.value = value
+        self.remedy = remedy
+        super().__init__(f"{field}: {_shorten(value)}: {remedy}")
+
+
+class SolverUnavailableError(InputError):
+    """A solver was asked for that is unknown or not installed; the message lists what is."""
+
+
+class SolveError(QVIError):
+    """Raised on request (``throw=True``) when a solve ends without a certified answer."""
+
+
+def _shorten(value: object, limit: int = 80) -> str:
+    """`repr` on one line, cut after `limit` characters."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= limit else text[: limit - 1] + "…"

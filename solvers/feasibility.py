@@ -1,0 +1,95 @@
+"""Can the load be carried at all? Emptiness of the admissible set, with a proof.
+
+Every solution of (D2) has σ_N ≤ 0, hence mu |σ_N| = −mu σ_N there, and lies in the convex set
+
+    C = { z : A z = b,  N z + n0 ≤ 0,  |T z + t0| ≤ −mu (N z + n0) }  =  { z : A z = b,  G z ≤ h }.
+
+If C is empty the QVI has no solution, proved by multipliers (Farkas) y ≥ 0, ν with Gᵀy + Aᵀν = 0 and
+hᵀy + bᵀν < 0, which are checked here on the data. If it is not, its point of least energy is a start: its
+pressure s makes the inner problem feasible. It is a start only, never the answer: minimising over C is
+associated friction, which dilates.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csc_matrix, diags, triu, vstack
+
+from solvers.problem import FrictionQVI
+from solvers.types import Sparse, Vector, load
+
+_REACH = 1e4
+"""The proof must exclude every z up to this many times the size of the bonded solution (and of 1)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feasibility:
+    """Result of `check_feasibility`.
+
+    Attributes
+    ----------
+    feasible : True, False (proved), or None if undecided
+    z : (n,) point of least energy in C if feasible
+    farkas : (y (3m,), ν (p,)) if infeasible, for the rows G = [N; T + mu N; −T + mu N] and A
+    message : one sentence
+
+    """
+
+    feasible: bool | None
+    z: Vector | None
+    farkas: tuple[Vector, Vector] | None
+    message: str
+
+
+def admissible_rows(qvi: FrictionQVI) -> tuple[Sparse, Vector]:
+    """(G, h) of the set C: G (3m, n), h (3m,)."""
+    M = diags(qvi.mu)
+    G = csc_matrix(vstack([qvi.N, qvi.T + M @ qvi.N, -qvi.T + M @ qvi.N]))
+    return G, np.concatenate([-qvi.n0, -qvi.t0 - qvi.mu * qvi.n0, qvi.t0 - qvi.mu * qvi.n0])
+
+
+def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
+    """Whether (y, ν) proves that C is empty, rounding included.
+
+    For z in C: 0 ≤ yᵀ(h − G z) + νᵀ(b − A z) = (hᵀy + bᵀν) − (Gᵀy + Aᵀν)ᵀz, so with hᵀy + bᵀν = −d < 0 every
+    point of C has max |z| ≥ d / Σ |Gᵀy + Aᵀν|. The proof counts if that is `_REACH` times the data's size.
+    """
+    if not (np.isfinite(y).all() and np.isfinite(nu).all()) or y.min(initial=0.0) < 0:
+        return False
+    G, h = admissible_rows(qvi)
+    deficit = -float(h @ y + qvi.b @ nu)
+    size = float(np.abs(qvi.bonded).max(initial=0.0)) or 1.0
+    return deficit > 0 and deficit >= _REACH * size * float(np.abs(G.T @ y + qvi.A.T @ nu).sum())
+
+
+def check_feasibility(qvi: FrictionQVI) -> Feasibility:
+    """Minimise the energy over C with Clarabel; a claim of emptiness counts only if `is_farkas` agrees."""
+    clarabel = load("clarabel")
+
+    G, h = admissible_rows(qvi)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.presolve_enable = False
+    settings.tol_infeas_abs = settings.tol_infeas_rel = 1e-11
+    cones = ([clarabel.ZeroConeT(qvi.p)] if qvi.p else []) + [clarabel.NonnegativeConeT(h.size)]
+    rows = csc_matrix(vstack([qvi.A, G])) if qvi.p else G
+    try:
+        solver = clarabel.DefaultSolver(
+            csc_matrix(triu(qvi.K)), -qvi.f, rows, np.concatenate([qvi.b, h]), cones, settings
+        )
+        answer = solver.solve()
+    except BaseException as error:  # a Rust panic is not an Exception
+        if isinstance(error, KeyboardInterrupt | SystemExit):
+            raise
+        return Feasibility(None, None, None, f"feasibility check failed: {type(error).__name__}: {error}")
+    word = str(answer.status)
+    multipliers = np.array(answer.z)
+    y, nu = np.maximum(multipliers[qvi.p :], 0.0), multipliers[: qvi.p]
+    if "PrimalInfeasible" in word and is_farkas(qvi, y, nu):
+        text = "no admissible traction carries the load, proved by multipliers (Farkas) checked on the data"
+        return Feasibility(False, None, (y, nu), text)
+    if word in ("Solved", "AlmostSolved"):
+        return Feasibility(
+            True, np.array(answer.x), None, "the load can be carried by some admissible traction"
+        )
+    return Feasibility(None, None, None, f"whether the load can be carried was not decided ({word})")

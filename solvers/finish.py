@@ -1,0 +1,80 @@
+"""The last step of every method: certificate, status, one readable sentence."""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solvers.certificate import Certificate, certify
+from solvers.feasibility import Feasibility, check_feasibility
+from solvers.problem import FrictionQVI
+from solvers.solution import Iteration, QVISolution
+from solvers.status import Status
+from solvers.types import Vector
+
+_LOOSEST = 1e-4
+"""A result whose accuracy is worse is not called inaccurate but by the reason why the iteration ended."""
+
+
+@dataclass(eq=False)
+class Outcome:
+    """What an iteration leaves behind; `reason` is its own view, before any certificate."""
+
+    reason: Status
+    z: Vector
+    m_N: Vector  # noqa: N815  # letters of (D2)
+    m_T: Vector  # noqa: N815
+    nu: Vector
+    threshold: Vector
+    history: list[Iteration]
+    iterations: int
+    message: str = ""
+    timings: dict[str, float] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    feasibility: Feasibility | None = None
+    check_feasible: bool = True
+
+
+def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, tolerance: float) -> QVISolution:
+    """Certify on the original data and decide the status; without a result, ask whether there can be one."""
+    began = time.perf_counter()
+    certificate = certify(qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, tolerance)
+    status = _status(outcome.reason, certificate)
+    feasibility = outcome.feasibility
+    undecided = status not in (Status.SOLVED, Status.INACCURATE) and outcome.check_feasible
+    if undecided and feasibility is None:
+        feasibility = check_feasibility(qvi)
+    if undecided and feasibility is not None and feasibility.feasible is False:
+        status = Status.INFEASIBLE
+    elif status is Status.INFEASIBLE:
+        status = Status.INNER_INFEASIBLE
+    farkas = feasibility.farkas if feasibility is not None and status is Status.INFEASIBLE else None
+    outcome.timings["certificate"] = time.perf_counter() - began
+    return QVISolution(
+        qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, outcome.threshold, certificate,
+        tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
+        _sentence(status, outcome, certificate, feasibility), dict(outcome.versions), farkas,
+    )  # fmt: skip
+
+
+def _status(reason: Status, certificate: Certificate) -> Status:
+    """Solved only by certificate; a stop short of it is inaccurate if the result can be used."""
+    if certificate.passed:
+        return Status.SOLVED
+    if reason in (Status.SOLVED, Status.STALLED) and certificate.accuracy <= _LOOSEST:
+        return Status.INACCURATE
+    return Status.STALLED if reason is Status.SOLVED else reason
+
+
+def _sentence(
+    status: Status, outcome: Outcome, certificate: Certificate, feasibility: Feasibility | None
+) -> str:
+    parts = [f"{status.value} after {outcome.iterations} iterations"]
+    if status is Status.INFEASIBLE and feasibility is not None:
+        parts.append(feasibility.message)
+    elif np.isfinite(certificate.accuracy):
+        parts.append(certificate.summary())
+    if outcome.message and status is not Status.SOLVED:
+        parts.append(outcome.message)
+    text = "; ".join(parts) + "."
+    return text if status is Status.SOLVED else f"{text} {status.advice}"

@@ -1,0 +1,289 @@
+"""Fixed point on the friction bound: s ← |N z(s) + n0|, where z(s) solves the inner problem with bound mu s.
+
+| stops when                                                         | status before the certificate |
+|--------------------------------------------------------------------|-------------------------------|
+| residual ≤ tolerance and the certificate passes                    | solved                        |
+| best residual not reduced by a tenth in `patience` iterations      | stalled                       |
+| s returns to an earlier value (2 to 8 iterations ago)              | cycling; stalled if residual ≤ 1e-4 |
+| `max_iterations` done                                              | max_iterations                |
+| the inner problem fails, or stays infeasible after restarts        | that of the inner problem     |
+
+residual = |g − s| / max(|g|, 1e-3 |σ at the bonded solution|) in the norm weighted by W, g = |N z(s) + n0|.
+The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so the residual is the error.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from solvers.anderson import Anderson
+from solvers.certificate import certify
+from solvers.errors import InputError
+from solvers.feasibility import check_feasibility
+from solvers.finish import Outcome, finish
+from solvers.inner.problem import InnerSolution, InnerSolver, no_result
+from solvers.inner.registry import make_inner, versions
+from solvers.problem import FrictionQVI
+from solvers.solution import Iteration, QVISolution
+from solvers.status import Status
+from solvers.types import Vector
+
+Variant = Literal["plain", "damped", "anderson"]
+
+_INNER_FACTOR = (
+    1e-4  # inner tolerance = this × outer, within the two limits below: the error of z(s) goes with
+)
+_INNER_LIMITS = (1e-12, 1e-6)  # √tolerance where a point touches without load
+_RECOVERIES = 12
+_CYCLE_LENGTHS = range(2, 9)
+_CYCLE_MATCH = 1e-4  # of the residual
+_PROGRESS = 0.9
+_ROUND_OFF = 1e-13  # of the bonded pressure
+_BREAKS = 6
+_NOISE = 1e-4  # a cycle smaller than this is the inner solver's noise, not the map's
+
+
+@dataclass(frozen=True)
+class FixedPointOptions:
+    """Options of the fixed point.
+
+    Attributes
+    ----------
+    variant : "anderson" (default), "damped" s + θ (g − s), or "plain" s ← g
+    damping : θ of "damped" and mixing β of "anderson", in (0, 1]
+    memory : number of earlier iterations "anderson" uses
+    max_iterations : outer iterations
+    initial : pressure s (m,) ≥ 0 to start from; default that of the bonded solution (one linear solve)
+    inner_tolerance : default 1e-4 × tolerance, between 1e-12 and 1e-6
+    patience : iterations without progress before the iteration counts as stalled
+    callback : called with every `Iteration`
+
+    """
+
+    variant: Variant = "anderson"
+    damping: float = 0.5
+    memory: int = 5
+    max_iterations: int = 100
+    initial: Any = None
+    inner_tolerance: float | None = None
+    patience: int = 15
+    callback: Callable[[Iteration], object] | None = None
+
+    def __post_init__(self) -> None:
+        if self.variant not in get_args(Variant):
+            raise InputError("variant", self.variant, f"give one of {', '.join(get_args(Variant))}")
+        if not 0 < self.damping <= 1:
+            raise InputError("damping", self.damping, "give a number in (0, 1]")
+        for name in ("memory", "max_iterations", "patience"):
+            if not (isinstance(getattr(self, name), int) and getattr(self, name) >= 1):
+                raise InputError(name, getattr(self, name), "give a whole number ≥ 1")
+        if self.inner_tolerance is not None and not 0 < self.inner_tolerance < 1:
+            raise InputError("inner_tolerance", self.inner_tolerance, "give a number between 0 and 1")
+
+
+@dataclass(eq=False)
+class _State:
+    """Everything that changes from one outer iteration to the next."""
+
+    s: Vector
+    accelerator: Anderson | None
+    damping: float
+    feasible: Vector | None = None  # last s whose inner problem had a solution
+    previous: InnerSolution | None = None
+    best: InnerSolution | None = None
+    best_s: Vector | None = None
+    best_residual: float = np.inf
+    progress: tuple[float, int] = (np.inf, 0)  # residual and number at the last substantial progress
+    past: deque[Vector] = field(default_factory=lambda: deque(maxlen=_CYCLE_LENGTHS.stop))
+    history: list[Iteration] = field(default_factory=list)
+    recoveries: int = 0
+    breaks: int = 0
+    feasibility: Any = None
+    reason: Status | None = None
+    message: str = ""
+
+
+def solve_fixed_point(
+    qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions
+) -> QVISolution:
+    """Solve the QVI by the iteration of this module; `inner` names the inner solver."""
+    began = time.perf_counter()
+    inner_tolerance = options.inner_tolerance or float(np.clip(_INNER_FACTOR * tolerance, *_INNER_LIMITS))
+    try:
+        solver = make_inner(inner, qvi, inner_tolerance)
+    except InputError:
+        raise
+    except Exception as error:
+        return _no_solver(qvi, inner, tolerance, f"{inner}: {type(error).__name__}: {error}")
+    state = _init(qvi, options)
+    set_up = time.perf_counter()
+    while state.reason is None:
+        _step(qvi, solver, state, options, tolerance)
+    outcome = _outcome(qvi, state)
+    outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
+    outcome.versions = versions(solver.packages)
+    return finish(qvi, outcome, "fixed-point", inner, tolerance)
+
+
+def _init(qvi: FrictionQVI, options: FixedPointOptions) -> _State:
+    """Start: the given pressure or that of the bonded solution."""
+    if options.initial is None:
+        s = qvi.pressure(qvi.bonded)
+    else:
+        s = np.array(options.initial, dtype=np.float64)
+        if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:
+            raise InputError("initial", options.initial, f"give a finite pressure ≥ 0 of shape ({qvi.m},)")
+    accelerate = options.variant == "anderson"
+    accelerator = Anderson(qvi.W, options.memory, options.damping) if accelerate else None
+    return _State(s, accelerator, 1.0 if options.variant == "plain" else options.damping)
+
+
+def _step(
+    qvi: FrictionQVI, solver: InnerSolver, state: _State, options: FixedPointOptions, tolerance: float
+) -> None:
+    """One outer iteration: inner problem, residual, record, next s."""
+    began = time.perf_counter()
+    result = solver.solve(qvi.threshold(state.s), state.previous)
+    number = len(state.history) + 1
+    if not (result.status.usable and result.finite):
+        _record(qvi, state, result, np.inf, began, options)
+        _recover(qvi, state, result)
+    else:
+        g = np.abs(qvi.normal(result.z))
+        residual = _residual(qvi, g, state.s)
+        _record(qvi, state, result, residual, began, options)
+        if residual < state.best_residual:
+            state.best, state.best_s, state.best_residual = result, state.s, residual
+        state.previous, state.feasible = result, state.s
+        if (
+            residual <= tolerance
+            and certify(qvi, result.z, result.m_N, result.m_T, result.nu, tolerance).passed
+        ):
+            state.best, state.best_s, state.reason = result, state.s, Status.SOLVED
+            return
+        _check_progress(qvi, state, residual, number, options, tolerance)
+        state.past.append(state.s)
+        state.s = _next(qvi, state, g)
+    if state.reason is None and number >= options.max_iterations:
+        state.reason = Status.MAX_ITERATIONS
+
+
+def _residual(qvi: FrictionQVI, g: Vector, s: Vector) -> float:
+    bonded = np.hypot(qvi.normal(qvi.bonded), qvi.tangential(qvi.bonded))
+    scale = max(_norm(qvi, g), 1e-3 * _norm(qvi, bonded)) or 1.0
+    return _norm(qvi, g - s) / scale
+
+
+def _norm(qvi: FrictionQVI, v: Vector) -> float:
+    return float(np.sqrt(qvi.W @ v**2))
+
+
+def _record(
+    qvi: FrictionQVI,
+    state: _State,
+    result: InnerSolution,
+    residual: float,
+    began: float,
+    options: FixedPointOptions,
+) -> None:
+    entry = Iteration(
+        len(state.history) + 1, residual, qvi.energy(result.z), qvi.resultant(result.z), result.status,
+        result.iterations, time.perf_counter() - began,
+    )  # fmt: skip
+    state.history.append(entry)
+    if options.callback is not None:
+        options.callback(entry)
+
+
+def _next(qvi: FrictionQVI, state: _State, g: Vector) -> Vector:
+    """Accelerated, damped or plain; round-off becomes zero, which interior points take better than 1e-30."""
+    if state.accelerator is not None:
+        s = state.accelerator.next(state.s, g)
+    else:
+        s = (1.0 - state.damping) * state.s + state.damping * g
+    scale = float(np.abs(qvi.normal(qvi.bonded)).max(initial=0.0))
+    return np.where(s > _ROUND_OFF * scale, s, 0.0)
+
+
+def _check_progress(
+    qvi: FrictionQVI,
+    state: _State,
+    residual: float,
+    number: int,
+    options: FixedPointOptions,
+    tolerance: float,
+) -> None:
+    """Cycle or stagnation, see the table of this module."""
+    if residual < _PROGRESS * state.progress[0]:
+        state.progress = (residual, number)
+    match = _CYCLE_MATCH * residual * _norm(qvi, state.s)
+    for length in _CYCLE_LENGTHS:
+        seen = residual > tolerance and length <= len(state.past) and number > 2 * length
+        if seen and _norm(qvi, state.s - state.past[-length]) <= match:
+            _break_cycle(state, length, residual)
+            return
+    if number - state.progress[1] >= options.patience:
+        state.reason = Status.STALLED
+        state.message = f"residual {state.best_residual:.1e} was not reduced in {options.patience} iterations"
+
+
+def _break_cycle(state: _State, length: int, residual: float) -> None:
+    """Halve Anderson's mixing and forget its memory; other variants, or one time too many, end here."""
+    state.breaks += 1
+    if state.accelerator is not None and state.breaks <= _BREAKS and residual > _NOISE:
+        state.accelerator.reset()
+        state.accelerator.mixing *= 0.5
+        state.past.clear()
+        return
+    state.reason = Status.CYCLING if residual > _NOISE else Status.STALLED
+    state.message = f"the pressure repeats itself every {length} iterations"
+
+
+def _recover(qvi: FrictionQVI, state: _State, result: InnerSolution) -> None:
+    """Ask whether the load can be carried at all; if so restart, then return towards the last feasible s."""
+    state.recoveries += 1
+    if state.feasibility is None:
+        state.feasibility = check_feasibility(qvi)
+    feasible = state.feasibility.feasible
+    start = state.feasibility.z
+    curable = result.status in (Status.INFEASIBLE, Status.BACKEND_FAILED) and feasible is True
+    if not curable or state.recoveries > _RECOVERIES:
+        state.reason, state.message = result.status, f"inner problem: {result.message}"
+    elif state.feasible is None:
+        state.s = state.feasible = np.abs(qvi.normal(start))
+    else:
+        state.s = 0.5 * (state.s + state.feasible)
+    if state.accelerator is not None:
+        state.accelerator.reset()
+    state.damping = min(state.damping, 0.5)
+
+
+def _outcome(qvi: FrictionQVI, state: _State) -> Outcome:
+    result = state.best or no_result(qvi, Status.BACKEND_FAILED, "")
+    s = state.best_s if state.best_s is not None else state.s
+    reason = state.reason or Status.STALLED
+    return Outcome(
+        reason, result.z, result.m_N, result.m_T, result.nu, qvi.threshold(s), state.history,
+        len(state.history), state.message, feasibility=state.feasibility,
+    )  # fmt: skip
+
+
+def _no_solver(qvi: FrictionQVI, inner: str, tolerance: float, message: str) -> QVISolution:
+    """Report a back end that could not be built for this problem."""
+    nothing = no_result(qvi, Status.BACKEND_FAILED, message)
+    outcome = Outcome(
+        Status.BACKEND_FAILED,
+        nothing.z,
+        nothing.m_N,
+        nothing.m_T,
+        nothing.nu,
+        np.full(qvi.m, np.nan),
+        [],
+        0,
+        message,
+    )
+    return finish(qvi, outcome, "fixed-point", inner, tolerance)

@@ -1,0 +1,68 @@
+"""Inner solver ``direct:clarabel``: one Clarabel solver kept alive, only the right-hand side updated.
+
+Interior point with a homogeneous embedding; does not warm-start, but keeps the symbolic factorisation and
+the equilibration. Presolve, chordal decomposition and the dropping of zeros are off: they forbid updates.
+Cite: P. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs with quadratic objectives.
+"""
+
+import time
+
+import numpy as np
+from scipy.sparse import csc_matrix, triu, vstack
+
+from solvers.inner.problem import InnerProblem, InnerSolution, no_result
+from solvers.inner.qp_backends import CLARABEL_WORDS
+from solvers.problem import FrictionQVI
+from solvers.status import Status
+from solvers.types import Module, Vector, load
+
+_FLOOR = 1e-12
+
+
+class DirectClarabel:
+    """Clarabel on  A z + w = b (w = 0),  G z + w = h (w ≥ 0)."""
+
+    packages: tuple[str, ...] = ("clarabel",)
+
+    def __init__(self, qvi: FrictionQVI, tolerance: float) -> None:
+        clarabel = load("clarabel")
+
+        self._inner = InnerProblem(qvi)
+        cones = [clarabel.ZeroConeT(qvi.p)] if qvi.p else []
+        cones.append(clarabel.NonnegativeConeT(3 * qvi.m))
+        rows = csc_matrix(vstack([qvi.A, self._inner.G])) if qvi.p else self._inner.G
+        right = np.concatenate([qvi.b, self._inner.h(np.ones(qvi.m))])
+        upper = csc_matrix(triu(qvi.K))
+        settings = self._settings(clarabel, tolerance)
+        self._solver = clarabel.DefaultSolver(upper, self._inner.q, rows, right, cones, settings)
+
+    @staticmethod
+    def _settings(clarabel: Module, tolerance: float) -> Module:
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.presolve_enable = False
+        settings.chordal_decomposition_enable = False
+        settings.input_sparse_dropzeros = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = max(tolerance, _FLOOR)
+        return settings
+
+    def solve(self, threshold: Vector, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
+        """Solve for the bound threshold (m,); `start` is not used."""
+        began = time.perf_counter()
+        qvi = self._inner.qvi
+        try:
+            self._solver.update(b=np.concatenate([qvi.b, self._inner.h(threshold)]))
+            answer = self._solver.solve()
+        except BaseException as error:  # a Rust panic is not an Exception
+            if isinstance(error, KeyboardInterrupt | SystemExit):
+                raise
+            text = f"clarabel: {type(error).__name__}: {error}"
+            return no_result(qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
+        word = str(answer.status)
+        multipliers = np.array(answer.z)
+        m_N, m_T = self._inner.multipliers(multipliers[qvi.p :])
+        return InnerSolution(
+            np.array(answer.x), m_N, m_T, multipliers[: qvi.p],
+            CLARABEL_WORDS.get(word, Status.BACKEND_FAILED), int(answer.iterations),
+            time.perf_counter() - began, f"clarabel: {word}",
+        )  # fmt: skip

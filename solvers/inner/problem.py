@@ -1,0 +1,122 @@
+"""The inner problem, friction bound given, and what every back end for it provides."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.sparse import csc_matrix, vstack
+
+from solvers.problem import FrictionQVI
+from solvers.status import Status
+from solvers.types import Sparse, Vector
+
+
+@dataclass(frozen=True, eq=False)
+class InnerProblem:
+    """The strictly convex quadratic program that (D2) becomes for a given bound thr = mu s.
+
+        min ½ zᵀPz + qᵀz   s.t.  G z ≤ h(thr),  A z = b,      G = [N; T; −T],  h = [−n0; thr − t0; thr + t0].
+
+    Only h depends on the bound. With multipliers y = (y_N, y_+, y_−) ≥ 0 of G z ≤ h, m_N = y_N and
+    m_T = y_+ − y_−.
+    """
+
+    qvi: FrictionQVI
+
+    @property
+    def P(self) -> Sparse:  # noqa: N802
+        """K."""
+        return self.qvi.K
+
+    @property
+    def q(self) -> Vector:
+        """−f (n,)."""
+        return -self.qvi.f
+
+    @cached_property
+    def G(self) -> Sparse:  # noqa: N802
+        """[N; T; −T] (3m, n)."""
+        return csc_matrix(vstack([self.qvi.N, self.qvi.T, -self.qvi.T]))
+
+    def h(self, threshold: Vector) -> Vector:
+        """[−n0; thr − t0; thr + t0] (3m,)."""
+        return np.concatenate([-self.qvi.n0, threshold - self.qvi.t0, threshold + self.qvi.t0])
+
+    def multipliers(self, y: Vector) -> tuple[Vector, Vector]:
+        """(m_N, m_T) of the multipliers y ≥ 0 (3m,) of G z ≤ h."""
+        y_N, y_plus, y_minus = np.split(y, 3)
+        return y_N, y_plus - y_minus
+
+
+@dataclass(frozen=True, eq=False)
+class InnerSolution:
+    """Result of one inner problem; signs as in `FrictionQVI`, `y` is the certificate if infeasible.
+
+    Attributes
+    ----------
+    z, m_N, m_T, nu : (n,), (m,), (m,), (p,); NaN if the back end gave nothing
+    status : translated to the one vocabulary
+    iterations : of the back end, 0 if it does not say
+    seconds : wall time of the call
+    message : what the back end said, warnings included
+
+    """
+
+    z: Vector
+    m_N: Vector  # noqa: N815  # letters of (D2)
+    m_T: Vector  # noqa: N815
+    nu: Vector
+    status: Status
+    iterations: int = 0
+    seconds: float = 0.0
+    message: str = ""
+
+    @property
+    def finite(self) -> bool:
+        """Whether z and all multipliers are finite."""
+        return all(bool(np.isfinite(v).all()) for v in (self.z, self.m_N, self.m_T, self.nu))
+
+
+class InnerSolver(Protocol):
+    """A back end built once for a QVI; the matrices stay, the friction bound changes."""
+
+    packages: tuple[str, ...]
+    """Distributions used, for the record of versions."""
+
+    def solve(self, threshold: Vector, start: InnerSolution | None) -> InnerSolution:
+        """Solve for the bound threshold (m,); `start` is the previous result, for a warm start."""
+        ...
+
+
+def no_result(qvi: FrictionQVI, status: Status, message: str, seconds: float = 0.0) -> InnerSolution:
+    """Return an `InnerSolution` of NaN."""
+    nan = np.full(max(qvi.n, qvi.m, qvi.p), np.nan)
+    return InnerSolution(nan[: qvi.n], nan[: qvi.m], nan[: qvi.m], nan[: qvi.p], status, 0, seconds, message)
+
+
+def inner_residual(qvi: FrictionQVI, threshold: Vector, solution: InnerSolution) -> float:
+    """Largest relative violation of an inner result's optimality conditions; inf if undefined.
+
+    Used to choose between two results of one back end, never to call anything solved.
+    """
+    if not solution.finite:
+        return np.inf
+    z, m_N, m_T = solution.z, solution.m_N, solution.m_T
+    sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
+    forces = [qvi.K @ z, -qvi.f, qvi.N.T @ m_N, qvi.T.T @ m_T, qvi.A.T @ solution.nu]
+    stress = max(_largest(sigma_N), _largest(sigma_T), _largest(threshold), 1e-300)
+    energy = max(abs(float(z @ forces[0])), abs(float(qvi.f @ z)), 1e-300)
+    violation = [np.maximum(sigma_N, 0), np.maximum(np.abs(sigma_T) - threshold, 0)]
+    products = np.abs(m_N * sigma_N).sum() + np.abs(np.abs(m_T) * threshold - m_T * sigma_T).sum()
+    return max(
+        max(map(_largest, violation)) / stress,
+        _largest(qvi.A @ z - qvi.b) / max(_largest(qvi.b), 1.0),
+        _largest(np.sum(forces, axis=0)) / max(max(map(_largest, forces)), 1e-300),
+        float(products) / energy,
+        _largest(np.minimum(m_N, 0)) / max(_largest(m_N), _largest(m_T), 1e-300),
+    )
+
+
+def _largest(vector: Vector) -> float:
+    return float(np.abs(vector).max(initial=0.0))

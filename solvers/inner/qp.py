@@ -1,0 +1,80 @@
+"""Inner solver ``qp:<name>``: any back end of `qpsolvers`, the problem rebuilt for every bound.
+
+Solves (`InnerProblem`) min ½zᵀPz + qᵀz, G z ≤ h, A z = b. The words "found" and "is_optimal" of `qpsolvers`
+are not used: the former means different things for different back ends, the latter accepts multipliers of the
+wrong sign. Cite: S. Caron et al., qpsolvers: Quadratic Programming Solvers in Python.
+"""
+
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+
+from solvers.inner.problem import InnerProblem, InnerSolution, no_result
+from solvers.inner.qp_backends import BACKENDS, QPBackend
+from solvers.problem import FrictionQVI
+from solvers.status import Status
+from solvers.types import Vector, load
+
+
+class QPSolver:
+    """One `qpsolvers` back end for one QVI."""
+
+    def __init__(self, qvi: FrictionQVI, name: str, tolerance: float) -> None:
+        self.name = name
+        self.backend = BACKENDS.get(name, QPBackend(name))
+        self.packages: tuple[str, ...] = ("qpsolvers", self.backend.package or self.backend.module)
+        self._inner = InnerProblem(qvi)
+        self._settings = self.backend.settings(tolerance)
+        self._matrices: list[Any] = [self._inner.P, self._inner.G, qvi.A]
+        if self.backend.dense:
+            self._matrices = [matrix.toarray() for matrix in self._matrices]
+
+    def solve(self, threshold: Vector, start: InnerSolution | None) -> InnerSolution:
+        """Solve for the bound threshold (m,); exceptions and warnings end in the message."""
+        began = time.perf_counter()
+        qvi = self._inner.qvi
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                answer = self._call(threshold, start)
+            except BaseException as error:  # some back ends panic with exceptions that are not Exception
+                if isinstance(error, KeyboardInterrupt | SystemExit):
+                    raise
+                text = f"{self.name}: {type(error).__name__}: {error}"
+                return no_result(qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
+        seconds = time.perf_counter() - began
+        word = self.backend.word(answer)
+        status = self.backend.words.get(word, Status.BACKEND_FAILED)
+        message = "; ".join([f"{self.name}: {word}", *(str(w.message) for w in caught)])
+        return self._translate(answer, status, message, seconds)
+
+    def _call(self, threshold: Vector, start: InnerSolution | None) -> Any:
+        qpsolvers = load("qpsolvers")
+
+        P, G, A = self._matrices
+        qvi = self._inner.qvi
+        equalities = (A, np.array(qvi.b)) if qvi.p else (None, None)
+        problem = qpsolvers.Problem(P, self._inner.q, G, self._inner.h(threshold), *equalities)
+        initial = start.z if self.backend.warm and start is not None and start.finite else None
+        return qpsolvers.solve_problem(problem, self.name, initvals=initial, **self._settings)
+
+    def _translate(self, answer: Any, status: Status, message: str, seconds: float) -> InnerSolution:
+        """Read z and multipliers; where one is missing everything is."""
+        qvi = self._inner.qvi
+        if any(_size(part) != size for part, size in ((answer.x, qvi.n), (answer.z, 3 * qvi.m))):
+            status = status if not status.usable else Status.BACKEND_FAILED
+            return no_result(qvi, status, message, seconds)
+        m_N, m_T = self._inner.multipliers(np.array(answer.z, dtype=np.float64))
+        nu = np.array(answer.y, dtype=np.float64) if qvi.p else np.zeros(0)
+        z = np.array(answer.x, dtype=np.float64)
+        iterations = self.backend.iterations(answer)
+        solution = InnerSolution(z, m_N, m_T, nu, status, iterations, seconds, message)
+        if status.usable and not solution.finite:
+            return no_result(qvi, Status.BACKEND_FAILED, f"{message}; result is not finite", seconds)
+        return solution
+
+
+def _size(array: Any) -> int:
+    return 0 if array is None else int(np.size(array))

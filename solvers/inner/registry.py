@@ -1,0 +1,84 @@
+"""Names of inner solvers: what exists, what is installed, and how one is built."""
+
+from collections.abc import Iterable
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+
+from solvers.errors import SolverUnavailableError
+from solvers.inner import qp_backends, socp
+from solvers.inner.problem import InnerSolver
+from solvers.problem import FrictionQVI
+
+_DIRECT = ("clarabel", "osqp")
+_INSTALL = "pip install 'qvi-contact[solvers]'"
+
+
+def available(kind: str | None = None) -> tuple[str, ...]:
+    """Names of the inner solvers that can be used now, ``"kind:name"``, found without importing them.
+
+    `kind` restricts to "qp", "direct" or "socp". Sorted within each kind.
+    """
+    names = tuple(name for name, modules in _catalogue().items() if all(map(_installed, modules)))
+    return tuple(name for name in names if kind is None or name.split(":")[0] == kind)
+
+
+def make_inner(name: str, qvi: FrictionQVI, tolerance: float) -> InnerSolver:
+    """Build the inner solver `name` for a QVI; `SolverUnavailableError` lists what exists."""
+    name = check_name(name)
+    kind, backend = name.split(":")
+    if kind == "qp":
+        from solvers.inner.qp import QPSolver
+
+        return QPSolver(qvi, backend, tolerance)
+    if kind == "socp":
+        return socp.SOCPSolver(qvi, backend, tolerance)
+    if backend == "clarabel":
+        from solvers.inner.direct_clarabel import DirectClarabel
+
+        return DirectClarabel(qvi, tolerance)
+    from solvers.inner.direct_osqp import DirectOSQP
+
+    return DirectOSQP(qvi, tolerance)
+
+
+def check_name(name: str) -> str:
+    """Return the name in lower case if it can be used now, else `SolverUnavailableError`."""
+    canonical = str(name).lower()
+    if canonical.startswith("strict:"):
+        raise SolverUnavailableError("inner", name, f"strict admissibility is not built yet; {_choices()}")
+    modules = _catalogue().get(canonical)
+    if modules is None:
+        raise SolverUnavailableError("inner", name, f"there is no such inner solver; {_choices()}")
+    missing = [module for module in modules if not _installed(module)]
+    if missing:
+        remedy = f"module {', '.join(missing)} is not installed: {_INSTALL}, or {_choices()}"
+        raise SolverUnavailableError("inner", name, remedy)
+    return canonical
+
+
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Package → version, "unknown" where the distribution has another name."""
+    found = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def _choices() -> str:
+    return f"choose one of {', '.join(available())}"
+
+
+def _catalogue() -> dict[str, tuple[str, ...]]:
+    """Name → modules it needs."""
+    return {
+        **{f"qp:{name}": ("qpsolvers", entry.module) for name, entry in sorted(qp_backends.BACKENDS.items())},
+        **{f"direct:{name}": (name,) for name in _DIRECT},
+        **{f"socp:{name}": ("cvxpy", entry.module) for name, entry in sorted(socp.BACKENDS.items())},
+    }
+
+
+def _installed(module: str) -> bool:
+    return find_spec(module) is not None

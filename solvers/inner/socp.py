@@ -1,0 +1,119 @@
+"""Inner solver ``socp:<name>``: the problem as a second-order cone program in cvxpy, canonicalised once.
+
+The friction bound is a parameter (DPP), |T z + t0| ≤ thr one two-dimensional cone for each contact point, the
+energy the square of a norm, ½|R z|² − fᵀz with RᵀR = K. Cite: S. Diamond, S. Boyd, CVXPY, JMLR 2016.
+"""
+
+import time
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from solvers.inner.problem import InnerSolution, no_result
+from solvers.inner.root import square_root
+from solvers.problem import FrictionQVI
+from solvers.status import Status
+from solvers.types import Vector, load
+
+
+@dataclass(frozen=True)
+class ConeBackend:
+    """Module, settings that take the tolerance, further settings, smallest tolerance asked for."""
+
+    module: str
+    tolerances: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    floor: float = 1e-12
+
+    def settings(self, tolerance: float) -> dict[str, Any]:
+        """Keyword arguments for ``cvxpy.Problem.solve``."""
+        return {**dict.fromkeys(self.tolerances, max(tolerance, self.floor)), **self.options}
+
+
+BACKENDS: Mapping[str, ConeBackend] = MappingProxyType(
+    {
+        "clarabel": ConeBackend("clarabel", ("tol_gap_abs", "tol_gap_rel", "tol_feas")),
+        "scs": ConeBackend("scs", ("eps_abs", "eps_rel"), {"max_iters": 100_000}, 1e-10),
+        "ecos": ConeBackend("ecos", ("abstol", "reltol", "feastol"), {"max_iters": 200}, 1e-11),
+        "cvxopt": ConeBackend(
+            "cvxopt", ("abstol", "reltol", "feastol"), {"max_iters": 200, "kktsolver": "robust"}, 1e-9
+        ),
+        "mosek": ConeBackend("mosek"),
+        "gurobi": ConeBackend("gurobipy"),
+        "copt": ConeBackend("coptpy"),
+    }
+)
+"""Lower-case name in cvxpy → how it is used."""
+
+WORDS: Mapping[str, Status] = MappingProxyType(
+    {
+        "optimal": Status.SOLVED,
+        "optimal_inaccurate": Status.INACCURATE,
+        "infeasible": Status.INFEASIBLE,
+        "infeasible_inaccurate": Status.INFEASIBLE,
+        "infeasible_or_unbounded": Status.INFEASIBLE,
+        "unbounded": Status.UNBOUNDED,
+        "unbounded_inaccurate": Status.UNBOUNDED,
+        "user_limit": Status.MAX_ITERATIONS,
+    }
+)
+"""Status words of cvxpy."""
+
+
+class SOCPSolver:
+    """One cvxpy problem for one QVI; `solve` only sets the parameter."""
+
+    def __init__(self, qvi: FrictionQVI, name: str, tolerance: float) -> None:
+        cp = load("cvxpy")
+
+        backend = BACKENDS[name]
+        self.packages: tuple[str, ...] = ("cvxpy", backend.module)
+        self._qvi, self._name, self._settings = qvi, name, backend.settings(tolerance)
+        self._z = cp.Variable(qvi.n)
+        self.threshold = cp.Parameter(qvi.m, nonneg=True)
+        self._normal = qvi.N @ self._z + qvi.n0 <= 0
+        tangential = cp.reshape(qvi.T @ self._z + qvi.t0, (1, qvi.m), order="C")
+        self._friction = cp.SOC(self.threshold, tangential, axis=0)
+        self._equality = [qvi.A @ self._z == qvi.b] if qvi.p else []
+        energy = 0.5 * cp.sum_squares(square_root(qvi.K) @ self._z) - qvi.f @ self._z
+        self.problem = cp.Problem(cp.Minimize(energy), [self._normal, self._friction, *self._equality])
+        assert self.problem.is_dpp()
+
+    def solve(self, threshold: Vector, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
+        """Solve for the bound threshold (m,); cvxpy does not pass a start on."""
+        began = time.perf_counter()
+        qvi = self._qvi
+        self.threshold.value = np.maximum(threshold, 0.0)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                self.problem.solve(solver=self._name.upper(), **self._settings)
+            except BaseException as error:  # a Rust panic is not an Exception
+                if isinstance(error, KeyboardInterrupt | SystemExit):
+                    raise
+                text = f"{self._name}: {type(error).__name__}: {error}"
+                return no_result(qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
+        word = str(self.problem.status)
+        message = "; ".join([f"{self._name}: {word}", *(str(w.message) for w in caught)])
+        status = WORDS.get(word, Status.BACKEND_FAILED)
+        return self._translate(status, message, time.perf_counter() - began)
+
+    def _translate(self, status: Status, message: str, seconds: float) -> InnerSolution:
+        """Multipliers: cvxpy's Lagrangian subtracts (u, v)·(thr, T z + t0) for the cone, hence m_T = −v."""
+        qvi, duals = self._qvi, self._friction.dual_variables
+        parts = [self._z.value, self._normal.dual_value, duals[1].value]
+        parts += [row.dual_value for row in self._equality]
+        if not status.usable or any(part is None for part in parts):
+            status = status if not status.usable else Status.BACKEND_FAILED
+            return no_result(qvi, status, message, seconds)
+        arrays = [np.array(part, dtype=np.float64).ravel() for part in parts]
+        nu = arrays[3] if qvi.p else np.zeros(0)
+        iterations = int(getattr(self.problem.solver_stats, "num_iters", 0) or 0)
+        solution = InnerSolution(arrays[0], arrays[1], -arrays[2], nu, status, iterations, seconds, message)
+        if not solution.finite:
+            return no_result(qvi, Status.BACKEND_FAILED, f"{message}; result is not finite", seconds)
+        return solution

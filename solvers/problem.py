@@ -1,0 +1,172 @@
+"""The frictional contact problem as data: the quasi-variational inequality (D2)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_matrix, issparse
+
+from solvers.errors import InputError
+from solvers.linear import EqualitySystem
+from solvers.types import Sparse, Vector
+
+_ASYMMETRY = 1e-10  # accepted |K - Kᵀ| relative to |K|
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionQVI:
+    """The algebraic quasi-variational inequality (D2), dimensionless.
+
+        min ½ zᵀKz − fᵀz   s.t.  A z = b,   N z + n0 ≤ 0,   |T z + t0| ≤ mu s,  s = |N z + n0| at the solution
+
+    Row multipliers are normal m_N ≥ 0, tangential m_T (≥ 0 at the upper bound T z + t0 = +mu s, ≤ 0 at the
+    lower one) and ν of the equalities:
+
+        K z − f + Nᵀ m_N + Tᵀ m_T + Aᵀ ν = 0.
+
+    Divided by the weights they are displacements: λ = m / W, u_N − g = −λ_N ≤ 0 and u_T − w = −λ_T. Rows of
+    N and T may depend linearly on each other; multipliers of single rows are then not unique.
+
+    Attributes
+    ----------
+    K : (n, n) sparse, symmetric, positive definite on the null space of A
+    f : (n,)
+    N, T : (m, n) sparse, normal and tangential traction at the contact points
+    n0, t0 : (m,), tractions at z = 0
+    mu : (m,), friction coefficient at each point, ≥ 0
+    W : (m,), quadrature weights, > 0
+    A, b : (p, n) sparse and (p,), optional; stored as p = 0 rows when not given
+
+    All are converted to float64 (matrices to csc) and checked; what is wrong raises `InputError`.
+
+    """
+
+    K: Sparse
+    f: Vector
+    N: Sparse
+    n0: Vector
+    T: Sparse
+    t0: Vector
+    mu: Vector
+    W: Vector
+    A: Sparse = None  # None is replaced on construction
+    b: Vector = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if (self.A is None) != (self.b is None):
+            raise InputError("A" if self.A is None else "b", None, "give A and b together, or neither")
+        for name in ("K", "N", "T", "A"):
+            object.__setattr__(self, name, _matrix(name, getattr(self, name), self._columns(name)))
+        for name in ("f", "n0", "t0", "mu", "W", "b"):
+            object.__setattr__(self, name, _vector(name, getattr(self, name)))
+        self._check_shapes()
+        self._check_values()
+
+    def _columns(self, name: str) -> int:
+        """Columns of the empty matrix that stands for a missing A."""
+        return int(self.K.shape[0]) if name == "A" else 0
+
+    def _check_shapes(self) -> None:
+        n, m, p = self.K.shape[0], self.N.shape[0], self.A.shape[0]
+        expected: dict[str, tuple[int, ...]] = {
+            "K": (n, n), "f": (n,), "N": (m, n), "n0": (m,), "T": (m, n), "t0": (m,),
+            "mu": (m,), "W": (m,), "A": (p, n), "b": (p,),
+        }  # fmt: skip
+        if n == 0:
+            raise InputError("K", self.K.shape, "give at least one unknown")
+        for name, shape in expected.items():
+            found = getattr(self, name).shape
+            if found != shape:
+                raise InputError(name, f"shape {found}", f"give shape {shape}, as K and N say")
+
+    def _check_values(self) -> None:
+        if self.m and self.mu.min() < 0:
+            raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
+        if self.m and self.W.min() <= 0:
+            raise InputError("W", float(self.W.min()), "give quadrature weights > 0")
+        if self.K.diagonal().min() < 0 or (self.p == 0 and self.K.diagonal().min() <= 0):
+            raise InputError(
+                "K", float(self.K.diagonal().min()), "give a positive definite K; its diagonal is > 0"
+            )
+        asymmetry = abs(self.K - self.K.T)
+        if asymmetry.nnz and asymmetry.max() > _ASYMMETRY * abs(self.K).max():
+            raise InputError(
+                "K", f"asymmetry {asymmetry.max():.1e}", "give a symmetric K, such as (K + Kᵀ)/2"
+            )
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return int(self.K.shape[0])
+
+    @property
+    def m(self) -> int:
+        """Number of contact points."""
+        return int(self.N.shape[0])
+
+    @property
+    def p(self) -> int:
+        """Number of equality rows."""
+        return int(self.A.shape[0])
+
+    def normal(self, z: Vector) -> Vector:
+        """Return the normal traction σ_N = N z + n0 (m,), ≤ 0 where admissible."""
+        return np.asarray(self.N @ z + self.n0)
+
+    def tangential(self, z: Vector) -> Vector:
+        """Tangential traction σ_T = T z + t0 (m,)."""
+        return np.asarray(self.T @ z + self.t0)
+
+    def pressure(self, z: Vector) -> Vector:
+        """Contact pressure s = max(−(N z + n0), 0) (m,)."""
+        return np.maximum(-self.normal(z), 0.0)
+
+    def threshold(self, pressure: Vector) -> Vector:
+        """Bound of |σ_T| for a pressure s: mu·s (m,)."""
+        return self.mu * pressure
+
+    def energy(self, z: Vector) -> float:
+        """½ zᵀKz − fᵀz."""
+        return float(0.5 * z @ (self.K @ z) - self.f @ z)
+
+    def resultant(self, z: Vector) -> float:
+        """Σ W (N z + n0), the resultant normal force (negative in compression)."""
+        return float(self.W @ self.normal(z))
+
+    @cached_property
+    def equality_system(self) -> EqualitySystem:
+        """The linear system of K and A, factored on first use and kept."""
+        return EqualitySystem(self.K, self.A)
+
+    @cached_property
+    def bonded(self) -> Vector:
+        """Minimiser of the energy under A z = b alone (n,): contact that neither opens nor slips."""
+        return self.equality_system.solve(self.f, self.b)[0]
+
+
+def _matrix(name: str, value: Any, columns: int) -> Sparse:
+    if value is None:
+        if name != "A":
+            raise InputError(name, None, "give a matrix")
+        return csc_matrix((0, columns))
+    try:
+        matrix = csc_matrix(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(name, type(value).__name__, "give a matrix of numbers, sparse or dense") from error
+    if not issparse(value) and np.ndim(value) != 2:
+        raise InputError(name, f"{np.ndim(value)} dimensions", "give a matrix, with two dimensions")
+    if not np.isfinite(matrix.data).all():
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    return matrix
+
+
+def _vector(name: str, value: Any) -> Vector:
+    try:
+        vector = np.array([] if value is None and name == "b" else value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(name, type(value).__name__, "give a vector of numbers") from error
+    if not np.isfinite(vector).all():
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    vector.setflags(write=False)
+    return vector

@@ -1,0 +1,93 @@
+"""What a solve returns."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from solvers.certificate import Certificate
+from solvers.problem import FrictionQVI
+from solvers.status import Status
+from solvers.types import Vector
+
+
+class Iteration(NamedTuple):
+    """One outer iteration, dimensionless.
+
+    Attributes
+    ----------
+    number : from 1
+    residual : fixed point: |s_new − s| / |s_new|, norm weighted by W; Uzawa: relative change of λ
+    energy : ½ zᵀKz − fᵀz
+    normal_resultant : Σ W (N z + n0), negative in compression
+    inner_status : how the inner problem ended; ``None`` where there is none
+    inner_iterations : iterations of the inner solver, 0 if unknown
+    seconds : wall time of the iteration
+
+    """
+
+    number: int
+    residual: float
+    energy: float
+    normal_resultant: float
+    inner_status: Status | None = None
+    inner_iterations: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class QVISolution:
+    """A point z with its multipliers, how it was found, and the proof of what it is worth.
+
+    Attributes
+    ----------
+    problem : the original data
+    status : `Status`; "solved" only if `certificate` passed
+    z : (n,) unknowns; NaN if there is no result
+    normal_multiplier, tangential_multiplier : (m,) row multipliers m = W λ, signs as in `FrictionQVI`
+    equality_multiplier : (p,)
+    threshold : (m,) bound mu s of |σ_T| in the last inner problem
+    certificate : computed on `problem`
+    history : one `Iteration` each (thinned out for long Uzawa runs: the first thousand, then every tenth,
+        hundredth, … and the last)
+    iterations : number of outer iterations done
+    timings : seconds by name: "setup", "solve", "certificate"
+    method, inner : what was asked for; `inner` is empty for Uzawa
+    message : one readable sentence
+    versions : package → version of what was used
+    farkas : (rows of G, of A) multipliers proving infeasibility, else None; see `feasibility`
+
+    """
+
+    problem: FrictionQVI
+    status: Status
+    z: Vector
+    normal_multiplier: Vector
+    tangential_multiplier: Vector
+    equality_multiplier: Vector
+    threshold: Vector
+    certificate: Certificate
+    history: tuple[Iteration, ...] = ()
+    iterations: int = 0
+    timings: Mapping[str, float] = field(default_factory=dict)
+    method: str = ""
+    inner: str = ""
+    message: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    farkas: tuple[Vector, Vector] | None = None
+
+    @property
+    def solved(self) -> bool:
+        """Whether `status` is solved, that is, whether the certificate passed."""
+        return self.status is Status.SOLVED
+
+    @property
+    def normal_displacement(self) -> Vector:
+        """u_N − g = −λ_N at the contact points (m,), ≤ 0; one of many if rows of N are dependent."""
+        return np.asarray(-self.normal_multiplier / self.problem.W)
+
+    @property
+    def tangential_displacement(self) -> Vector:
+        """u_T − w = −λ_T at the contact points (m,); one of many if rows of T are dependent."""
+        return np.asarray(-self.tangential_multiplier / self.problem.W)

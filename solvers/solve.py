@@ -1,0 +1,76 @@
+"""One entry for every method."""
+
+import dataclasses
+from typing import Any, Literal, TypeVar
+
+from solvers.errors import InputError, SolveError, SolverUnavailableError
+from solvers.fixed_point import FixedPointOptions, solve_fixed_point
+from solvers.inner.registry import check_name
+from solvers.problem import FrictionQVI
+from solvers.solution import QVISolution
+from solvers.uzawa import UzawaOptions, solve_uzawa
+
+Method = Literal["fixed-point", "uzawa"]
+METHODS: tuple[str, ...] = ("fixed-point", "uzawa")
+
+_Options = TypeVar("_Options", FixedPointOptions, UzawaOptions)
+
+
+def solve_qvi(
+    qvi: FrictionQVI,
+    method: str = "fixed-point",
+    inner: str = "qp:clarabel",
+    tolerance: float = 1e-8,
+    throw: bool = False,
+    **options: Any,
+) -> QVISolution:
+    """Solve the quasi-variational inequality (D2).
+
+    Parameters
+    ----------
+    qvi : FrictionQVI
+        The problem, dimensionless.
+    method : str
+        "fixed-point" or "uzawa".
+    inner : str
+        Inner solver of the fixed point, one of `available()`; not used by Uzawa.
+    tolerance : float
+        Of the certificate, relative (see `certificate`).
+    throw : bool
+        Raise `SolveError` instead of returning a result whose status is not "solved".
+    **options : object
+        Fields of `FixedPointOptions` or `UzawaOptions`.
+
+    Returns
+    -------
+    A `QVISolution` in every case, status and advice included; solved only if its certificate passed. There
+    may be other solutions: for large friction the solution of (D2) is not unique.
+
+    Raises
+    ------
+    InputError, SolverUnavailableError, and with `throw` SolveError.
+
+    """
+    if not isinstance(qvi, FrictionQVI):
+        raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
+    if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    if method == "fixed-point":
+        name = check_name(inner)
+        solution = solve_fixed_point(qvi, name, tolerance, _options(FixedPointOptions, method, options))
+    elif method == "uzawa":
+        solution = solve_uzawa(qvi, tolerance, _options(UzawaOptions, method, options))
+    else:
+        raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
+    if throw and not solution.solved:
+        raise SolveError(solution.message)
+    return solution
+
+
+def _options(kind: type[_Options], method: str, given: dict[str, Any]) -> _Options:
+    """Options as checked data; an unknown one lists those that exist."""
+    names = [field.name for field in dataclasses.fields(kind)]
+    for name, value in given.items():
+        if name not in names:
+            raise InputError(name, value, f"method {method!r} has the options {', '.join(names)}")
+    return kind(**given)

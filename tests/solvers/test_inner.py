@@ -1,0 +1,135 @@
+"""Every inner back end on the same problems, and each one's quirks."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from solvers import Status, available, certify, solve_qvi
+from solvers.inner.problem import InnerProblem
+from solvers.inner.qp import QPSolver
+from solvers.inner.registry import make_inner
+from solvers.inner.root import square_root
+from solvers.inner.socp import SOCPSolver
+from tests.solvers.conftest import dragged_block, one_contact, random_problem
+
+ACCURACY = {  # |z − reference| each reaches here, where it is not 1e-7
+    "qp:ecos": 1e-4, "socp:ecos": 1e-4, "socp:cvxopt": 1e-4, "socp:scs": 1e-6,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", available())
+@pytest.mark.parametrize(("seed", "equalities"), [(1, 0), (4, 2)])
+def test_inner_solution(name, seed, equalities):
+    """Against the certificate's own conditions: stationarity with signs, and an independent solver's z."""
+    qvi = random_problem(seed, equalities=equalities)
+    threshold = qvi.threshold(np.full(qvi.m, 0.4))
+    reference = make_inner("direct:clarabel", qvi, 1e-12).solve(threshold, None)
+    assert reference.status is Status.SOLVED
+    result = make_inner(name, qvi, 1e-11).solve(threshold, None)
+    assert result.status.usable, result.message
+    limit = ACCURACY.get(name, 1e-7)
+    assert result.z == pytest.approx(reference.z, abs=limit)
+    residual = qvi.K @ result.z - qvi.f + qvi.N.T @ result.m_N + qvi.T.T @ result.m_T + qvi.A.T @ result.nu
+    assert np.abs(residual).max() < 100 * limit
+    assert result.m_N.min() > -limit
+    assert (result.m_T * qvi.tangential(result.z)).min() > -limit
+
+
+@pytest.mark.parametrize("name", available())
+def test_fixed_point_with_every_back_end(name):
+    qvi = one_contact(0.5, (-1.0, -3.0))
+    solution = solve_qvi(qvi, inner=name)
+    assert solution.status in ((Status.SOLVED, Status.INACCURATE) if name in ACCURACY else (Status.SOLVED,))
+    p = 1 / 1.4
+    assert solution.z == pytest.approx([p, 0.5 * p], abs=ACCURACY.get(name, 1e-7))
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in available() if name not in ("qp:highs", "qp:daqp", "qp:proxqp")]
+)
+def test_infeasible_bound_is_said_to_be_infeasible(name):
+    result = make_inner(name, dragged_block(1.0), 1e-10).solve(np.array([0.1]), None)
+    assert result.status in (Status.INFEASIBLE, Status.STALLED, Status.BACKEND_FAILED, Status.MAX_ITERATIONS)
+
+
+@pytest.mark.parametrize("name", ["direct:clarabel", "direct:osqp", "socp:clarabel"])
+def test_kept_alive_solvers_forget_the_last_bound(name):
+    qvi = random_problem(5)
+    solver = make_inner(name, qvi, 1e-11)
+    first, second = np.full(qvi.m, 0.05), np.full(qvi.m, 0.3)
+    fresh = make_inner(name, qvi, 1e-11).solve(second, None)
+    start = solver.solve(first, None)
+    again = solver.solve(second, start)
+    assert np.abs(start.z - again.z).max() > 1e-3
+    assert again.z == pytest.approx(fresh.z, abs=1e-8)
+
+
+def test_socp_is_canonicalised_once():
+    qvi = random_problem(6)
+    solver = SOCPSolver(qvi, "clarabel", 1e-10)
+    assert solver.problem.is_dpp()
+    solver.solve(np.full(qvi.m, 0.1), None)
+    cache = solver.problem._cache.param_prog
+    solver.solve(np.full(qvi.m, 0.2), None)
+    assert cache is not None
+    assert solver.problem._cache.param_prog is cache
+
+
+def test_square_root():
+    K = random_problem(7).K
+    R = square_root(K)
+    assert np.abs((R.T @ R - K).toarray()).max() < 1e-12 * np.abs(K.toarray()).max()
+
+
+def test_multipliers_of_the_two_bounds():
+    inner = InnerProblem(random_problem(0))
+    y = np.arange(24.0)
+    m_N, m_T = inner.multipliers(y)
+    assert m_N == pytest.approx(y[:8])
+    assert m_T == pytest.approx(np.full(8, -8.0))
+
+
+def test_nothing_is_believed():
+    """A back end that says solved with multipliers of the wrong sign does not get a certificate."""
+    qvi = random_problem(0)
+    result = make_inner("direct:clarabel", qvi, 1e-12).solve(qvi.threshold(np.full(qvi.m, 0.4)), None)
+    assert result.status is Status.SOLVED
+    assert not certify(qvi, result.z, -result.m_N, result.m_T).passed
+
+
+def test_exceptions_become_a_status(monkeypatch):
+    def broken(*_: object, **__: object) -> None:
+        raise ValueError("matrix of straw")
+
+    monkeypatch.setattr("qpsolvers.solve_problem", broken)
+    result = QPSolver(random_problem(0), "clarabel", 1e-8).solve(np.ones(8), None)
+    assert result.status is Status.BACKEND_FAILED
+    assert "matrix of straw" in result.message
+    solution = solve_qvi(random_problem(0), inner="qp:clarabel")
+    assert solution.status is Status.BACKEND_FAILED
+    assert np.isnan(solution.z).all()
+    assert solution.certificate.accuracy == np.inf
+
+
+def test_nothing_is_written_on_standard_output(capfd):
+    for load in ((1.0, -0.5), (-1.0, 0.1), (-1.0, -3.0)):
+        for name in available("direct"):
+            solve_qvi(one_contact(1.0, load), inner=name)
+    assert capfd.readouterr().out == ""
+
+
+def test_names():
+    assert {"direct:clarabel", "direct:osqp", "qp:clarabel", "socp:clarabel"} <= set(available())
+    assert set(available("qp")) | set(available("direct")) | set(available("socp")) == set(available())
+    assert all(name.startswith("socp:") for name in available("socp"))
+
+
+def test_importing_loads_no_back_end():
+    code = (
+        "import sys, solvers; solvers.available(); "
+        "print(*[m for m in ('cvxpy', 'qpsolvers', 'osqp', 'clarabel', 'matplotlib') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""

@@ -1,0 +1,90 @@
+"""`FrictionQVI` refuses what is not a problem and says what to do."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from solvers import FrictionQVI, InputError
+from tests.solvers.conftest import one_contact, random_problem
+
+
+def data(**changes: Any) -> dict[str, Any]:
+    good: dict[str, Any] = {
+        "K": np.eye(3), "f": np.ones(3), "N": np.ones((2, 3)), "n0": np.zeros(2), "T": np.ones((2, 3)),
+        "t0": np.zeros(2), "mu": np.full(2, 0.3), "W": np.ones(2), "A": np.ones((1, 3)), "b": np.ones(1),
+    }  # fmt: skip
+    return {**good, **changes}
+
+
+def test_good_data_is_accepted():
+    qvi = FrictionQVI(**data())
+    assert (qvi.n, qvi.m, qvi.p) == (3, 2, 1)
+    assert FrictionQVI(**data(A=None, b=None)).p == 0
+
+
+@given(st.sampled_from(sorted(data())), st.sampled_from([np.nan, np.inf, -np.inf]))
+def test_not_finite(name, value):
+    wrong = np.array(data()[name], dtype=float)
+    wrong.flat[0] = value
+    with pytest.raises(InputError) as error:
+        FrictionQVI(**data(**{name: wrong}))
+    assert error.value.field == name
+    assert "finite" in error.value.remedy
+
+
+@given(st.sampled_from(["f", "n0", "t0", "mu", "W", "b"]), st.integers(0, 6))
+def test_wrong_length(name, length):
+    if length == len(data()[name]):
+        return
+    with pytest.raises(InputError) as error:
+        FrictionQVI(**data(**{name: np.full(length, 0.5)}))
+    assert error.value.field == name
+
+
+@given(st.floats(max_value=-1e-300, allow_nan=False, allow_infinity=False))
+def test_negative_friction(value):
+    with pytest.raises(InputError, match="mu"):
+        FrictionQVI(**data(mu=np.array([0.3, value])))
+
+
+@given(st.floats(max_value=0.0, allow_nan=False, allow_infinity=False))
+def test_weights_are_positive(value):
+    with pytest.raises(InputError, match="W"):
+        FrictionQVI(**data(W=np.array([1.0, value])))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("K", np.triu(np.ones((3, 3)))), ("K", -np.eye(3)), ("K", "stiff"), ("K", None), ("N", np.ones(3)),
+     ("N", np.ones((2, 4))), ("f", "load"), ("A", None), ("b", None), ("K", np.zeros((0, 0)))],
+)  # fmt: skip
+def test_other_mistakes(name, value):
+    with pytest.raises(InputError):
+        FrictionQVI(**data(**{name: value}))
+
+
+def test_values():
+    qvi = one_contact(0.5)
+    z = np.array([2.0, 3.0])
+    assert qvi.pressure(z) == pytest.approx([2.0])
+    assert qvi.threshold(qvi.pressure(z)) == pytest.approx([1.0])
+    assert qvi.energy(z) == pytest.approx(0.5 * (4 + 9 + 2 * 0.8 * 6) + 2.0 + 6.3)
+    assert qvi.resultant(z) == pytest.approx(-2.0)
+
+
+def test_bonded_solution_with_dependent_equalities():
+    qvi = random_problem(3, equalities=2)
+    doubled = FrictionQVI(
+        K=qvi.K, f=qvi.f, N=qvi.N, n0=qvi.n0, T=qvi.T, t0=qvi.t0, mu=qvi.mu, W=qvi.W,
+        A=np.vstack([qvi.A.toarray(), qvi.A.toarray()]), b=np.concatenate([qvi.b, qvi.b]),
+    )  # fmt: skip
+    assert doubled.bonded == pytest.approx(qvi.bonded, rel=1e-9)
+
+
+def test_singular_stiffness_is_an_input_error():
+    qvi = FrictionQVI(**data(K=np.ones((3, 3)), A=None, b=None))
+    with pytest.raises(InputError, match="K"):
+        _ = qvi.bonded
