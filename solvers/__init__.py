@@ -4,20 +4,43 @@
     solution = solve_qvi(FrictionQVI(K=K, f=f, N=N, n0=n0, T=T, t0=t0, mu=mu, W=W))
     print(solution.message)
 
-Knows nothing of meshes or mechanics. Back ends are imported when they are used.
+Knows nothing of meshes or mechanics. Names, and the back ends behind them, are imported on first use.
 """
 
-from solvers.certificate import Certificate, certify
-from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError
-from solvers.feasibility import Feasibility, check_feasibility
-from solvers.inner.registry import available
-from solvers.problem import FrictionQVI
-from solvers.solution import Iteration, QVISolution
-from solvers.solve import solve_qvi
-from solvers.status import Status
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from solvers.certificate import Certificate, certify
+    from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError
+    from solvers.feasibility import Feasibility, check_feasibility
+    from solvers.inner.registry import available
+    from solvers.problem import EnergyRoot, FrictionQVI
+    from solvers.solution import Iteration, QVISolution
+    from solvers.solve import solve_qvi
+    from solvers.status import Status
+
+_HOME = {
+    "Certificate": "certificate",
+    "EnergyRoot": "problem",
+    "Feasibility": "feasibility",
+    "FrictionQVI": "problem",
+    "InputError": "errors",
+    "Iteration": "solution",
+    "QVIError": "errors",
+    "QVISolution": "solution",
+    "SolveError": "errors",
+    "SolverUnavailableError": "errors",
+    "Status": "status",
+    "available": "inner.registry",
+    "certify": "certificate",
+    "check_feasibility": "feasibility",
+    "solve_qvi": "solve",
+}
 
 __all__ = [
     "Certificate",
+    "EnergyRoot",
     "Feasibility",
     "FrictionQVI",
     "InputError",
@@ -32,3 +55,13 @@ __all__ = [
     "check_feasibility",
     "solve_qvi",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

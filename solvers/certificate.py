@@ -2,10 +2,9 @@ r"""Is this a solution? Computed on the original data, whatever the back end sai
 
 With σ_N = N z + n0, σ_T = T z + t0, λ = m / W, the scales
 
-    S   stress:        max |σ_N|, |σ_T|, |n0|, |t0|, and 1e-3 times the bonded tractions
-    E   energy:        max ½ zᵀKz, |fᵀz|, and 1e-3 times the same of the bonded solution
+    S   stress:        max |σ_N|, |σ_T|, and 1e-3 times the same of the bonded solution
+    E   energy:        ½|r(z)|² (without a root max ½ zᵀKz, |fᵀz|), and 1e-3 times the same of the bonded solution
     D   displacement:  max |λ_N|, |λ_T|, and E / (S Σ W)
-    F   force:         max |K z|, |f|, |Nᵀm_N|, |Tᵀm_T|, |Aᵀν|, and 1e-6 max |K||z| (below that is round-off)
 
 ("bonded": the energy's minimiser under A z = b alone), at least 1 if f, b, n0 and t0 are all zero (nothing
 but z itself would have a size then), and the natural map (Alart-Curnier) with r = S / D, the measures are
@@ -13,7 +12,7 @@ but z itself would have a size then), and the natural map (Alart-Curnier) with r
     equality                    max |A z − b| / (|A||z| + |b|)
     normal                      max (σ_N)⁺ / S
     friction                    max (|σ_T| − mu |σ_N|)⁺ / S
-    stationarity                max |K z − f + Nᵀm_N + Tᵀm_T + Aᵀν| / F
+    stationarity                |ρ| / √(2E),  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν
     sign                        max of (−λ_N)⁺ / D and (−λ_T σ_T)⁺ / (S D)
     complementarity_normal      Σ |m_N σ_N| / E
     complementarity_tangential  Σ | |m_T| mu |σ_N| − m_T σ_T | / E
@@ -22,8 +21,10 @@ but z itself would have a size then), and the natural map (Alart-Curnier) with r
                                        |σ_T − clip(σ_T + r λ_T, −mu |σ_N|, mu |σ_N|)| / S
 
 Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
-energy is that of max(m_N, 0): primal − dual = Σ (mu |σ_N| |m_T| − m_T σ_T − m_N σ_N) + ½ rᵀK⁻¹r with r the
-residual of stationarity (K⁻¹ on the null space of A), which bounds ½ |z − z*|² in the norm of K.
+energy is that of max(m_N, 0): primal − dual = Σ (mu |σ_N| |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
+|ρ|² = ρᵀK⁻¹ρ (K⁻¹ on the null space of A), which bounds ½ |z − z*|² in the norm of K. |ρ| is, in that norm,
+the error of z for the given multipliers; K z − f is `FrictionQVI.gradient`, so that rounding inside K counts
+where the problem has a root to measure it.
 
 At a point that touches without load σ_N λ_N of size ε allows |σ_N| and λ_N of size √ε each; the natural map
 is their minimum. Its limit is therefore √tolerance, that of the others the tolerance itself. All measures
@@ -41,7 +42,6 @@ from solvers.problem import FrictionQVI
 from solvers.types import Vector
 
 _BONDED = 1e-3  # share of the bonded solution's tractions and energy below which nothing is resolved
-_ROUND_OFF = 1e-6  # share of |K||z| below which a force is round-off
 
 EXPONENTS: Mapping[str, float] = MappingProxyType(
     {
@@ -67,7 +67,7 @@ class Certificate:
     ----------
     measures : name → value, ≥ 0; ``inf`` where it could not be computed, so that nothing missing passes
     tolerance : the tolerance asked for
-    scales : the four scales "stress", "energy", "displacement", "force"
+    scales : the three scales "stress", "energy", "displacement"
 
     """
 
@@ -170,9 +170,7 @@ def _measure(
     lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
     bound = qvi.threshold(np.abs(sigma_N))
     S, E, D = _scales(qvi, z, sigma_N, sigma_T, lambda_N, lambda_T)
-    forces = [qvi.K @ z, qvi.f, qvi.N.T @ m_N, qvi.T.T @ m_T, qvi.A.T @ nu]
-    F = _nonzero(max(_unit(qvi), *map(_largest, forces), _ROUND_OFF * _largest(abs(qvi.K) @ np.abs(z))))
-    residual = forces[0] - forces[1] + forces[2] + forces[3] + forces[4]
+    residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
     r = S / D
     natural_N = sigma_N - np.minimum(sigma_N + r * lambda_N, 0.0)
@@ -181,16 +179,14 @@ def _measure(
         "equality": _equality(qvi, z),
         "normal": _largest(np.maximum(sigma_N, 0.0)) / S,
         "friction": _largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
-        "stationarity": _largest(residual) / F,
-        "sign": max(
-            _largest(np.maximum(-lambda_N, 0.0)) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * D)
-        ),
+        "stationarity": float(np.sqrt(_dual_square(qvi, residual) / (2.0 * E))),
+        "sign": max(_largest(np.maximum(-lambda_N, 0.0)) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * D)),
         "complementarity_normal": float(np.abs(m_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(slack_T).sum()) / E,
         "energy_gap": _energy_gap(qvi, residual, m_N, sigma_N, slack_T) / E,
         "natural_map": max(_largest(natural_N), _largest(natural_T)) / S,
     }
-    return measures, {"stress": S, "energy": E, "displacement": D, "force": F}
+    return measures, {"stress": S, "energy": E, "displacement": D}
 
 
 def _scales(
@@ -199,10 +195,8 @@ def _scales(
     """S, E, D."""
     bonded = qvi.bonded
     at_bonded = max(_largest(qvi.normal(bonded)), _largest(qvi.tangential(bonded)))
-    S = _nonzero(max(_unit(qvi), *map(_largest, (sigma_N, sigma_T, qvi.n0, qvi.t0)), _BONDED * at_bonded))
-    E = _nonzero(
-        max(_unit(qvi), *_energies(qvi, z), *(_BONDED * energy for energy in _energies(qvi, bonded)))
-    )
+    S = _nonzero(max(_unit(qvi), *map(_largest, (sigma_N, sigma_T)), _BONDED * at_bonded))
+    E = _nonzero(max(_unit(qvi), *_energies(qvi, z), *(_BONDED * energy for energy in _energies(qvi, bonded))))
     return S, E, _nonzero(max(_largest(lambda_N), _largest(lambda_T), E / (S * _nonzero(float(qvi.W.sum())))))
 
 
@@ -212,15 +206,20 @@ def _unit(qvi: FrictionQVI) -> float:
 
 
 def _energies(qvi: FrictionQVI, z: Vector) -> tuple[float, float]:
-    return 0.5 * float(z @ (qvi.K @ z)), abs(float(qvi.f @ z))
+    """Strain energy and, where there is no root and it may miss what z does not contain, the work of f."""
+    return qvi.strain_energy(z), 0.0 if qvi.root is not None else abs(float(qvi.f @ z))
 
 
 def _energy_gap(qvi: FrictionQVI, residual: Vector, m_N: Vector, sigma_N: Vector, slack_T: Vector) -> float:
     """|Primal − dual| with m_N made admissible; the residual of stationarity changes accordingly."""
     admissible = np.maximum(m_N, 0.0)
     residual = residual + qvi.N.T @ (admissible - m_N)
-    correction = residual @ qvi.equality_system.solve(residual)[0]
-    return abs(float(slack_T.sum() - admissible @ sigma_N)) + 0.5 * abs(float(correction))
+    return abs(float(slack_T.sum() - admissible @ sigma_N)) + 0.5 * _dual_square(qvi, residual)
+
+
+def _dual_square(qvi: FrictionQVI, residual: Vector) -> float:
+    """|ρ|² = ρᵀK⁻¹ρ, K⁻¹ on the null space of A."""
+    return abs(float(residual @ qvi.equality_system.solve(residual)[0]))
 
 
 def _equality(qvi: FrictionQVI, z: Vector) -> float:

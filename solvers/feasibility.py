@@ -21,6 +21,9 @@ from solvers.types import Sparse, Vector, load
 _REACH = 1e4
 """The proof must exclude every z up to this many times the size of the bonded solution (and of 1)."""
 
+_DETERMINATE = 1e-9
+"""Violation, relative to the largest traction, that counts as one where nothing is unknown."""
+
 
 @dataclass(frozen=True, eq=False)
 class Feasibility:
@@ -64,9 +67,10 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
 
 def check_feasibility(qvi: FrictionQVI) -> Feasibility:
     """Minimise the energy over C with Clarabel; a claim of emptiness counts only if `is_farkas` agrees."""
-    clarabel = load("clarabel")
-
     G, h = admissible_rows(qvi)
+    if qvi.n == 0:
+        return _determinate(h)
+    clarabel = load("clarabel")
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.presolve_enable = False
@@ -89,7 +93,15 @@ def check_feasibility(qvi: FrictionQVI) -> Feasibility:
         text = "no admissible traction carries the load, proved by multipliers (Farkas) checked on the data"
         return Feasibility(False, None, (y, nu), text)
     if word in ("Solved", "AlmostSolved"):
-        return Feasibility(
-            True, np.array(answer.x), None, "the load can be carried by some admissible traction"
-        )
+        return Feasibility(True, np.array(answer.x), None, "the load can be carried by some admissible traction")
     return Feasibility(None, None, None, f"whether the load can be carried was not decided ({word})")
+
+
+def _determinate(h: Vector) -> Feasibility:
+    """Nothing is unknown: C is empty if a row 0 ≤ h fails, and the multiplier 1 of that row proves it."""
+    if h.min(initial=0.0) < -_DETERMINATE * float(np.abs(h).max(initial=0.0)):
+        y = np.zeros(h.size)
+        y[np.argmin(h)] = 1.0
+        text = "the stress is statically determinate and violates the contact law"
+        return Feasibility(False, None, (y, np.zeros(0)), text)
+    return Feasibility(True, np.zeros(0), None, "the load can be carried by the one admissible traction")

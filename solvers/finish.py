@@ -32,6 +32,7 @@ class Outcome:
     timings: dict[str, float] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     feasibility: Feasibility | None = None
+    form: str = "full"
     check_feasible: bool = True
 
 
@@ -53,7 +54,7 @@ def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, toleranc
     return QVISolution(
         qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, outcome.threshold, certificate,
         tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
-        _sentence(status, outcome, certificate, feasibility), dict(outcome.versions), farkas,
+        _sentence(status, outcome, certificate, feasibility), dict(outcome.versions), farkas, outcome.form,
     )  # fmt: skip
 
 
@@ -66,9 +67,7 @@ def _status(reason: Status, certificate: Certificate) -> Status:
     return Status.STALLED if reason is Status.SOLVED else reason
 
 
-def _sentence(
-    status: Status, outcome: Outcome, certificate: Certificate, feasibility: Feasibility | None
-) -> str:
+def _sentence(status: Status, outcome: Outcome, certificate: Certificate, feasibility: Feasibility | None) -> str:
     parts = [f"{status.value} after {outcome.iterations} iterations"]
     if status is Status.INFEASIBLE and feasibility is not None:
         parts.append(feasibility.message)

@@ -25,7 +25,8 @@ from solvers.certificate import certify
 from solvers.errors import InputError
 from solvers.feasibility import check_feasibility
 from solvers.finish import Outcome, finish
-from solvers.inner.problem import InnerSolution, InnerSolver, no_result
+from solvers.forms import Form, ProblemForm, make_form
+from solvers.inner.problem import InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
 from solvers.problem import FrictionQVI
 from solvers.solution import Iteration, QVISolution
@@ -34,9 +35,7 @@ from solvers.types import Vector
 
 Variant = Literal["plain", "damped", "anderson"]
 
-_INNER_FACTOR = (
-    1e-4  # inner tolerance = this × outer, within the two limits below: the error of z(s) goes with
-)
+_INNER_FACTOR = 1e-4  # inner tolerance = this × outer, within the two limits below: the error of z(s) goes with
 _INNER_LIMITS = (1e-12, 1e-6)  # √tolerance where a point touches without load
 _RECOVERIES = 12
 _CYCLE_LENGTHS = range(2, 9)
@@ -60,6 +59,7 @@ class FixedPointOptions:
     initial : pressure s (m,) ≥ 0 to start from; default that of the bonded solution (one linear solve)
     inner_tolerance : default 1e-4 × tolerance, between 1e-12 and 1e-6
     patience : iterations without progress before the iteration counts as stalled
+    form : unknowns of the inner problems, "auto" (default), "full" or "condensed", see `forms`
     callback : called with every `Iteration`
 
     """
@@ -71,11 +71,14 @@ class FixedPointOptions:
     initial: Any = None
     inner_tolerance: float | None = None
     patience: int = 15
+    form: Form = "auto"
     callback: Callable[[Iteration], object] | None = None
 
     def __post_init__(self) -> None:
         if self.variant not in get_args(Variant):
             raise InputError("variant", self.variant, f"give one of {', '.join(get_args(Variant))}")
+        if self.form not in get_args(Form):
+            raise InputError("form", self.form, f"give one of {', '.join(get_args(Form))}")
         if not 0 < self.damping <= 1:
             raise InputError("damping", self.damping, "give a number in (0, 1]")
         for name in ("memory", "max_iterations", "patience"):
@@ -93,7 +96,8 @@ class _State:
     accelerator: Anderson | None
     damping: float
     feasible: Vector | None = None  # last s whose inner problem had a solution
-    previous: InnerSolution | None = None
+    previous: InnerSolution | None = None  # last result, original unknowns
+    inner: InnerSolution | None = None  # the same in those of the form
     best: InnerSolution | None = None
     best_s: Vector | None = None
     best_residual: float = np.inf
@@ -107,14 +111,13 @@ class _State:
     message: str = ""
 
 
-def solve_fixed_point(
-    qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions
-) -> QVISolution:
+def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions) -> QVISolution:
     """Solve the QVI by the iteration of this module; `inner` names the inner solver."""
     began = time.perf_counter()
     inner_tolerance = options.inner_tolerance or float(np.clip(_INNER_FACTOR * tolerance, *_INNER_LIMITS))
     try:
-        solver = make_inner(inner, qvi, inner_tolerance)
+        form = make_form(qvi, options.form)
+        solver = make_inner(inner, form.problem, inner_tolerance)
     except InputError:
         raise
     except Exception as error:
@@ -122,8 +125,9 @@ def solve_fixed_point(
     state = _init(qvi, options)
     set_up = time.perf_counter()
     while state.reason is None:
-        _step(qvi, solver, state, options, tolerance)
+        _step(qvi, form, solver, state, options, tolerance)
     outcome = _outcome(qvi, state)
+    outcome.form = form.name
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
     outcome.versions = versions(solver.packages)
     return finish(qvi, outcome, "fixed-point", inner, tolerance)
@@ -143,26 +147,33 @@ def _init(qvi: FrictionQVI, options: FixedPointOptions) -> _State:
 
 
 def _step(
-    qvi: FrictionQVI, solver: InnerSolver, state: _State, options: FixedPointOptions, tolerance: float
+    qvi: FrictionQVI,
+    form: ProblemForm,
+    solver: InnerSolver,
+    state: _State,
+    options: FixedPointOptions,
+    tolerance: float,
 ) -> None:
     """One outer iteration: inner problem, residual, record, next s."""
     began = time.perf_counter()
-    result = solver.solve(qvi.threshold(state.s), state.previous)
+    threshold = form.threshold(qvi.threshold(state.s))
+    centre = form.centre(state.inner, state.previous)
+    inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, state.inner)
+    usable = inner.status.usable and inner.finite
+    result = form.expand(inner) if usable else no_result(qvi, inner.status, inner.message, inner.seconds)
     number = len(state.history) + 1
-    if not (result.status.usable and result.finite):
+    if not usable:
         _record(qvi, state, result, np.inf, began, options)
         _recover(qvi, state, result)
     else:
+        state.inner = inner
         g = np.abs(qvi.normal(result.z))
         residual = _residual(qvi, g, state.s)
         _record(qvi, state, result, residual, began, options)
         if residual < state.best_residual:
             state.best, state.best_s, state.best_residual = result, state.s, residual
         state.previous, state.feasible = result, state.s
-        if (
-            residual <= tolerance
-            and certify(qvi, result.z, result.m_N, result.m_T, result.nu, tolerance).passed
-        ):
+        if residual <= tolerance and certify(qvi, result.z, result.m_N, result.m_T, result.nu, tolerance).passed:
             state.best, state.best_s, state.reason = result, state.s, Status.SOLVED
             return
         _check_progress(qvi, state, residual, number, options, tolerance)

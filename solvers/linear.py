@@ -37,9 +37,7 @@ class EqualitySystem:
             try:
                 return splu(self.K, "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True})
             except RuntimeError as error:
-                raise InputError(
-                    "K", "singular", "give a K that is positive definite: fix the free modes"
-                ) from error
+                raise InputError("K", "singular", "give a K that is positive definite: fix the free modes") from error
         try:
             factor = splu(self._matrix)
             if np.abs(factor.U.diagonal()).min() > 1e-13 * np.abs(factor.U.diagonal()).max():
@@ -47,16 +45,14 @@ class EqualitySystem:
         except RuntimeError:
             pass
         p = self.A.shape[0]
-        shift = (
-            _REGULARISATION
-            * float(np.abs(self.A.data).max(initial=1.0)) ** 2
-            / float(self.K.diagonal().mean())
-        )
+        shift = _REGULARISATION * float(np.abs(self.A.data).max(initial=1.0)) ** 2 / float(self.K.diagonal().mean())
         return splu(csc_matrix(bmat([[self.K, self.A.T], [self.A, -shift * identity(p)]])))
 
     def solve(self, r: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
         """(x, ν) for right-hand sides r (n,) or (n, k) and c (p,) or (p, k), zero if not given."""
         n, p = self.K.shape[0], self.A.shape[0]
+        if n == 0:
+            return np.zeros_like(r), np.zeros((p, *r.shape[1:]))
         if c is None:
             c = np.zeros((p, *r.shape[1:]))
         right = np.concatenate([r, c])

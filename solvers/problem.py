@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.sparse import csc_matrix, issparse
@@ -11,7 +11,23 @@ from solvers.errors import InputError
 from solvers.linear import EqualitySystem
 from solvers.types import Sparse, Vector
 
-_ASYMMETRY = 1e-10  # accepted |K - Kᵀ| relative to |K|
+_ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
+_CORRECTIONS = 5  # defect corrections of the bonded solution at most
+
+
+class EnergyRoot(Protocol):
+    """An affine map r(z) = R z + r₀ with RᵀR = K, evaluated without the cancellation inside an assembled K.
+
+    In mechanics r are the stresses at quadrature points, weighted so that ½|r|² is the strain energy.
+    """
+
+    def apply(self, z: Vector) -> Vector:
+        """r(z), for z (n,)."""
+        ...
+
+    def adjoint(self, r: Vector) -> Vector:
+        """Rᵀr (n,)."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +53,10 @@ class FrictionQVI:
     mu : (m,), friction coefficient at each point, ≥ 0
     W : (m,), quadrature weights, > 0
     A, b : (p, n) sparse and (p,), optional; stored as p = 0 rows when not given
+    root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
+        gradient of the energy more accurately than K and f, whose entries may be large and cancel
+
+    n = 0 is allowed: a statically determinate problem.
 
     All are converted to float64 (matrices to csc) and checked; what is wrong raises `InputError`.
 
@@ -52,14 +72,20 @@ class FrictionQVI:
     W: Vector
     A: Sparse = None  # None is replaced on construction
     b: Vector = None  # type: ignore[assignment]
+    root: EnergyRoot | None = None
+    load: Vector | None = None
 
     def __post_init__(self) -> None:
         if (self.A is None) != (self.b is None):
             raise InputError("A" if self.A is None else "b", None, "give A and b together, or neither")
+        if (self.root is None) != (self.load is None):
+            raise InputError("root" if self.root is None else "load", None, "give root and load together, or neither")
         for name in ("K", "N", "T", "A"):
             object.__setattr__(self, name, _matrix(name, getattr(self, name), self._columns(name)))
         for name in ("f", "n0", "t0", "mu", "W", "b"):
             object.__setattr__(self, name, _vector(name, getattr(self, name)))
+        if self.load is not None:
+            object.__setattr__(self, "load", _vector("load", self.load))
         self._check_shapes()
         self._check_values()
 
@@ -73,8 +99,8 @@ class FrictionQVI:
             "K": (n, n), "f": (n,), "N": (m, n), "n0": (m,), "T": (m, n), "t0": (m,),
             "mu": (m,), "W": (m,), "A": (p, n), "b": (p,),
         }  # fmt: skip
-        if n == 0:
-            raise InputError("K", self.K.shape, "give at least one unknown")
+        if self.load is not None:
+            expected["load"] = (n,)
         for name, shape in expected.items():
             found = getattr(self, name).shape
             if found != shape:
@@ -85,15 +111,12 @@ class FrictionQVI:
             raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
         if self.m and self.W.min() <= 0:
             raise InputError("W", float(self.W.min()), "give quadrature weights > 0")
-        if self.K.diagonal().min() < 0 or (self.p == 0 and self.K.diagonal().min() <= 0):
-            raise InputError(
-                "K", float(self.K.diagonal().min()), "give a positive definite K; its diagonal is > 0"
-            )
-        asymmetry = abs(self.K - self.K.T)
-        if asymmetry.nnz and asymmetry.max() > _ASYMMETRY * abs(self.K).max():
-            raise InputError(
-                "K", f"asymmetry {asymmetry.max():.1e}", "give a symmetric K, such as (K + Kᵀ)/2"
-            )
+        least = float(self.K.diagonal().min(initial=np.inf))
+        if least < 0 or (self.p == 0 and least <= 0):
+            raise InputError("K", least, "give a positive definite K; its diagonal is > 0")
+        asymmetry = _asymmetry(self.K)
+        if asymmetry > _ASYMMETRY:
+            raise InputError("K", f"asymmetry {asymmetry:.1e}", "give a symmetric K, such as (K + Kᵀ)/2")
 
     @property
     def n(self) -> int:
@@ -130,6 +153,19 @@ class FrictionQVI:
         """½ zᵀKz − fᵀz."""
         return float(0.5 * z @ (self.K @ z) - self.f @ z)
 
+    def strain_energy(self, z: Vector) -> float:
+        """½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz: the size of the energy."""
+        if self.root is not None:
+            r = self.root.apply(z)
+            return 0.5 * float(r @ r)
+        return 0.5 * float(z @ (self.K @ z))
+
+    def gradient(self, z: Vector) -> Vector:
+        """Gradient of the energy (n,): Rᵀr(z) − load where there is a root, else K z − f."""
+        if self.root is not None and self.load is not None:
+            return np.asarray(self.root.adjoint(self.root.apply(z)) - self.load)
+        return np.asarray(self.K @ z - self.f)
+
     def resultant(self, z: Vector) -> float:
         """Σ W (N z + n0), the resultant normal force (negative in compression)."""
         return float(self.W @ self.normal(z))
@@ -141,8 +177,26 @@ class FrictionQVI:
 
     @cached_property
     def bonded(self) -> Vector:
-        """Minimiser of the energy under A z = b alone (n,): contact that neither opens nor slips."""
-        return self.equality_system.solve(self.f, self.b)[0]
+        """Minimiser of the energy under A z = b alone (n,): contact that neither opens nor slips.
+
+        Defect corrections with `gradient` remove the rounding of K as long as they shrink.
+        """
+        z, _ = self.equality_system.solve(self.f, self.b)
+        size = np.inf
+        for _ in range(_CORRECTIONS if self.root is not None else 0):
+            correction, _ = self.equality_system.solve(-self.gradient(z), self.b - self.A @ z)
+            new = float(np.sqrt(abs(correction @ (self.K @ correction))))
+            if not new < 0.5 * size:
+                break
+            z, size = z + correction, new
+        return z
+
+
+def _asymmetry(K: Sparse) -> float:
+    """|vᵀKw − wᵀKv| / |v|ᵀ|K||w| for two random vectors: an asymmetry does not hide from both."""
+    v, w = np.random.default_rng(0).normal(size=(2, K.shape[0]))
+    scale = float(np.abs(v) @ (abs(K) @ np.abs(w)))
+    return abs(float(v @ (K @ w) - w @ (K @ v))) / scale if scale > 0 else 0.0
 
 
 def _matrix(name: str, value: Any, columns: int) -> Sparse:

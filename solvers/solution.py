@@ -57,6 +57,7 @@ class QVISolution:
     message : one readable sentence
     versions : package → version of what was used
     farkas : (rows of G, of A) multipliers proving infeasibility, else None; see `feasibility`
+    form : unknowns of the inner problems, "full" or "condensed"
 
     """
 
@@ -76,6 +77,7 @@ class QVISolution:
     message: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     farkas: tuple[Vector, Vector] | None = None
+    form: str = "full"
 
     @property
     def solved(self) -> bool:

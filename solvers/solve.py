@@ -1,13 +1,18 @@
 """One entry for every method."""
 
 import dataclasses
+import time
 from typing import Any, Literal, TypeVar
 
+import numpy as np
+
 from solvers.errors import InputError, SolveError, SolverUnavailableError
+from solvers.finish import Outcome, finish
 from solvers.fixed_point import FixedPointOptions, solve_fixed_point
-from solvers.inner.registry import check_name
+from solvers.inner.registry import check_name, versions
 from solvers.problem import FrictionQVI
 from solvers.solution import QVISolution
+from solvers.status import Status
 from solvers.uzawa import UzawaOptions, solve_uzawa
 
 Method = Literal["fixed-point", "uzawa"]
@@ -57,14 +62,30 @@ def solve_qvi(
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     if method == "fixed-point":
         name = check_name(inner)
-        solution = solve_fixed_point(qvi, name, tolerance, _options(FixedPointOptions, method, options))
+        fixed_point = _options(FixedPointOptions, method, options)
+        solution = _linear(qvi, method, name, tolerance) or solve_fixed_point(qvi, name, tolerance, fixed_point)
     elif method == "uzawa":
-        solution = solve_uzawa(qvi, tolerance, _options(UzawaOptions, method, options))
+        uzawa = _options(UzawaOptions, method, options)
+        solution = _linear(qvi, method, "", tolerance) or solve_uzawa(qvi, tolerance, uzawa)
     else:
         raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
+
+
+def _linear(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVISolution | None:
+    """The answer of a linear system if there is no contact, or if nothing is unknown; else nothing."""
+    if qvi.m > 0 and qvi.n > 0:
+        return None
+    began = time.perf_counter()
+    z, zero = qvi.bonded, np.zeros(qvi.m)
+    _, nu = qvi.equality_system.solve(-qvi.gradient(z))
+    reason = Status.SOLVED if qvi.m == 0 else Status.INFEASIBLE  # unless the certificate passes
+    outcome = Outcome(reason, z, zero, zero, nu, qvi.threshold(qvi.pressure(z)), [], 0)
+    outcome.timings = {"setup": 0.0, "solve": time.perf_counter() - began}
+    outcome.versions = versions(("scipy",))
+    return finish(qvi, outcome, method, inner, tolerance)
 
 
 def _options(kind: type[_Options], method: str, given: dict[str, Any]) -> _Options:

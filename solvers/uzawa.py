@@ -34,9 +34,9 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
-from scipy.sparse import csc_matrix, vstack
 
 from solvers.certificate import certify
+from solvers.compliance import Compliance
 from solvers.errors import InputError
 from solvers.finish import Outcome, finish
 from solvers.inner.registry import versions
@@ -48,7 +48,6 @@ from solvers.types import Vector
 Rule = Literal["printed", "accumulating"]
 Decay = Literal["geometric", "harmonic"]
 
-_DENSE_LIMIT = 60_000_000  # entries of K⁻¹Bᵀ up to which C is computed
 _CYCLE_PERIOD = 8
 _CYCLE_EVERY = 64
 _RECORD_ALL = 1000
@@ -94,41 +93,6 @@ class UzawaOptions:
                 raise InputError(name, value, "give a whole number ≥ 1")
 
 
-class _Compliance:
-    """σ = σ_bonded − B K⁻¹ Bᵀ m, with the dense matrix where it is small and the factor of K otherwise."""
-
-    def __init__(self, qvi: FrictionQVI) -> None:
-        self._qvi = qvi
-        self._rows = csc_matrix(vstack([qvi.N, qvi.T]))
-        self.bonded = np.concatenate([qvi.normal(qvi.bonded), qvi.tangential(qvi.bonded)])
-        self._dense = None
-        if 2 * qvi.m * qvi.n <= _DENSE_LIMIT:
-            self._dense = self._rows @ qvi.equality_system.solve(self._rows.T.toarray())[0]
-
-    def relief(self, m: Vector) -> Vector:
-        """B K⁻¹ Bᵀ m (2m,)."""
-        if self._dense is not None:
-            return np.asarray(self._dense @ m)
-        return np.asarray(self._rows @ self._qvi.equality_system.solve(self._rows.T @ m)[0])
-
-    def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
-        """Z and ν of (4.1) for the multipliers m (2m,)."""
-        qvi = self._qvi
-        return qvi.equality_system.solve(qvi.f - self._rows.T @ m, qvi.b)
-
-    def default_step(self) -> float:
-        """1 / spectral radius of N K⁻¹ Nᵀ W, by power iteration."""
-        m, W = self._qvi.m, self._qvi.W
-        v, radius = np.ones(m), 0.0
-        for _ in range(50):
-            v = self.relief(np.concatenate([W * v, np.zeros(m)]))[:m]
-            radius = float(np.abs(v).max(initial=0.0))
-            if radius == 0.0:
-                return 1.0
-            v /= radius
-        return 1.0 / radius
-
-
 @dataclass(eq=False)
 class _State:
     """λ (2m,) that gave σ (2m,), and the bookkeeping of the stopping tests."""
@@ -148,8 +112,8 @@ class _State:
 def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> QVISolution:
     """Run the procedure of this module; z belongs to the multipliers it was computed from in (4.1)."""
     began = time.perf_counter()
-    compliance = _Compliance(qvi)
-    omega_N = options.omega_N or compliance.default_step()
+    compliance = Compliance(qvi)
+    omega_N = options.omega_N or _default_step(qvi, compliance)
     state = _State(np.zeros(2 * qvi.m), compliance.bonded)  # (i)
     W2 = np.concatenate([qvi.W, qvi.W])
     set_up = time.perf_counter()
@@ -164,6 +128,18 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> QV
             if state.reason is None:
                 state.lam = new
     return _finish(qvi, compliance, state, W2, tolerance, {"setup": set_up - began, "began": set_up})
+
+
+def _default_step(qvi: FrictionQVI, compliance: Compliance) -> float:
+    """ω_N = 1 / spectral radius of N K⁻¹ Nᵀ W, by power iteration."""
+    v, radius = np.ones(qvi.m), 0.0
+    for _ in range(50):
+        v = compliance.relief(np.concatenate([qvi.W * v, np.zeros(qvi.m)]))[: qvi.m]
+        radius = float(np.abs(v).max(initial=0.0))
+        if radius == 0.0:
+            return 1.0
+        v = v / radius
+    return 1.0 / radius
 
 
 def _step_length(options: UzawaOptions, number: int) -> float:
@@ -216,7 +192,7 @@ def _iteration(state: _State, qvi: FrictionQVI, W2: Vector, began: float) -> Ite
 
 def _terminate(
     qvi: FrictionQVI,
-    compliance: _Compliance,
+    compliance: Compliance,
     state: _State,
     W2: Vector,
     options: UzawaOptions,
@@ -254,7 +230,7 @@ def _cycles(state: _State, tolerance: float) -> bool:
 
 def _finish(
     qvi: FrictionQVI,
-    compliance: _Compliance,
+    compliance: Compliance,
     state: _State,
     W2: Vector,
     tolerance: float,

@@ -1,4 +1,4 @@
-"""Inner solver ``direct:clarabel``: one Clarabel solver kept alive, only the right-hand side updated.
+"""Inner solver ``direct:clarabel``: one Clarabel solver kept alive, only the vectors updated.
 
 Interior point with a homogeneous embedding; does not warm-start, but keeps the symbolic factorisation and
 the equilibration. Presolve, chordal decomposition and the dropping of zeros are off: they forbid updates.
@@ -10,7 +10,7 @@ import time
 import numpy as np
 from scipy.sparse import csc_matrix, triu, vstack
 
-from solvers.inner.problem import InnerProblem, InnerSolution, no_result
+from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
 from solvers.inner.qp_backends import CLARABEL_WORDS
 from solvers.problem import FrictionQVI
 from solvers.status import Status
@@ -20,7 +20,7 @@ _FLOOR = 1e-12
 
 
 class DirectClarabel:
-    """Clarabel on  A z + w = b (w = 0),  G z + w = h (w ≥ 0)."""
+    """Clarabel on  A x + w = b (w = 0),  G x + w = h (w ≥ 0)."""
 
     packages: tuple[str, ...] = ("clarabel",)
 
@@ -31,10 +31,10 @@ class DirectClarabel:
         cones = [clarabel.ZeroConeT(qvi.p)] if qvi.p else []
         cones.append(clarabel.NonnegativeConeT(3 * qvi.m))
         rows = csc_matrix(vstack([qvi.A, self._inner.G])) if qvi.p else self._inner.G
-        right = np.concatenate([qvi.b, self._inner.h(np.ones(qvi.m))])
+        right = np.ones(qvi.p + 3 * qvi.m)  # of no meaning: every solve sets its own
         upper = csc_matrix(triu(qvi.K))
         settings = self._settings(clarabel, tolerance)
-        self._solver = clarabel.DefaultSolver(upper, self._inner.q, rows, right, cones, settings)
+        self._solver = clarabel.DefaultSolver(upper, np.zeros(qvi.n), rows, right, cones, settings)
 
     @staticmethod
     def _settings(clarabel: Module, tolerance: float) -> Module:
@@ -46,12 +46,17 @@ class DirectClarabel:
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = max(tolerance, _FLOOR)
         return settings
 
-    def solve(self, threshold: Vector, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
+    def solve(
+        self,
+        threshold: Vector,
+        centre: Centre,
+        start: InnerSolution | None,  # noqa: ARG002
+    ) -> InnerSolution:
         """Solve for the bound threshold (m,); `start` is not used."""
         began = time.perf_counter()
         qvi = self._inner.qvi
         try:
-            self._solver.update(b=np.concatenate([qvi.b, self._inner.h(threshold)]))
+            self._solver.update(q=-centre.f, b=np.concatenate([centre.b, centre.h(threshold)]))
             answer = self._solver.solve()
         except BaseException as error:  # a Rust panic is not an Exception
             if isinstance(error, KeyboardInterrupt | SystemExit):
@@ -62,7 +67,7 @@ class DirectClarabel:
         multipliers = np.array(answer.z)
         m_N, m_T = self._inner.multipliers(multipliers[qvi.p :])
         return InnerSolution(
-            np.array(answer.x), m_N, m_T, multipliers[: qvi.p],
+            centre.z + np.array(answer.x), m_N, m_T, multipliers[: qvi.p],
             CLARABEL_WORDS.get(word, Status.BACKEND_FAILED), int(answer.iterations),
             time.perf_counter() - began, f"clarabel: {word}",
         )  # fmt: skip

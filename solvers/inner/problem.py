@@ -5,21 +5,44 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, vstack
 
 from solvers.problem import FrictionQVI
 from solvers.status import Status
 from solvers.types import Sparse, Vector
 
+_EMPTY_ROW = 1e-9  # of the largest traction: violation of a row without unknowns that counts
+
+
+class Centre:
+    """The vectors of (D2) written for the increment x = z − z₀ about a point z₀.
+
+        f = −gradient(z₀),   n0 = N z₀ + n0,   t0 = T z₀ + t0,   b = b − A z₀
+
+    The matrices do not change. Solving for increments about the last iterate makes every outer iteration a
+    defect correction: what rounding inside K spoils is a part of the increment, and that tends to zero.
+    """
+
+    def __init__(self, qvi: FrictionQVI, z: Vector) -> None:
+        self.z = z
+        self.f = -qvi.gradient(z)
+        self.n0, self.t0 = qvi.normal(z), qvi.tangential(z)
+        self.b = np.asarray(qvi.b - qvi.A @ z)
+
+    def h(self, threshold: Vector) -> Vector:
+        """Right-hand side [−n0; thr − t0; thr + t0] (3m,) of G x ≤ h."""
+        return np.concatenate([-self.n0, threshold - self.t0, threshold + self.t0])
+
 
 @dataclass(frozen=True, eq=False)
 class InnerProblem:
     """The strictly convex quadratic program that (D2) becomes for a given bound thr = mu s.
 
-        min ½ zᵀPz + qᵀz   s.t.  G z ≤ h(thr),  A z = b,      G = [N; T; −T],  h = [−n0; thr − t0; thr + t0].
+        min ½ xᵀPx + qᵀx   s.t.  G x ≤ h(thr),  A x = b,      G = [N; T; −T],  q = −f
 
-    Only h depends on the bound. With multipliers y = (y_N, y_+, y_−) ≥ 0 of G z ≤ h, m_N = y_N and
-    m_T = y_+ − y_−.
+    for the increment x about a `Centre`, which gives f, h and b. With multipliers y = (y_N, y_+, y_−) ≥ 0 of
+    G x ≤ h, m_N = y_N and m_T = y_+ − y_−.
     """
 
     qvi: FrictionQVI
@@ -29,19 +52,10 @@ class InnerProblem:
         """K."""
         return self.qvi.K
 
-    @property
-    def q(self) -> Vector:
-        """−f (n,)."""
-        return -self.qvi.f
-
     @cached_property
     def G(self) -> Sparse:  # noqa: N802
         """[N; T; −T] (3m, n)."""
         return csc_matrix(vstack([self.qvi.N, self.qvi.T, -self.qvi.T]))
-
-    def h(self, threshold: Vector) -> Vector:
-        """[−n0; thr − t0; thr + t0] (3m,)."""
-        return np.concatenate([-self.qvi.n0, threshold - self.qvi.t0, threshold + self.qvi.t0])
 
     def multipliers(self, y: Vector) -> tuple[Vector, Vector]:
         """(m_N, m_T) of the multipliers y ≥ 0 (3m,) of G z ≤ h."""
@@ -79,13 +93,13 @@ class InnerSolution:
 
 
 class InnerSolver(Protocol):
-    """A back end built once for a QVI; the matrices stay, the friction bound changes."""
+    """A back end built once for a QVI; the matrices stay, friction bound and centre change."""
 
     packages: tuple[str, ...]
     """Distributions used, for the record of versions."""
 
-    def solve(self, threshold: Vector, start: InnerSolution | None) -> InnerSolution:
-        """Solve for the bound threshold (m,); `start` is the previous result, for a warm start."""
+    def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
+        """Solve for the bound threshold (m,) about a centre; `start`, the previous result, for a warm start."""
         ...
 
 
@@ -93,6 +107,21 @@ def no_result(qvi: FrictionQVI, status: Status, message: str, seconds: float = 0
     """Return an `InnerSolution` of NaN."""
     nan = np.full(max(qvi.n, qvi.m, qvi.p), np.nan)
     return InnerSolution(nan[: qvi.n], nan[: qvi.m], nan[: qvi.m], nan[: qvi.p], status, 0, seconds, message)
+
+
+def contradiction(problem: FrictionQVI, threshold: Vector, centre: Centre) -> InnerSolution | None:
+    """An infeasible result if a row that no unknown enters violates its bound; some back ends misread such rows."""
+    scale = float(np.abs(np.concatenate([centre.n0, centre.t0, threshold])).max(initial=0.0))
+    normal = _is_empty(problem.N) & (centre.n0 > _EMPTY_ROW * scale)
+    tangential = _is_empty(problem.T) & (np.abs(centre.t0) - threshold > _EMPTY_ROW * scale)
+    if not (normal | tangential).any():
+        return None
+    return no_result(problem, Status.INFEASIBLE, "a traction that no unknown can change violates its bound")
+
+
+def _is_empty(rows: Sparse) -> NDArray[np.bool_]:
+    """Which rows have no entry but zeros."""
+    return np.asarray(np.asarray(abs(rows).sum(axis=1)).ravel() == 0.0, dtype=np.bool_)
 
 
 def inner_residual(qvi: FrictionQVI, threshold: Vector, solution: InnerSolution) -> float:
@@ -104,9 +133,9 @@ def inner_residual(qvi: FrictionQVI, threshold: Vector, solution: InnerSolution)
         return np.inf
     z, m_N, m_T = solution.z, solution.m_N, solution.m_T
     sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
-    forces = [qvi.K @ z, -qvi.f, qvi.N.T @ m_N, qvi.T.T @ m_T, qvi.A.T @ solution.nu]
+    forces = [qvi.gradient(z), qvi.N.T @ m_N, qvi.T.T @ m_T, qvi.A.T @ solution.nu]
     stress = max(_largest(sigma_N), _largest(sigma_T), _largest(threshold), 1e-300)
-    energy = max(abs(float(z @ forces[0])), abs(float(qvi.f @ z)), 1e-300)
+    energy = max(abs(float(z @ (qvi.K @ z))), abs(float(qvi.f @ z)), 1e-300)
     violation = [np.maximum(sigma_N, 0), np.maximum(np.abs(sigma_T) - threshold, 0)]
     products = np.abs(m_N * sigma_N).sum() + np.abs(np.abs(m_T) * threshold - m_T * sigma_T).sum()
     return max(

@@ -1,6 +1,6 @@
 """Inner solver ``qp:<name>``: any back end of `qpsolvers`, the problem rebuilt for every bound.
 
-Solves (`InnerProblem`) min ½zᵀPz + qᵀz, G z ≤ h, A z = b. The words "found" and "is_optimal" of `qpsolvers`
+Solves (`InnerProblem`) min ½xᵀPx + qᵀx, G x ≤ h, A x = b. The words "found" and "is_optimal" of `qpsolvers`
 are not used: the former means different things for different back ends, the latter accepts multipliers of the
 wrong sign. Cite: S. Caron et al., qpsolvers: Quadratic Programming Solvers in Python.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from solvers.inner.problem import InnerProblem, InnerSolution, no_result
+from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
 from solvers.inner.qp_backends import BACKENDS, QPBackend
 from solvers.problem import FrictionQVI
 from solvers.status import Status
@@ -31,14 +31,14 @@ class QPSolver:
         if self.backend.dense:
             self._matrices = [matrix.toarray() for matrix in self._matrices]
 
-    def solve(self, threshold: Vector, start: InnerSolution | None) -> InnerSolution:
+    def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
         """Solve for the bound threshold (m,); exceptions and warnings end in the message."""
         began = time.perf_counter()
         qvi = self._inner.qvi
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
-                answer = self._call(threshold, start)
+                answer = self._call(threshold, centre, start)
             except BaseException as error:  # some back ends panic with exceptions that are not Exception
                 if isinstance(error, KeyboardInterrupt | SystemExit):
                     raise
@@ -48,19 +48,18 @@ class QPSolver:
         word = self.backend.word(answer)
         status = self.backend.words.get(word, Status.BACKEND_FAILED)
         message = "; ".join([f"{self.name}: {word}", *(str(w.message) for w in caught)])
-        return self._translate(answer, status, message, seconds)
+        return self._translate(answer, centre, status, message, seconds)
 
-    def _call(self, threshold: Vector, start: InnerSolution | None) -> Any:
+    def _call(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> Any:
         qpsolvers = load("qpsolvers")
 
         P, G, A = self._matrices
-        qvi = self._inner.qvi
-        equalities = (A, np.array(qvi.b)) if qvi.p else (None, None)
-        problem = qpsolvers.Problem(P, self._inner.q, G, self._inner.h(threshold), *equalities)
-        initial = start.z if self.backend.warm and start is not None and start.finite else None
+        equalities = (A, centre.b) if self._inner.qvi.p else (None, None)
+        problem = qpsolvers.Problem(P, -centre.f, G, centre.h(threshold), *equalities)
+        initial = start.z - centre.z if self.backend.warm and start is not None and start.finite else None
         return qpsolvers.solve_problem(problem, self.name, initvals=initial, **self._settings)
 
-    def _translate(self, answer: Any, status: Status, message: str, seconds: float) -> InnerSolution:
+    def _translate(self, answer: Any, centre: Centre, status: Status, message: str, seconds: float) -> InnerSolution:
         """Read z and multipliers; where one is missing everything is."""
         qvi = self._inner.qvi
         if any(_size(part) != size for part, size in ((answer.x, qvi.n), (answer.z, 3 * qvi.m))):
@@ -68,7 +67,7 @@ class QPSolver:
             return no_result(qvi, status, message, seconds)
         m_N, m_T = self._inner.multipliers(np.array(answer.z, dtype=np.float64))
         nu = np.array(answer.y, dtype=np.float64) if qvi.p else np.zeros(0)
-        z = np.array(answer.x, dtype=np.float64)
+        z = centre.z + np.array(answer.x, dtype=np.float64)
         iterations = self.backend.iterations(answer)
         solution = InnerSolution(z, m_N, m_T, nu, status, iterations, seconds, message)
         if status.usable and not solution.finite:

@@ -103,9 +103,7 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
             words={"optimal": Status.SOLVED, "unknown": Status.STALLED},
             iterations=lambda s: int(s.extras["iterations"]),
         ),
-        "daqp": QPBackend(
-            "daqp", tolerances=("primal_tol", "dual_tol"), options={"iter_limit": 100_000}, dense=True
-        ),
+        "daqp": QPBackend("daqp", tolerances=("primal_tol", "dual_tol"), options={"iter_limit": 100_000}, dense=True),
         "ecos": QPBackend(
             "ecos",
             tolerances=("feastol", "abstol", "reltol"),

@@ -1,7 +1,7 @@
 """Inner solver ``socp:<name>``: the problem as a second-order cone program in cvxpy, canonicalised once.
 
-The friction bound is a parameter (DPP), |T z + t0| ≤ thr one two-dimensional cone for each contact point, the
-energy the square of a norm, ½|R z|² − fᵀz with RᵀR = K. Cite: S. Diamond, S. Boyd, CVXPY, JMLR 2016.
+Friction bound and `Centre` are parameters (DPP), |T x + t0| ≤ thr one two-dimensional cone for each contact
+point, the energy the square of a norm, ½|R x|² − fᵀx with RᵀR = K. Cite: S. Diamond, S. Boyd, CVXPY, JMLR 2016.
 """
 
 import time
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from solvers.inner.problem import InnerSolution, no_result
+from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.root import square_root
 from solvers.problem import FrictionQVI
 from solvers.status import Status
@@ -65,7 +65,7 @@ WORDS: Mapping[str, Status] = MappingProxyType(
 
 
 class SOCPSolver:
-    """One cvxpy problem for one QVI; `solve` only sets the parameter."""
+    """One cvxpy problem for one QVI; `solve` only sets the parameters."""
 
     def __init__(self, qvi: FrictionQVI, name: str, tolerance: float) -> None:
         cp = load("cvxpy")
@@ -73,21 +73,31 @@ class SOCPSolver:
         backend = BACKENDS[name]
         self.packages: tuple[str, ...] = ("cvxpy", backend.module)
         self._qvi, self._name, self._settings = qvi, name, backend.settings(tolerance)
-        self._z = cp.Variable(qvi.n)
+        self._x = cp.Variable(qvi.n)
         self.threshold = cp.Parameter(qvi.m, nonneg=True)
-        self._normal = qvi.N @ self._z + qvi.n0 <= 0
-        tangential = cp.reshape(qvi.T @ self._z + qvi.t0, (1, qvi.m), order="C")
+        self._f, self._n0, self._t0 = cp.Parameter(qvi.n), cp.Parameter(qvi.m), cp.Parameter(qvi.m)
+        self._b = cp.Parameter(qvi.p) if qvi.p else None
+        self._normal = qvi.N @ self._x + self._n0 <= 0
+        tangential = cp.reshape(qvi.T @ self._x + self._t0, (1, qvi.m), order="C")
         self._friction = cp.SOC(self.threshold, tangential, axis=0)
-        self._equality = [qvi.A @ self._z == qvi.b] if qvi.p else []
-        energy = 0.5 * cp.sum_squares(square_root(qvi.K) @ self._z) - qvi.f @ self._z
+        self._equality = [qvi.A @ self._x == self._b] if qvi.p else []
+        energy = 0.5 * cp.sum_squares(square_root(qvi.K) @ self._x) - self._f @ self._x
         self.problem = cp.Problem(cp.Minimize(energy), [self._normal, self._friction, *self._equality])
         assert self.problem.is_dpp()
 
-    def solve(self, threshold: Vector, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
+    def solve(
+        self,
+        threshold: Vector,
+        centre: Centre,
+        start: InnerSolution | None,  # noqa: ARG002
+    ) -> InnerSolution:
         """Solve for the bound threshold (m,); cvxpy does not pass a start on."""
         began = time.perf_counter()
         qvi = self._qvi
         self.threshold.value = np.maximum(threshold, 0.0)
+        self._f.value, self._n0.value, self._t0.value = centre.f, centre.n0, centre.t0
+        if self._b is not None:
+            self._b.value = centre.b
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             try:
@@ -100,12 +110,12 @@ class SOCPSolver:
         word = str(self.problem.status)
         message = "; ".join([f"{self._name}: {word}", *(str(w.message) for w in caught)])
         status = WORDS.get(word, Status.BACKEND_FAILED)
-        return self._translate(status, message, time.perf_counter() - began)
+        return self._translate(centre, status, message, time.perf_counter() - began)
 
-    def _translate(self, status: Status, message: str, seconds: float) -> InnerSolution:
-        """Multipliers: cvxpy's Lagrangian subtracts (u, v)·(thr, T z + t0) for the cone, hence m_T = −v."""
+    def _translate(self, centre: Centre, status: Status, message: str, seconds: float) -> InnerSolution:
+        """Multipliers: cvxpy's Lagrangian subtracts (u, v)·(thr, T x + t0) for the cone, hence m_T = −v."""
         qvi, duals = self._qvi, self._friction.dual_variables
-        parts = [self._z.value, self._normal.dual_value, duals[1].value]
+        parts = [self._x.value, self._normal.dual_value, duals[1].value]
         parts += [row.dual_value for row in self._equality]
         if not status.usable or any(part is None for part in parts):
             status = status if not status.usable else Status.BACKEND_FAILED
@@ -113,7 +123,8 @@ class SOCPSolver:
         arrays = [np.array(part, dtype=np.float64).ravel() for part in parts]
         nu = arrays[3] if qvi.p else np.zeros(0)
         iterations = int(getattr(self.problem.solver_stats, "num_iters", 0) or 0)
-        solution = InnerSolution(arrays[0], arrays[1], -arrays[2], nu, status, iterations, seconds, message)
+        z = centre.z + arrays[0]
+        solution = InnerSolution(z, arrays[1], -arrays[2], nu, status, iterations, seconds, message)
         if not solution.finite:
             return no_result(qvi, Status.BACKEND_FAILED, f"{message}; result is not finite", seconds)
         return solution

@@ -6,9 +6,7 @@ import pytest
 from solvers import FrictionQVI
 
 
-def one_contact(
-    friction: float = 2.0, load: tuple[float, float] = (1.0, 2.1), coupling: float = 0.8
-) -> FrictionQVI:
+def one_contact(friction: float = 2.0, load: tuple[float, float] = (1.0, 2.1), coupling: float = 0.8) -> FrictionQVI:
     """Unknowns z = (p, t): σ_N = −p, σ_T = t, displacement u = W r + q with W = [[1, c], [c, 1]]."""
     return FrictionQVI(
         K=np.array([[1.0, coupling], [coupling, 1.0]]), f=-np.array(load),
@@ -24,9 +22,7 @@ def two_contacts() -> FrictionQVI:
     )  # fmt: skip
 
 
-def random_problem(
-    seed: int, friction: float = 0.3, equalities: int = 0, n: int = 12, m: int = 8
-) -> FrictionQVI:
+def random_problem(seed: int, friction: float = 0.3, equalities: int = 0, n: int = 12, m: int = 8) -> FrictionQVI:
     """Dense random data; every point has pressure at z = 0, so that admissible points exist."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(n, n))

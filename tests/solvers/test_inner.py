@@ -7,12 +7,18 @@ import numpy as np
 import pytest
 
 from solvers import Status, available, certify, solve_qvi
-from solvers.inner.problem import InnerProblem
+from solvers.inner.problem import Centre, InnerProblem
 from solvers.inner.qp import QPSolver
 from solvers.inner.registry import make_inner
 from solvers.inner.root import square_root
 from solvers.inner.socp import SOCPSolver
 from tests.solvers.conftest import dragged_block, one_contact, random_problem
+
+
+def origin(qvi):
+    """The problem in its own unknowns."""
+    return Centre(qvi, np.zeros(qvi.n))
+
 
 ACCURACY = {  # |z − reference| each reaches here, where it is not 1e-7
     "qp:ecos": 1e-4, "socp:ecos": 1e-4, "socp:cvxopt": 1e-4, "socp:scs": 1e-6,
@@ -25,9 +31,9 @@ def test_inner_solution(name, seed, equalities):
     """Against the certificate's own conditions: stationarity with signs, and an independent solver's z."""
     qvi = random_problem(seed, equalities=equalities)
     threshold = qvi.threshold(np.full(qvi.m, 0.4))
-    reference = make_inner("direct:clarabel", qvi, 1e-12).solve(threshold, None)
+    reference = make_inner("direct:clarabel", qvi, 1e-12).solve(threshold, origin(qvi), None)
     assert reference.status is Status.SOLVED
-    result = make_inner(name, qvi, 1e-11).solve(threshold, None)
+    result = make_inner(name, qvi, 1e-11).solve(threshold, origin(qvi), None)
     assert result.status.usable, result.message
     limit = ACCURACY.get(name, 1e-7)
     assert result.z == pytest.approx(reference.z, abs=limit)
@@ -46,11 +52,10 @@ def test_fixed_point_with_every_back_end(name):
     assert solution.z == pytest.approx([p, 0.5 * p], abs=ACCURACY.get(name, 1e-7))
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in available() if name not in ("qp:highs", "qp:daqp", "qp:proxqp")]
-)
+@pytest.mark.parametrize("name", [name for name in available() if name not in ("qp:highs", "qp:daqp", "qp:proxqp")])
 def test_infeasible_bound_is_said_to_be_infeasible(name):
-    result = make_inner(name, dragged_block(1.0), 1e-10).solve(np.array([0.1]), None)
+    qvi = dragged_block(1.0)
+    result = make_inner(name, qvi, 1e-10).solve(np.array([0.1]), origin(qvi), None)
     assert result.status in (Status.INFEASIBLE, Status.STALLED, Status.BACKEND_FAILED, Status.MAX_ITERATIONS)
 
 
@@ -59,20 +64,31 @@ def test_kept_alive_solvers_forget_the_last_bound(name):
     qvi = random_problem(5)
     solver = make_inner(name, qvi, 1e-11)
     first, second = np.full(qvi.m, 0.05), np.full(qvi.m, 0.3)
-    fresh = make_inner(name, qvi, 1e-11).solve(second, None)
-    start = solver.solve(first, None)
-    again = solver.solve(second, start)
+    fresh = make_inner(name, qvi, 1e-11).solve(second, origin(qvi), None)
+    start = solver.solve(first, origin(qvi), None)
+    again = solver.solve(second, Centre(qvi, start.z), start)
     assert np.abs(start.z - again.z).max() > 1e-3
     assert again.z == pytest.approx(fresh.z, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", [name for name in available() if name not in ACCURACY])
+def test_increments_about_any_centre(name):
+    """The answer does not depend on the point about which the problem is posed."""
+    qvi = random_problem(3, equalities=1)
+    threshold = qvi.threshold(np.full(qvi.m, 0.4))
+    solver = make_inner(name, qvi, 1e-11)
+    plain = solver.solve(threshold, origin(qvi), None)
+    shifted = solver.solve(threshold, Centre(qvi, np.linspace(-1.0, 1.0, qvi.n)), None)
+    assert shifted.z == pytest.approx(plain.z, abs=1e-7)
 
 
 def test_socp_is_canonicalised_once():
     qvi = random_problem(6)
     solver = SOCPSolver(qvi, "clarabel", 1e-10)
     assert solver.problem.is_dpp()
-    solver.solve(np.full(qvi.m, 0.1), None)
+    solver.solve(np.full(qvi.m, 0.1), origin(qvi), None)
     cache = solver.problem._cache.param_prog
-    solver.solve(np.full(qvi.m, 0.2), None)
+    solver.solve(np.full(qvi.m, 0.2), origin(qvi), None)
     assert cache is not None
     assert solver.problem._cache.param_prog is cache
 
@@ -94,7 +110,7 @@ def test_multipliers_of_the_two_bounds():
 def test_nothing_is_believed():
     """A back end that says solved with multipliers of the wrong sign does not get a certificate."""
     qvi = random_problem(0)
-    result = make_inner("direct:clarabel", qvi, 1e-12).solve(qvi.threshold(np.full(qvi.m, 0.4)), None)
+    result = make_inner("direct:clarabel", qvi, 1e-12).solve(qvi.threshold(np.full(qvi.m, 0.4)), origin(qvi), None)
     assert result.status is Status.SOLVED
     assert not certify(qvi, result.z, -result.m_N, result.m_T).passed
 
@@ -104,7 +120,8 @@ def test_exceptions_become_a_status(monkeypatch):
         raise ValueError("matrix of straw")
 
     monkeypatch.setattr("qpsolvers.solve_problem", broken)
-    result = QPSolver(random_problem(0), "clarabel", 1e-8).solve(np.ones(8), None)
+    qvi = random_problem(0)
+    result = QPSolver(qvi, "clarabel", 1e-8).solve(np.ones(8), origin(qvi), None)
     assert result.status is Status.BACKEND_FAILED
     assert "matrix of straw" in result.message
     solution = solve_qvi(random_problem(0), inner="qp:clarabel")

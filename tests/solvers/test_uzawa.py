@@ -46,9 +46,7 @@ def test_first_iterations_by_hand():
         expected.append(sigma)
         lam += np.sign(sigma) * 0.1 * (1 - 0.3 / abs(sigma))
     for k, sigma in enumerate(expected, start=1):
-        assert solve_qvi(two_contacts(), method="uzawa", iterations=k, omega_T=0.1).z[3] == pytest.approx(
-            sigma
-        )
+        assert solve_qvi(two_contacts(), method="uzawa", iterations=k, omega_T=0.1).z[3] == pytest.approx(sigma)
 
 
 def test_exactly_as_many_iterations_as_asked_for():
@@ -88,7 +86,7 @@ def test_infeasible():
 def test_with_equalities_and_without_the_dense_compliance(monkeypatch):
     qvi = random_problem(4, equalities=2)
     dense = solve_qvi(qvi, method="uzawa", iterations=50)
-    monkeypatch.setattr("solvers.uzawa._DENSE_LIMIT", 0)
+    monkeypatch.setattr("solvers.compliance._DENSE_LIMIT", 0)
     sparse = solve_qvi(qvi, method="uzawa", iterations=50)
     assert sparse.z == pytest.approx(dense.z, abs=1e-10)
     assert qvi.A @ dense.z == pytest.approx(qvi.b, abs=1e-10)

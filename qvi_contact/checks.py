@@ -1,0 +1,82 @@
+"""Checks of numbers and of functions of position that users hand in."""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from qvi_contact.errors import InputError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+#: A number, or a function of the coordinate arrays ``(x, y)`` that returns an array of the same shape.
+Field: TypeAlias = float | Callable[[FloatArray, FloatArray], ArrayLike]
+
+
+def finite_number(field: str, value: object) -> float:
+    """Return `value` as a float, or say that `field` must be one finite number."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise InputError(field, value, "give one real number")
+    if not np.isfinite(value):
+        raise InputError(field, value, "give a finite number")
+    return float(value)
+
+
+def positive_number(field: str, value: object) -> float:
+    """Return `value` as a float, or say that `field` must be one finite number above zero."""
+    number = finite_number(field, value)
+    if number <= 0:
+        raise InputError(field, value, "give a number greater than 0")
+    return number
+
+
+def check_field(field: str, value: object, *, minimum: float | None = None) -> None:
+    """Check what can be checked of a `Field` before it is evaluated: its kind, and the range of a constant."""
+    if callable(value):
+        return
+    number = finite_number(field, value)
+    if minimum is not None and number < minimum:
+        raise InputError(field, value, f"give a number of at least {minimum:g}")
+
+
+def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: float | None = None) -> FloatArray:
+    """Values of `field` at the points (x, y), checked.
+
+    Parameters
+    ----------
+    name : str
+        What to call the field in an error message.
+    field : float or callable
+        The number, or the function of (x, y) [length].
+    x, y : (...) arrays
+        Coordinates [length].
+    minimum : float, optional
+        Smallest admissible value.
+
+    Raises
+    ------
+    InputError
+        If the function fails, or its values have another shape, are not finite, or are below `minimum`.
+
+    """
+    if not callable(field):
+        values = np.full(np.shape(x), float(field))
+    else:
+        try:
+            raw = np.asarray(field(x, y), dtype=float)
+            values = np.array(np.broadcast_to(raw, np.shape(x)))
+        except Exception as error:
+            remedy = f"the function must take two arrays (x, y) and return an array of their shape ({error})"
+            raise InputError(name, field, remedy) from error
+    bad = ~np.isfinite(values)
+    if minimum is not None:
+        bad |= values < minimum
+    if bad.any():
+        where = np.unravel_index(np.argmax(bad), bad.shape)
+        limit = "" if minimum is None else f" of at least {minimum:g}"
+        place = f"at x = {x[where]:g}, y = {y[where]:g}"
+        raise InputError(name, float(values[where]), f"give finite values{limit}; found this one {place}")
+    return values

@@ -1,0 +1,210 @@
+"""What happens on a contact: tractions, gap and slip, and which points are open, stick or slip.
+
+Displacements come from the multipliers. The rows of (D2) at the four Gauss points of an edge depend linearly on each
+other, so single multipliers mean nothing; what the stresses feel, and what is unique, is their effect on the traces:
+linear along each edge for σ_N, continuous and quadratic along each for σ_T. Gap and slip are therefore the weighted
+L² projections of the pointwise multipliers on these spaces.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import linalg
+
+from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.discretization import ContactRows, Discretization
+from qvi_contact.hermite import gauss_legendre
+from qvi_contact.loads import physical
+
+STATE_TOLERANCE: Final = 1e-6
+
+
+class ContactState(IntEnum):
+    """State of a contact point."""
+
+    OPEN = 0
+    STICK = 1
+    SLIP = 2
+
+
+@dataclass(frozen=True, eq=False)
+class ContactLine:
+    """One contact in the solution; arrays over its m Gauss points, four an edge, edges in the mesh's order.
+
+    Attributes
+    ----------
+    name : str
+        Name of the contact.
+    x, y : (m,) arrays
+        Coordinates [length].
+    weights : (m,) array
+        Quadrature weights along the contact [length].
+    friction : (m,) array
+        Coefficient μ.
+    normal_stress : (m,) array
+        σ_N [stress], ≤ 0 under pressure.
+    tangential_stress : (m,) array
+        σ_T [stress], component of the traction on the body along +x (horizontal contact) or +y (vertical).
+    gap : (m,) array
+        g − u_N [length], ≥ 0, zero in contact.
+    slip : (m,) array
+        u_T − w [length] along the same tangent, opposite in sign to σ_T.
+    state : (m,) int array
+        `ContactState`: 0 open, 1 stick, 2 slip; see `contact_states` for the rule and its tolerance.
+
+    """
+
+    name: str
+    x: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    friction: FloatArray
+    normal_stress: FloatArray
+    tangential_stress: FloatArray
+    gap: FloatArray
+    slip: FloatArray
+    state: IntArray
+
+    @property
+    def normal_force(self) -> float:
+        """−∫ σ_N ds ≥ 0, force a unit of thickness [stress × length]."""
+        return -float(self.weights @ self.normal_stress)
+
+    @property
+    def tangential_force(self) -> float:
+        """∫ σ_T ds, force on the body along the tangent a unit of thickness [stress × length]."""
+        return float(self.weights @ self.tangential_stress)
+
+    @property
+    def friction_bound(self) -> FloatArray:
+        """μ|σ_N| at the points [stress]."""
+        return self.friction * np.abs(self.normal_stress)
+
+
+def contact_states(
+    normal_stress: FloatArray,
+    tangential_stress: FloatArray,
+    bound: FloatArray,
+    gap: FloatArray,
+    slip: FloatArray,
+    stress_unit: float,
+    displacement_unit: float,
+    tolerance: float = STATE_TOLERANCE,
+) -> IntArray:
+    """State of each point from tractions and displacements, never from raw multipliers.
+
+    With p = −σ_N/S, t = |σ_T|/S, b = μ|σ_N|/S and d = gap/D, v = |slip|/D in the units S, D given, the point is
+
+    * open if p ≤ d + tolerance: the gap outweighs the pressure, or nothing presses it;
+    * else slip if b − t < v + tolerance · (t > 0 or v > tolerance): what is left of the bound is outweighed by the slip;
+    * else stick.
+
+    A point without friction slips if v > tolerance. The tolerance, 1e-6 of the units, sits above what a solution
+    certified at 1e-8 can blur; exactly on the edge between two states either answer is right.
+
+    Returns
+    -------
+    (m,) int array of `ContactState`
+
+    """
+    pressure, opening = -normal_stress / stress_unit, gap / displacement_unit
+    left = bound / stress_unit - np.abs(tangential_stress) / stress_unit
+    sliding = np.abs(slip) / displacement_unit
+    moves = sliding > tolerance
+    loaded = np.abs(tangential_stress) > tolerance * stress_unit
+    slips = (left < sliding + tolerance) & (moves | loaded)
+    state = np.where(slips, int(ContactState.SLIP), int(ContactState.STICK))
+    return np.where(pressure <= opening + tolerance, int(ContactState.OPEN), state)
+
+
+def contact_line(
+    discretization: Discretization,
+    rows: ContactRows,
+    normal: FloatArray,
+    tangential: FloatArray,
+    normal_multiplier: FloatArray,
+    tangential_multiplier: FloatArray,
+) -> ContactLine:
+    """Results on one contact from dimensionless tractions and row multipliers of the whole problem.
+
+    λ = m/W gives u_N − g = −λ_N and u_T − w = −λ_T, projected on the trace spaces.
+    """
+    scales, points = discretization.scales, rows.points
+    x, y = physical(discretization.problem, scales, points.coordinates)
+    gap = _project_normal(points.count, normal_multiplier[rows.rows] / points.weights)
+    fixed = np.flatnonzero(~discretization.elimination.kept[3::4])
+    slip = -_project_tangential(rows, tangential_multiplier[rows.rows], fixed)
+    unit = float(np.abs(normal[rows.rows]).max(initial=0.0)) or 1.0  # of stress; C S L turns it into a displacement
+    state = contact_states(
+        normal[rows.rows],
+        tangential[rows.rows],
+        rows.friction * np.abs(normal[rows.rows]),
+        gap,
+        slip,
+        unit,
+        unit,
+    )
+    return ContactLine(
+        name=rows.name,
+        x=x,
+        y=y,
+        weights=points.weights * scales.length,
+        friction=rows.friction,
+        normal_stress=normal[rows.rows] * scales.stress,
+        tangential_stress=tangential[rows.rows] * scales.stress,
+        gap=gap * scales.displacement,
+        slip=slip * scales.displacement,
+        state=state,
+    )
+
+
+def _project_normal(count: int, values: FloatArray) -> FloatArray:
+    """L² projection on linear functions, edge by edge, of values at Gauss points."""
+    t, weights = gauss_legendre(count)
+    linear = np.column_stack([np.ones(count), np.sqrt(12.0) * (t - 0.5)])  # orthonormal on [0, 1]
+    return np.asarray(values.reshape(-1, count) @ (weights[:, None] * linear) @ linear.T).ravel()
+
+
+def _project_tangential(rows: ContactRows, functional: FloatArray, fixed: IntArray) -> FloatArray:
+    """λ_T of the trial space below whose action on the traces σ_T is that of the row multipliers `functional`.
+
+    Traces and trial functions are continuous and quadratic on each edge (nodes and midpoints). Where σ_T is prescribed
+    at an end node of the contact (Φ_xy fixed by the neighbouring traction) no trace sees the displacement there; as in
+    mortar methods the trial functions are then linear on that end edge, which keeps trial and test space of one size
+    and extends the displacement to the end without a kink.
+    """
+    points = rows.points
+    edges, t = points.edges, gauss_legendre(points.count)[0]
+    nodes, local = np.unique(np.concatenate([edges.first, edges.second]), return_inverse=True)
+    n, e = len(nodes), len(edges)
+    shape = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)])
+    columns = np.column_stack([local[:e], local[e:], n + np.arange(e)])
+    at_point = np.repeat(columns, points.count, axis=0)
+    index = (np.repeat(np.arange(e * points.count), 3), at_point.ravel())
+    quadratic = sparse.csr_array((np.tile(shape, (e, 1)).ravel(), index), shape=(e * points.count, n + e))
+
+    blind = np.flatnonzero(np.isin(nodes, fixed))
+    tested = np.setdiff1d(np.arange(n + e), blind)
+    trial = _linear_at_ends(columns, n + e, blind)
+    mass = quadratic.T @ (sparse.diags_array(points.weights) @ quadratic)
+    if len(tested) == trial.shape[1]:
+        solution = trial @ linalg.spsolve(sparse.csc_array((mass @ trial)[tested]), (quadratic.T @ functional)[tested])
+    else:  # one edge with both ends prescribed: only the mean against the bubble is known
+        system = (mass @ trial)[tested].toarray()
+        solution = trial @ np.linalg.lstsq(system, (quadratic.T @ functional)[tested], rcond=None)[0]
+    return np.asarray(quadratic @ solution)
+
+
+def _linear_at_ends(columns: IntArray, size: int, blind: IntArray) -> sparse.csr_array:
+    """Basis of the quadratics that are linear on every edge with a blind node: midpoint value = mean of the ends."""
+    linear = np.isin(columns[:, :2], blind).any(axis=1)
+    free = np.setdiff1d(np.arange(size), columns[linear, 2])
+    number = np.full(size, -1)
+    number[free] = np.arange(len(free))
+    rows = np.concatenate([free, np.repeat(columns[linear, 2], 2)])
+    targets = np.concatenate([number[free], number[columns[linear, :2]].ravel()])
+    data = np.concatenate([np.ones(len(free)), np.full(2 * int(linear.sum()), 0.5)])
+    return sparse.csr_array((data, (rows, targets)), shape=(size, len(free)))

@@ -1,0 +1,60 @@
+"""Linear elastic material in plane stress or plane strain."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from qvi_contact.checks import FloatArray, finite_number, positive_number
+from qvi_contact.errors import InputError
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elastic material.
+
+    Parameters
+    ----------
+    young : float
+        Young's modulus E > 0 [stress].
+    poisson : float
+        Poisson's ratio ν: −1 < ν ≤ 0.5 in plane stress, −1 < ν < 0.5 in plane strain.
+    plane : "stress" or "strain"
+        The plane state; κ = 0 or 1 in the compliance below.
+
+    Raises
+    ------
+    InputError
+        If a constant is out of its range.
+
+    """
+
+    young: float
+    poisson: float
+    plane: Literal["stress", "strain"] = "stress"
+
+    def __post_init__(self) -> None:
+        positive_number("Material.young", self.young)
+        poisson = finite_number("Material.poisson", self.poisson)
+        if self.plane not in ("stress", "strain"):
+            raise InputError("Material.plane", self.plane, "give 'stress' or 'strain'")
+        if not -1.0 < poisson <= 0.5:
+            raise InputError("Material.poisson", poisson, "give a number above -1 and at most 0.5")
+        if self.plane == "strain" and poisson == 0.5:
+            remedy = "give a number below 0.5: plane strain of an incompressible body has a singular compliance"
+            raise InputError("Material.poisson", poisson, remedy)
+
+    @property
+    def compliance(self) -> FloatArray:
+        """Compliance c, shape (3, 3) [1/stress], with (ε_xx, ε_yy, 2ε_xy) = c (σ_xx, σ_yy, σ_xy).
+
+            c11 = c22 = [(1+ν) − ν(1+κν)] / E,   c12 = −ν(1+κν) / E,   c33 = 2(1+ν) / E
+
+        Equation (1.3) of Więckowski (1992), κ = 0 in plane stress and 1 in plane strain, with engineering shear.
+        """
+        nu = self.poisson
+        kappa = 1.0 if self.plane == "strain" else 0.0
+        coupling = nu * (1.0 + kappa * nu)
+        direct = 1.0 + nu - coupling
+        matrix = np.array([[direct, -coupling, 0.0], [-coupling, direct, 0.0], [0.0, 0.0, 2.0 * (1.0 + nu)]])
+        return matrix / self.young

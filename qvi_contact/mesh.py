@@ -1,0 +1,336 @@
+"""Rectilinear grids of rectangular cells, their nodes, and their named boundary edges."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import sparse
+from scipy.sparse import csgraph
+
+from qvi_contact.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number
+from qvi_contact.errors import InputError
+
+SIDES: Final = ("bottom", "right", "top", "left")
+"""The four directions a boundary edge can face, counterclockwise from −y."""
+
+HORIZONTAL: Final = 0
+VERTICAL: Final = 1
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Boundary edges of cells, as arrays with one entry an edge.
+
+    Attributes
+    ----------
+    first, second : (n,) int arrays
+        Nodes at the two ends, in the direction of growing x (horizontal edge) or y (vertical edge).
+    axis : (n,) int array
+        0 for a horizontal edge (along x), 1 for a vertical one (along y).
+    sign : (n,) float array
+        Outward normal is ``sign`` times e_y (horizontal) or e_x (vertical).
+    column, row : (n,) int arrays
+        The cell that the edge belongs to.
+
+    """
+
+    first: IntArray
+    second: IntArray
+    axis: IntArray
+    sign: FloatArray
+    column: IntArray
+    row: IntArray
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    def take(self, index: IntArray | BoolArray) -> "Edges":
+        """The edges selected by an index or mask array."""
+        return Edges(
+            self.first[index],
+            self.second[index],
+            self.axis[index],
+            self.sign[index],
+            self.column[index],
+            self.row[index],
+        )
+
+
+def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0) -> FloatArray:
+    """Grid lines from start to stop whose cells form a geometric sequence.
+
+    Parameters
+    ----------
+    start, stop : float
+        Ends [length], start < stop.
+    cells : int
+        Number of cells, at least 1.
+    grading : float
+        Ratio of each cell to the one before it: below 1 the cells shrink towards `stop`.
+
+    Returns
+    -------
+    (cells + 1,) array
+        The lines; the two ends are exact.
+
+    """
+    start, stop = finite_number("start", start), finite_number("stop", stop)
+    if isinstance(cells, bool) or not isinstance(cells, (int, np.integer)) or cells < 1:
+        raise InputError("cells", cells, "give a whole number of at least 1")
+    grading = positive_number("grading", grading)
+    if not start < stop:
+        raise InputError("stop", stop, f"give a number greater than start = {start:g}")
+    sizes = grading ** np.arange(cells, dtype=float)
+    lines = start + (stop - start) * np.concatenate([[0.0], np.cumsum(sizes)]) / sizes.sum()
+    lines[-1] = stop
+    return lines
+
+
+@dataclass(frozen=True, eq=False)
+class RectilinearMesh:
+    """A rectilinear grid, possibly with cells left out.
+
+    Nodes are numbered along x first: node (i, j) at (x[i], y[j]) has number i + j (nx + 1).
+
+    Parameters
+    ----------
+    x, y : (nx + 1,), (ny + 1,) arrays
+        Grid lines [length], strictly increasing, with any spacing.
+    active : (ny, nx) bool array, optional
+        Cells that belong to the body, ``active[row, column]``; all of them by default.
+
+    Raises
+    ------
+    InputError
+        If lines do not increase, the mask has another shape or is empty, or the body is not one piece whose cells
+        hang together by whole edges.
+
+    Notes
+    -----
+    Edge sets have names. "bottom", "right", "top" and "left" are all boundary edges facing that way; `with_edges`
+    names parts of them.
+
+    """
+
+    x: FloatArray
+    y: FloatArray
+    active: BoolArray = None  # type: ignore[assignment]  # becomes a full mask
+    _named: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "x", _checked_lines("RectilinearMesh.x", self.x))
+        object.__setattr__(self, "y", _checked_lines("RectilinearMesh.y", self.y))
+        object.__setattr__(self, "active", _checked_mask(self.active, self.shape))
+
+    @classmethod
+    def rectangle(
+        cls,
+        cells: tuple[int, int],
+        width: float = 1.0,
+        height: float = 1.0,
+        *,
+        origin: tuple[float, float] = (0.0, 0.0),
+        grading: float | tuple[float, float] = 1.0,
+    ) -> "RectilinearMesh":
+        """A rectangle of cells[0] × cells[1] cells, graded towards its right and top sides.
+
+        `grading` is the ratio of each cell to the one before it (see `graded_lines`), one number for both directions
+        or a pair (x, y).
+        """
+        width, height = positive_number("width", width), positive_number("height", height)
+        grading_x, grading_y = grading if isinstance(grading, tuple) else (grading, grading)
+        return cls(
+            graded_lines(origin[0], origin[0] + width, cells[0], grading_x),
+            graded_lines(origin[1], origin[1] + height, cells[1], grading_y),
+        )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Cells per column and per row: (ny, nx)."""
+        return len(self.y) - 1, len(self.x) - 1
+
+    @property
+    def node_count(self) -> int:
+        """Number of grid nodes, those of left-out cells included."""
+        return len(self.x) * len(self.y)
+
+    @property
+    def length(self) -> float:
+        """Characteristic length: the longer side of the bounding box [length]."""
+        return float(max(self.x[-1] - self.x[0], self.y[-1] - self.y[0]))
+
+    @cached_property
+    def boundary(self) -> Edges:
+        """All boundary edges: side by side in the order of `SIDES`, along growing x or y within a line."""
+        parts = [_edges_facing(self, side) for side in SIDES]
+        return Edges(*(np.concatenate([getattr(part, name) for part in parts]) for name in Edges.__annotations__))
+
+    @cached_property
+    def boundary_midpoints(self) -> FloatArray:
+        """Midpoints of the boundary edges, shape (number of edges, 2) [length]."""
+        ends = self.coordinates
+        return (ends[self.boundary.first] + ends[self.boundary.second]) / 2.0
+
+    @cached_property
+    def coordinates(self) -> FloatArray:
+        """Coordinates of all nodes, shape (node_count, 2) [length]."""
+        grid_x, grid_y = np.meshgrid(self.x, self.y)
+        return np.column_stack([grid_x.ravel(), grid_y.ravel()])
+
+    @cached_property
+    def active_nodes(self) -> BoolArray:
+        """Nodes that belong to at least one cell of the body, shape (ny + 1, nx + 1)."""
+        padded = np.pad(self.active, 1)
+        return padded[1:, 1:] | padded[1:, :-1] | padded[:-1, 1:] | padded[:-1, :-1]
+
+    @property
+    def edge_names(self) -> tuple[str, ...]:
+        """Names that `edge_set` knows."""
+        return (*SIDES, *self._named)
+
+    def edge_set(self, name: str) -> IntArray:
+        """Indices into `boundary` of the edges called `name`."""
+        if isinstance(name, str) and name in self._named:
+            return self._named[name]
+        if name not in SIDES:
+            known = ", ".join(self.edge_names)
+            raise InputError("edges", name, f"name one of the mesh's edge sets ({known}) or add it by with_edges()")
+        axis, sign = _facing(name)
+        return np.flatnonzero((self.boundary.axis == axis) & (self.boundary.sign == sign))
+
+    def with_edges(
+        self, name: str, side: str, start: float | None = None, stop: float | None = None, at: float | None = None
+    ) -> "RectilinearMesh":
+        """The same mesh with one more named edge set.
+
+        Parameters
+        ----------
+        name : str
+            The new name.
+        side : str
+            The way the edges face: "bottom", "right", "top" or "left".
+        start, stop : float, optional
+            Range along the side [length]; both must lie on grid lines. The whole side by default.
+        at : float, optional
+            Only edges on this line (y of a horizontal, x of a vertical edge), for bodies with several sides that face
+            the same way.
+
+        """
+        if not isinstance(name, str) or not name:
+            raise InputError("name", name, "give a non-empty string")
+        if name in self.edge_names:
+            raise InputError("name", name, "this edge set exists already: choose another name")
+        chosen = self.edge_set(side)
+        axis, _ = _facing(side)
+        lines, across = (self.x, self.y) if axis == HORIZONTAL else (self.y, self.x)
+        along = self.boundary_midpoints[chosen, axis]
+        level = self.boundary_midpoints[chosen, 1 - axis]
+        keep = np.ones(len(chosen), dtype=bool)
+        if start is not None:
+            keep &= along > _on_line("start", start, lines)
+        if stop is not None:
+            keep &= along < _on_line("stop", stop, lines)
+        if at is not None:
+            keep &= level == _on_line("at", at, across)
+        if not keep.any():
+            raise InputError(name, (side, start, stop, at), "no boundary edge lies there: check side and range")
+        return replace(self, _named=MappingProxyType({**self._named, name: chosen[keep]}))
+
+
+def _checked_lines(name: str, lines: ArrayLike) -> FloatArray:
+    try:
+        values = np.array(lines, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(name, lines, "give a sequence of numbers") from error
+    if values.ndim != 1 or len(values) < 2:
+        raise InputError(name, lines, "give a sequence of at least two grid lines")
+    if not np.isfinite(values).all():
+        raise InputError(name, lines, "give finite numbers")
+    steps = np.diff(values)
+    if (steps <= 0).any():
+        raise InputError(name, lines, "give strictly increasing grid lines")
+    resolution = 1e3 * np.finfo(float).eps * np.abs(values).max()
+    if steps.min() <= resolution:
+        remedy = f"cells narrower than {resolution:.1e} vanish in rounding here: move the domain to the origin or merge lines"
+        raise InputError(name, float(steps.min()), remedy)
+    values.flags.writeable = False
+    return values
+
+
+def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
+    active = np.ones(shape, dtype=bool) if mask is None else np.array(mask)
+    if active.dtype != bool or active.shape != shape:
+        remedy = f"give a boolean array of shape (ny, nx) = {shape}"
+        raise InputError("RectilinearMesh.active", mask, remedy)
+    if not active.any():
+        raise InputError("RectilinearMesh.active", mask, "at least one cell must belong to the body")
+    if _piece_count(active) != 1:
+        raise InputError("RectilinearMesh.active", mask, "the body must be one piece joined by whole edges")
+    corners = active[1:, 1:] & active[:-1, :-1] & ~active[1:, :-1] & ~active[:-1, 1:]
+    corners |= ~active[1:, 1:] & ~active[:-1, :-1] & active[1:, :-1] & active[:-1, 1:]
+    if corners.any():
+        row, column = np.argwhere(corners)[0]
+        remedy = f"two cells meet only in the corner at grid lines x[{column + 1}], y[{row + 1}]: fill or cut there"
+        raise InputError("RectilinearMesh.active", mask, remedy)
+    active.flags.writeable = False
+    return active
+
+
+def _piece_count(active: BoolArray) -> int:
+    """Number of pieces of a mask, cells being neighbours across edges."""
+    number = np.arange(active.size).reshape(active.shape)
+    across = active[:, 1:] & active[:, :-1]
+    upward = active[1:] & active[:-1]
+    start = np.concatenate([number[:, :-1][across], number[:-1][upward]])
+    end = np.concatenate([number[:, 1:][across], number[1:][upward]])
+    graph = sparse.coo_array((np.ones(len(start)), (start, end)), shape=(active.size, active.size))
+    _, label = csgraph.connected_components(graph, directed=False)
+    return len(np.unique(label[active.ravel()]))
+
+
+def _facing(side: str) -> tuple[int, float]:
+    """Axis of the edges that face `side`, and the sign of their outward normal."""
+    return {
+        "bottom": (HORIZONTAL, -1.0),
+        "right": (VERTICAL, 1.0),
+        "top": (HORIZONTAL, 1.0),
+        "left": (VERTICAL, -1.0),
+    }[side]
+
+
+def _edges_facing(mesh: RectilinearMesh, side: str) -> Edges:
+    axis, sign = _facing(side)
+    padded = np.pad(mesh.active, 1)
+    neighbour = {
+        "bottom": padded[:-2, 1:-1],
+        "top": padded[2:, 1:-1],
+        "left": padded[1:-1, :-2],
+        "right": padded[1:-1, 2:],
+    }[side]
+    exposed = mesh.active & ~neighbour
+    if axis == HORIZONTAL:
+        row, column = np.nonzero(exposed)
+    else:
+        column, row = np.nonzero(exposed.T)
+    stride = len(mesh.x)
+    first = column + row * stride
+    if side == "top":
+        first = first + stride
+    if side == "right":
+        first = first + 1
+    second = first + (1 if axis == HORIZONTAL else stride)
+    count = len(first)
+    return Edges(first, second, np.full(count, axis), np.full(count, sign), column, row)
+
+
+def _on_line(name: str, value: object, lines: FloatArray) -> float:
+    """The grid line at `value`, or an error that names the nearest one."""
+    number = finite_number(name, value)
+    nearest = float(lines[np.argmin(np.abs(lines - number))])
+    if abs(nearest - number) > 1e-9 * (lines[-1] - lines[0]):
+        raise InputError(name, number, f"must lie on a grid line; the nearest one is at {nearest:.12g}")
+    return nearest

@@ -1,0 +1,133 @@
+"""Pictures of results, drawn on axes the caller gives; needs the extra ``plot`` (matplotlib).
+
+Colours are from the Okabe-Ito palette, and nothing depends on colour alone: line style, hatching and markers say the
+same.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from qvi_contact.checks import FloatArray
+from qvi_contact.contact import ContactLine, ContactState
+from qvi_contact.errors import InputError
+from qvi_contact.result import ContactResult
+from qvi_contact.stress import principal_stresses
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+
+BLUE, ORANGE, GREEN, GREY, VERMILLION = "#0072B2", "#E69F00", "#009E73", "#666666", "#D55E00"
+
+_STATE_HATCH = {ContactState.OPEN: "..", ContactState.STICK: "", ContactState.SLIP: "//"}
+
+
+def require_matplotlib() -> None:
+    """Raise `InputError` with the command to type if matplotlib is missing."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        remedy = "pictures need matplotlib: python -m pip install 'qvi-contact[plot]'"
+        raise InputError("plot", "matplotlib", remedy) from error
+
+
+def principal_stress_map(axes: "Axes", result: ContactResult, largest: float | None = None) -> float:
+    """Draw the principal stresses as crosses at the 4×4 Gauss points of each cell.
+
+    A compressive stress is a solid line, a tensile one a dotted line with a round dot at each end; lengths are
+    proportional to the stress.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw; axes are in units of length.
+    result : ContactResult
+        The state.
+    largest : float, optional
+        Stress [stress] drawn at full length; the largest one by default.
+
+    Returns
+    -------
+    float
+        The largest |principal stress| at these points [stress].
+
+    """
+    x, y, stress = result.gauss_stress()
+    first, second, angle = principal_stresses(stress)
+    maximum = float(max(np.abs(first).max(), np.abs(second).max()))
+    mesh = result.problem.mesh
+    spacing = np.sqrt(np.outer(np.diff(mesh.y), np.diff(mesh.x))[mesh.active]) / 4.0
+    scale = 0.55 * spacing[:, None] / (largest or maximum or 1.0)
+    _draw_grid(axes, result)
+    for values, turn in ((first, 0.0), (second, np.pi / 2)):
+        half = np.stack([np.cos(angle + turn), np.sin(angle + turn)], axis=-1) * (scale * np.abs(values))[..., None]
+        ends = np.stack([x, y], axis=-1)[..., None, :] + half[..., None, :] * np.array([[-1.0], [1.0]])
+        visible = np.abs(values) > 1e-3 * maximum
+        axes.add_collection(_lines(ends[visible & (values < 0)], BLUE, "solid", 1.1))
+        tension = ends[visible & (values > 0)]
+        axes.add_collection(_lines(tension, VERMILLION, (0, (1, 1)), 1.1))
+        axes.plot(tension[..., 0].ravel(), tension[..., 1].ravel(), "o", color=VERMILLION, markersize=2)
+    axes.set_aspect("equal")
+    margin = 0.03 * mesh.length
+    axes.set_xlim(mesh.x[0] - margin, mesh.x[-1] + margin)
+    axes.set_ylim(mesh.y[0] - margin, mesh.y[-1] + margin)
+    return maximum
+
+
+def contact_tractions(axes: "Axes", line: ContactLine, stress_unit: str = "stress") -> None:
+    """Draw pressure, friction bound and |σ_T| along a contact, with its open, stick and slip parts shaded by hatching.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw.
+    line : ContactLine
+        The contact.
+    stress_unit : str
+        Unit for the label.
+
+    """
+    horizontal = np.ptp(line.x) >= np.ptp(line.y)
+    along = line.x if horizontal else line.y
+    order = np.argsort(along, kind="stable")
+    along = along[order]
+    pressure, bound = -line.normal_stress[order], line.friction_bound[order]
+    tangential = np.abs(line.tangential_stress[order])
+    _shade_states(
+        axes, along, line.state[order], top=1.15 * max(float(pressure.max()), float(tangential.max()), 1e-300)
+    )
+    axes.plot(along, pressure, color=GREY, marker="s", markersize=3, label="pressure $-\\sigma_N$")
+    axes.plot(along, bound, color=BLUE, linestyle="--", marker="^", markersize=3, label="bound $\\mu|\\sigma_N|$")
+    axes.plot(along, tangential, color=VERMILLION, linestyle=":", marker="o", markersize=3, label="$|\\sigma_T|$")
+    axes.set_xlabel(f"{'x' if horizontal else 'y'} [length]")
+    axes.set_ylabel(f"traction [{stress_unit}]")
+
+
+def _shade_states(axes: "Axes", along: FloatArray, state: np.ndarray, top: float) -> None:
+    middles = (along[1:] + along[:-1]) / 2.0
+    borders = np.concatenate([along[:1], middles, along[-1:]])
+    seen = set()
+    for begin, end, value in zip(borders[:-1], borders[1:], state.tolist(), strict=True):
+        kind = ContactState(value)
+        label = kind.name.lower() if kind not in seen else None
+        seen.add(kind)
+        axes.axvspan(
+            begin, end, facecolor="none", edgecolor="#bbbbbb", hatch=_STATE_HATCH[kind], linewidth=0, label=label
+        )
+    axes.set_ylim(0.0, top)
+
+
+def _draw_grid(axes: "Axes", result: ContactResult) -> None:
+    mesh = result.problem.mesh
+    row, column = np.nonzero(mesh.active)
+    left, right, low, high = mesh.x[column], mesh.x[column + 1], mesh.y[row], mesh.y[row + 1]
+    corners = [(left, low), (right, low), (right, high), (left, high), (left, low)]
+    outline = np.stack([np.column_stack(corner) for corner in corners], axis=1)
+    axes.add_collection(_lines(outline, "#cccccc", "solid", 0.6))
+
+
+def _lines(points: FloatArray, colour: str, style: object, width: float) -> "LineCollection":
+    from matplotlib.collections import LineCollection
+
+    return LineCollection(list(points), colors=colour, linestyles=[style], linewidths=width)

@@ -1,0 +1,130 @@
+"""The contact problem as the user states it: mesh, material, conditions, body force."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from qvi_contact.checks import Field, IntArray, check_field
+from qvi_contact.conditions import Condition, Contact, Displacement, Symmetry, Traction
+from qvi_contact.errors import InputError
+from qvi_contact.material import Material
+from qvi_contact.mesh import HORIZONTAL, VERTICAL, RectilinearMesh
+
+_COMPONENTS = ("x", "y")
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem:
+    """A body, what it is made of, and what happens on its boundary.
+
+    Parameters
+    ----------
+    mesh : RectilinearMesh
+        The body and its cells.
+    material : Material
+        Its material.
+    conditions : sequence of Traction, Displacement, Symmetry, Contact
+        One condition for every component of every boundary edge.
+    body_potential : float or function of (x, y)
+        Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. Zero by default.
+
+    Raises
+    ------
+    InputError
+        If a condition names an unknown edge set, two conditions overlap, a component of an edge has none, or two
+        contacts share a name.
+
+    """
+
+    mesh: RectilinearMesh
+    material: Material
+    conditions: Sequence[Condition]
+    body_potential: Field = 0.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.mesh, RectilinearMesh):
+            raise InputError("ContactProblem.mesh", self.mesh, "give a RectilinearMesh")
+        if not isinstance(self.material, Material):
+            raise InputError("ContactProblem.material", self.material, "give a Material")
+        object.__setattr__(self, "conditions", _checked_conditions(self.conditions))
+        check_field("ContactProblem.body_potential", self.body_potential)
+        names = [contact.name for contact in self.contacts]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError("Contact.name", name, "give each contact a name of its own")
+        _check_complete(self)
+
+    @cached_property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contact conditions, in the order given."""
+        return tuple(condition for condition in self.conditions if isinstance(condition, Contact))
+
+    @cached_property
+    def owners(self) -> IntArray:
+        """Index of the condition that rules each component of each boundary edge, shape (2, edges); −1 for none."""
+        owner = np.full((2, len(self.mesh.boundary)), -1)
+        for index, condition in enumerate(self.conditions):
+            for component in _components_of(condition):
+                chosen = self.mesh.edge_set(condition.edges)
+                taken = owner[component, chosen]
+                if (taken >= 0).any():
+                    other = self.conditions[taken[taken >= 0][0]]
+                    edge = chosen[np.argmax(taken >= 0)]
+                    _raise_on_edge(self.mesh, condition.edges, component, edge, f"is already ruled by {_name(other)}")
+                owner[component, chosen] = index
+        return owner
+
+    def prescribed(self, kind: type[Traction] | type[Displacement]) -> Iterator[tuple[int, IntArray, Field]]:
+        """Prescribed data of one kind as (component, boundary edges, values), symmetry lines included."""
+        for condition in self.conditions:
+            edges = self.mesh.edge_set(condition.edges)
+            if isinstance(condition, kind):
+                for component, name in enumerate(_COMPONENTS):
+                    value: Field | None = getattr(condition, name)
+                    if value is not None:
+                        yield component, edges, value
+            elif isinstance(condition, Symmetry):
+                axis = self.mesh.boundary.axis[edges]
+                for component in (0, 1):
+                    along = axis == (HORIZONTAL if component == 0 else VERTICAL)
+                    chosen = edges[along if kind is Traction else ~along]
+                    if len(chosen):
+                        yield component, chosen, 0.0
+
+
+def _checked_conditions(conditions: object) -> tuple[Condition, ...]:
+    if not isinstance(conditions, Sequence) or isinstance(conditions, str):
+        raise InputError("ContactProblem.conditions", conditions, "give a list of boundary conditions")
+    for condition in conditions:
+        if not isinstance(condition, (Traction, Displacement, Symmetry, Contact)):
+            remedy = "each entry must be a Traction, Displacement, Symmetry or Contact"
+            raise InputError("ContactProblem.conditions", condition, remedy)
+    return tuple(conditions)
+
+
+def _components_of(condition: Condition) -> tuple[int, ...]:
+    if isinstance(condition, (Traction, Displacement)):
+        return tuple(i for i, name in enumerate(_COMPONENTS) if getattr(condition, name) is not None)
+    return 0, 1
+
+
+def _name(condition: Condition) -> str:
+    return f"{type(condition).__name__}({condition.edges!r})"
+
+
+def _check_complete(problem: ContactProblem) -> None:
+    missing = problem.owners < 0
+    if missing.any():
+        component, edge = np.argwhere(missing)[0]
+        mesh = problem.mesh
+        names = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
+        remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
+        _raise_on_edge(mesh, names[0], int(component), int(edge), remedy)
+
+
+def _raise_on_edge(mesh: RectilinearMesh, name: str, component: int, edge: int, remedy: str) -> None:
+    x, y = mesh.boundary_midpoints[edge]
+    place = f"component {_COMPONENTS[component]} of the edge around ({x:.6g}, {y:.6g})"
+    raise InputError("ContactProblem.conditions", name, f"{place} {remedy}")
