@@ -116,7 +116,7 @@ def _node_stencil(integrals: FloatArray) -> FloatArray:
 
 
 def _add_products(blocks: FloatArray, along_x: FloatArray, along_y: FloatArray) -> None:
-    """Add Σ_t along_y[t] ⊗ along_x[t] to blocks (j, i, r, p, v, u, s, q), one row of nodes at a time to stay in cache."""
+    """Add Σ_t along_y[t] ⊗ along_x[t] to blocks (j, i, r, p, v, u, s, q), row by row of nodes to stay in cache."""
     terms, nodes = along_x.shape[:2]
     right = along_x.reshape(terms, -1)
     for target, left in zip(blocks, np.moveaxis(along_y, 1, 0), strict=True):

@@ -99,10 +99,11 @@ def contact_states(
     With p = −σ_N/S, t = |σ_T|/S, b = μ|σ_N|/S and d = gap/D, v = |slip|/D in the units S, D given, the point is
 
     * open if p ≤ d + tolerance: the gap outweighs the pressure, or nothing presses it;
-    * else slip if b − t < v + tolerance · (t > 0 or v > tolerance): what is left of the bound is outweighed by the slip;
+    * else slip if b − t < v + tolerance and the point moves or is loaded (v or t above the tolerance): the slip
+      outweighs what is left of the bound;
     * else stick.
 
-    A point without friction slips if v > tolerance. The tolerance, 1e-6 of the units, sits above what a solution
+    The tolerance, 1e-6 of the units, sits above what a solution
     certified at 1e-8 can blur; exactly on the edge between two states either answer is right.
 
     Returns
@@ -187,14 +188,16 @@ def _project_tangential(rows: ContactRows, functional: FloatArray, fixed: IntArr
     quadratic = sparse.csr_array((np.tile(shape, (e, 1)).ravel(), index), shape=(e * points.count, n + e))
 
     blind = np.flatnonzero(np.isin(nodes, fixed))
-    tested = np.setdiff1d(np.arange(n + e), blind)
+    seen = np.setdiff1d(np.arange(n + e), blind)
+    tested = sparse.csr_array((np.ones(len(seen)), (np.arange(len(seen)), seen)), shape=(len(seen), n + e))
     trial = _linear_at_ends(columns, n + e, blind)
     mass = quadratic.T @ (sparse.diags_array(points.weights) @ quadratic)
-    if len(tested) == trial.shape[1]:
-        solution = trial @ linalg.spsolve(sparse.csc_array((mass @ trial)[tested]), (quadratic.T @ functional)[tested])
+    if len(seen) == trial.shape[1]:
+        solution = trial @ linalg.spsolve(sparse.csc_array(tested @ mass @ trial), tested @ (quadratic.T @ functional))
     else:  # one edge with both ends prescribed: only the mean against the bubble is known
-        system = (mass @ trial)[tested].toarray()
-        solution = trial @ np.linalg.lstsq(system, (quadratic.T @ functional)[tested], rcond=None)[0]
+        system = (tested @ mass @ trial).toarray()
+        right = np.asarray(quadratic.T @ functional)[seen]
+        solution = trial @ np.linalg.lstsq(system, right, rcond=None)[0]
     return np.asarray(quadratic @ solution)
 
 

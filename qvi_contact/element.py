@@ -50,7 +50,7 @@ class Line:
     def scales(self) -> FloatArray:
         """Slope scale s at every line: the geometric mean of the adjacent lengths, shape (n + 1,)."""
         padded = np.concatenate([self.sizes[:1], self.sizes, self.sizes[-1:]])
-        return np.sqrt(padded[:-1] * padded[1:])
+        return np.asarray(np.sqrt(padded[:-1] * padded[1:]))
 
     @cached_property
     def end_scales(self) -> FloatArray:
@@ -89,7 +89,7 @@ class Grid:
         one_x, one_y = np.ones_like(self.x.scales), np.ones_like(self.y.scales)
         scale_x = np.stack([one_x, self.x.scales], axis=-1)
         scale_y = np.stack([one_y, self.y.scales], axis=-1)
-        return np.einsum("jr,ip->jirp", scale_y, scale_x).reshape(len(one_y), len(one_x), 4)
+        return np.asarray(np.einsum("jr,ip->jirp", scale_y, scale_x)).reshape(len(one_y), len(one_x), 4)
 
     def cell_dofs(self, column: IntArray, row: IntArray) -> IntArray:
         """Global numbers of the 16 degrees of freedom of the given cells, shape (..., 16)."""

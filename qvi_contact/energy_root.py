@@ -14,12 +14,12 @@ whose second derivative contains the δ alone.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.checks import BoolArray, FloatArray
+from qvi_contact.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element import GAUSS_COUNT, STRESS_DERIVATIVES, Grid
 from qvi_contact.hermite import gauss_legendre, hermite
 
@@ -27,6 +27,7 @@ from qvi_contact.hermite import gauss_legendre, hermite
 _DIFFERENCES = np.array([[1.0, 0, 0, 0], [-1, 0, 1, 0], [1, 1, -1, 0], [1, 0, -1, 1]])
 
 
+@cache
 def _difference_basis(derivative: int) -> FloatArray:
     """Functions 1, t, t − 2t² + t³, t³ − t², or their derivatives, at the Gauss points; shape (points, 4)."""
     t, _ = gauss_legendre(GAUSS_COUNT)
@@ -88,19 +89,19 @@ class StressRoot:
         return np.sqrt(np.outer(size, np.outer(w, w).ravel()))[..., None]
 
     @cached_property
-    def _dofs(self) -> np.ndarray:
+    def _dofs(self) -> IntArray:
         row, column = np.nonzero(self.active)
         return self.grid.cell_dofs(column, row)
 
     @cached_property
     def _slope_factors(self) -> FloatArray:
-        """Stored degrees of freedom times this are reference values (v, h_x Φ_x, h_y Φ_y, h_x h_y Φ_xy); (cells, 16)."""
+        """Factors that turn stored values into (Φ, h_x Φ_x, h_y Φ_y, h_x h_y Φ_xy), shape (cells, 16)."""
         row, column = np.nonzero(self.active)
         one = np.ones_like(self.grid.x.end_scales)
         in_x = np.stack([one, self.grid.x.sizes[:, None] / self.grid.x.end_scales], axis=-1)[column]
         one = np.ones_like(self.grid.y.end_scales)
         in_y = np.stack([one, self.grid.y.sizes[:, None] / self.grid.y.end_scales], axis=-1)[row]
-        return np.einsum("cap,cbr->cbarp", in_x, in_y).reshape(-1, 16)
+        return np.asarray(np.einsum("cap,cbr->cbarp", in_x, in_y)).reshape(-1, 16)
 
     @cached_property
     def _derivative_factors(self) -> FloatArray:
@@ -128,4 +129,6 @@ class StressRoot:
             values += _difference_basis(j).T @ part @ _difference_basis(i)
         values = _DIFFERENCES.T @ values @ _DIFFERENCES
         values = values.reshape(-1, 2, 2, 2, 2).transpose(0, 1, 3, 2, 4).reshape(-1, 16) * self._slope_factors
-        return np.bincount(self._dofs.ravel(), weights=values.ravel(), minlength=len(self.particular))
+        total = np.zeros(len(self.particular))
+        total += np.bincount(self._dofs.ravel(), weights=values.ravel(), minlength=len(total))
+        return total

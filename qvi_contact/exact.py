@@ -106,9 +106,17 @@ def problem_from_state(
 
     Parameters
     ----------
+    state : ExactState
+        The state.
+    mesh : RectilinearMesh
+        A full rectangle, of any grid lines.
+    material : Material
+        The material the state was made for.
     sides : mapping
         For each side of the rectangle two letters, for components x and y: "t" takes the traction, "u" the
         displacement from the state. "cc" leaves the side to `contacts`.
+    contacts : tuple of conditions
+        Conditions of those sides.
 
     Raises
     ------

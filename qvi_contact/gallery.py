@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 
 from qvi_contact.checks import Field, FloatArray
-from qvi_contact.conditions import Contact, Symmetry, Traction
+from qvi_contact.conditions import Condition, Contact, Symmetry, Traction
 from qvi_contact.errors import InputError
 from qvi_contact.exact import ExactState, problem_from_state, uniform
 from qvi_contact.material import Material
@@ -47,7 +47,7 @@ def compressed_plate(
 
     """
     mesh = RectilinearMesh.rectangle(cells, width, height, grading=grading)
-    conditions = [
+    conditions: list[Condition] = [
         Symmetry("left"),
         Symmetry("bottom"),
         Traction("right", x=0.0, y=0.0),

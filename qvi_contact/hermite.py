@@ -4,6 +4,8 @@ Everything the Bogner-Fox-Schmit element needs is a tensor product of these, so 
 nothing depends on where the element lies in the plane.
 """
 
+from functools import cache
+
 import numpy as np
 from numpy.polynomial import polynomial
 
@@ -37,7 +39,7 @@ def hermite(t: FloatArray, derivative: int = 0) -> FloatArray:
 
     """
     coefficients = _COEFFICIENTS.T if derivative == 0 else polynomial.polyder(_COEFFICIENTS.T, derivative)
-    values = np.moveaxis(polynomial.polyval(np.asarray(t, dtype=float), coefficients), 0, -1)
+    values = np.moveaxis(np.asarray(polynomial.polyval(np.asarray(t, dtype=float), coefficients)), 0, -1)
     return values.reshape(*np.shape(t), 2, 2)
 
 
@@ -70,7 +72,10 @@ def scaled_hermite(t: FloatArray, length: FloatArray, scale: FloatArray, derivat
     return np.stack([values[..., 0] + np.zeros_like(slopes), slopes], axis=-1)
 
 
+@cache
 def gauss_legendre(count: int) -> tuple[FloatArray, FloatArray]:
     """Gauss-Legendre points and weights on [0, 1], exact for polynomials of degree 2·count − 1."""
     points, weights = np.polynomial.legendre.leggauss(count)
-    return (points + 1.0) / 2.0, weights / 2.0
+    points, weights = (points + 1.0) / 2.0, weights / 2.0
+    points.flags.writeable = weights.flags.writeable = False
+    return points, weights

@@ -1,6 +1,7 @@
 """Prescribed tractions, displacements, body forces and obstacles as links and load vectors, dimensionless."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,7 @@ def traction_links(problem: ContactProblem, grid: Grid, scales: Scales) -> Links
         if len(chosen):
             slopes.append(_shear_link(problem, grid, scales, chosen, name, field, slope_kind))
             twists += list(_shear_values(problem, scales, chosen, name, field))
-    return Links(*_stack(slopes, 3), *_stack(values, 5), *_stack(twists, 2))
+    return Links(*_stack(slopes, 2, 1), *_stack(values, 3, 2), *_stack(twists, 1, 1))
 
 
 def _normal_integrals(
@@ -89,12 +90,10 @@ def _shear_values(
         yield nodes, -edges.sign * evaluate(name, field, x, y) / scales.stress
 
 
-def _stack(rows: list[tuple[np.ndarray, ...]], width: int) -> list[np.ndarray]:
-    """Concatenate a list of tuples of arrays column by column; integer columns stay integer when empty."""
-    if rows:
-        return [np.concatenate(column) for column in zip(*rows, strict=True)]
-    integer = {3: 2, 5: 3, 2: 1}[width]
-    return [np.empty(0, dtype=np.int64 if i < integer else np.float64) for i in range(width)]
+def _stack(rows: Sequence[tuple[Any, ...]], integers: int, floats: int) -> list[Any]:
+    """Concatenate tuples of arrays, first integer then float ones, column by column; no tuples give empty arrays."""
+    empty = (*[np.empty(0, dtype=np.int64)] * integers, *[np.empty(0)] * floats)
+    return [np.concatenate(column) for column in zip(empty, *rows, strict=True)]
 
 
 def displacement_load(problem: ContactProblem, grid: Grid, scales: Scales) -> FloatArray:

@@ -85,7 +85,7 @@ def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0) ->
     if not start < stop:
         raise InputError("stop", stop, f"give a number greater than start = {start:g}")
     sizes = grading ** np.arange(cells, dtype=float)
-    lines = start + (stop - start) * np.concatenate([[0.0], np.cumsum(sizes)]) / sizes.sum()
+    lines: FloatArray = start + (stop - start) * np.concatenate([[0.0], np.cumsum(sizes)]) / sizes.sum()
     lines[-1] = stop
     return lines
 
@@ -255,7 +255,7 @@ def _checked_lines(name: str, lines: ArrayLike) -> FloatArray:
         raise InputError(name, lines, "give strictly increasing grid lines")
     resolution = 1e3 * np.finfo(float).eps * np.abs(values).max()
     if steps.min() <= resolution:
-        remedy = f"cells narrower than {resolution:.1e} vanish in rounding here: move the domain to the origin or merge lines"
+        remedy = f"cells below {resolution:.1e} vanish in rounding: move the domain to the origin or merge lines"
         raise InputError(name, float(steps.min()), remedy)
     values.flags.writeable = False
     return values

@@ -4,13 +4,15 @@ Colours are from the Okabe-Ito palette, and nothing depends on colour alone: lin
 same.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray
+from qvi_contact.checks import FloatArray, IntArray
 from qvi_contact.contact import ContactLine, ContactState
+from qvi_contact.element import GAUSS_COUNT
 from qvi_contact.errors import InputError
+from qvi_contact.hermite import gauss_legendre
 from qvi_contact.result import ContactResult
 from qvi_contact.stress import principal_stresses
 
@@ -20,7 +22,11 @@ if TYPE_CHECKING:
 
 BLUE, ORANGE, GREEN, GREY, VERMILLION = "#0072B2", "#E69F00", "#009E73", "#666666", "#D55E00"
 
-_STATE_HATCH = {ContactState.OPEN: "..", ContactState.STICK: "", ContactState.SLIP: "//"}
+_STATE_STYLE: dict[ContactState, dict[str, Any]] = {
+    ContactState.OPEN: {"facecolor": "none", "edgecolor": "#bbbbbb", "hatch": ".."},
+    ContactState.STICK: {"facecolor": "#eeeeee", "edgecolor": "none"},
+    ContactState.SLIP: {"facecolor": "none", "edgecolor": "#bbbbbb", "hatch": "//"},
+}
 
 
 def require_matplotlib() -> None:
@@ -58,7 +64,7 @@ def principal_stress_map(axes: "Axes", result: ContactResult, largest: float | N
     maximum = float(max(np.abs(first).max(), np.abs(second).max()))
     mesh = result.problem.mesh
     spacing = np.sqrt(np.outer(np.diff(mesh.y), np.diff(mesh.x))[mesh.active]) / 4.0
-    scale = 0.55 * spacing[:, None] / (largest or maximum or 1.0)
+    scale = 0.5 * spacing[:, None] / (largest or maximum or 1.0)
     _draw_grid(axes, result)
     for values, turn in ((first, 0.0), (second, np.pi / 2)):
         half = np.stack([np.cos(angle + turn), np.sin(angle + turn)], axis=-1) * (scale * np.abs(values))[..., None]
@@ -94,9 +100,8 @@ def contact_tractions(axes: "Axes", line: ContactLine, stress_unit: str = "stres
     along = along[order]
     pressure, bound = -line.normal_stress[order], line.friction_bound[order]
     tangential = np.abs(line.tangential_stress[order])
-    _shade_states(
-        axes, along, line.state[order], top=1.15 * max(float(pressure.max()), float(tangential.max()), 1e-300)
-    )
+    largest = max(float(pressure.max()), float(tangential.max()))
+    _shade_states(axes, along, line.weights[order], line.state[order], top=1.15 * (largest or 1.0))
     axes.plot(along, pressure, color=GREY, marker="s", markersize=3, label="pressure $-\\sigma_N$")
     axes.plot(along, bound, color=BLUE, linestyle="--", marker="^", markersize=3, label="bound $\\mu|\\sigma_N|$")
     axes.plot(along, tangential, color=VERMILLION, linestyle=":", marker="o", markersize=3, label="$|\\sigma_T|$")
@@ -104,17 +109,15 @@ def contact_tractions(axes: "Axes", line: ContactLine, stress_unit: str = "stres
     axes.set_ylabel(f"traction [{stress_unit}]")
 
 
-def _shade_states(axes: "Axes", along: FloatArray, state: np.ndarray, top: float) -> None:
-    middles = (along[1:] + along[:-1]) / 2.0
-    borders = np.concatenate([along[:1], middles, along[-1:]])
-    seen = set()
-    for begin, end, value in zip(borders[:-1], borders[1:], state.tolist(), strict=True):
-        kind = ContactState(value)
-        label = kind.name.lower() if kind not in seen else None
-        seen.add(kind)
-        axes.axvspan(
-            begin, end, facecolor="none", edgecolor="#bbbbbb", hatch=_STATE_HATCH[kind], linewidth=0, label=label
-        )
+def _shade_states(axes: "Axes", along: FloatArray, weights: FloatArray, state: IntArray, top: float) -> None:
+    """Shade each point's share of its edge; Gauss weights add up to the edge, so the shares meet."""
+    lengths = weights.reshape(-1, GAUSS_COUNT)
+    starts = along[::GAUSS_COUNT] - gauss_legendre(GAUSS_COUNT)[0][0] * lengths.sum(axis=1)
+    ends = (starts[:, None] + np.cumsum(lengths, axis=1)).ravel()
+    for kind in sorted(set(state.tolist())):
+        chosen = state == kind
+        bars = {"bottom": 0.0, "align": "edge", "linewidth": 0, **_STATE_STYLE[ContactState(kind)]}
+        axes.bar((ends - weights)[chosen], top, weights[chosen], label=ContactState(kind).name.lower(), **bars)
     axes.set_ylim(0.0, top)
 
 

@@ -156,10 +156,8 @@ def _step(
 ) -> None:
     """One outer iteration: inner problem, residual, record, next s."""
     began = time.perf_counter()
-    threshold = form.threshold(qvi.threshold(state.s))
-    centre = form.centre(state.inner, state.previous)
-    inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, state.inner)
-    usable = inner.status.usable and inner.finite
+    inner = _solve_inner(qvi, form, solver, state)
+    usable = _is_usable(inner)
     result = form.expand(inner) if usable else no_result(qvi, inner.status, inner.message, inner.seconds)
     number = len(state.history) + 1
     if not usable:
@@ -181,6 +179,20 @@ def _step(
         state.s = _next(qvi, state, g)
     if state.reason is None and number >= options.max_iterations:
         state.reason = Status.MAX_ITERATIONS
+
+
+def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _State) -> InnerSolution:
+    """The inner problem about the last result; a back end that fails there gets one more try about the start."""
+    threshold = form.threshold(qvi.threshold(state.s))
+    centre = form.centre(state.inner, state.previous)
+    inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, state.inner)
+    if _is_usable(inner) or state.inner is None:
+        return inner
+    return solver.solve(threshold, form.centre(None, None), None)
+
+
+def _is_usable(inner: InnerSolution) -> bool:
+    return inner.status.usable and inner.finite
 
 
 def _residual(qvi: FrictionQVI, g: Vector, s: Vector) -> float:

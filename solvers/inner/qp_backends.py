@@ -125,7 +125,7 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
         "highs": QPBackend(
             "highspy",
             tolerances=("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
-            options={"qp_regularization_value": 1e-13},  # its default, 1e-7, is the relative error of z
+            options={"qp_regularization_value": 1e-11},  # its default, 1e-7, is the relative error of one solve
             floor=1e-10,
         ),
         "osqp": QPBackend(

@@ -65,7 +65,13 @@ def test_bad_friction_is_refused(friction):
 
 @pytest.mark.parametrize(
     "friction",
-    [lambda x, y: -x, lambda x, y: x * np.nan, lambda x: x, lambda x, y: np.ones(3), lambda x, y: "rough"],
+    [
+        lambda x, y: -x - y,
+        lambda x, y: x * y * np.nan,
+        lambda x: x,
+        lambda x, y: np.ones(len(x) + len(y) - 1),
+        lambda x, y: f"rough {x} {y}",
+    ],
 )
 def test_bad_friction_functions_are_refused(friction):
     with pytest.raises(InputError, match=r"Contact\.friction"):

@@ -1,0 +1,1 @@
+"""Experiments on contact problems and their solvers: ``python -m comparisons --help``."""

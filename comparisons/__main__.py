@@ -1,0 +1,6 @@
+"""Entry point of ``python -m comparisons``."""
+
+from comparisons.cli import group
+from qvi_contact.terminal import run
+
+run(group, "comparisons")

@@ -1,0 +1,1 @@
+"""The paper's plate: printed numbers, the computations beside them, and the report."""

@@ -1,0 +1,119 @@
+"""Pictures of the paper's plate."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from comparisons.paper.study import PaperStudy, half_force
+from qvi_contact import ContactResult
+from qvi_contact.checks import FloatArray
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, principal_stress_map, require_matplotlib
+from qvi_contact.plots import contact_tractions as draw_tractions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def _figure(width: float, height: float) -> "Figure":
+    require_matplotlib()
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    mpl.rcParams.update({"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.linewidth": 0.5})
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def principal_stresses(study: PaperStudy) -> "Figure":
+    """Figures 2-5 (upper row, after the paper's iterations) and the converged states (lower row)."""
+    figure = _figure(13.0, 7.9)
+    axes = figure.subplots(2, 4, sharex=True, sharey=True)
+    largest = max(printed for _, printed in study.reference.figures.values())
+    for column, (friction, (number, printed)) in enumerate(study.reference.figures.items()):
+        row = study.row(friction)
+        upper, lower = axes[:, column]
+        ours = principal_stress_map(upper, row.uzawa, largest)
+        upper.set_title(f"Fig. {number}, μ = {friction:g}, Uzawa {study.reference.iterations}\n"
+                        f"max {ours:.2f}, printed {printed:.2f} MPa")  # fmt: skip
+        converged = principal_stress_map(lower, row.reference, largest)
+        lower.set_title(f"converged, μ = {friction:g}\nmax {converged:.2f} MPa")
+        lower.set_xlabel("x [length]")
+    for left in axes[:, 0]:
+        left.set_ylabel("y [length]")
+    figure.suptitle("Principal stresses of the quarter plate: compression solid, tension dotted with round ends")
+    return figure
+
+
+def contact_tractions(study: PaperStudy) -> "Figure":
+    """Converged pressure, friction bound and tangential traction on the plate's contact."""
+    chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2, 0.3)]
+    figure = _figure(13.0, 3.8)
+    axes = figure.subplots(1, len(chosen), sharey=True)
+    for panel, row in zip(axes, chosen, strict=True):
+        draw_tractions(panel, row.reference.contacts["plate"], "MPa")
+        panel.set_title(f"μ = {row.friction:g}")
+        panel.label_outer()
+    handles = {
+        label: handle for panel in axes for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles))
+    figure.suptitle("Contact tractions, converged; hatching marks the state of each point")
+    return figure
+
+
+def convergence(study: PaperStudy) -> "Figure":
+    """Error of P/2 against the number of iterations, Uzawa and fixed point."""
+    figure = _figure(9.0, 4.4)
+    left, right = figure.subplots(1, 2, sharey=True)
+    chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2)]
+    styles = [(BLUE, "-", "o"), (ORANGE, "--", "s"), (GREEN, ":", "^")]
+    for row, (colour, line, marker) in zip(chosen, styles, strict=True):
+        label = f"μ = {row.friction:g}"
+        solution = -row.reference.history[-1].normal_resultant
+        left.semilogy(*_errors(row.uzawa_converged, solution), color=colour, linestyle=line, label=label)
+        right.semilogy(*_errors(row.plain, solution), color=colour, linestyle=line, marker=marker, label=label)
+    left.axvline(study.reference.iterations, color=GREY, linewidth=0.8)
+    left.annotate(
+        f"the paper stopped here ({study.reference.iterations})",
+        (study.reference.iterations, 0.97),
+        xycoords=("data", "axes fraction"),
+        xytext=(5, 0),
+        textcoords="offset points",
+        va="top",
+        color=GREY,
+    )
+    left.set_title("Uzawa, accumulating rule")
+    right.set_title("fixed point (plain), one convex QP each")
+    for panel in (left, right):
+        panel.set_xlabel("iterations")
+        panel.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
+        panel.legend()
+    right.xaxis.get_major_locator().set_params(integer=True)
+    left.set_ylabel("relative error of P/2")
+    left.set_ylim(bottom=1e-13)
+    return figure
+
+
+def _errors(result: ContactResult, solution: float) -> tuple[FloatArray, FloatArray]:
+    number = np.array([float(record.number) for record in result.history])
+    force = -np.array([record.normal_resultant for record in result.history])
+    return number, np.maximum(np.abs(force / solution - 1.0), 1e-16)
+
+
+def table_1(study: PaperStudy) -> "Figure":
+    """Table 1 as a picture: printed forces, Uzawa after the same iterations, the solution."""
+    figure = _figure(6.4, 4.4)
+    axes = figure.subplots()
+    friction = [row.friction for row in study.rows]
+    n = study.reference.iterations
+    axes.plot(friction, [half_force(row.reference) for row in study.rows], color=BLUE, marker="o", markersize=4,
+              label="solution (fixed point, QP and SOCP)")  # fmt: skip
+    axes.plot(friction, [half_force(row.uzawa) for row in study.rows], color=VERMILLION, linestyle="--",
+              label=f"Uzawa after {n} iterations")  # fmt: skip
+    axes.plot(friction, [row.printed for row in study.rows], color="black", marker="x", linestyle="none",
+              markersize=7, label="paper, Table 1")  # fmt: skip
+    axes.set_xlabel("friction coefficient μ [-]")
+    axes.set_ylabel("P/2 [MPa × length]")
+    axes.set_title("Table 1 is the state after 30 iterations, not the solution" if n == 30 else "Table 1")
+    axes.grid(visible=True, color="#dddddd", linewidth=0.5)
+    axes.legend()
+    return figure

@@ -1,0 +1,52 @@
+"""The numbers that Więckowski (1992) prints."""
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Data of the paper's section 5.
+
+    Attributes
+    ----------
+    young, poisson, displacement, cells, iterations, omega_T
+        Data of the example; E in MPa, U and ω_T in the paper's unit of length.
+    table : dict
+        Friction coefficient to P/2 of Table 1.
+    figures : dict
+        Friction coefficient to (number, largest |principal stress| in MPa) of Figs 2-5.
+    exact_without_friction : float
+        P/2 = E U.
+
+    """
+
+    young: float
+    poisson: float
+    displacement: float
+    cells: int
+    iterations: int
+    omega_T: float  # noqa: N815  # the paper's symbol
+    table: dict[float, float]
+    figures: dict[float, tuple[int, float]]
+    exact_without_friction: float
+
+
+@cache
+def load() -> Reference:
+    """Read the data file of the package."""
+    data = tomllib.loads(files("comparisons").joinpath("data/wieckowski_1992.toml").read_text(encoding="utf-8"))
+    table, figures = data.pop("table_1"), data.pop("figures")
+    return Reference(
+        **data,
+        table=dict(zip(table["friction"], table["half_force"], strict=True)),
+        figures={
+            mu: (number, stress)
+            for number, mu, stress in zip(
+                figures["number"], figures["friction"], figures["max_principal_stress"], strict=True
+            )
+        },
+        exact_without_friction=table["half_force_without_friction"],
+    )

@@ -1,0 +1,169 @@
+"""Everything that is computed about the paper's plate."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from comparisons.paper.reference import Reference, load
+from qvi_contact import ContactResult, Discretization, discretize, principal_stresses, solve
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.terminal import Advance
+from solvers import available
+
+SHRINKING = 100.0
+"""Iterations after which the shrinking step of the frictionless Uzawa run has halved."""
+
+REFERENCE_INNER = "direct:clarabel"
+TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """All runs for one friction coefficient.
+
+    Attributes
+    ----------
+    friction : float
+        μ.
+    printed : float
+        P/2 of Table 1.
+    uzawa : ContactResult
+        The paper's number of iterations with the accumulating rule.
+    uzawa_printed_rule : ContactResult
+        The same with the rule as printed.
+    uzawa_converged : ContactResult
+        Accumulating rule to the tolerance; at μ = 0 with a shrinking step.
+    reference : ContactResult
+        Fixed point, what all others are compared with.
+    back_ends : dict
+        Inner solver to its fixed point.
+    plain : ContactResult
+        Fixed point without acceleration, for the convergence picture.
+
+    """
+
+    friction: float
+    printed: float
+    uzawa: ContactResult
+    uzawa_printed_rule: ContactResult
+    uzawa_converged: ContactResult
+    reference: ContactResult
+    back_ends: dict[str, ContactResult]
+    plain: ContactResult
+
+    @property
+    def best_qp(self) -> ContactResult:
+        """The fixed point by a quadratic program (Clarabel through qpsolvers)."""
+        return self.back_ends["qp:clarabel"]
+
+    @property
+    def best_socp(self) -> ContactResult:
+        """The fixed point by a second-order cone program (Clarabel through cvxpy)."""
+        return self.back_ends["socp:clarabel"]
+
+
+@dataclass(frozen=True, eq=False)
+class PaperStudy:
+    """The study's results.
+
+    Attributes
+    ----------
+    reference : Reference
+        The printed numbers.
+    rows : tuple of Row
+        One for each friction coefficient of Table 1.
+    cycle : tuple of float
+        The two values of P/2 between which the accumulating rule alternates without friction.
+
+    """
+
+    reference: Reference
+    rows: tuple[Row, ...]
+    cycle: tuple[float, ...]
+
+    def row(self, friction: float) -> Row:
+        """The row of one friction coefficient."""
+        return next(row for row in self.rows if row.friction == friction)
+
+
+def half_force(result: ContactResult) -> float:
+    """P/2: the quarter's contact force [MPa × length], NaN without a stress state."""
+    if not np.isfinite(result.solution.z).all():
+        return float("nan")
+    return result.contacts["plate"].normal_force
+
+
+def largest_principal_stress(result: ContactResult) -> float:
+    """Largest |principal stress| [MPa] over the 4×4 Gauss points of each element."""
+    _, _, stress = result.gauss_stress()
+    first, second, _ = principal_stresses(stress)
+    return float(max(np.abs(first).max(), np.abs(second).max()))
+
+
+def traction_difference(result: ContactResult, reference: ContactResult) -> float:
+    """Largest difference of the contact tractions over the reference's mean pressure."""
+    if not np.isfinite(result.solution.z).all():
+        return float("nan")
+    ours, theirs = result.contacts["plate"], reference.contacts["plate"]
+    difference = np.maximum(
+        np.abs(ours.normal_stress - theirs.normal_stress), np.abs(ours.tangential_stress - theirs.tangential_stress)
+    )
+    return float(difference.max() * theirs.weights.sum() / theirs.normal_force)
+
+
+def step_count() -> int:
+    """Progress steps of `run`."""
+    return len(load().table) * (1 + len(available()))
+
+
+def run(advance: Advance) -> PaperStudy:
+    """Compute everything; `advance` is called after each step."""
+    reference = load()
+    rows = tuple(_row(reference, friction, printed, advance) for friction, printed in reference.table.items())
+    return PaperStudy(reference, rows, _cycle(reference))
+
+
+def _problem(reference: Reference, friction: float) -> Discretization:
+    return discretize(
+        compressed_plate(
+            friction,
+            cells=(reference.cells, reference.cells),
+            young=reference.young,
+            poisson=reference.poisson,
+            displacement=reference.displacement,
+        )
+    )
+
+
+def _row(reference: Reference, friction: float, printed: float, advance: Advance) -> Row:
+    problem = _problem(reference, friction)
+    step = reference.omega_T / problem.scales.displacement
+    accumulating, as_printed = (
+        solve(problem, method="uzawa", rule=rule, omega_T=step, iterations=reference.iterations)
+        for rule in ("accumulating", "printed")
+    )
+    decay = SHRINKING if friction == 0.0 else None
+    converged = solve(problem, method="uzawa", tolerance=TOLERANCE, omega_T=step, step_decay=decay)
+    plain = solve(problem, inner=REFERENCE_INNER, tolerance=TOLERANCE, variant="plain")
+    advance(f"μ = {friction:.2f}")
+    back_ends = dict(_back_ends(problem, friction, advance))
+    return Row(friction, printed, accumulating, as_printed, converged, back_ends[REFERENCE_INNER], back_ends, plain)
+
+
+def _back_ends(problem: Discretization, friction: float, advance: Advance) -> Iterator[tuple[str, ContactResult]]:
+    for inner in available():
+        yield inner, solve(problem, inner=inner, tolerance=TOLERANCE)
+        advance(f"μ = {friction:.2f}, {inner}")
+
+
+def _cycle(reference: Reference) -> tuple[float, ...]:
+    """Values of P/2 in the last iterations of the frictionless run with a constant step, each once."""
+    problem = _problem(reference, 0.0)
+    step = reference.omega_T / problem.scales.displacement
+    result = solve(problem, method="uzawa", omega_T=step)
+    unit = problem.scales.stress * problem.scales.length
+    forces = [-unit * record.normal_resultant for record in result.history[-8:]]
+    distinct = [b for a, b in pairwise(sorted(forces)) if b - a > 1e-6 * abs(b)]
+    return (min(forces), *distinct)
