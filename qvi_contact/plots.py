@@ -100,25 +100,32 @@ def contact_tractions(axes: "Axes", line: ContactLine, stress_unit: str = "stres
     along = along[order]
     pressure, bound = -line.normal_stress[order], line.friction_bound[order]
     tangential = np.abs(line.tangential_stress[order])
-    largest = max(float(pressure.max()), float(tangential.max()))
-    _shade_states(axes, along, line.weights[order], line.state[order], top=1.15 * (largest or 1.0))
+    _shade_states(axes, along, line.weights[order], line.state[order])
     axes.plot(along, pressure, color=GREY, marker="s", markersize=3, label="pressure $-\\sigma_N$")
     axes.plot(along, bound, color=BLUE, linestyle="--", marker="^", markersize=3, label="bound $\\mu|\\sigma_N|$")
     axes.plot(along, tangential, color=VERMILLION, linestyle=":", marker="o", markersize=3, label="$|\\sigma_T|$")
+    axes.set_ylim(bottom=min(0.0, float(pressure.min())))
     axes.set_xlabel(f"{'x' if horizontal else 'y'} [length]")
     axes.set_ylabel(f"traction [{stress_unit}]")
 
 
-def _shade_states(axes: "Axes", along: FloatArray, weights: FloatArray, state: IntArray, top: float) -> None:
+def _shade_states(axes: "Axes", along: FloatArray, weights: FloatArray, state: IntArray) -> None:
     """Shade each point's share of its edge; Gauss weights add up to the edge, so the shares meet."""
     lengths = weights.reshape(-1, GAUSS_COUNT)
     starts = along[::GAUSS_COUNT] - gauss_legendre(GAUSS_COUNT)[0][0] * lengths.sum(axis=1)
     ends = (starts[:, None] + np.cumsum(lengths, axis=1)).ravel()
     for kind in sorted(set(state.tolist())):
         chosen = state == kind
-        bars = {"bottom": 0.0, "align": "edge", "linewidth": 0, **_STATE_STYLE[ContactState(kind)]}
-        axes.bar((ends - weights)[chosen], top, weights[chosen], label=ContactState(kind).name.lower(), **bars)
-    axes.set_ylim(0.0, top)
+        bars = {"align": "edge", "linewidth": 0, **_STATE_STYLE[ContactState(kind)]}
+        across = axes.get_xaxis_transform()  # heights as shares of the axes
+        axes.bar(
+            (ends - weights)[chosen],
+            1.0,
+            weights[chosen],
+            transform=across,
+            label=ContactState(kind).name.lower(),
+            **bars,
+        )
 
 
 def _draw_grid(axes: "Axes", result: ContactResult) -> None:

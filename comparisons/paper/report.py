@@ -247,6 +247,7 @@ def write(study: PaperStudy, folder: Path, advance: Advance) -> list[Path]:
         for suffix in (".png", ".svg"):
             with replacing(folder / f"{name}{suffix}") as temporary:
                 figure.savefig(temporary, dpi=150, metadata={"Date": None} if suffix == ".svg" else None)
+                figure.set_layout_engine("none")  # keep the layout just computed
             written.append(folder / f"{name}{suffix}")
         advance(name)
     return written

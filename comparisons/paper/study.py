@@ -17,6 +17,8 @@ SHRINKING = 100.0
 
 REFERENCE_INNER = "direct:clarabel"
 TOLERANCE = 1e-8
+PATIENCE = 6
+"""Outer iterations without progress after which a back end is taken at its word that it can do no better."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +156,7 @@ def _row(reference: Reference, friction: float, printed: float, advance: Advance
 
 def _back_ends(problem: Discretization, friction: float, advance: Advance) -> Iterator[tuple[str, ContactResult]]:
     for inner in available():
-        yield inner, solve(problem, inner=inner, tolerance=TOLERANCE)
+        yield inner, solve(problem, inner=inner, tolerance=TOLERANCE, patience=PATIENCE)
         advance(f"μ = {friction:.2f}, {inner}")
 
 
