@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from qvi_contact.contact import ContactLine, ContactState
     from qvi_contact.discretization import Discretization, discretize
     from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError
-    from qvi_contact.material import Material
+    from qvi_contact.material import Material, Region
     from qvi_contact.mesh import RectilinearMesh, graded_lines
     from qvi_contact.problem import ContactProblem
     from qvi_contact.result import ContactResult
@@ -34,6 +34,7 @@ _HOME = {
     "Material": "material",
     "QVIError": "errors",
     "RectilinearMesh": "mesh",
+    "Region": "material",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
     "Symmetry": "conditions",
@@ -56,6 +57,7 @@ __all__ = [
     "Material",
     "QVIError",
     "RectilinearMesh",
+    "Region",
     "SolveError",
     "SolverUnavailableError",
     "Symmetry",

@@ -1,5 +1,6 @@
 """The complementary energy ∫ cσ:τ of Bogner-Fox-Schmit cells, summed without a loop over cells."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 
@@ -72,8 +73,8 @@ class StencilMatrix:
         return np.broadcast_to(inside, (*inside.shape[:3], 4))
 
 
-def energy_matrix(grid: Grid, active: BoolArray, compliance: FloatArray) -> StencilMatrix:
-    """Matrix of the bilinear form ∫ c σ(Φ) : σ(Ψ) dx over the active cells.
+def energy_matrix(grid: Grid, parts: Sequence[tuple[BoolArray, FloatArray]]) -> StencilMatrix:
+    """Matrix of the bilinear form ∫ c σ(Φ) : σ(Ψ) dx over the cells of one or several materials.
 
     With D₁ = ∂_yy, D₂ = ∂_xx, D₃ = −∂_xy the form is Σ_kl c_kl ∫ D_k Φ D_l Ψ. On a block of cells that is the product
     of an x-range and a y-range every term is a Kronecker product of two one-dimensional matrices, so the work is done
@@ -83,12 +84,19 @@ def energy_matrix(grid: Grid, active: BoolArray, compliance: FloatArray) -> Sten
     ----------
     grid : Grid
         Grid lines, dimensionless.
-    active : (ny, nx) bool array
-        Cells of the body.
-    compliance : (3, 3) array
-        Dimensionless compliance c.
+    parts : sequence of ((ny, nx) bool array, (3, 3) array)
+        Cells, and their dimensionless compliance c.
 
     """
+    ny, nx = len(grid.y.sizes), len(grid.x.sizes)
+    blocks = np.zeros((ny + 1, nx + 1, 2, 2, 3, 3, 2, 2))
+    for cells, compliance in parts:
+        _add_energy(blocks, grid, cells, compliance)
+    return StencilMatrix(blocks.reshape(ny + 1, nx + 1, 4, 3, 3, 4))
+
+
+def _add_energy(blocks: FloatArray, grid: Grid, active: BoolArray, compliance: FloatArray) -> None:
+    """Add the energy of the active cells of one material to blocks (j, i, r, p, v, u, s, q)."""
     terms = [
         (compliance[k, m] * first[2] * second[2], (first[0], second[0]), (first[1], second[1]))
         for (k, first), (m, second) in product(enumerate(STRESS_DERIVATIVES), repeat=2)
@@ -96,14 +104,12 @@ def energy_matrix(grid: Grid, active: BoolArray, compliance: FloatArray) -> Sten
     ]
     in_x = np.stack([factor * grid.x.integrals(*orders) for factor, orders, _ in terms])
     in_y = np.stack([grid.y.integrals(*orders) for _, _, orders in terms])
-    ny, nx = active.shape
-    blocks = np.zeros((ny + 1, nx + 1, 2, 2, 3, 3, 2, 2))
     changes = np.flatnonzero((active[1:] != active[:-1]).any(axis=1)) + 1
-    for start, stop in pairwise([0, *changes.tolist(), ny]):
+    for start, stop in pairwise([0, *changes.tolist(), len(active)]):
         along_x = _node_stencil(in_x * active[start][:, None, None, None, None])
         along_y = _node_stencil(in_y[:, start:stop])
-        _add_products(blocks[start : stop + 1], along_x, along_y)
-    return StencilMatrix(blocks.reshape(ny + 1, nx + 1, 4, 3, 3, 4))
+        if active[start].any():
+            _add_products(blocks[start : stop + 1], along_x, along_y)
 
 
 def _node_stencil(integrals: FloatArray) -> FloatArray:

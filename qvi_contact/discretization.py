@@ -159,8 +159,11 @@ def _reduce(
     basis = elimination.basis()
     particular = elimination.particular
 
-    compliance = problem.material.compliance / scales.compliance
-    stencil = energy_matrix(grid, mesh.active, compliance)
+    parts = [
+        (mesh.active & (problem.material_numbers == number), material.compliance / scales.compliance)
+        for number, material in enumerate(problem.materials)
+    ]
+    stencil = energy_matrix(grid, parts)
     kept = elimination.kept
     K = stencil.submatrix(kept.reshape(*mesh.active_nodes.shape, 4))
     slave_rows = stencil.rows(elimination.slaves)
@@ -179,7 +182,14 @@ def _reduce(
         t0=T @ particular,
         mu=np.concatenate([np.empty(0), *(rows.friction for rows in contacts)]),
         W=np.concatenate([np.empty(0), *(rows.points.weights for rows in contacts)]),
-        root=StressRoot(grid, mesh.active, compliance, basis, particular, _potential_in_cells(problem, grid, scales)),
+        root=StressRoot(
+            grid,
+            mesh.active,
+            problem.compliances / scales.compliance,
+            basis,
+            particular,
+            _potential_in_cells(problem, grid, scales),
+        ),
         load=basis.T @ load,
     )
 

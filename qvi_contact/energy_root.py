@@ -49,8 +49,8 @@ class StressRoot:
         Dimensionless grid.
     active : (ny, nx) bool array
         Cells of the body.
-    compliance : (3, 3) array
-        Dimensionless compliance.
+    compliances : (cells, 3, 3) array
+        Dimensionless compliance of the active cells.
     basis, particular
         u = basis z + particular, see `Elimination`.
     potential : (cells, points) array
@@ -60,7 +60,7 @@ class StressRoot:
 
     grid: Grid
     active: BoolArray
-    compliance: FloatArray
+    compliances: FloatArray
     basis: sparse.csr_array
     particular: FloatArray
     potential: FloatArray
@@ -70,7 +70,7 @@ class StressRoot:
         stress = self._stress(self.basis @ z + self.particular)
         stress[..., 0] += self.potential
         stress[..., 1] += self.potential
-        return np.asarray(self._root_weights * (stress @ self._upper.T)).ravel()
+        return np.asarray(self._root_weights * (stress @ self._upper.swapaxes(1, 2))).ravel()
 
     def adjoint(self, r: FloatArray) -> FloatArray:
         """Rᵀ r, shape (n,)."""
@@ -79,7 +79,8 @@ class StressRoot:
 
     @cached_property
     def _upper(self) -> FloatArray:
-        return np.asarray(np.linalg.cholesky(self.compliance).T)
+        """U of each cell, shape (cells, 3, 3)."""
+        return np.asarray(np.linalg.cholesky(self.compliances).swapaxes(1, 2))
 
     @cached_property
     def _root_weights(self) -> FloatArray:

@@ -115,11 +115,11 @@ def body_load(problem: ContactProblem, grid: Grid, scales: Scales) -> FloatArray
         return load
     row, column = np.nonzero(problem.mesh.active)
     points, weights, (tx, ty) = cell_points(grid, column, row)
-    strain = problem.material.compliance[:, :2].sum(axis=1) / scales.compliance
+    strain = problem.compliances[:, :, :2].sum(axis=2) / scales.compliance
     factor = -weights * potential_at(problem, scales, points)
     shape = tx.shape
     rows = grid.stress_rows(np.broadcast_to(column[:, None], shape), np.broadcast_to(row[:, None], shape), tx, ty)
-    np.add.at(load, grid.cell_dofs(column, row), np.einsum("cg,k,cgkd->cd", factor, strain, rows))
+    np.add.at(load, grid.cell_dofs(column, row), np.einsum("cg,ck,cgkd->cd", factor, strain, rows))
     return load
 
 

@@ -1,12 +1,14 @@
 """Linear elastic material in plane stress or plane strain."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray, finite_number, positive_number
+from qvi_contact.checks import FloatArray, IntArray, finite_number, positive_number
 from qvi_contact.errors import InputError
+from qvi_contact.mesh import RectilinearMesh, on_line
 
 
 @dataclass(frozen=True)
@@ -58,3 +60,51 @@ class Material:
         direct = 1.0 + nu - coupling
         matrix = np.array([[direct, -coupling, 0.0], [-coupling, direct, 0.0], [0.0, 0.0, 2.0 * (1.0 + nu)]])
         return matrix / self.young
+
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangular part of the body with a material of its own.
+
+    Parameters
+    ----------
+    material : Material
+        Its material, in the plane state of the rest of the body.
+    x, y : (float, float), optional
+        Ranges [length] whose ends lie on grid lines; None reaches across the whole mesh.
+
+    Notes
+    -----
+    Across the border the tractions agree and the bodies are bonded.
+
+    """
+
+    material: Material
+    x: tuple[float, float] | None = None
+    y: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.material, Material):
+            raise InputError("Region.material", self.material, "give a Material")
+        for name, bounds in (("x", self.x), ("y", self.y)):
+            if bounds is not None and not (isinstance(bounds, Sequence) and len(bounds) == 2):
+                raise InputError(f"Region.{name}", bounds, "give a pair (start, stop), or nothing")
+
+
+def material_numbers(mesh: RectilinearMesh, regions: Sequence[Region]) -> IntArray:
+    """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (ny, nx)."""
+    number = np.zeros(mesh.shape, dtype=np.int64)
+    for index, region in enumerate(regions):
+        columns = _cells_between("Region.x", mesh.x, region.x)
+        rows = _cells_between("Region.y", mesh.y, region.y)
+        number[rows, columns] = 1 + index
+    return number
+
+
+def _cells_between(name: str, lines: FloatArray, bounds: tuple[float, float] | None) -> slice:
+    if bounds is None:
+        return slice(None)
+    first, last = (int(np.flatnonzero(lines == on_line(name, bound, lines))[0]) for bound in bounds)
+    if first >= last:
+        raise InputError(name, bounds, "give the smaller end first")
+    return slice(first, last)

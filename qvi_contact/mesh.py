@@ -231,11 +231,11 @@ class RectilinearMesh:
         level = self.boundary_midpoints[chosen, 1 - axis]
         keep = np.ones(len(chosen), dtype=bool)
         if start is not None:
-            keep &= along > _on_line("start", start, lines)
+            keep &= along > on_line("start", start, lines)
         if stop is not None:
-            keep &= along < _on_line("stop", stop, lines)
+            keep &= along < on_line("stop", stop, lines)
         if at is not None:
-            keep &= level == _on_line("at", at, across)
+            keep &= level == on_line("at", at, across)
         if not keep.any():
             raise InputError(name, (side, start, stop, at), "no boundary edge lies there: check side and range")
         return replace(self, _named=MappingProxyType({**self._named, name: chosen[keep]}))
@@ -327,7 +327,7 @@ def _edges_facing(mesh: RectilinearMesh, side: str) -> Edges:
     return Edges(first, second, np.full(count, axis), np.full(count, sign), column, row)
 
 
-def _on_line(name: str, value: object, lines: FloatArray) -> float:
+def on_line(name: str, value: object, lines: FloatArray) -> float:
     """The grid line at `value`, or an error that names the nearest one."""
     number = finite_number(name, value)
     nearest = float(lines[np.argmin(np.abs(lines - number))])

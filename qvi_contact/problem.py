@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from qvi_contact.checks import Field, IntArray, check_field
+from qvi_contact.checks import Field, FloatArray, IntArray, check_field
 from qvi_contact.conditions import Condition, Contact, Displacement, Symmetry, Traction
 from qvi_contact.errors import InputError
-from qvi_contact.material import Material
+from qvi_contact.material import Material, Region, material_numbers
 from qvi_contact.mesh import HORIZONTAL, VERTICAL, RectilinearMesh
 
 _COMPONENTS = ("x", "y")
@@ -29,6 +29,8 @@ class ContactProblem:
         One condition for every component of every boundary edge.
     body_potential : float or function of (x, y)
         Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. Zero by default.
+    regions : sequence of Region
+        Parts of other material; where they overlap the later one counts.
 
     Raises
     ------
@@ -42,6 +44,7 @@ class ContactProblem:
     material: Material
     conditions: Sequence[Condition]
     body_potential: Field = 0.0
+    regions: Sequence[Region] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, RectilinearMesh):
@@ -50,11 +53,29 @@ class ContactProblem:
             raise InputError("ContactProblem.material", self.material, "give a Material")
         object.__setattr__(self, "conditions", _checked_conditions(self.conditions))
         check_field("ContactProblem.body_potential", self.body_potential)
+        object.__setattr__(self, "regions", _checked_regions(self.regions, self.material))
         names = [contact.name for contact in self.contacts]
         for name in names:
             if names.count(name) > 1:
                 raise InputError("Contact.name", name, "give each contact a name of its own")
         _check_complete(self)
+        _ = self.material_numbers  # refuses regions off the grid lines
+
+    @cached_property
+    def material_numbers(self) -> IntArray:
+        """Index into `materials` for each cell, shape (ny, nx)."""
+        return material_numbers(self.mesh, self.regions)
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The body's own material and those of the regions."""
+        return (self.material, *(region.material for region in self.regions))
+
+    @cached_property
+    def compliances(self) -> FloatArray:
+        """Compliance of each active cell, row by row, shape (cells, 3, 3) [1/stress]."""
+        matrices = np.stack([material.compliance for material in self.materials])
+        return np.asarray(matrices[self.material_numbers[self.mesh.active]])
 
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
@@ -92,6 +113,17 @@ class ContactProblem:
                     chosen = edges[along if kind is Traction else ~along]
                     if len(chosen):
                         yield component, chosen, 0.0
+
+
+def _checked_regions(regions: object, material: Material) -> tuple[Region, ...]:
+    if not isinstance(regions, Sequence) or not all(isinstance(region, Region) for region in regions):
+        raise InputError("ContactProblem.regions", regions, "give a list of Region")
+    for region in regions:
+        if region.material.plane != material.plane:
+            raise InputError(
+                "Region.material", region.material, f"give a material in plane {material.plane}, as the body"
+            )
+    return tuple(regions)
 
 
 def _checked_conditions(conditions: object) -> tuple[Condition, ...]:

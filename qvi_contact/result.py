@@ -180,8 +180,8 @@ class ContactResult:
         """Energies of the computed state."""
         _, weights, stress = self._gauss()
         scales, problem = self.discretization.scales, self.problem
-        compliance = problem.material.compliance / scales.compliance
-        strain = 0.5 * float(np.einsum("cg,cgk,kl,cgl->", weights, stress, compliance, stress)) * scales.energy
+        strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
+        strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
         load, dissipation = self._prescribed_work(), 0.0
         for rows in self.discretization.contacts:
             line = self.contacts[rows.name]

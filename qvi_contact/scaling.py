@@ -21,7 +21,7 @@ class Scales:
     stress : float
         S, the largest stress the data suggest [stress].
     compliance : float
-        C = max(c11, c22) of the material [1/stress].
+        C = max(c11, c22) of the body's materials [1/stress].
 
     """
 
@@ -53,7 +53,7 @@ class Scales:
         constant potential nor a common translation strains the body. Without any load S = 1/C.
         """
         length = problem.mesh.length
-        compliance = float(problem.material.compliance[:2, :2].diagonal().max())
+        compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
         sizes = [0.0]
         middle = problem.mesh.boundary_midpoints
         for component, edges, value in problem.prescribed(Traction):

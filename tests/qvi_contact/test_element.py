@@ -55,7 +55,7 @@ def test_energy_of_every_bicubic_monomial(powers):
     x, y = sympy.symbols("x y")
     phi, other = x ** powers[0] * y ** powers[1], (1 + x) ** 3 * (y - sympy.Rational(1, 3)) ** 2
     grid = Grid.of(GRADED)
-    matrix = energy_matrix(grid, GRADED.active, COMPLIANCE).submatrix(np.ones((3, 4, 4), dtype=bool))
+    matrix = energy_matrix(grid, [(GRADED.active, COMPLIANCE)]).submatrix(np.ones((3, 4, 4), dtype=bool))
     stresses = [sympy.Matrix([sympy.diff(f, y, y), sympy.diff(f, x, x), -sympy.diff(f, x, y)]) for f in (phi, other)]
     density = sympy.expand((stresses[0].T * sympy.Matrix(COMPLIANCE) * stresses[1])[0])
     ends = [(float(line[0]), float(line[-1])) for line in (grid.x.lines, grid.y.lines)]
@@ -66,7 +66,7 @@ def test_energy_of_every_bicubic_monomial(powers):
 
 def test_energy_matrix_is_symmetric_with_the_affine_functions_as_kernel():
     grid = Grid.of(GRADED)
-    matrix = energy_matrix(grid, GRADED.active, Material(1.0, 0.3).compliance)
+    matrix = energy_matrix(grid, [(GRADED.active, Material(1.0, 0.3).compliance)])
     K = matrix.submatrix(np.ones((3, 4, 4), dtype=bool)).toarray()
     assert np.abs(K - K.T).max() <= 1e-15 * np.abs(K).max()
     eigenvalues = np.linalg.eigvalsh(K)
@@ -84,13 +84,13 @@ def test_energy_matrix_of_a_mask_is_the_sum_of_its_cells():
     for cell in np.argwhere(mask):
         single = np.zeros_like(mask)
         single[tuple(cell)] = True
-        total = total + energy_matrix(grid, single, COMPLIANCE).submatrix(everything)
-    whole = energy_matrix(grid, mask, COMPLIANCE).submatrix(everything)
+        total = total + energy_matrix(grid, [(single, COMPLIANCE)]).submatrix(everything)
+    whole = energy_matrix(grid, [(mask, COMPLIANCE)]).submatrix(everything)
     assert abs(whole - total).max() < 1e-13 * abs(whole).max()
 
 
 def test_rows_and_submatrix_agree():
-    stencil = energy_matrix(Grid.of(GRADED), GRADED.active, COMPLIANCE)
+    stencil = energy_matrix(Grid.of(GRADED), [(GRADED.active, COMPLIANCE)])
     everything = stencil.submatrix(np.ones((3, 4, 4), dtype=bool))
     kept = np.random.default_rng(1).uniform(size=(3, 4, 4)) < 0.6
     chosen = np.flatnonzero(~kept)
