@@ -8,7 +8,7 @@ from qvi_contact.terminal import run
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="qvi-contact")
 def group() -> None:
-    r"""Frictional contact computed from the stress side.
+    """Frictional contact computed from the stress side.
 
     An elastic body is described by an Airy stress function, so every computed stress is in equilibrium; contact with
     Coulomb friction becomes a sequence of convex programs, and every answer carries a certificate.
@@ -16,7 +16,7 @@ def group() -> None:
     \b
     Start with the paper the method comes from:
         python -m comparisons paper
-    """
+    """  # noqa: D301  # click wants the character \b, not the two
 
 
 @group.command()

@@ -136,8 +136,7 @@ def contact_line(
     scales, points = discretization.scales, rows.points
     x, y = physical(discretization.problem, scales, points.coordinates)
     gap = _project_normal(points.count, normal_multiplier[rows.rows] / points.weights)
-    fixed = np.flatnonzero(~discretization.elimination.kept[3::4])
-    slip = -_project_tangential(rows, tangential_multiplier[rows.rows], fixed)
+    slip = -_project_tangential(rows, tangential_multiplier[rows.rows], _blind_nodes(discretization))
     unit = float(np.abs(normal[rows.rows]).max(initial=0.0)) or 1.0  # of stress; C S L turns it into a displacement
     state = contact_states(
         normal[rows.rows],
@@ -162,6 +161,22 @@ def contact_line(
     )
 
 
+def _blind_nodes(discretization: Discretization) -> IntArray:
+    """Nodes where the trace σ_T does not see the tangential displacement of one contact line alone.
+
+    That is where Φ_xy is prescribed, and in corners between contact lines, which share one Φ_xy.
+    """
+    prescribed = np.flatnonzero(~discretization.elimination.kept[3::4])
+    lines = []
+    for rows in discretization.contacts:
+        edges = rows.points.edges
+        for axis in np.unique(edges.axis):
+            chosen = edges.axis == axis
+            lines.append(np.unique(np.concatenate([edges.first[chosen], edges.second[chosen]])))
+    nodes, times = np.unique(np.concatenate([prescribed[:0], *lines]), return_counts=True)
+    return np.union1d(prescribed, nodes[times > 1])
+
+
 def _project_normal(count: int, values: FloatArray) -> FloatArray:
     """L² projection on linear functions, edge by edge, of values at Gauss points."""
     t, weights = gauss_legendre(count)
@@ -173,13 +188,16 @@ def _project_tangential(rows: ContactRows, functional: FloatArray, fixed: IntArr
     """λ_T of the trial space below whose action on the traces σ_T is that of the row multipliers `functional`.
 
     Traces and trial functions are continuous and quadratic on each edge (nodes and midpoints). Where σ_T is prescribed
-    at an end node of the contact (Φ_xy fixed by the neighbouring traction) no trace sees the displacement there; as in
+    at an end node of the contact (Φ_xy fixed by the neighbouring traction), or another contact line ends in the same
+    corner (and shares Φ_xy), no trace sees the displacement there; as in
     mortar methods the trial functions are then linear on that end edge, which keeps trial and test space of one size
     and extends the displacement to the end without a kink.
     """
     points = rows.points
     edges, t = points.edges, gauss_legendre(points.count)[0]
-    nodes, local = np.unique(np.concatenate([edges.first, edges.second]), return_inverse=True)
+    # Lines that turn a corner within one contact are separate: the tangent changes there.
+    ends = 2 * np.concatenate([edges.first, edges.second]) + np.tile(edges.axis, 2)
+    nodes, local = np.unique(ends, return_inverse=True)
     n, e = len(nodes), len(edges)
     shape = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)])
     columns = np.column_stack([local[:e], local[e:], n + np.arange(e)])
@@ -187,7 +205,7 @@ def _project_tangential(rows: ContactRows, functional: FloatArray, fixed: IntArr
     index = (np.repeat(np.arange(e * points.count), 3), at_point.ravel())
     quadratic = sparse.csr_array((np.tile(shape, (e, 1)).ravel(), index), shape=(e * points.count, n + e))
 
-    blind = np.flatnonzero(np.isin(nodes, fixed))
+    blind = np.flatnonzero(np.isin(nodes // 2, fixed))
     seen = np.setdiff1d(np.arange(n + e), blind)
     tested = sparse.csr_array((np.ones(len(seen)), (np.arange(len(seen)), seen)), shape=(len(seen), n + e))
     trial = _linear_at_ends(columns, n + e, blind)

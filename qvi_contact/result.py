@@ -68,7 +68,8 @@ class ContactResult:
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
-    Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`.
+    Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`; an infeasible
+    problem has none even if an iteration left one behind.
 
     Attributes
     ----------
@@ -116,7 +117,7 @@ class ContactResult:
     def nodal(self) -> FloatArray:
         """Scaled dimensionless nodal values of Φ, shape (ny + 1, nx + 1, 4); see `Discretization.nodal_values`."""
         z = self.solution.z
-        if z is None or not np.isfinite(z).all():
+        if self.status is Status.INFEASIBLE or not np.isfinite(z).all():
             raise InputError("result", self.status.value, f"there is no stress state to evaluate: {self.message}")
         return self.discretization.nodal_values(z)
 

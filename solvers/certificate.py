@@ -1,33 +1,38 @@
 r"""Is this a solution? Computed on the original data, whatever the back end said.
 
-With σ_N = N z + n0, σ_T = T z + t0, λ = m / W, the scales
+With σ_N = N z + n0, σ_T = T z + t0, λ = m / W, the stiffness k of the contact (`FrictionQVI.contact_stiffness`), the
+strain energy E_b = ½|r(z)|² (without a root ½ zᵀKz) and the scales
 
-    S   stress:        max |σ_N|, |σ_T|, and 1e-3 times the same of the bonded solution
-    E   energy:        ½|r(z)|² (without a root max ½ zᵀKz, |fᵀz|), and 1e-3 times the same of the bonded solution
-    D   displacement:  max |λ_N|, |λ_T|, and E / (S Σ W)
+    S   stress:        max |σ_N|, |σ_T|
+    D   displacement:  S / k
+    E   energy:        S D Σ W
 
-("bonded": the energy's minimiser under A z = b alone), at least 1 if f, b, n0 and t0 are all zero (nothing
-but z itself would have a size then), and the natural map (Alart-Curnier) with r = S / D, the measures are
+the measures are
 
     equality                    max |A z − b| / (|A||z| + |b|)
     normal                      max (σ_N)⁺ / S
     friction                    max (|σ_T| − mu |σ_N|)⁺ / S
-    stationarity                |ρ| / √(2E),  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν
-    sign                        max of (−λ_N)⁺ / D and (−λ_T σ_T)⁺ / (S D)
+    stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν
+    sign                        max of (−λ_N)⁺ / D and (−λ_T σ_T)⁺ / (S max(D, |λ|))
     complementarity_normal      Σ |m_N σ_N| / E
     complementarity_tangential  Σ | |m_T| mu |σ_N| − m_T σ_T | / E
-    energy_gap                  |primal − dual energy| / E for the bound s = |σ_N|
-    natural_map                 max of |σ_N − min(σ_N + r λ_N, 0)| / S  and
-                                       |σ_T − clip(σ_T + r λ_T, −mu |σ_N|, mu |σ_N|)| / S
+    energy_gap                  |primal − dual energy| / max(E, E_b) for the bound s = |σ_N|
+    natural_map                 max of |σ_N − min(σ_N + k λ_N, 0)| / S  and
+                                       |σ_T − clip(σ_T + k λ_T, −mu |σ_N|, mu |σ_N|)| / S   (Alart-Curnier)
+
+All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
+contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-6 of √(E_b k / Σ W), which stands for the stress
+in the body, that is S; where the body carries nothing either, stresses below 1e-6 of the bonded ones, the bonded state
+takes its place. Data without any size have unit stress.
 
 Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
 energy is that of max(m_N, 0): primal − dual = Σ (mu |σ_N| |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
 |ρ|² = ρᵀK⁻¹ρ (K⁻¹ on the null space of A), which bounds ½ |z − z*|² in the norm of K. |ρ| is, in that norm,
-the error of z for the given multipliers; K z − f is `FrictionQVI.gradient`, so that rounding inside K counts
-where the problem has a root to measure it.
+the error of z for the given multipliers, and K⁻¹ρ that error itself; K z − f is `FrictionQVI.gradient`, so that
+rounding inside K counts where the problem has a root to measure it.
 
 At a point that touches without load σ_N λ_N of size ε allows |σ_N| and λ_N of size √ε each; the natural map
-is their minimum. Its limit is therefore √tolerance, that of the others the tolerance itself. All measures
+is their minimum. Its limit is therefore looser, tolerance^(3/4), that of the others the tolerance itself. All measures
 are invariant to the units of stress, displacement and length, and to exchanging the unknowns z for c z.
 """
 
@@ -41,7 +46,7 @@ from solvers.errors import InputError
 from solvers.problem import FrictionQVI
 from solvers.types import Vector
 
-_BONDED = 1e-3  # share of the bonded solution's tractions and energy below which nothing is resolved
+_NOTHING = 1e-6  # share of the stress in the body below which a contact carries nothing, and of the bonded stress
 
 EXPONENTS: Mapping[str, float] = MappingProxyType(
     {
@@ -53,7 +58,7 @@ EXPONENTS: Mapping[str, float] = MappingProxyType(
         "complementarity_normal": 1.0,
         "complementarity_tangential": 1.0,
         "energy_gap": 1.0,
-        "natural_map": 0.5,
+        "natural_map": 0.75,
     }
 )
 """Measure → exponent e of its limit tolerance**e."""
@@ -67,7 +72,7 @@ class Certificate:
     ----------
     measures : name → value, ≥ 0; ``inf`` where it could not be computed, so that nothing missing passes
     tolerance : the tolerance asked for
-    scales : the three scales "stress", "energy", "displacement"
+    scales : the scales "stress", "displacement", "energy" and "body_energy"
 
     """
 
@@ -77,7 +82,7 @@ class Certificate:
 
     @property
     def limits(self) -> dict[str, float]:
-        """Measure → the value at which it fails: tolerance, or its root for the natural map."""
+        """Measure → the value at which it fails: tolerance, or tolerance^(3/4) for the natural map."""
         return {name: self.tolerance**exponent for name, exponent in EXPONENTS.items()}
 
     @property
@@ -169,57 +174,61 @@ def _measure(
     sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
     lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
     bound = qvi.threshold(np.abs(sigma_N))
-    S, E, D = _scales(qvi, z, sigma_N, sigma_T, lambda_N, lambda_T)
+    scales = scales_at(qvi, z)
+    S, D, E = scales["stress"], scales["displacement"], scales["energy"]
     residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
-    r = S / D
-    natural_N = sigma_N - np.minimum(sigma_N + r * lambda_N, 0.0)
-    natural_T = sigma_T - np.clip(sigma_T + r * lambda_T, -bound, bound)
+    natural_N = sigma_N - np.minimum(sigma_N + (S / D) * lambda_N, 0.0)
+    natural_T = sigma_T - np.clip(sigma_T + (S / D) * lambda_T, -bound, bound)
+    sliding = max(D, _largest(lambda_T))
     measures = {
         "equality": _equality(qvi, z),
         "normal": _largest(np.maximum(sigma_N, 0.0)) / S,
         "friction": _largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
-        "stationarity": float(np.sqrt(_dual_square(qvi, residual) / (2.0 * E))),
-        "sign": max(_largest(np.maximum(-lambda_N, 0.0)) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * D)),
+        "stationarity": _stationarity(qvi, residual, scales),
+        "sign": max(
+            _largest(np.maximum(-lambda_N, 0.0)) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * sliding)
+        ),
         "complementarity_normal": float(np.abs(m_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(slack_T).sum()) / E,
-        "energy_gap": _energy_gap(qvi, residual, m_N, sigma_N, slack_T) / E,
+        "energy_gap": _energy_gap(qvi, residual, m_N, sigma_N, slack_T) / max(E, scales["body_energy"]),
         "natural_map": max(_largest(natural_N), _largest(natural_T)) / S,
     }
-    return measures, {"stress": S, "energy": E, "displacement": D}
+    return measures, scales
 
 
-def _scales(
-    qvi: FrictionQVI, z: Vector, sigma_N: Vector, sigma_T: Vector, lambda_N: Vector, lambda_T: Vector
-) -> tuple[float, float, float]:
-    """S, E, D."""
-    bonded = qvi.bonded
-    at_bonded = max(_largest(qvi.normal(bonded)), _largest(qvi.tangential(bonded)))
-    S = _nonzero(max(_unit(qvi), *map(_largest, (sigma_N, sigma_T)), _BONDED * at_bonded))
-    E = _nonzero(max(_unit(qvi), *_energies(qvi, z), *(_BONDED * energy for energy in _energies(qvi, bonded))))
-    return S, E, _nonzero(max(_largest(lambda_N), _largest(lambda_T), E / (S * _nonzero(float(qvi.W.sum())))))
+def scales_at(qvi: FrictionQVI, z: Vector) -> dict[str, float]:
+    """Scales "stress", "displacement", "energy" of the contact and "body_energy" of the whole state z."""
+    length = _nonzero(float(qvi.W.sum()))
+    stiffness = _nonzero(qvi.contact_stiffness)  # without contact, or with tractions that nothing can change, any does
+    body = qvi.strain_energy(z)
+    if body <= _NOTHING**2 * qvi.strain_energy(qvi.bonded):
+        body = qvi.strain_energy(qvi.bonded)
+    if not any(data.any() for data in (qvi.f, qvi.b, qvi.n0, qvi.t0)):
+        body = max(body, length / stiffness)  # data without a size
+    in_body = float(np.sqrt(body * stiffness / length))
+    stress = max(_largest(qvi.normal(z)), _largest(qvi.tangential(z)))
+    if stress <= _NOTHING * in_body:
+        stress = in_body
+    stress = _nonzero(stress)
+    displacement = stress / stiffness
+    energy = stress * displacement * length
+    return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": _nonzero(body)}
 
 
-def _unit(qvi: FrictionQVI) -> float:
-    """1 if the data have no size, which the scales then lack as well; else 0."""
-    return 0.0 if any(data.any() for data in (qvi.f, qvi.b, qvi.n0, qvi.t0)) else 1.0
-
-
-def _energies(qvi: FrictionQVI, z: Vector) -> tuple[float, float]:
-    """Strain energy and, where there is no root and it may miss what z does not contain, the work of f."""
-    return qvi.strain_energy(z), 0.0 if qvi.root is not None else abs(float(qvi.f @ z))
+def _stationarity(qvi: FrictionQVI, residual: Vector, scales: Mapping[str, float]) -> float:
+    """Error of z for its multipliers: in the energy norm, and in the contact tractions."""
+    error = qvi.equality_system.solve(residual)[0]
+    energy = float(np.sqrt(abs(float(residual @ error)) / (2.0 * scales["body_energy"])))
+    return max(energy, max(_largest(qvi.N @ error), _largest(qvi.T @ error)) / scales["stress"])
 
 
 def _energy_gap(qvi: FrictionQVI, residual: Vector, m_N: Vector, sigma_N: Vector, slack_T: Vector) -> float:
     """|Primal − dual| with m_N made admissible; the residual of stationarity changes accordingly."""
     admissible = np.maximum(m_N, 0.0)
     residual = residual + qvi.N.T @ (admissible - m_N)
-    return abs(float(slack_T.sum() - admissible @ sigma_N)) + 0.5 * _dual_square(qvi, residual)
-
-
-def _dual_square(qvi: FrictionQVI, residual: Vector) -> float:
-    """|ρ|² = ρᵀK⁻¹ρ, K⁻¹ on the null space of A."""
-    return abs(float(residual @ qvi.equality_system.solve(residual)[0]))
+    square = abs(float(residual @ qvi.equality_system.solve(residual)[0]))
+    return abs(float(slack_T.sum() - admissible @ sigma_N)) + 0.5 * square
 
 
 def _equality(qvi: FrictionQVI, z: Vector) -> float:

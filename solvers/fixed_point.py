@@ -8,7 +8,7 @@
 | `max_iterations` done                                              | max_iterations                |
 | the inner problem fails, or stays infeasible after restarts        | that of the inner problem     |
 
-residual = |g − s| / max(|g|, 1e-3 |σ at the bonded solution|) in the norm weighted by W, g = |N z(s) + n0|.
+residual = |g − s| / max(|g|, S) in the norm weighted by W, g = |N z(s) + n0| and S the certificate's scale of stress.
 The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so the residual is the error.
 """
 
@@ -21,7 +21,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from solvers.anderson import Anderson
-from solvers.certificate import certify
+from solvers.certificate import certify, scales_at
 from solvers.errors import InputError
 from solvers.feasibility import check_feasibility
 from solvers.finish import Outcome, finish
@@ -38,6 +38,7 @@ Variant = Literal["plain", "damped", "anderson"]
 _INNER_FACTOR = 1e-4  # inner tolerance = this × outer, within the two limits below: the error of z(s) goes with
 _INNER_LIMITS = (1e-12, 1e-6)  # √tolerance where a point touches without load
 _RECOVERIES = 12
+_CLAIM_TOLERANCE = 1e-8
 _CYCLE_LENGTHS = range(2, 9)
 _CYCLE_MATCH = 1e-4  # of the residual
 _PROGRESS = 0.9
@@ -162,11 +163,11 @@ def _step(
     number = len(state.history) + 1
     if not usable:
         _record(qvi, state, result, np.inf, began, options)
-        _recover(qvi, state, result)
+        _recover(qvi, form, solver, state, result)
     else:
         state.inner = inner
         g = np.abs(qvi.normal(result.z))
-        residual = _residual(qvi, g, state.s)
+        residual = _residual(qvi, result.z, g, state.s)
         _record(qvi, state, result, residual, began, options)
         if residual < state.best_residual:
             state.best, state.best_s, state.best_residual = result, state.s, residual
@@ -188,21 +189,31 @@ def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state
     inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, state.inner)
     if _is_usable(inner) or state.inner is None:
         return inner
-    return solver.solve(threshold, form.centre(None, None), None)
+    again = solver.solve(threshold, form.centre(None, None), None)
+    return _checked_claim(again, form, threshold) if again.status is Status.INFEASIBLE else again
+
+
+def _checked_claim(inner: InnerSolution, form: ProblemForm, threshold: Vector) -> InnerSolution:
+    """A back end's "infeasible", or a failure if Clarabel finds the solution that is said not to exist."""
+    witness = make_inner("direct:clarabel", form.problem, _CLAIM_TOLERANCE)
+    if not _is_usable(witness.solve(threshold, form.centre(None, None), None)):
+        return inner
+    message = f"{inner.message}; but Clarabel solves this problem"
+    return no_result(form.problem, Status.BACKEND_FAILED, message, inner.seconds)
 
 
 def _is_usable(inner: InnerSolution) -> bool:
     return inner.status.usable and inner.finite
 
 
-def _residual(qvi: FrictionQVI, g: Vector, s: Vector) -> float:
-    bonded = np.hypot(qvi.normal(qvi.bonded), qvi.tangential(qvi.bonded))
-    scale = max(_norm(qvi, g), 1e-3 * _norm(qvi, bonded)) or 1.0
-    return _norm(qvi, g - s) / scale
+def _residual(qvi: FrictionQVI, z: Vector, g: Vector, s: Vector) -> float:
+    stress = scales_at(qvi, z)["stress"]
+    return _norm(qvi, g - s) / max(_norm(qvi, g), stress * float(np.sqrt(qvi.W.sum())))
 
 
 def _norm(qvi: FrictionQVI, v: Vector) -> float:
-    return float(np.sqrt(qvi.W @ v**2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sqrt(qvi.W @ v**2))
 
 
 def _record(
@@ -250,25 +261,44 @@ def _check_progress(
             _break_cycle(state, length, residual)
             return
     if number - state.progress[1] >= options.patience:
+        if _soften(state, residual):
+            state.progress = (residual, number)
+            return
         state.reason = Status.STALLED
         state.message = f"residual {state.best_residual:.1e} was not reduced in {options.patience} iterations"
 
 
 def _break_cycle(state: _State, length: int, residual: float) -> None:
     """Halve Anderson's mixing and forget its memory; other variants, or one time too many, end here."""
-    state.breaks += 1
-    if state.accelerator is not None and state.breaks <= _BREAKS and residual > _NOISE:
-        state.accelerator.reset()
-        state.accelerator.mixing *= 0.5
-        state.past.clear()
+    if _soften(state, residual):
         return
     state.reason = Status.CYCLING if residual > _NOISE else Status.STALLED
     state.message = f"the pressure repeats itself every {length} iterations"
 
 
-def _recover(qvi: FrictionQVI, state: _State, result: InnerSolution) -> None:
-    """Ask whether the load can be carried at all; if so restart, then return towards the last feasible s."""
+def _soften(state: _State, residual: float) -> bool:
+    """Halve the mixing of Anderson's steps and forget their memory; not for other variants, noise, or too often."""
+    state.breaks += 1
+    if state.accelerator is None or state.breaks > _BREAKS or residual <= _NOISE:
+        return False
+    state.accelerator.reset()
+    state.accelerator.mixing *= 0.5
+    state.past.clear()
+    return True
+
+
+def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _State, result: InnerSolution) -> None:
+    """Ask whether the load can be carried at all; if so restart, then return towards the last feasible s.
+
+    Starts are the pressure without friction, where that exists, then that of the least energy over the set of
+    `feasibility`.
+    """
     state.recoveries += 1
+    if state.recoveries == 1 and state.feasible is None:
+        smooth = solver.solve(form.threshold(np.zeros(qvi.m)), form.centre(None, None), None)
+        if _is_usable(smooth):
+            state.s = qvi.pressure(form.expand(smooth).z)
+            return
     if state.feasibility is None:
         state.feasibility = check_feasibility(qvi)
     feasible = state.feasibility.feasible

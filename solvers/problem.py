@@ -5,13 +5,14 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.sparse import csc_matrix, issparse
+from scipy.sparse import csc_matrix, issparse, vstack
 
 from solvers.errors import InputError
 from solvers.linear import EqualitySystem
 from solvers.types import Sparse, Vector
 
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
+_POWER_STEPS = 10
 _CORRECTIONS = 5  # defect corrections of the bonded solution at most
 
 
@@ -176,20 +177,55 @@ class FrictionQVI:
         return EqualitySystem(self.K, self.A)
 
     @cached_property
+    def contact_stiffness(self) -> float:
+        """Traction that a unit of displacement λ all along the contact causes, as a scale; 0 where nothing does.
+
+        The spectral radius of [N; T] K⁻¹ [N; T]ᵀ W, by a few steps of power iteration, belongs to the finest waves; it
+        is reduced by min W / Σ W to those as long as the contact.
+        """
+        rows = csc_matrix(vstack([self.N, self.T]))
+        weights = np.concatenate([self.W, self.W])
+        v: Vector = np.ones(2 * self.m)
+        radius = 0.0
+        for _ in range(_POWER_STEPS if self.m and self.n else 0):
+            v = np.asarray(rows @ self.equality_system.solve(rows.T @ (weights * v))[0])
+            radius = float(np.sqrt((weights @ v**2) / weights.sum()))
+            if radius == 0.0:
+                return 0.0
+            v = v / radius
+        return radius * float(self.W.min() / self.W.sum()) if self.m else 0.0
+
+    @cached_property
     def bonded(self) -> Vector:
         """Minimiser of the energy under A z = b alone (n,): contact that neither opens nor slips.
 
         Defect corrections with `gradient` remove the rounding of K as long as they shrink.
         """
+        return self._bonded_and_error[0]
+
+    @property
+    def bonded_error(self) -> float:
+        """Error of `bonded` in the energy norm, relative: how far the last defect correction still moved it.
+
+        Where the problem has no root this is not measured, and 0.
+        """
+        return self._bonded_and_error[1]
+
+    @cached_property
+    def _bonded_and_error(self) -> tuple[Vector, float]:
         z, _ = self.equality_system.solve(self.f, self.b)
+        if self.root is None:
+            return z, 0.0
         size = np.inf
-        for _ in range(_CORRECTIONS if self.root is not None else 0):
+        for _ in range(_CORRECTIONS):
             correction, _ = self.equality_system.solve(-self.gradient(z), self.b - self.A @ z)
             new = float(np.sqrt(abs(correction @ (self.K @ correction))))
             if not new < 0.5 * size:
+                size = new
                 break
             z, size = z + correction, new
-        return z
+        energy = self.strain_energy(z)
+        return z, size / float(np.sqrt(2.0 * energy)) if energy > 0.0 else 0.0
 
 
 def _asymmetry(K: Sparse) -> float:

@@ -18,6 +18,9 @@ from solvers.uzawa import UzawaOptions, solve_uzawa
 Method = Literal["fixed-point", "uzawa"]
 METHODS: tuple[str, ...] = ("fixed-point", "uzawa")
 
+_HOPELESS = 1e-4
+"""Relative error of the solution without inequalities, in the energy norm, above which nothing is attempted."""
+
 _Options = TypeVar("_Options", FixedPointOptions, UzawaOptions)
 
 
@@ -60,7 +63,9 @@ def solve_qvi(
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
-    if method == "fixed-point":
+    if method in METHODS and not qvi.bonded_error <= _HOPELESS:
+        solution = _give_up(qvi, method, inner, tolerance)
+    elif method == "fixed-point":
         name = check_name(inner)
         fixed_point = _options(FixedPointOptions, method, options)
         solution = _linear(qvi, method, name, tolerance) or solve_fixed_point(qvi, name, tolerance, fixed_point)
@@ -72,6 +77,16 @@ def solve_qvi(
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
+
+
+def _give_up(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVISolution:
+    """Refuse a problem whose plain linear system cannot be solved."""
+    nan = np.full(qvi.n + qvi.m + qvi.p, np.nan)
+    message = f"the linear system is solved to {qvi.bonded_error:.0e} only, in the energy norm"
+    rows = nan[: qvi.m]
+    outcome = Outcome(Status.ILL_CONDITIONED, nan[: qvi.n], rows, rows, nan[: qvi.p], rows, [], 0, message)
+    outcome.check_feasible = False
+    return finish(qvi, outcome, method, inner, tolerance)
 
 
 def _linear(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVISolution | None:

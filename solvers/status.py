@@ -10,6 +10,7 @@ class Status(StrEnum):
     INACCURATE = "inaccurate"
     INFEASIBLE = "infeasible"
     INNER_INFEASIBLE = "inner_infeasible"
+    ILL_CONDITIONED = "ill_conditioned"
     UNBOUNDED = "unbounded"
     MAX_ITERATIONS = "max_iterations"
     STALLED = "stalled"
@@ -34,8 +35,9 @@ _ADVICE = {
     "another inner solver such as 'direct:clarabel'.",
     Status.INFEASIBLE: "No admissible traction carries the load: reduce the tension or the sliding force, or "
     "add supports or friction.",
-    Status.INNER_INFEASIBLE: "Some admissible traction carries the load, but none was found that also obeys "
-    "the contact law, and there may be none: give another initial pressure, more damping or less load.",
+    Status.INNER_INFEASIBLE: "The iteration met friction bounds under which no traction carries the load, and found no "
+    "way around them; there may be no solution: give another initial pressure, more damping or less load.",
+    Status.ILL_CONDITIONED: "The linear system is beyond double precision: use less grading, or cells less thin.",
     Status.UNBOUNDED: "The energy has no minimum: check that K is positive definite, that is, that no free "
     "mode is left.",
     Status.MAX_ITERATIONS: "The iteration limit came first: raise max_iterations, or loosen the tolerance.",

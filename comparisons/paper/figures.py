@@ -4,13 +4,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparisons.paper.study import PaperStudy, half_force
+from comparisons.paper.study import PaperStudy, half_force, has_stress
 from qvi_contact import ContactResult
 from qvi_contact.checks import FloatArray
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, principal_stress_map, require_matplotlib
 from qvi_contact.plots import contact_tractions as draw_tractions
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -31,16 +32,24 @@ def principal_stresses(study: PaperStudy) -> "Figure":
     for column, (friction, (number, printed)) in enumerate(study.reference.figures.items()):
         row = study.row(friction)
         upper, lower = axes[:, column]
-        ours = principal_stress_map(upper, row.uzawa, largest)
+        ours = _map(upper, row.uzawa, largest)
         upper.set_title(f"Fig. {number}, μ = {friction:g}, Uzawa {study.reference.iterations}\n"
                         f"max {ours:.2f}, printed {printed:.2f} MPa")  # fmt: skip
-        converged = principal_stress_map(lower, row.reference, largest)
+        converged = _map(lower, row.reference, largest)
         lower.set_title(f"converged, μ = {friction:g}\nmax {converged:.2f} MPa")
         lower.set_xlabel("x [length]")
     for left in axes[:, 0]:
         left.set_ylabel("y [length]")
     figure.suptitle("Principal stresses of the quarter plate: compression solid, tension dotted with round ends")
     return figure
+
+
+def _map(axes: "Axes", result: ContactResult, largest: float) -> float:
+    """Crosses, or a word where there is no stress state."""
+    if has_stress(result):
+        return principal_stress_map(axes, result, largest)
+    axes.text(0.5, 0.5, f"no stress state: {result.status}", ha="center", transform=axes.transAxes)
+    return float("nan")
 
 
 def contact_tractions(study: PaperStudy) -> "Figure":

@@ -1,0 +1,119 @@
+"""Files are there whole or not at all, and a place that cannot be written is named in one line."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from qvi_contact.errors import InputError
+from qvi_contact.files import replacing, writable_folder, write_text
+
+
+@pytest.fixture
+def earlier(tmp_path):
+    """An earlier file, alone in its folder."""
+    path = tmp_path / "table.csv"
+    path.write_text("earlier", encoding="utf-8")
+    return path
+
+
+def assert_untouched(path):
+    assert path.read_text(encoding="utf-8") == "earlier"
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_the_target_changes_only_when_the_block_has_ended(earlier):
+    with replacing(earlier) as temporary:
+        assert temporary.parent == earlier.parent  # a rename across file systems is not atomic
+        assert temporary.suffix == ".csv"  # writers choose the format by it
+        temporary.write_text("later", encoding="utf-8")
+        assert earlier.read_text(encoding="utf-8") == "earlier"
+    assert earlier.read_text(encoding="utf-8") == "later"
+    assert list(earlier.parent.iterdir()) == [earlier]
+
+
+@pytest.mark.parametrize("failure", [ValueError("drawing failed"), KeyboardInterrupt()])
+def test_a_failure_keeps_the_earlier_file(earlier, failure):
+    def write():
+        with replacing(earlier) as temporary:
+            temporary.write_text("half", encoding="utf-8")
+            raise failure
+
+    with pytest.raises(type(failure)) as caught:
+        write()
+    assert caught.value is failure
+    assert_untouched(earlier)
+
+
+def test_a_full_disk_is_one_line_and_keeps_the_earlier_file(earlier, monkeypatch):
+    def full(self, *_args, **_options):
+        self.write_bytes(b"half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(InputError) as caught:
+        write_text(earlier, "later")
+    monkeypatch.undo()
+    assert "No space left on device" in str(caught.value)
+    assert caught.value.value == str(earlier)
+    assert "\n" not in str(caught.value)
+    assert_untouched(earlier)
+
+
+def test_a_file_the_writer_removed_is_an_error(earlier):
+    with pytest.raises(InputError, match="cannot be written"), replacing(earlier) as temporary:
+        temporary.unlink()
+    assert_untouched(earlier)
+
+
+def test_a_folder_in_the_place_of_the_file(tmp_path):
+    target = tmp_path / "taken"
+    target.mkdir()
+    with pytest.raises(InputError, match="cannot be written"):
+        write_text(target, "text")
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("place", ["{file}/below", "{folder}/missing", "/proc"])
+@pytest.mark.parametrize("name", ["table.csv", "a\nb.csv"])
+def test_places_without_files(earlier, place, name):
+    target = Path(place.format(file=earlier, folder=earlier.parent)) / name
+    with pytest.raises(InputError, match="cannot be written") as caught:
+        write_text(target, "text")
+    assert caught.value.value == str(target)
+    assert len(str(caught.value).splitlines()) == 1
+    assert_untouched(earlier)
+
+
+@pytest.mark.parametrize("place", ["{file}", "{file}/below", "/proc/below", "/proc"])
+def test_folders_that_cannot_be_written_or_made(earlier, place):
+    folder = place.format(file=earlier)
+    with pytest.raises(InputError, match="cannot be written") as caught:
+        writable_folder(folder)
+    assert caught.value.value == folder
+    assert len(str(caught.value).splitlines()) == 1
+    assert_untouched(earlier)
+
+
+def test_a_folder_is_made_with_its_parents_and_stays_empty(tmp_path):
+    folder = writable_folder(tmp_path / "results" / "paper")
+    assert folder.is_dir()
+    assert list(folder.iterdir()) == []
+    assert writable_folder(str(folder)) == folder
+
+
+@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o027, 0o640), (0o077, 0o600), (0o000, 0o666)])
+def test_permissions_are_those_of_any_new_file(tmp_path, mask, mode):
+    before = os.umask(mask)
+    try:
+        write_text(tmp_path / "new", "text")
+    finally:
+        after = os.umask(before)
+    assert (tmp_path / "new").stat().st_mode & 0o777 == mode
+    assert after == mask  # reading the mask has not changed it
+
+
+def test_text_is_written_byte_for_byte(tmp_path):
+    write_text(tmp_path / "text", "Więckowski, μ\r\nσ\n")
+    assert (tmp_path / "text").read_bytes() == "Więckowski, μ\r\nσ\n".encode()
