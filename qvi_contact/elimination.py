@@ -135,8 +135,8 @@ def eliminate(links: Links, scales: FloatArray, body: BoolArray, tolerance: floa
     body : (nodes,) bool array
         Nodes that belong to the body.
     tolerance : float
-        Imbalance of a closed part of Γ_σ, and shear conflict in a corner, that pass as round-off; relative to 1, the
-        dimensionless size of the data.
+        Imbalance of a closed part of Γ_σ, and shear conflict in a corner, that pass as round-off; relative to the
+        largest of the prescribed values.
 
     Raises
     ------
@@ -144,6 +144,8 @@ def eliminate(links: Links, scales: FloatArray, body: BoolArray, tolerance: floa
         If resultant force or moment of a closed traction boundary do not vanish.
 
     """
+    loads = (links.slope_jump, links.value_jump, links.twist)
+    tolerance *= max(float(np.abs(load).max(initial=0.0)) for load in loads)
     chains = _chains(links)
     twist_dofs, twist, conflicts = _twists(links, tolerance)
     gauge = _gauge_dofs(chains, body)

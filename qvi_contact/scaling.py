@@ -4,10 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray, evaluate
+from qvi_contact.checks import FloatArray, IntArray, evaluate
 from qvi_contact.conditions import Displacement, Traction
-from qvi_contact.mesh import HORIZONTAL
+from qvi_contact.hermite import gauss_legendre
+from qvi_contact.mesh import HORIZONTAL, VERTICAL
 from qvi_contact.problem import ContactProblem
+
+_SAMPLES = 8  # points between the ends of an edge where data are looked at
 
 
 @dataclass(frozen=True)
@@ -48,36 +51,57 @@ class Scales:
     def of(cls, problem: ContactProblem) -> "Scales":
         """Scales of a problem.
 
-        S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress
-        1/(C L) times the range of prescribed displacements (obstacle positions included). Ranges, because neither a
-        constant potential nor a common translation strains the body. Without any load S = 1/C.
+        S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress 1/(C L)
+        times the displacement that supports and obstacles force on the body (see `_forced`). Neither a constant
+        potential, nor a common translation, nor an obstacle far away strains the body. Without any load S = 1/C.
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
         sizes = [0.0]
-        middle = problem.mesh.boundary_midpoints
         for component, edges, value in problem.prescribed(Traction):
-            sizes.append(np.abs(evaluate(f"Traction.{'xy'[component]}", value, *middle[edges].T)).max())
+            values = evaluate(f"Traction.{'xy'[component]}", value, *_samples(problem, edges))
+            sizes.append(float(np.abs(values).max()))
         nodes = problem.mesh.coordinates[problem.mesh.active_nodes.ravel()]
         potential = evaluate("ContactProblem.body_potential", problem.body_potential, *nodes.T)
-        sizes.append(np.ptp(potential))
-        stiffness = 1.0 / (compliance * length)
-        sizes += [stiffness * np.ptp(values) for values in _displacement_data(problem) if len(values)]
-        stress = float(max(sizes))
+        sizes.append(float(np.ptp(potential)))
+        sizes += [forced / (compliance * length) for forced in _forced(problem)]
+        stress = max(sizes)
         return cls(length, stress if stress > 0.0 else 1.0 / compliance, compliance)
 
 
-def _displacement_data(problem: ContactProblem) -> tuple[FloatArray, FloatArray]:
-    """Prescribed values of u_x and of u_y at the midpoints of all edges that have any."""
-    middle, boundary = problem.mesh.boundary_midpoints, problem.mesh.boundary
-    found: tuple[list[FloatArray], list[FloatArray]] = ([], [])
+def _samples(problem: ContactProblem, edges: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Coordinates x, y of the ends of edges and of Gauss points between them, shape (edges, points) each."""
+    boundary, nodes = problem.mesh.boundary.take(edges), problem.mesh.coordinates
+    t = np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]])[:, None]
+    points = (1.0 - t) * nodes[boundary.first][:, None] + t * nodes[boundary.second][:, None]
+    return points[..., 0], points[..., 1]
+
+
+def _forced(problem: ContactProblem) -> tuple[float, float]:
+    """By how much supports and obstacles must squeeze or stretch the body along x and along y [length].
+
+    A prescribed displacement bounds u from both sides, an obstacle from one: u ≤ g or −u ≤ g as n points. What is
+    forced is the largest lower bound less the smallest upper one, if positive. Obstacles that slide past (w) force
+    nothing that friction does not limit.
+    """
+    lower: tuple[list[float], list[float]] = ([], [])
+    upper: tuple[list[float], list[float]] = ([], [])
     for component, edges, value in problem.prescribed(Displacement):
-        found[component].append(evaluate(f"Displacement.{'xy'[component]}", value, *middle[edges].T))
+        values = evaluate(f"Displacement.{'xy'[component]}", value, *_samples(problem, edges))
+        lower[component].append(float(values.max()))
+        upper[component].append(float(values.min()))
     for contact in problem.contacts:
         edges = problem.mesh.edge_set(contact.edges)
-        gap = evaluate("Contact.gap", contact.gap, *middle[edges].T) * boundary.sign[edges]
-        offset = evaluate("Contact.offset", contact.offset, *middle[edges].T)
-        horizontal = boundary.axis[edges] == HORIZONTAL
-        found[0].append(np.where(horizontal, offset, gap))
-        found[1].append(np.where(horizontal, gap, offset))
-    return tuple(np.concatenate([np.empty(0), *values]) for values in found)  # type: ignore[return-value]
+        for axis in (HORIZONTAL, VERTICAL):
+            for sign in (-1.0, 1.0):
+                boundary = problem.mesh.boundary
+                facing = edges[(boundary.axis[edges] == axis) & (boundary.sign[edges] == sign)]
+                if len(facing):
+                    gap = float(evaluate("Contact.gap", contact.gap, *_samples(problem, facing)).min())
+                    component = 1 if axis == HORIZONTAL else 0
+                    (upper if sign > 0 else lower)[component].append(sign * gap)
+    forced = [
+        max(low, default=0.0) - min(up, default=0.0) if low and up else 0.0
+        for low, up in zip(lower, upper, strict=True)
+    ]
+    return max(forced[0], 0.0), max(forced[1], 0.0)

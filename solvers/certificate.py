@@ -14,7 +14,7 @@ the measures are
     friction                    max (|σ_T| − mu |σ_N|)⁺ / S
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν
     sign                        max of (−λ_N)⁺ / D and (−λ_T σ_T)⁺ / (S max(D, |λ|))
-    complementarity_normal      Σ |m_N σ_N| / E
+    complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 D
     complementarity_tangential  Σ | |m_T| mu |σ_N| − m_T σ_T | / E
     energy_gap                  |primal − dual energy| / max(E, E_b) for the bound s = |σ_N|
     natural_map                 max of |σ_N − min(σ_N + k λ_N, 0)| / S  and
@@ -22,8 +22,11 @@ the measures are
 
 All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
 contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-6 of √(E_b k / Σ W), which stands for the stress
-in the body, that is S; where the body carries nothing either, stresses below 1e-6 of the bonded ones, the bonded state
-takes its place. Data without any size have unit stress.
+in the body, that is S; where the body carries nothing either, stress below 1e-6, it is 1, the unit of the dimensionless
+problem.
+
+An obstacle farther away than 10 D from the body may as well stand there: the solution is the same, and round-off in
+σ_N times a gap of any size is no error.
 
 Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
 energy is that of max(m_N, 0): primal − dual = Σ (mu |σ_N| |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
@@ -32,8 +35,9 @@ the error of z for the given multipliers, and K⁻¹ρ that error itself; K z �
 rounding inside K counts where the problem has a root to measure it.
 
 At a point that touches without load σ_N λ_N of size ε allows |σ_N| and λ_N of size √ε each; the natural map
-is their minimum. Its limit is therefore looser, tolerance^(3/4), that of the others the tolerance itself. All measures
-are invariant to the units of stress, displacement and length, and to exchanging the unknowns z for c z.
+is their minimum. Its limit is therefore looser, 10 tolerance^(3/4), that of the others the tolerance itself. Except for
+states that carry nothing, all measures are invariant to the units of stress, displacement and length, and to exchanging
+the unknowns z for c z.
 """
 
 from collections.abc import Mapping
@@ -46,7 +50,8 @@ from solvers.errors import InputError
 from solvers.problem import FrictionQVI
 from solvers.types import Vector
 
-_NOTHING = 1e-6  # share of the stress in the body below which a contact carries nothing, and of the bonded stress
+_NEAR = 10.0  # gaps count up to this many D
+_NOTHING = 1e-6  # share of the stress in the body below which a contact carries nothing, and of unit stress
 
 EXPONENTS: Mapping[str, float] = MappingProxyType(
     {
@@ -62,6 +67,8 @@ EXPONENTS: Mapping[str, float] = MappingProxyType(
     }
 )
 """Measure → exponent e of its limit tolerance**e."""
+
+_FACTORS = {"natural_map": 10.0}
 
 
 @dataclass(frozen=True)
@@ -82,8 +89,8 @@ class Certificate:
 
     @property
     def limits(self) -> dict[str, float]:
-        """Measure → the value at which it fails: tolerance, or tolerance^(3/4) for the natural map."""
-        return {name: self.tolerance**exponent for name, exponent in EXPONENTS.items()}
+        """Measure → the value at which it fails: tolerance, or 10 tolerance^(3/4) for the natural map."""
+        return {name: _FACTORS.get(name, 1.0) * self.tolerance**exponent for name, exponent in EXPONENTS.items()}
 
     @property
     def passed(self) -> bool:
@@ -103,7 +110,10 @@ class Certificate:
 
     @property
     def _needed(self) -> dict[str, float]:
-        return {name: self.measures[name] ** (1.0 / exponent) for name, exponent in EXPONENTS.items()}
+        return {
+            name: (self.measures[name] / _FACTORS.get(name, 1.0)) ** (1.0 / exponent)
+            for name, exponent in EXPONENTS.items()
+        }
 
     def summary(self) -> str:
         """One line: passed or failed, at which accuracy, and what limits it."""
@@ -178,6 +188,7 @@ def _measure(
     S, D, E = scales["stress"], scales["displacement"], scales["energy"]
     residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
+    near_N = np.minimum(m_N, _NEAR * D * qvi.W)
     natural_N = sigma_N - np.minimum(sigma_N + (S / D) * lambda_N, 0.0)
     natural_T = sigma_T - np.clip(sigma_T + (S / D) * lambda_T, -bound, bound)
     sliding = max(D, _largest(lambda_T))
@@ -189,9 +200,9 @@ def _measure(
         "sign": max(
             _largest(np.maximum(-lambda_N, 0.0)) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * sliding)
         ),
-        "complementarity_normal": float(np.abs(m_N * sigma_N).sum()) / E,
+        "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(slack_T).sum()) / E,
-        "energy_gap": _energy_gap(qvi, residual, m_N, sigma_N, slack_T) / max(E, scales["body_energy"]),
+        "energy_gap": _energy_gap(qvi, residual, m_N, near_N, sigma_N, slack_T) / max(E, scales["body_energy"]),
         "natural_map": max(_largest(natural_N), _largest(natural_T)) / S,
     }
     return measures, scales
@@ -201,11 +212,9 @@ def scales_at(qvi: FrictionQVI, z: Vector) -> dict[str, float]:
     """Scales "stress", "displacement", "energy" of the contact and "body_energy" of the whole state z."""
     length = _nonzero(float(qvi.W.sum()))
     stiffness = _nonzero(qvi.contact_stiffness)  # without contact, or with tractions that nothing can change, any does
+    unit = length / stiffness  # energy of unit stress
     body = qvi.strain_energy(z)
-    if body <= _NOTHING**2 * qvi.strain_energy(qvi.bonded):
-        body = qvi.strain_energy(qvi.bonded)
-    if not any(data.any() for data in (qvi.f, qvi.b, qvi.n0, qvi.t0)):
-        body = max(body, length / stiffness)  # data without a size
+    body = body if body > _NOTHING**2 * unit else unit
     in_body = float(np.sqrt(body * stiffness / length))
     stress = max(_largest(qvi.normal(z)), _largest(qvi.tangential(z)))
     if stress <= _NOTHING * in_body:
@@ -223,12 +232,14 @@ def _stationarity(qvi: FrictionQVI, residual: Vector, scales: Mapping[str, float
     return max(energy, max(_largest(qvi.N @ error), _largest(qvi.T @ error)) / scales["stress"])
 
 
-def _energy_gap(qvi: FrictionQVI, residual: Vector, m_N: Vector, sigma_N: Vector, slack_T: Vector) -> float:
+def _energy_gap(
+    qvi: FrictionQVI, residual: Vector, m_N: Vector, near_N: Vector, sigma_N: Vector, slack_T: Vector
+) -> float:
     """|Primal − dual| with m_N made admissible; the residual of stationarity changes accordingly."""
     admissible = np.maximum(m_N, 0.0)
     residual = residual + qvi.N.T @ (admissible - m_N)
     square = abs(float(residual @ qvi.equality_system.solve(residual)[0]))
-    return abs(float(slack_T.sum() - admissible @ sigma_N)) + 0.5 * square
+    return abs(float(slack_T.sum() - np.maximum(near_N, 0.0) @ sigma_N)) + 0.5 * square
 
 
 def _equality(qvi: FrictionQVI, z: Vector) -> float:
