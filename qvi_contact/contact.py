@@ -128,8 +128,11 @@ def contact_line(
     tangential: FloatArray,
     normal_multiplier: FloatArray,
     tangential_multiplier: FloatArray,
+    unit: float = 1.0,
 ) -> ContactLine:
     """Results on one contact from dimensionless tractions and row multipliers of the whole problem.
+
+    The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`).
 
     λ = m/W gives u_N − g = −λ_N and u_T − w = −λ_T, projected on the trace spaces.
     """
@@ -137,7 +140,6 @@ def contact_line(
     x, y = physical(discretization.problem, scales, points.coordinates)
     gap = _project_normal(points.count, normal_multiplier[rows.rows] / points.weights)
     slip = -_project_tangential(rows, tangential_multiplier[rows.rows], _blind_nodes(discretization))
-    unit = float(np.abs(normal[rows.rows]).max(initial=0.0)) or 1.0  # of stress; C S L turns it into a displacement
     state = contact_states(
         normal[rows.rows],
         tangential[rows.rows],

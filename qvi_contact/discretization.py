@@ -12,7 +12,15 @@ from qvi_contact.element import GAUSS_COUNT, Grid
 from qvi_contact.elimination import Elimination, UnbalancedLoadError, eliminate
 from qvi_contact.energy_root import StressRoot
 from qvi_contact.errors import InputError
-from qvi_contact.loads import body_load, cell_points, displacement_load, physical, potential_at, traction_links
+from qvi_contact.loads import (
+    body_load,
+    cell_points,
+    displacement_load,
+    physical,
+    potential_at,
+    shear_beside_contacts,
+    traction_links,
+)
 from qvi_contact.problem import ContactProblem
 from qvi_contact.scaling import Scales
 from qvi_contact.traces import EdgePoints
@@ -79,6 +87,26 @@ class Discretization:
         """U = basis z + particular, shape (N, n)."""
         return self.elimination.basis()
 
+    @cached_property
+    def remarks(self) -> tuple[str, ...]:
+        """What a user should know about how the data were taken, one sentence each."""
+        mesh = self.problem.mesh
+        found = []
+        for node in self.elimination.conflicts:
+            x, y = mesh.coordinates[node]
+            found.append(
+                f"Shear prescribed on the two sides of the corner ({x:.6g}, {y:.6g}) disagrees: the resultants of the "
+                "edges there are kept, not the values in the corner."
+            )
+        for node, contact in shear_beside_contacts(self.problem):
+            x, y = mesh.coordinates[node]
+            found.append(
+                f"The shear prescribed beside the contact {contact!r} holds in the corner ({x:.6g}, {y:.6g}) for the "
+                "contact too: if friction cannot carry it there, the problem is infeasible on every mesh; let the "
+                "prescribed shear fall to zero towards that corner."
+            )
+        return tuple(found)
+
     def nodal_values(self, z: FloatArray) -> FloatArray:
         """Scaled dimensionless degrees of freedom u of the Airy function at the nodes, shape (ny + 1, nx + 1, 4)."""
         ny, nx = self.problem.mesh.shape
@@ -116,6 +144,8 @@ def discretize(problem: ContactProblem) -> Discretization:
             "tractions and body forces on a closed part of the boundary are out of balance by this force "
             "(or moment over the body's length): correct the loads, or support the body by a Displacement or Contact"
         )
+        if mesh.hole_edges.any():
+            remedy += "; the loads on a hole, with the weight of what would fill it, must balance by themselves"
         raise InputError("ContactProblem.conditions", imbalance, remedy) from error
     contacts = _contact_rows(problem, grid, scales)
     return Discretization(
@@ -173,6 +203,11 @@ def _reduce(
     mixed = Q.T @ coupling
     K = K + (mixed + mixed.T + Q.T @ (inner @ Q))
     particular_load = slave_rows.T @ particular[elimination.slaves] - body_load(problem, grid, scales)
+    least = float(K.diagonal().min(initial=np.inf))
+    if least <= 0.0:
+        smallest = float(min(grid.x.sizes.min(), grid.y.sizes.min()))
+        remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
+        raise InputError("ContactProblem.mesh", smallest, remedy)
     return FrictionQVI(
         K=K.T,  # the same matrix, compressed by columns
         f=basis.T @ (load - particular_load),

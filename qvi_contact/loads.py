@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from qvi_contact.checks import Field, FloatArray, IntArray, evaluate
-from qvi_contact.conditions import Displacement, Traction
+from qvi_contact.conditions import Contact, Displacement, Traction
 from qvi_contact.element import GAUSS_COUNT, Grid
 from qvi_contact.elimination import Links
 from qvi_contact.hermite import gauss_legendre
@@ -57,6 +57,7 @@ def traction_links(problem: ContactProblem, grid: Grid, scales: Scales) -> Links
         if len(chosen):
             slopes.append(_shear_link(problem, grid, scales, chosen, name, field, slope_kind))
             twists += list(_shear_values(problem, scales, chosen, name, field))
+    twists += list(_frictionless_twists(problem))
     return Links(*_stack(slopes, 2, 1), *_stack(values, 3, 2), *_stack(twists, 1, 1))
 
 
@@ -88,6 +89,37 @@ def _shear_values(
     for nodes in (edges.first, edges.second):
         x, y = problem.mesh.coordinates[nodes].T
         yield nodes, -edges.sign * evaluate(name, field, x, y) / scales.stress
+
+
+def _frictionless_twists(problem: ContactProblem) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Φ_xy = 0 at nodes of contacts without friction that a prescribed shear reaches.
+
+    Where that shear is not zero the two disagree, and the corner is treated as one between two prescribed shears.
+    """
+    for node, contact in shear_beside_contacts(problem):
+        x, y = problem.mesh.coordinates[[node]].T
+        if evaluate("Contact.friction", contact_named(problem, contact).friction, x, y, minimum=0.0)[0] == 0.0:
+            yield np.array([node]), np.zeros(1)
+
+
+def contact_named(problem: ContactProblem, name: str) -> Contact:
+    """The contact of that name."""
+    return next(contact for contact in problem.contacts if contact.name == name)
+
+
+def shear_beside_contacts(problem: ContactProblem) -> list[tuple[int, str]]:
+    """Nodes where a prescribed shear other than zero meets a contact, with the contact's name."""
+    boundary, found = problem.mesh.boundary, []
+    for contact in problem.contacts:
+        edges = boundary.take(problem.mesh.edge_set(contact.edges))
+        ends = np.unique(np.concatenate([edges.first, edges.second]))
+        for component, index, field in problem.prescribed(Traction):
+            shear = boundary.take(index)
+            shear = shear.take((shear.axis == HORIZONTAL) == (component == 0))
+            nodes = np.intersect1d(np.concatenate([shear.first, shear.second]), ends)
+            values = evaluate(f"Traction.{'xy'[component]}", field, *problem.mesh.coordinates[nodes].T)
+            found += [(int(node), contact.name) for node in nodes[values != 0.0]]
+    return found
 
 
 def _stack(rows: Sequence[tuple[Any, ...]], integers: int, floats: int) -> list[Any]:

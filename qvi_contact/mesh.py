@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
+from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
 from qvi_contact.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number
@@ -186,6 +186,17 @@ class RectilinearMesh:
         """Nodes that belong to at least one cell of the body, shape (ny + 1, nx + 1)."""
         padded = np.pad(self.active, 1)
         return padded[1:, 1:] | padded[1:, :-1] | padded[:-1, 1:] | padded[:-1, :-1]
+
+    @cached_property
+    def hole_edges(self) -> BoolArray:
+        """Which boundary edges bound a hole rather than the outside, shape (edges,)."""
+        empty = np.pad(~self.active, 1, constant_values=True)
+        label, _ = ndimage.label(empty)
+        boundary = self.boundary
+        step = boundary.sign.astype(np.int64)
+        row = boundary.row + 1 + np.where(boundary.axis == HORIZONTAL, step, 0)
+        column = boundary.column + 1 + np.where(boundary.axis == VERTICAL, step, 0)
+        return np.asarray(label[row, column] != label[0, 0])
 
     @property
     def edge_names(self) -> tuple[str, ...]:

@@ -59,6 +59,7 @@ class ContactProblem:
             if names.count(name) > 1:
                 raise InputError("Contact.name", name, "give each contact a name of its own")
         _check_complete(self)
+        _check_holes(self)
         _ = self.material_numbers  # refuses regions off the grid lines
 
     @cached_property
@@ -154,6 +155,22 @@ def _check_complete(problem: ContactProblem) -> None:
         names = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
         _raise_on_edge(mesh, names[0], int(component), int(edge), remedy)
+
+
+def _check_holes(problem: ContactProblem) -> None:
+    """A hole whose boundary is not free of supports may carry a force, which a single-valued Airy function cannot."""
+    mesh = problem.mesh
+    if not mesh.hole_edges.any():
+        return
+    loaded = np.zeros(problem.owners.shape, dtype=bool)
+    for component, edges, _ in problem.prescribed(Traction):
+        loaded[component, edges] = True
+    held = mesh.hole_edges & ~loaded
+    if held.any():
+        component, edge = np.argwhere(held)[0]
+        names = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
+        remedy = "bounds a hole and is not a Traction; supports and contacts on holes are not supported, only tractions"
+        _raise_on_edge(mesh, names[-1], int(component), int(edge), remedy)
 
 
 def _raise_on_edge(mesh: RectilinearMesh, name: str, component: int, edge: int, remedy: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.checks import FloatArray, evaluate
-from qvi_contact.conditions import Displacement
+from qvi_contact.conditions import Displacement, Traction
 from qvi_contact.contact import ContactLine, contact_line
 from qvi_contact.discretization import Discretization
 from qvi_contact.element import GAUSS_COUNT
@@ -99,6 +99,26 @@ class ContactResult:
         return self.solution.message
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to know about how the data were taken, such as shears that disagree in a corner."""
+        return self.discretization.remarks
+
+    @cached_property
+    def traction_misfit(self) -> float:
+        """Largest difference between prescribed and computed tractions on Γ_σ [stress].
+
+        Zero (to round-off) for data in the trace space: normal tractions linear along each edge, shear continuous and
+        quadratic. Other data are met in resultant force and moment of every edge; this is what is left pointwise.
+        """
+        mesh, scales, largest = self.problem.mesh, self.discretization.scales, 0.0
+        for component, index, field in self.problem.prescribed(Traction):
+            points = EdgePoints(self.discretization.grid, mesh.boundary.take(index), LOAD_POINTS)
+            x, y = physical(self.problem, scales, points.coordinates)
+            wanted = evaluate(f"Traction.{'xy'[component]}", field, x, y)
+            largest = max(largest, float(np.abs(self._tractions(points)[component] - wanted).max()))
+        return largest
+
+    @property
     def certificate(self) -> Certificate:
         """Residuals of the quasi-variational inequality, computed on the original data."""
         return self.solution.certificate
@@ -157,13 +177,11 @@ class ContactResult:
         """Results on each contact by name."""
         normal = self.solution.problem.N @ self._z + self.solution.problem.n0
         tangential = self.solution.problem.T @ self._z + self.solution.problem.t0
-        multipliers = [
-            np.full(len(normal), np.nan) if m is None else m
-            for m in (self.solution.normal_multiplier, self.solution.tangential_multiplier)
-        ]
+        unit = self.certificate.scales.get("stress", 1.0)
+        multipliers = self.solution.normal_multiplier, self.solution.tangential_multiplier
         return MappingProxyType(
             {
-                rows.name: contact_line(self.discretization, rows, normal, tangential, *multipliers)
+                rows.name: contact_line(self.discretization, rows, normal, tangential, *multipliers, unit=unit)
                 for rows in self.discretization.contacts
             }
         )

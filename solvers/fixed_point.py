@@ -187,10 +187,9 @@ def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state
     threshold = form.threshold(qvi.threshold(state.s))
     centre = form.centre(state.inner, state.previous)
     inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, state.inner)
-    if _is_usable(inner) or state.inner is None:
-        return inner
-    again = solver.solve(threshold, form.centre(None, None), None)
-    return _checked_claim(again, form, threshold) if again.status is Status.INFEASIBLE else again
+    if not _is_usable(inner) and state.inner is not None:
+        inner = solver.solve(threshold, form.centre(None, None), None)
+    return _checked_claim(inner, form, threshold) if inner.status is Status.INFEASIBLE else inner
 
 
 def _checked_claim(inner: InnerSolution, form: ProblemForm, threshold: Vector) -> InnerSolution:

@@ -4,7 +4,19 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from qvi_contact import ContactProblem, Displacement, Material, RectilinearMesh, Traction, discretize, exact, solve
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    InputError,
+    Material,
+    RectilinearMesh,
+    Symmetry,
+    Traction,
+    discretize,
+    exact,
+    solve,
+)
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 
@@ -27,8 +39,15 @@ SIDES = {
 @pytest.mark.parametrize("outline", OUTLINES.values(), ids=OUTLINES)
 @pytest.mark.parametrize("kinds", SIDES.values(), ids=SIDES)
 def test_exact_states_on_other_outlines(outline, kinds):
-    """Holes included: each has an affine function of its own."""
+    """Holes included, as long as tractions are all that acts on them."""
     mesh = RectilinearMesh(*LINES, outline)
+    if mesh.hole_edges.any() and kinds != SIDES["tractions"]:
+        state = exact.pure_bending(MATERIAL, 7.0)
+        with pytest.raises(InputError, match="bounds a hole"):
+            exact.problem_from_state(
+                state, mesh, MATERIAL, dict(zip(("bottom", "right", "top", "left"), kinds, strict=True))
+            )
+        return
     for state in (exact.pure_bending(MATERIAL, 7.0), exact.gravity_column(MATERIAL, 3.0, 0.5)):
         sides = dict(zip(("bottom", "right", "top", "left"), kinds, strict=True))
         result = solve(exact.problem_from_state(state, mesh, MATERIAL, sides))
@@ -109,7 +128,39 @@ def test_conflicting_shear_in_a_corner_keeps_the_resultants():
     assert result.resultant("right").y == pytest.approx(0.0, abs=1e-12)
     bottom = result.resultant("bottom")
     assert [bottom.x, bottom.y] == pytest.approx([-2.0, -1.0], rel=1e-10)
-    assert len(solve(box(2.0, 0.0, -2.0)).discretization.elimination.conflicts) == 1  # top left agrees
+    assert [("(0, 1)" in text, "(1, 1)" in text) for text in result.remarks] == [(True, False), (False, True)]
+    assert result.traction_misfit > 0.1
+    agreeing = solve(box(2.0, 0.0, -2.0))
+    assert len(agreeing.remarks) == 1  # top left agrees
+    assert solve(box(0.0, -5.0, 0.0)).traction_misfit < 1e-9
+
+
+def test_loads_on_a_hole_must_balance_by_themselves():
+    """Pressure on one side of the hole, held by the outside: well posed, but not by a single-valued Airy function."""
+    mesh = RectilinearMesh(*LINES, OUTLINES["ring"]).with_edges("floor of the hole", "top", at=0.0)
+    conditions = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    conditions += [Traction("floor of the hole", x=0.0, y=-1.0), Traction("bottom", x=0.0, y=0.0)]
+    rest = mesh.with_edges("roof", "top", at=0.5)
+    problem = ContactProblem(rest, MATERIAL, [*conditions, Displacement("roof", x=0.0, y=0.0)])
+    with pytest.raises(InputError, match=r"0\.3.*the loads on a hole"):
+        discretize(problem)
+
+
+@pytest.mark.parametrize("cells", [1, 4, 8])
+def test_prescribed_shear_beside_a_contact_without_friction(cells):
+    """σ_T = 0 on the contact and 0.2 beside it: the corner has neither, the resultants hold."""
+    mesh = RectilinearMesh.rectangle((cells, cells))
+    conditions = [
+        Traction("top", x=0.0, y=-1.0), Traction("left", x=0.0, y=0.2), Displacement("right", x=0.0),
+        Traction("right", y=-0.2), Contact("bottom", friction=0.0),
+    ]  # fmt: skip
+    result = solve(ContactProblem(mesh, MATERIAL, conditions))
+    smooth = solve(ContactProblem(mesh, MATERIAL, [*conditions[:-1], Symmetry("bottom")]))
+    assert result.status is Status.SOLVED
+    assert result.contacts["bottom"].normal_force == pytest.approx(1.0, rel=1e-9)
+    assert np.abs(result.contacts["bottom"].tangential_stress).max() < 1e-9
+    assert result.energies.strain == pytest.approx(smooth.energies.strain, rel=0.1 if cells == 1 else 0.02)
+    assert len(result.remarks) >= 2
 
 
 @pytest.mark.parametrize("grading", [1.0, 0.5])
