@@ -4,6 +4,7 @@ Colours are from the Okabe-Ito palette, and nothing depends on colour alone: lin
 same.
 """
 
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,13 +30,16 @@ _STATE_STYLE: dict[ContactState, dict[str, Any]] = {
 }
 
 
+def has_matplotlib() -> bool:
+    """Whether pictures can be drawn."""
+    return find_spec("matplotlib") is not None
+
+
 def require_matplotlib() -> None:
     """Raise `InputError` with the command to type if matplotlib is missing."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as error:
+    if not has_matplotlib():
         remedy = "pictures need matplotlib: python -m pip install 'qvi-contact[plot]'"
-        raise InputError("plot", "matplotlib", remedy) from error
+        raise InputError("plot", "matplotlib", remedy)
 
 
 def principal_stress_map(axes: "Axes", result: ContactResult, largest: float | None = None) -> float:

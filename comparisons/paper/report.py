@@ -18,6 +18,7 @@ from comparisons.paper.study import (
 )
 from qvi_contact import ContactResult
 from qvi_contact.files import replacing, write_text
+from qvi_contact.plots import has_matplotlib
 from qvi_contact.terminal import Advance
 from solvers import Status
 
@@ -176,12 +177,14 @@ def show(study: PaperStudy, written: list[Path]) -> None:
     """Print the tables on standard output."""
     from rich.console import Console
 
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     if not console.is_terminal:
-        console = Console(highlight=False, width=100)
+        console = Console(highlight=False, markup=False, width=100)
     console.print(_table_1(study), _table_figures(study), _table_back_ends(study))
     for sentence in findings(study):
         console.print(f"• {sentence}")
+    if written and not has_matplotlib():
+        console.print("\nNo pictures: they need matplotlib, python -m pip install 'qvi-contact[plot]'")
     if written:
         console.print(f"\nWritten to {written[0].parent}: {', '.join(path.name for path in written)}", soft_wrap=True)
 
@@ -241,13 +244,13 @@ def _new_table(title: str) -> "Table":
 
 
 def write(study: PaperStudy, folder: Path, advance: Advance) -> list[Path]:
-    """Write tables and pictures; each file appears whole or not at all."""
+    """Write tables and, where matplotlib is installed, pictures; each file appears whole or not at all."""
     written = []
     for name, rows in zip(TABLES, (table_rows(study), figure_rows(study), back_end_rows(study)), strict=True):
         write_text(folder / name, _csv(rows))
         written.append(folder / name)
         advance(name)
-    for name, draw in _drawings():
+    for name, draw in _drawings() if has_matplotlib() else ():
         figure = draw(study)
         for suffix in (".png", ".svg"):
             with replacing(folder / f"{name}{suffix}") as temporary:

@@ -411,3 +411,11 @@ class TestPictures:
         assert np.abs(uzawa.get_ydata() - printed.get_ydata()).max() < 0.0051
         assert solution.get_ydata() == pytest.approx([study.half_force(row.reference) for row in paper.rows])
         assert (np.array(solution.get_xdata()) == list(TABLE_1)).all()
+
+
+def test_tables_come_without_matplotlib_too(paper, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(report, "has_matplotlib", lambda: False)
+    written = report.write(paper, tmp_path, lambda description="": None)  # noqa: ARG005
+    report.show(paper, written)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(report.TABLES)
+    assert "pip install 'qvi-contact[plot]'" in capsys.readouterr().out
