@@ -3,4 +3,4 @@
 from comparisons.cli import group
 from qvi_contact.terminal import run
 
-run(group, "comparisons")
+run(group, "python -m comparisons")

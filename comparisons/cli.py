@@ -30,6 +30,8 @@ def paper(out: Path | None, as_json: bool) -> None:
     from qvi_contact.terminal import progress
 
     folder = None
+    if out is not None and not out.parts:
+        raise click.BadParameter("give a folder, '.' is not meant by an empty name", param_hint="'--out'")
     if out is not None or not as_json:
         folder = writable_folder(out or Path("results") / "paper")
     with progress("paper", study.step_count() + (len(report.FILES) if folder else 0)) as advance:

@@ -49,9 +49,12 @@ class ContactLine:
     tangential_stress : (m,) array
         σ_T [stress], component of the traction on the body along +x (horizontal contact) or +y (vertical).
     gap : (m,) array
-        g − u_N [length], ≥ 0, zero in contact.
+        g − u_N [length], ≥ 0 and zero in contact up to the mesh: the multipliers obey the contact law exactly, the
+        gap is their projection on linear functions of each edge, and may dip below zero beside the end of a contact
+        zone.
     slip : (m,) array
-        u_T − w [length] along the same tangent, opposite in sign to σ_T.
+        u_T − w [length] along the same tangent, opposite in sign to σ_T and zero at sticking points up to the mesh: a
+        projection as well, on continuous quadratic functions.
     state : (m,) int array
         `ContactState`: 0 open, 1 stick, 2 slip; see `contact_states` for the rule and its tolerance.
 

@@ -142,7 +142,11 @@ class RectilinearMesh:
         or a pair (x, y).
         """
         width, height = positive_number("width", width), positive_number("height", height)
-        grading_x, grading_y = grading if isinstance(grading, tuple) else (grading, grading)
+        pair = grading if isinstance(grading, (tuple, list)) else (grading, grading)
+        for name, value in (("cells", cells), ("origin", origin), ("grading", pair)):
+            if not isinstance(value, (tuple, list)) or len(value) != 2:
+                raise InputError(name, value, "give a pair, for x and y")
+        grading_x, grading_y = pair
         return cls(
             graded_lines(origin[0], origin[0] + width, cells[0], grading_x),
             graded_lines(origin[1], origin[1] + height, cells[1], grading_y),

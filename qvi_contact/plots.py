@@ -98,19 +98,48 @@ def contact_tractions(axes: "Axes", line: ContactLine, stress_unit: str = "stres
         Unit for the label.
 
     """
-    horizontal = np.ptp(line.x) >= np.ptp(line.y)
-    along = line.x if horizontal else line.y
-    order = np.argsort(along, kind="stable")
-    along = along[order]
+    along, order, label = _along(line)
     pressure, bound = -line.normal_stress[order], line.friction_bound[order]
     tangential = np.abs(line.tangential_stress[order])
     _shade_states(axes, along, line.weights[order], line.state[order])
     axes.plot(along, pressure, color=GREY, marker="s", markersize=3, label="pressure $-\\sigma_N$")
     axes.plot(along, bound, color=BLUE, linestyle="--", marker="^", markersize=3, label="bound $\\mu|\\sigma_N|$")
     axes.plot(along, tangential, color=VERMILLION, linestyle=":", marker="o", markersize=3, label="$|\\sigma_T|$")
-    axes.set_ylim(bottom=min(0.0, float(pressure.min())))
-    axes.set_xlabel(f"{'x' if horizontal else 'y'} [length]")
+    axes.set_ylim(bottom=min(0.0, float(pressure.min())), auto=None)  # the top still follows what is drawn
+    axes.set_xlabel(label)
     axes.set_ylabel(f"traction [{stress_unit}]")
+
+
+def friction_used(axes: "Axes", line: ContactLine) -> None:
+    """Draw |σ_T| over its bound along a contact, 1 where it slips; points without a bound are left out.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw.
+    line : ContactLine
+        The contact.
+
+    """
+    along, order, label = _along(line)
+    bound, tangential = line.friction_bound[order], np.abs(line.tangential_stress[order])
+    loaded = bound > 1e-9 * float(np.abs(line.normal_stress).max(initial=0.0))
+    _shade_states(axes, along, line.weights[order], line.state[order])
+    axes.axhline(1.0, color=BLUE, linestyle="--", linewidth=1.0)
+    axes.plot(
+        along[loaded], tangential[loaded] / bound[loaded], color=VERMILLION, linestyle=":", marker="o", markersize=3
+    )
+    axes.set_ylim(0.0, 1.1)
+    axes.set_xlabel(label)
+    axes.set_ylabel("$|\\sigma_T|$ / bound [-]")
+
+
+def _along(line: ContactLine) -> tuple[FloatArray, IntArray, str]:
+    """Sorted coordinate along a contact, the order, and its label."""
+    horizontal = np.ptp(line.x) >= np.ptp(line.y)
+    along = line.x if horizontal else line.y
+    order = np.argsort(along, kind="stable")
+    return along[order], order, f"{'x' if horizontal else 'y'} [length]"
 
 
 def _shade_states(axes: "Axes", along: FloatArray, weights: FloatArray, state: IntArray) -> None:

@@ -13,6 +13,7 @@ from qvi_contact.material import Material, Region, material_numbers
 from qvi_contact.mesh import HORIZONTAL, VERTICAL, RectilinearMesh
 
 _COMPONENTS = ("x", "y")
+_OVERLAP = "drop one, or name parts of the side by with_edges()"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +89,19 @@ class ContactProblem:
         """Index of the condition that rules each component of each boundary edge, shape (2, edges); −1 for none."""
         owner = np.full((2, len(self.mesh.boundary)), -1)
         for index, condition in enumerate(self.conditions):
+            chosen = _edges_of(self.mesh, condition)
             for component in _components_of(condition):
-                chosen = self.mesh.edge_set(condition.edges)
                 taken = owner[component, chosen]
                 if (taken >= 0).any():
                     other = self.conditions[taken[taken >= 0][0]]
                     edge = chosen[np.argmax(taken >= 0)]
-                    _raise_on_edge(self.mesh, condition.edges, component, edge, f"is already ruled by {_name(other)}")
+                    _raise_on_edge(
+                        self.mesh,
+                        condition.edges,
+                        component,
+                        edge,
+                        f"is already ruled by {_name(other)}: drop one, or name parts of the side by with_edges()",
+                    )
                 owner[component, chosen] = index
         return owner
 
@@ -141,6 +148,13 @@ def _components_of(condition: Condition) -> tuple[int, ...]:
     if isinstance(condition, (Traction, Displacement)):
         return tuple(i for i, name in enumerate(_COMPONENTS) if getattr(condition, name) is not None)
     return 0, 1
+
+
+def _edges_of(mesh: RectilinearMesh, condition: Condition) -> IntArray:
+    try:
+        return mesh.edge_set(condition.edges)
+    except InputError as error:
+        raise InputError(f"{type(condition).__name__}.edges", condition.edges, error.remedy) from error
 
 
 def _name(condition: Condition) -> str:

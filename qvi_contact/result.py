@@ -100,8 +100,14 @@ class ContactResult:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What to know about how the data were taken, such as shears that disagree in a corner."""
-        return self.discretization.remarks
+        """What to know about how the data were taken, such as shears that disagree in a corner; one sentence each."""
+        remarks = self.discretization.remarks
+        if self.traction_misfit > 1e-6 * self.discretization.scales.stress:
+            remarks += (
+                f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
+                "single points; every edge keeps their resultant force and moment. Refine there for less.",
+            )
+        return remarks
 
     @cached_property
     def traction_misfit(self) -> float:
@@ -160,7 +166,10 @@ class ContactResult:
             If a point lies outside the body.
 
         """
-        points_x, points_y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        try:
+            points_x, points_y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        except (TypeError, ValueError) as error:
+            raise InputError("stress(x, y)", (x, y), "give numbers or arrays whose shapes go together") from error
         return stress_at(self.discretization, self.nodal, points_x, points_y)
 
     def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:

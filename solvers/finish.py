@@ -68,12 +68,13 @@ def _status(reason: Status, certificate: Certificate) -> Status:
 
 
 def _sentence(status: Status, outcome: Outcome, certificate: Certificate, feasibility: Feasibility | None) -> str:
-    parts = [f"{status.value} after {outcome.iterations} iterations"]
+    count = outcome.iterations
+    parts = [f"{status.value.replace('_', ' ')} after {count} iteration{'s' if count != 1 else ''}"]
     if status is Status.INFEASIBLE and feasibility is not None:
         parts.append(feasibility.message)
     elif np.isfinite(certificate.accuracy):
         parts.append(certificate.summary())
-    if outcome.message and status is not Status.SOLVED:
+    if outcome.message and status not in (Status.SOLVED, Status.INFEASIBLE):
         parts.append(outcome.message)
     text = "; ".join(parts) + "."
     return text if status is Status.SOLVED else f"{text} {status.advice}"

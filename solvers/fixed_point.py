@@ -125,8 +125,9 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
         return _no_solver(qvi, inner, tolerance, f"{inner}: {type(error).__name__}: {error}")
     state = _init(qvi, options)
     set_up = time.perf_counter()
-    while state.reason is None:
-        _step(qvi, form, solver, state, options, tolerance)
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging back end is judged by its residual
+        while state.reason is None:
+            _step(qvi, form, solver, state, options, tolerance)
     outcome = _outcome(qvi, state)
     outcome.form = form.name
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}

@@ -33,18 +33,18 @@ _ADVICE = {
     Status.SOLVED: "Nothing to do: the certificate passed on the original data.",
     Status.INACCURATE: "The certificate passes only at a looser tolerance: accept its accuracy, or take "
     "another inner solver such as 'direct:clarabel'.",
-    Status.INFEASIBLE: "No admissible traction carries the load: reduce the tension or the sliding force, or "
-    "add supports or friction.",
+    Status.INFEASIBLE: "The load cannot be carried: reduce the tension or the sliding force, or add supports (or "
+    "friction, if the body slides).",
     Status.INNER_INFEASIBLE: "The iteration met friction bounds under which no traction carries the load, and found no "
-    "way around them; there may be no solution: give another initial pressure, more damping or less load.",
+    "way around them; there may be no solution: start from the result of a smaller load (initial=…), or reduce it.",
     Status.ILL_CONDITIONED: "The linear system is beyond double precision: use less grading, or cells less thin.",
-    Status.UNBOUNDED: "The energy has no minimum: check that K is positive definite, that is, that no free "
-    "mode is left.",
-    Status.MAX_ITERATIONS: "The iteration limit came first: raise max_iterations, or loosen the tolerance.",
-    Status.STALLED: "The iteration stopped making progress: take variant='anderson', another start, or a "
-    "more accurate inner solver.",
-    Status.CYCLING: "The iteration repeats itself: take variant='anderson' or 'damped' with a smaller "
-    "damping (fixed point), or step_decay (Uzawa).",
+    Status.UNBOUNDED: "The energy has no minimum: check that K is positive definite, with no free mode left.",
+    Status.MAX_ITERATIONS: "The iteration limit came first: raise max_iterations if the residuals were falling, else "
+    "take method='fixed-point' or another inner solver.",
+    Status.STALLED: "The iteration stopped making progress: start from the result of a smaller load (initial=…), try "
+    "memory=10 or damping=0.2, or a more accurate inner solver.",
+    Status.CYCLING: "The iteration repeats itself: in the fixed point take variant='anderson' with damping=0.2 or "
+    "memory=10, or start from the result of a smaller load (initial=…); in Uzawa let the step shrink (step_decay=200).",
     Status.DIVERGED: "The iteration runs away: reduce the step (omega_T, omega_N) or the damping, or take "
     "method='fixed-point'.",
     Status.BACKEND_FAILED: "The back end failed, see the message: take another inner solver, listed by "

@@ -7,9 +7,11 @@ README = Path(__file__).parent.parent / "README.md"
 
 
 def test_code_runs_and_is_certified(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
-    exec(compile(code, "README.md", "exec"), {})
-    assert capsys.readouterr().out.startswith("solved")
+    blocks = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
+    assert len(blocks) == 2
+    for code in blocks:
+        exec(compile(code, "README.md", "exec"), {})
+        assert capsys.readouterr().out.startswith("solved")
 
 
 def test_links_and_pictures_exist():

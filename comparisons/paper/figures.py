@@ -7,10 +7,20 @@ import numpy as np
 from comparisons.paper.study import PaperStudy, half_force, has_stress
 from qvi_contact import ContactResult
 from qvi_contact.checks import FloatArray
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, principal_stress_map, require_matplotlib
+from qvi_contact.plots import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    VERMILLION,
+    friction_used,
+    principal_stress_map,
+    require_matplotlib,
+)
 from qvi_contact.plots import contact_tractions as draw_tractions
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -53,19 +63,22 @@ def _map(axes: "Axes", result: ContactResult, largest: float) -> float:
 
 
 def contact_tractions(study: PaperStudy) -> "Figure":
-    """Converged pressure, friction bound and tangential traction on the plate's contact."""
+    """Converged pressure, friction bound and tangential traction on the contact, and the share of the bound used."""
     chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2, 0.3)]
-    figure = _figure(13.0, 3.8)
-    axes = figure.subplots(1, len(chosen), sharey=True)
-    for panel, row in zip(axes, chosen, strict=True):
-        draw_tractions(panel, row.reference.contacts["plate"], "MPa")
-        panel.set_title(f"μ = {row.friction:g}")
+    figure = _figure(13.0, 6.0)
+    axes = figure.subplots(2, len(chosen), sharex=True, sharey="row")
+    for (upper, lower), row in zip(axes.T, chosen, strict=True):
+        draw_tractions(upper, row.reference.contacts["plate"], "MPa")
+        friction_used(lower, row.reference.contacts["plate"])
+        upper.set_title(f"μ = {row.friction:g}")
+    for panel in axes.flat:
         panel.label_outer()
-    handles = {
-        label: handle for panel in axes for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
-    }
+    handles: dict[str, Artist] = {}
+    for panel in axes.flat:
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles))
-    figure.suptitle("Contact tractions, converged; hatching marks the state of each point")
+    figure.suptitle("Contact tractions, converged, and the share of the friction bound used; shading marks the state")
     return figure
 
 

@@ -223,7 +223,7 @@ def _table_back_ends(study: PaperStudy) -> "Table":
     table.add_column("solver")
     for heading in ("certified", "P/2\nrelative", "tractions /\nmean pressure", "time\n[s]"):
         table.add_column(heading, justify="right")
-    table.add_column("P/2 agrees")
+    table.add_column("agreement")
     for row in back_end_rows(study):
         table.add_row(
             row["solver"],

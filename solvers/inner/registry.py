@@ -51,7 +51,7 @@ def check_name(name: str) -> str:
         raise SolverUnavailableError("inner", name, f"there is no such inner solver; {_choices()}")
     missing = [module for module in modules if not _installed(module)]
     if missing:
-        remedy = f"module {', '.join(missing)} is not installed: {_INSTALL}, or {_choices()}"
+        remedy = f"module {', '.join(missing)} is not installed (free back ends: {_INSTALL}); {_choices()}"
         raise SolverUnavailableError("inner", name, remedy)
     return canonical
 

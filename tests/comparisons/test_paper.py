@@ -389,10 +389,15 @@ class TestPictures:
         assert "max 474.3" in figures.principal_stresses(wrong).axes[1].get_title()
 
     def test_tractions_stay_below_the_bound(self, paper):
-        for axes in figures.contact_tractions(paper).axes:
-            _, bound, tangential = (line.get_ydata() for line in axes.lines)
+        axes = figures.contact_tractions(paper).axes
+        for upper, lower in zip(axes[:4], axes[4:], strict=True):
+            pressure, bound, tangential = (line.get_ydata() for line in upper.lines)
+            _, used = (line.get_ydata() for line in lower.lines)
             assert len(bound) == 8
             assert (tangential <= bound * (1 + 1e-6)).all()
+            assert used == pytest.approx(tangential / bound)
+            assert upper.get_ylim()[0] == 0.0
+            assert max(pressure) < upper.get_ylim()[1]  # nothing is cut off
 
     def test_errors_fall_to_the_tolerance(self, paper):
         uzawa, fixed_point = figures.convergence(paper).axes
