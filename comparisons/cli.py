@@ -11,10 +11,18 @@ def group() -> None:
     """Experiments that compare methods, solvers and published numbers."""
 
 
+def _folder(context: click.Context, parameter: click.Parameter, value: str | None) -> Path | None:  # noqa: ARG001
+    """A folder's name; an empty one, as from an unset shell variable, is not the current folder."""
+    if value == "":
+        raise click.BadParameter("give the name of a folder")
+    return None if value is None else Path(value)
+
+
 @group.command()
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    metavar="FOLDER",
+    callback=_folder,
     help="Folder for the report: tables as CSV, pictures as PNG and SVG.  [default: results/paper]",
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
@@ -30,8 +38,6 @@ def paper(out: Path | None, as_json: bool) -> None:
     from qvi_contact.terminal import progress
 
     folder = None
-    if out is not None and not out.parts:
-        raise click.BadParameter("give a folder, '.' is not meant by an empty name", param_hint="'--out'")
     if out is not None or not as_json:
         folder = writable_folder(out or Path("results") / "paper")
     with progress("paper", study.step_count() + (len(report.FILES) if folder else 0)) as advance:

@@ -63,3 +63,7 @@ def test_module_runs():
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_an_empty_folder_name_is_not_the_current_folder(no_work, capfd):
+    assert "give the name of a folder" in refused(capfd, "paper", "--out", "")
