@@ -65,5 +65,6 @@ def test_module_runs():
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_an_empty_folder_name_is_not_the_current_folder(no_work, capfd):
+@pytest.mark.usefixtures("no_work")
+def test_an_empty_folder_name_is_not_the_current_folder(capfd):
     assert "give the name of a folder" in refused(capfd, "paper", "--out", "")
