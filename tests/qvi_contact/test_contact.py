@@ -241,3 +241,19 @@ def test_forces_follow_the_weights():
     doubled = dataclasses.replace(line, weights=2 * line.weights)
     assert doubled.normal_force == pytest.approx(2 * line.normal_force)
     assert doubled.tangential_force == pytest.approx(-0.3 * doubled.normal_force, rel=1e-8)  # pulls back
+
+
+def test_contacts_that_meet_in_a_corner():
+    """They share Φ_xy there, so neither trace sees its own slip in the corner; it is continued from the edge."""
+    state = exact.uniform(MATERIAL, xx=-40.0, yy=-100.0)
+    mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+    u = state.displacement(np.array(2.0), np.array(0.0))
+    contacts = (
+        Contact("bottom", friction=0.0, name="floor"),
+        Contact("right", friction=0.0, gap=float(u[0]), name="wall"),
+    )
+    sides = {"bottom": "cc", "right": "cc", "top": "tt", "left": "ut"}
+    found = solve(exact.problem_from_state(state, mesh, MATERIAL, sides, contacts)).contacts
+    for name, component in (("floor", 0), ("wall", 1)):
+        line = found[name]
+        assert line.slip == pytest.approx(state.displacement(line.x, line.y)[component], abs=1e-8)
