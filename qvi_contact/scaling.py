@@ -100,8 +100,7 @@ def _forced(problem: ContactProblem) -> tuple[float, float]:
                     gap = float(evaluate("Contact.gap", contact.gap, *_samples(problem, facing)).min())
                     component = 1 if axis == HORIZONTAL else 0
                     (upper if sign > 0 else lower)[component].append(sign * gap)
-    forced = [
-        max(low, default=0.0) - min(up, default=0.0) if low and up else 0.0
-        for low, up in zip(lower, upper, strict=True)
-    ]
-    return max(forced[0], 0.0), max(forced[1], 0.0)
+    along_x, along_y = (
+        max(0.0, max(low) - min(up)) if low and up else 0.0 for low, up in zip(lower, upper, strict=True)
+    )
+    return along_x, along_y
