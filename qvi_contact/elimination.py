@@ -166,9 +166,9 @@ def eliminate(links: Links, scales: FloatArray, body: BoolArray, tolerance: floa
     particular[chains.dofs] = chains.offset + chains.coefficients @ shift
     particular[kept] = 0.0
     particular[twist_dofs] = twist
-    rows, columns = np.nonzero(chains.coefficients[dependent] @ expand)
-    data = (chains.coefficients[dependent] @ expand)[rows, columns]
-    data = data * scales[slaves[rows]] / scales[root_dofs[columns]]
+    coefficients = chains.coefficients[dependent] @ expand
+    rows, columns = np.nonzero(coefficients)
+    data = coefficients[rows, columns] * scales[slaves[rows]] / scales[root_dofs[columns]]
     number = np.cumsum(kept) - 1
     basis = sparse.csr_array((data, (rows, number[root_dofs[columns]])), shape=(len(slaves), int(kept.sum())))
     return Elimination(kept, slaves, basis, particular * scales, conflicts)

@@ -128,15 +128,22 @@ def _stack(rows: Sequence[tuple[Any, ...]], integers: int, floats: int) -> list[
     return [np.concatenate(column) for column in zip(empty, *rows, strict=True)]
 
 
+def prescribed_at_points(
+    problem: ContactProblem, grid: Grid, scales: Scales, kind: type[Traction] | type[Displacement]
+) -> Iterator[tuple[int, EdgePoints, FloatArray]]:
+    """Prescribed data of one kind as (component, Gauss points, values there in physical units)."""
+    for component, index, field in problem.prescribed(kind):
+        points = EdgePoints(grid, problem.mesh.boundary.take(index), LOAD_POINTS)
+        x, y = physical(problem, scales, points.coordinates)
+        yield component, points, evaluate(f"{kind.__name__}.{'xy'[component]}", field, x, y)
+
+
 def displacement_load(problem: ContactProblem, grid: Grid, scales: Scales) -> FloatArray:
     """∫_{Γ_u} U·τn ds as a vector over all degrees of freedom, the first term on the right of (D1)."""
     load = np.zeros(4 * problem.mesh.node_count)
-    for component, index, field in problem.prescribed(Displacement):
-        if not callable(field) and field == 0.0:
-            continue
-        points = EdgePoints(grid, problem.mesh.boundary.take(index), LOAD_POINTS)
-        values = evaluate(f"Displacement.{'xy'[component]}", field, *physical(problem, scales, points.coordinates))
-        load += points.traction(component).T @ (points.weights * values / scales.displacement)
+    for component, points, values in prescribed_at_points(problem, grid, scales, Displacement):
+        if values.any():
+            load += points.traction(component).T @ (points.weights * values / scales.displacement)
     return load
 
 
@@ -149,8 +156,7 @@ def body_load(problem: ContactProblem, grid: Grid, scales: Scales) -> FloatArray
     points, weights, (tx, ty) = cell_points(grid, column, row)
     strain = problem.compliances[:, :, :2].sum(axis=2) / scales.compliance
     factor = -weights * potential_at(problem, scales, points)
-    shape = tx.shape
-    rows = grid.stress_rows(np.broadcast_to(column[:, None], shape), np.broadcast_to(row[:, None], shape), tx, ty)
+    rows = grid.stress_rows(column[:, None], row[:, None], tx, ty)
     np.add.at(load, grid.cell_dofs(column, row), np.einsum("cg,ck,cgkd->cd", factor, strain, rows))
     return load
 

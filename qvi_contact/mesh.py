@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import ndimage, sparse
-from scipy.sparse import csgraph
+from scipy import ndimage
 
 from qvi_contact.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number
 from qvi_contact.errors import InputError
@@ -283,7 +282,7 @@ def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
         raise InputError("RectilinearMesh.active", mask, remedy)
     if not active.any():
         raise InputError("RectilinearMesh.active", mask, "at least one cell must belong to the body")
-    if _piece_count(active) != 1:
+    if ndimage.label(active)[1] != 1:
         raise InputError("RectilinearMesh.active", mask, "the body must be one piece joined by whole edges")
     corners = active[1:, 1:] & active[:-1, :-1] & ~active[1:, :-1] & ~active[:-1, 1:]
     corners |= ~active[1:, 1:] & ~active[:-1, :-1] & active[1:, :-1] & active[:-1, 1:]
@@ -293,18 +292,6 @@ def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
         raise InputError("RectilinearMesh.active", mask, remedy)
     active.flags.writeable = False
     return active
-
-
-def _piece_count(active: BoolArray) -> int:
-    """Number of pieces of a mask, cells being neighbours across edges."""
-    number = np.arange(active.size).reshape(active.shape)
-    across = active[:, 1:] & active[:, :-1]
-    upward = active[1:] & active[:-1]
-    start = np.concatenate([number[:, :-1][across], number[:-1][upward]])
-    end = np.concatenate([number[:, 1:][across], number[1:][upward]])
-    graph = sparse.coo_array((np.ones(len(start)), (start, end)), shape=(active.size, active.size))
-    _, label = csgraph.connected_components(graph, directed=False)
-    return len(np.unique(label[active.ravel()]))
 
 
 def _facing(side: str) -> tuple[int, float]:

@@ -8,13 +8,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.checks import FloatArray, evaluate
+from qvi_contact.checks import FloatArray
 from qvi_contact.conditions import Displacement, Traction
 from qvi_contact.contact import ContactLine, contact_line
 from qvi_contact.discretization import Discretization
 from qvi_contact.element import GAUSS_COUNT
 from qvi_contact.errors import InputError
-from qvi_contact.loads import LOAD_POINTS, cell_points, physical, potential_at
+from qvi_contact.loads import LOAD_POINTS, cell_points, physical, potential_at, prescribed_at_points
 from qvi_contact.mesh import HORIZONTAL, VERTICAL
 from qvi_contact.problem import ContactProblem
 from qvi_contact.stress import cell_stress, stress_at
@@ -116,13 +116,9 @@ class ContactResult:
         Zero (to round-off) for data in the trace space: normal tractions linear along each edge, shear continuous and
         quadratic. Other data are met in resultant force and moment of every edge; this is what is left pointwise.
         """
-        mesh, scales, largest = self.problem.mesh, self.discretization.scales, 0.0
-        for component, index, field in self.problem.prescribed(Traction):
-            points = EdgePoints(self.discretization.grid, mesh.boundary.take(index), LOAD_POINTS)
-            x, y = physical(self.problem, scales, points.coordinates)
-            wanted = evaluate(f"Traction.{'xy'[component]}", field, x, y)
-            largest = max(largest, float(np.abs(self._tractions(points)[component] - wanted).max()))
-        return largest
+        data = prescribed_at_points(self.problem, self.discretization.grid, self.discretization.scales, Traction)
+        differences = [np.abs(self._tractions(points)[component] - wanted).max() for component, points, wanted in data]
+        return float(max(differences, default=0.0))
 
     @property
     def certificate(self) -> Certificate:
@@ -227,8 +223,7 @@ class ContactResult:
         """Dimensionless Gauss points, weights and stresses of all cells."""
         row, column = np.nonzero(self.problem.mesh.active)
         points, weights, (tx, ty) = cell_points(self.discretization.grid, column, row, GAUSS_COUNT)
-        columns, rows = np.broadcast_to(column[:, None], tx.shape), np.broadcast_to(row[:, None], tx.shape)
-        stress = cell_stress(self.discretization, self.nodal, columns, rows, tx, ty)
+        stress = cell_stress(self.discretization, self.nodal, column[:, None], row[:, None], tx, ty)
         stress[..., :2] += potential_at(self.problem, self.discretization.scales, points)[..., None]
         return points, weights, stress
 
@@ -242,11 +237,9 @@ class ContactResult:
 
     def _prescribed_work(self) -> float:
         """∫_{Γ_u} U·σn ds."""
-        mesh, scales = self.problem.mesh, self.discretization.scales
-        work = 0.0
-        for component, index, field in self.problem.prescribed(Displacement):
-            points = EdgePoints(self.discretization.grid, mesh.boundary.take(index), LOAD_POINTS)
-            x, y = physical(self.problem, scales, points.coordinates)
-            values = evaluate(f"Displacement.{'xy'[component]}", field, x, y)
+        scales, work = self.discretization.scales, 0.0
+        for component, points, values in prescribed_at_points(
+            self.problem, self.discretization.grid, scales, Displacement
+        ):
             work += scales.length * float(points.weights @ (values * self._tractions(points)[component]))
         return work

@@ -72,10 +72,7 @@ class EdgePoints:
     def stress_rows(self) -> FloatArray:
         """Coefficients of (σ_xx, σ_yy, σ_xy) without φ, shape (n q, 3, 16)."""
         tx, ty = self.cell_coordinates
-        shape = tx.shape
-        column = np.broadcast_to(self.edges.column[:, None], shape)
-        row = np.broadcast_to(self.edges.row[:, None], shape)
-        return self.grid.stress_rows(column, row, tx, ty).reshape(-1, 3, 16)
+        return self.grid.stress_rows(self.edges.column[:, None], self.edges.row[:, None], tx, ty).reshape(-1, 3, 16)
 
     @property
     def point_axis(self) -> FloatArray:

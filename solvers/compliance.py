@@ -3,7 +3,6 @@
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_matrix, vstack
 
 from solvers.problem import FrictionQVI
 from solvers.types import Matrix, Vector
@@ -20,7 +19,7 @@ class Compliance:
 
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi = qvi
-        self._rows = csc_matrix(vstack([qvi.N, qvi.T]))
+        self._rows = qvi.contact_rows
         self.bonded = self.tractions(qvi.bonded)
 
     @property

@@ -36,6 +36,12 @@ class Outcome:
     check_feasible: bool = True
 
 
+def no_outcome(qvi: FrictionQVI, reason: Status, message: str) -> Outcome:
+    """Nothing but the reason why there is no result."""
+    z, rows, nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
+    return Outcome(reason, z, rows, rows, nu, rows, [], 0, message)
+
+
 def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, tolerance: float) -> QVISolution:
     """Certify on the original data and decide the status; without a result, ask whether there can be one."""
     began = time.perf_counter()

@@ -24,7 +24,7 @@ from solvers.anderson import Anderson
 from solvers.certificate import certify, scales_at
 from solvers.errors import InputError
 from solvers.feasibility import check_feasibility
-from solvers.finish import Outcome, finish
+from solvers.finish import Outcome, finish, no_outcome
 from solvers.forms import Form, ProblemForm, make_form
 from solvers.inner.problem import InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
@@ -122,7 +122,8 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
     except InputError:
         raise
     except Exception as error:
-        return _no_solver(qvi, inner, tolerance, f"{inner}: {type(error).__name__}: {error}")
+        nothing = no_outcome(qvi, Status.BACKEND_FAILED, f"{inner}: {type(error).__name__}: {error}")
+        return finish(qvi, nothing, "fixed-point", inner, tolerance)
     state = _init(qvi, options)
     set_up = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging back end is judged by its residual
@@ -212,8 +213,7 @@ def _residual(qvi: FrictionQVI, z: Vector, g: Vector, s: Vector) -> float:
 
 
 def _norm(qvi: FrictionQVI, v: Vector) -> float:
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.sqrt(qvi.W @ v**2))
+    return float(np.sqrt(qvi.W @ v**2))
 
 
 def _record(
@@ -323,20 +323,3 @@ def _outcome(qvi: FrictionQVI, state: _State) -> Outcome:
         reason, result.z, result.m_N, result.m_T, result.nu, qvi.threshold(s), state.history,
         len(state.history), state.message, feasibility=state.feasibility,
     )  # fmt: skip
-
-
-def _no_solver(qvi: FrictionQVI, inner: str, tolerance: float, message: str) -> QVISolution:
-    """Report a back end that could not be built for this problem."""
-    nothing = no_result(qvi, Status.BACKEND_FAILED, message)
-    outcome = Outcome(
-        Status.BACKEND_FAILED,
-        nothing.z,
-        nothing.m_N,
-        nothing.m_T,
-        nothing.nu,
-        np.full(qvi.m, np.nan),
-        [],
-        0,
-        message,
-    )
-    return finish(qvi, outcome, "fixed-point", inner, tolerance)

@@ -129,7 +129,7 @@ class CondensedForm:
     def __init__(self, frictionless: Frictionless) -> None:
         qvi = frictionless.problem
         self._frictionless, self._compliance = frictionless, Compliance(qvi)
-        E, Y = _independent_rows(csc_matrix(vstack([qvi.N, qvi.T])))
+        E, Y = _independent_rows(qvi.contact_rows)
         self._V = E @ _factor(Y @ qvi.equality_system.solve(Y.T.toarray())[0], qvi.K)
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI(

@@ -177,13 +177,18 @@ class FrictionQVI:
         return EqualitySystem(self.K, self.A)
 
     @cached_property
+    def contact_rows(self) -> Sparse:
+        """[N; T] (2m, n)."""
+        return csc_matrix(vstack([self.N, self.T]))
+
+    @cached_property
     def contact_stiffness(self) -> float:
         """Traction that a unit of displacement λ all along the contact causes, as a scale; 0 where nothing does.
 
         The spectral radius of [N; T] K⁻¹ [N; T]ᵀ W, by a few steps of power iteration, belongs to the finest waves; it
         is reduced by min W / Σ W to those as long as the contact.
         """
-        rows = csc_matrix(vstack([self.N, self.T]))
+        rows = self.contact_rows
         weights = np.concatenate([self.W, self.W])
         v: Vector = np.ones(2 * self.m)
         radius = 0.0

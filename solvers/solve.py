@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from solvers.errors import InputError, SolveError, SolverUnavailableError
-from solvers.finish import Outcome, finish
+from solvers.finish import Outcome, finish, no_outcome
 from solvers.fixed_point import FixedPointOptions, solve_fixed_point
 from solvers.inner.registry import check_name, versions
 from solvers.problem import FrictionQVI
@@ -81,10 +81,8 @@ def solve_qvi(
 
 def _give_up(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVISolution:
     """Refuse a problem whose plain linear system cannot be solved."""
-    nan = np.full(qvi.n + qvi.m + qvi.p, np.nan)
     message = f"the linear system is solved to {qvi.bonded_error:.0e} only, in the energy norm"
-    rows = nan[: qvi.m]
-    outcome = Outcome(Status.ILL_CONDITIONED, nan[: qvi.n], rows, rows, nan[: qvi.p], rows, [], 0, message)
+    outcome = no_outcome(qvi, Status.ILL_CONDITIONED, message)
     outcome.check_feasible = False
     return finish(qvi, outcome, method, inner, tolerance)
 
