@@ -194,8 +194,9 @@ def _project_tangential(rows: ContactRows, functional: FloatArray, fixed: IntArr
 
     Traces and trial functions are continuous and quadratic on each edge (nodes and midpoints). Where σ_T is prescribed
     at an end node of the contact (Φ_xy fixed by the neighbouring traction), or another contact line ends in the same
-    corner (and shares Φ_xy), no trace sees the displacement there; as in mortar methods the trial functions are then linear on that end edge, which keeps trial and test space of one size
-    and extends the displacement to the end without a kink.
+    corner (and shares Φ_xy), no trace sees the displacement there; as in mortar methods the trial functions are then
+    linear on that end edge, which keeps trial and test space of one size and extends the displacement to the end
+    without a kink.
     """
     points = rows.points
     edges, t = points.edges, gauss_legendre(points.count)[0]
