@@ -3,16 +3,21 @@
 With stresses as the unknown, a prescribed traction is the essential condition and a prescribed displacement the
 natural one. Every boundary edge needs exactly one condition for each of its two Cartesian components.
 
+A `Contact` on a joint inside the body rules no boundary edge.
+
 Signs: n is the outward normal; the tangent is the coordinate direction along the edge (+x on horizontal edges, +y on
 vertical ones), whichever way the edge faces. σ_N = n·σn is negative under pressure, σ_T is the tangential component of
 the traction σn, u_N and u_T are the components of the displacement.
 """
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
-from qvi_contact.checks import Field, check_field
+from qvi_contact.checks import Field, check_field, finite_number
 from qvi_contact.errors import InputError
+
+Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
+"""What a contact does across its line: it may open, it keeps its distance, or it does not move at all."""
 
 
 def _check_components(kind: str, x: Field | None, y: Field | None) -> None:
@@ -21,6 +26,14 @@ def _check_components(kind: str, x: Field | None, y: Field | None) -> None:
     for name, value in (("x", x), ("y", y)):
         if value is not None:
             check_field(f"{kind}.{name}", value)
+
+
+def _name_after_edges(condition: "Traction | Contact", kind: str) -> None:
+    """Check the name, and take that of the edge set if there is none."""
+    if not isinstance(condition.name, str):
+        raise InputError(f"{kind}.name", condition.name, "give a string")
+    if not condition.name:
+        object.__setattr__(condition, "name", condition.edges)
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,8 @@ class Traction:
     x, y : float or function of (x, y), optional
         Cartesian components of the traction that acts on the body [stress]; None leaves a component to another
         condition.
+    name : str, optional
+        What a limit analysis calls this load; the edge set's name by default.
 
     Notes
     -----
@@ -45,9 +60,11 @@ class Traction:
     edges: str
     x: Field | None = None
     y: Field | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
         _check_components("Traction", self.x, self.y)
+        _name_after_edges(self, "Traction")
 
 
 @dataclass(frozen=True)
@@ -86,18 +103,63 @@ class Symmetry:
 
 
 @dataclass(frozen=True)
-class Contact:
-    """Unilateral contact with Coulomb friction against a rigid obstacle (1.6).
+class RigidPlate:
+    """A rigid obstacle driven by force rather than by displacement.
 
-        u_N ≤ g,   σ_N ≤ 0,   (u_N − g) σ_N = 0
-        |σ_T| ≤ μ|σ_N|,   |σ_T| < μ|σ_N| ⇒ u_T = w,   (u_T − w) σ_T ≤ 0
+    For each component given, the resultant of the tractions on the body is prescribed,
+
+        ∫ t_x ds = force_x,   ∫ t_y ds = force_y,   ∫ [(x − x₀) t_y − (y − y₀) t_x] ds = moment,
+
+    and the plate's motion in that component is unknown: the multiplier of the equation. In the other components the
+    plate does not move beyond the contact's `gap` and `offset`.
+
+    Parameters
+    ----------
+    force_x, force_y : float, optional
+        Force on the body a unit of thickness [stress × length]; a plate that presses down on the top has force_y < 0.
+    moment : float, optional
+        Moment on the body about the pivot, counterclockwise [stress × length²].
+    pivot : (float, float)
+        The point (x₀, y₀) that the moment and the plate's rotation refer to [length].
+
+    """
+
+    force_x: float | None = None
+    force_y: float | None = None
+    moment: float | None = None
+    pivot: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.force_x is None and self.force_y is None and self.moment is None:
+            raise InputError("RigidPlate", None, "give at least one of force_x, force_y and moment")
+        for name in ("force_x", "force_y", "moment"):
+            if getattr(self, name) is not None:
+                finite_number(f"RigidPlate.{name}", getattr(self, name))
+        if not isinstance(self.pivot, (tuple, list)) or len(self.pivot) != 2:
+            raise InputError("RigidPlate.pivot", self.pivot, "give a pair (x, y)")
+        object.__setattr__(self, "pivot", tuple(finite_number("RigidPlate.pivot", value) for value in self.pivot))
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact with dry friction, against a rigid obstacle (1.6) or between two blocks of the body.
+
+        σ_N ≤ 0,   u_N ≤ g,   (u_N − g) σ_N = 0                             unilateral
+        u_N = g                                                             bilateral, tied
+        |σ_T| ≤ b(σ_N) = min(c + μ|σ_N|, t_max)
+        |σ_T| < b ⇒ u_T = w,   (u_T − w) σ_T ≤ 0                            unilateral, bilateral
+        u_T = w                                                             tied
+
+    On a joint (an edge set made by `RectilinearMesh.with_joint`) u stands for the displacement of the lower or left
+    block less that of the upper or right one, n points from the former to the latter, and g is how far the joint
+    stands open without load.
 
     Parameters
     ----------
     edges : str
-        Name of an edge set of the mesh.
+        Name of an edge set or joint of the mesh.
     friction : float or function of (x, y)
-        Coefficient of friction μ ≥ 0.
+        Coefficient of friction μ ≥ 0. With μ = 0 and a cohesion the law is Tresca's.
     gap : float or function of (x, y)
         Position g of the obstacle along the outward normal [length]: positive where it stands away from the body,
         negative where a rigid plate is pushed into it.
@@ -105,6 +167,15 @@ class Contact:
         Tangential displacement w of the obstacle along the tangent [length].
     name : str, optional
         Key of this contact in the result; the edge set's name by default.
+    cohesion : float or function of (x, y)
+        Cohesion c ≥ 0 [stress]. It acts wherever the law does, also where the contact is open.
+    shear_limit : float or function of (x, y), optional
+        Cap t_max ≥ 0 of |σ_T| [stress].
+    law : "unilateral", "bilateral" or "tied"
+        Whether the contact may open and slip, slip only, or neither. A tied contact takes no friction, cohesion or
+        limit.
+    plate : RigidPlate, optional
+        Drives the obstacle by force and moment; not on joints.
 
     """
 
@@ -113,15 +184,43 @@ class Contact:
     gap: Field = 0.0
     offset: Field = 0.0
     name: str = ""
+    cohesion: Field = 0.0
+    shear_limit: Field | None = None
+    law: Law = "unilateral"
+    plate: RigidPlate | None = None
 
     def __post_init__(self) -> None:
         check_field("Contact.friction", self.friction, minimum=0.0)
         check_field("Contact.gap", self.gap)
         check_field("Contact.offset", self.offset)
-        if not isinstance(self.name, str):
-            raise InputError("Contact.name", self.name, "give a string")
-        if not self.name:
-            object.__setattr__(self, "name", self.edges)
+        check_field("Contact.cohesion", self.cohesion, minimum=0.0)
+        if self.shear_limit is not None:
+            check_field("Contact.shear_limit", self.shear_limit, minimum=0.0)
+        _name_after_edges(self, "Contact")
+        if self.law not in get_args(Law):
+            raise InputError("Contact.law", self.law, f"give one of {', '.join(get_args(Law))}")
+        if self.plate is not None and not isinstance(self.plate, RigidPlate):
+            raise InputError("Contact.plate", self.plate, "give a RigidPlate")
+        frictional: dict[str, Any] = {"friction": 0.0, "cohesion": 0.0, "shear_limit": None}
+        for field, absent in frictional.items():
+            value = getattr(self, field)
+            if self.law == "tied" and (callable(value) or value != absent):
+                raise InputError(f"Contact.{field}", value, "a tied contact does not slip: leave this out")
+
+    @classmethod
+    def tresca(cls, edges: str, bound: Field, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> "Contact":
+        """Unilateral contact with Tresca's law |σ_T| ≤ bound [stress], whatever the pressure."""
+        return cls(edges, 0.0, gap, offset, name, cohesion=bound)
+
+    @classmethod
+    def frictionless(cls, edges: str, gap: Field = 0.0, name: str = "") -> "Contact":
+        """Unilateral contact without friction (Signorini)."""
+        return cls(edges, 0.0, gap, 0.0, name)
+
+    @classmethod
+    def tied(cls, edges: str, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> "Contact":
+        """Neither opens nor slips: u_N = g, u_T = w; reports tractions like any contact."""
+        return cls(edges, 0.0, gap, offset, name, law="tied")
 
 
 Condition: TypeAlias = Traction | Displacement | Symmetry | Contact

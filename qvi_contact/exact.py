@@ -134,5 +134,5 @@ def problem_from_state(
                 continue
             value: Field = state.traction(side, component) if kind == "t" else state.displaced(component)
             condition = Traction if kind == "t" else Displacement
-            conditions.append(condition(side, **{"xy"[component]: value}))
+            conditions.append(condition(side, x=value) if component == 0 else condition(side, y=value))
     return ContactProblem(mesh, material, conditions, state.potential)

@@ -1,8 +1,9 @@
 """Rectilinear grids of rectangular cells, their nodes, and their named boundary edges."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Final
 
@@ -18,11 +19,18 @@ SIDES: Final = ("bottom", "right", "top", "left")
 
 HORIZONTAL: Final = 0
 VERTICAL: Final = 1
+DIRECTIONS: Final = ("horizontal", "vertical")
+"""Directions of joints, by axis."""
+
+
+_SAMPLES: Final = 2000  # points per half interval where sizes are summed
 
 
 @dataclass(frozen=True)
 class Edges:
-    """Boundary edges of cells, as arrays with one entry an edge.
+    """Edges of cells, as arrays with one entry an edge.
+
+    An edge inside the body is described from the cell below it or to its left.
 
     Attributes
     ----------
@@ -31,7 +39,7 @@ class Edges:
     axis : (n,) int array
         0 for a horizontal edge (along x), 1 for a vertical one (along y).
     sign : (n,) float array
-        Outward normal is ``sign`` times e_y (horizontal) or e_x (vertical).
+        Outward normal is ``sign`` times e_y (horizontal) or e_x (vertical); +1 inside the body.
     column, row : (n,) int arrays
         The cell that the edge belongs to.
 
@@ -59,7 +67,7 @@ class Edges:
         )
 
 
-def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0) -> FloatArray:
+def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, both_ends: bool = False) -> FloatArray:
     """Grid lines from start to stop whose cells form a geometric sequence.
 
     Parameters
@@ -70,6 +78,8 @@ def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0) ->
         Number of cells, at least 1.
     grading : float
         Ratio of each cell to the one before it: below 1 the cells shrink towards `stop`.
+    both_ends : bool
+        Mirror the sequence about the middle: below 1 the cells shrink towards both ends.
 
     Returns
     -------
@@ -83,10 +93,39 @@ def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0) ->
     grading = positive_number("grading", grading)
     if not start < stop:
         raise InputError("stop", stop, f"give a number greater than start = {start:g}")
-    sizes = grading ** np.arange(cells, dtype=float)
+    steps = np.arange(cells, dtype=float)
+    if both_ends:
+        steps = np.maximum(steps, steps[::-1]) - steps[-1] / 2.0  # distance from the middle
+    sizes = grading**steps
     lines: FloatArray = start + (stop - start) * np.concatenate([[0.0], np.cumsum(sizes)]) / sizes.sum()
     lines[-1] = stop
     return lines
+
+
+@dataclass(frozen=True)
+class EdgeRange:
+    """What a named edge set consists of.
+
+    Attributes
+    ----------
+    side : str
+        The way its edges face, one of `SIDES`; for a joint "horizontal" or "vertical".
+    start, stop : float or None
+        Range along the edges [length]; None for the whole length.
+    at : float or None
+        The line (y of horizontal, x of vertical edges) they lie on; None for all lines.
+
+    """
+
+    side: str
+    start: float | None = None
+    stop: float | None = None
+    at: float | None = None
+
+    @property
+    def is_joint(self) -> bool:
+        """Whether these are edges inside the body."""
+        return self.side in DIRECTIONS
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +150,14 @@ class RectilinearMesh:
     Notes
     -----
     Edge sets have names. "bottom", "right", "top" and "left" are all boundary edges facing that way; `with_edges`
-    names parts of them.
+    names parts of them, `with_joint` names edges inside the body.
 
     """
 
     x: FloatArray
     y: FloatArray
     active: BoolArray = None  # type: ignore[assignment]  # becomes a full mask
-    _named: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    _named: Mapping[str, EdgeRange] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "x", _checked_lines("RectilinearMesh.x", self.x))
@@ -169,8 +208,7 @@ class RectilinearMesh:
     @cached_property
     def boundary(self) -> Edges:
         """All boundary edges: side by side in the order of `SIDES`, along growing x or y within a line."""
-        parts = [_edges_facing(self, side) for side in SIDES]
-        return Edges(*(np.concatenate([getattr(part, name) for part in parts]) for name in Edges.__annotations__))
+        return _joined([_edges_facing(self, side) for side in SIDES])
 
     @cached_property
     def boundary_midpoints(self) -> FloatArray:
@@ -201,20 +239,78 @@ class RectilinearMesh:
         column = boundary.column + 1 + np.where(boundary.axis == VERTICAL, step, 0)
         return np.asarray(label[row, column] != label[0, 0])
 
+    @cached_property
+    def interior(self) -> Edges:
+        """All edges between two cells of the body: horizontal ones row by row, then vertical ones column by column."""
+        row, column = np.nonzero(self.active[:-1] & self.active[1:])
+        low = column + (row + 1) * len(self.x)
+        horizontal = Edges(low, low + 1, np.zeros_like(low), np.ones(len(low)), column, row)
+        column, row = np.nonzero((self.active[:, :-1] & self.active[:, 1:]).T)
+        low = column + 1 + row * len(self.x)
+        vertical = Edges(low, low + len(self.x), np.ones_like(low), np.ones(len(low)), column, row)
+        return _joined([horizontal, vertical])
+
     @property
     def edge_names(self) -> tuple[str, ...]:
-        """Names that `edge_set` knows."""
-        return (*SIDES, *self._named)
+        """Names of boundary edge sets, those that `edge_set` knows."""
+        return (*SIDES, *(name for name, chosen in self._named.items() if not chosen.is_joint))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of joints."""
+        return tuple(name for name, chosen in self._named.items() if chosen.is_joint)
+
+    @property
+    def named(self) -> Mapping[str, EdgeRange]:
+        """Edge sets and joints made by `with_edges` and `with_joint`, by name."""
+        return self._named
 
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`."""
-        if isinstance(name, str) and name in self._named:
-            return self._named[name]
-        if name not in SIDES:
+        if name not in self.edge_names:
             known = ", ".join(self.edge_names)
             raise InputError("edges", name, f"name one of the mesh's edge sets ({known}) or add it by with_edges()")
-        axis, sign = _facing(name)
-        return np.flatnonzero((self.boundary.axis == axis) & (self.boundary.sign == sign))
+        return self._sets[name]
+
+    def joint_set(self, name: str) -> IntArray:
+        """Indices into `interior` of the joint called `name`."""
+        if name not in self.joint_names:
+            known = ", ".join(self.joint_names) or "there is none"
+            raise InputError("joint", name, f"name one of the mesh's joints ({known}) or add it by with_joint()")
+        return self._sets[name]
+
+    def edges(self, name: str) -> Edges:
+        """The edges called `name`, on the boundary or in a joint."""
+        if name in self.joint_names:
+            return self.interior.take(self.joint_set(name))
+        return self.boundary.take(self.edge_set(name))
+
+    @cached_property
+    def _sets(self) -> Mapping[str, IntArray]:
+        """Indices of every named edge set."""
+        sides = {side: EdgeRange(side) for side in SIDES}
+        return {name: self._edges_in(chosen) for name, chosen in {**sides, **self._named}.items()}
+
+    def _edges_in(self, chosen: EdgeRange) -> IntArray:
+        """Indices into `boundary`, for a joint into `interior`, of the edges in the range."""
+        if chosen.is_joint:
+            edges, facing = self.interior, self.interior.axis == DIRECTIONS.index(chosen.side)
+            axis = DIRECTIONS.index(chosen.side)
+        else:
+            axis, sign = _facing(chosen.side)
+            edges = self.boundary
+            facing = (edges.axis == axis) & (edges.sign == sign)
+        found = np.flatnonzero(facing)
+        lines, across = (self.x, self.y) if axis == HORIZONTAL else (self.y, self.x)
+        middle = (self.coordinates[edges.first[found]] + self.coordinates[edges.second[found]]) / 2.0
+        keep = np.ones(len(found), dtype=bool)
+        if chosen.start is not None:
+            keep &= middle[:, axis] > on_line("start", chosen.start, lines)
+        if chosen.stop is not None:
+            keep &= middle[:, axis] < on_line("stop", chosen.stop, lines)
+        if chosen.at is not None:
+            keep &= middle[:, 1 - axis] == on_line("at", chosen.at, across)
+        return found[keep]
 
     def with_edges(
         self, name: str, side: str, start: float | None = None, stop: float | None = None, at: float | None = None
@@ -234,25 +330,105 @@ class RectilinearMesh:
             the same way.
 
         """
+        if side not in SIDES:
+            raise InputError("side", side, f"give one of {', '.join(SIDES)}")
+        return self._with(name, EdgeRange(side, start, stop, at))
+
+    def with_joint(
+        self, name: str, direction: str, at: float, start: float | None = None, stop: float | None = None
+    ) -> "RectilinearMesh":
+        """The same mesh with a joint: edges inside the body along which a `Contact` may hold.
+
+        Parameters
+        ----------
+        name : str
+            The new name.
+        direction : str
+            "horizontal" or "vertical".
+        at : float
+            The grid line: y of a horizontal, x of a vertical joint [length].
+        start, stop : float, optional
+            Range along the line [length]; both must lie on grid lines. Across the whole body by default.
+
+        """
+        if direction not in DIRECTIONS:
+            raise InputError("direction", direction, f"give one of {', '.join(DIRECTIONS)}")
+        return self._with(name, EdgeRange(direction, start, stop, at))
+
+    def _with(self, name: str, chosen: EdgeRange) -> "RectilinearMesh":
         if not isinstance(name, str) or not name:
             raise InputError("name", name, "give a non-empty string")
-        if name in self.edge_names:
+        if name in (*self.edge_names, *self.joint_names):
             raise InputError("name", name, "this edge set exists already: choose another name")
-        chosen = self.edge_set(side)
-        axis, _ = _facing(side)
-        lines, across = (self.x, self.y) if axis == HORIZONTAL else (self.y, self.x)
-        along = self.boundary_midpoints[chosen, axis]
-        level = self.boundary_midpoints[chosen, 1 - axis]
-        keep = np.ones(len(chosen), dtype=bool)
-        if start is not None:
-            keep &= along > on_line("start", start, lines)
-        if stop is not None:
-            keep &= along < on_line("stop", stop, lines)
-        if at is not None:
-            keep &= level == on_line("at", at, across)
-        if not keep.any():
-            raise InputError(name, (side, start, stop, at), "no boundary edge lies there: check side and range")
-        return replace(self, _named=MappingProxyType({**self._named, name: chosen[keep]}))
+        if not len(self._edges_in(chosen)):
+            where = "interior" if chosen.is_joint else "boundary"
+            given = (chosen.side, chosen.start, chosen.stop, chosen.at)
+            raise InputError(name, given, f"no {where} edge lies there: check side and range")
+        return replace(self, _named=MappingProxyType({**self._named, name: chosen}))
+
+    def refined(
+        self, largest: float, towards: Sequence[str] = (), smallest: float | None = None, ratio: float = 0.5
+    ) -> "RectilinearMesh":
+        """The same body and edge sets on a finer grid that keeps all lines, graded towards where stresses are large.
+
+        Cells are about `largest` wide, and shrink geometrically to `smallest` towards every re-entrant corner of the
+        body and both ends of every edge set or joint in `towards`: at a distance d from the nearest such coordinate
+        the size is min(largest, smallest + (1/ratio − 1) d), in x and in y separately.
+
+        Parameters
+        ----------
+        largest : float
+            Cell size far from corners and ends [length].
+        towards : sequence of str
+            Edge sets and joints whose ends matter, such as contacts.
+        smallest : float, optional
+            Cell size at corners and ends [length]; `largest`, which is a uniform grid, by default.
+        ratio : float
+            Size of a cell to that of its larger neighbour, in (0, 1).
+
+        """
+        largest = positive_number("largest", largest)
+        smallest = largest if smallest is None else positive_number("smallest", smallest)
+        if smallest > largest:
+            raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
+        if not 0.0 < positive_number("ratio", ratio) < 1.0:
+            raise InputError("ratio", ratio, "give a number between 0 and 1")
+        critical = self._critical_nodes(towards)
+        x, y = (
+            _subdivided(lines, np.unique(self.coordinates[critical, axis]), largest, smallest, 1.0 / ratio - 1.0)
+            for axis, lines in ((0, self.x), (1, self.y))
+        )
+        rows, columns = (np.searchsorted(old, new[:-1], "right") - 1 for old, new in ((self.y, y), (self.x, x)))
+        return replace(self, x=x, y=y, active=self.active[np.ix_(rows, columns)])
+
+    def _critical_nodes(self, towards: Sequence[str]) -> IntArray:
+        """Nodes in re-entrant corners, and at the ends of the named edge sets (nodes of one of their edges only)."""
+        padded = np.pad(self.active, 1).astype(np.int64)
+        around = padded[1:, 1:] + padded[1:, :-1] + padded[:-1, 1:] + padded[:-1, :-1]
+        nodes = [np.flatnonzero(around.ravel() == 3)]
+        for name in towards:
+            edges = self.edges(name)
+            node, count = np.unique(np.concatenate([edges.first, edges.second]), return_counts=True)
+            nodes.append(node[count == 1])
+        return np.unique(np.concatenate(nodes))
+
+
+def _joined(parts: Sequence[Edges]) -> Edges:
+    return Edges(*(np.concatenate([getattr(part, name) for part in parts]) for name in Edges.__annotations__))
+
+
+def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smallest: float, growth: float) -> FloatArray:
+    """Lines added so that cells are about h(x) = min(largest, smallest + growth · distance to `critical`)."""
+    pieces = [lines[:1]]
+    for start, stop in pairwise(lines.tolist()):
+        t = np.linspace(0.0, 1.0, _SAMPLES)
+        x = start + (stop - start) * np.concatenate([t**3 / 2, 1.0 - t[-2::-1] ** 3 / 2])  # dense at both ends
+        distance = np.abs(x[:, None] - critical).min(axis=1, initial=np.inf)
+        size = np.minimum(largest, smallest + growth * distance)
+        cells = np.concatenate([[0.0], np.cumsum(np.diff(x) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0)])
+        count = max(1, int(np.ceil(cells[-1] - 1e-3)))
+        pieces.append(np.append(np.interp(np.arange(1, count) * cells[-1] / count, cells, x), stop))
+    return np.concatenate(pieces)
 
 
 def _checked_lines(name: str, lines: ArrayLike) -> FloatArray:

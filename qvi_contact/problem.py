@@ -59,6 +59,7 @@ class ContactProblem:
         for name in names:
             if names.count(name) > 1:
                 raise InputError("Contact.name", name, "give each contact a name of its own")
+        _check_joints(self)
         _check_complete(self)
         _check_holes(self)
         _ = self.material_numbers  # refuses regions off the grid lines
@@ -84,11 +85,18 @@ class ContactProblem:
         """The contact conditions, in the order given."""
         return tuple(condition for condition in self.conditions if isinstance(condition, Contact))
 
+    @property
+    def joints(self) -> tuple[Contact, ...]:
+        """The contacts that lie inside the body."""
+        return tuple(contact for contact in self.contacts if contact.edges in self.mesh.joint_names)
+
     @cached_property
     def owners(self) -> IntArray:
         """Index of the condition that rules each component of each boundary edge, shape (2, edges); −1 for none."""
         owner = np.full((2, len(self.mesh.boundary)), -1)
         for index, condition in enumerate(self.conditions):
+            if condition in self.joints:
+                continue
             chosen = _edges_of(self.mesh, condition)
             for component in _components_of(condition):
                 taken = owner[component, chosen]
@@ -108,6 +116,8 @@ class ContactProblem:
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> Iterator[tuple[int, IntArray, Field]]:
         """Prescribed data of one kind as (component, boundary edges, values), symmetry lines included."""
         for condition in self.conditions:
+            if isinstance(condition, Contact):
+                continue
             edges = self.mesh.edge_set(condition.edges)
             if isinstance(condition, kind):
                 for component, name in enumerate(_COMPONENTS):
@@ -159,6 +169,20 @@ def _edges_of(mesh: RectilinearMesh, condition: Condition) -> IntArray:
 
 def _name(condition: Condition) -> str:
     return f"{type(condition).__name__}({condition.edges!r})"
+
+
+def _check_joints(problem: ContactProblem) -> None:
+    """Joints must not share edges, and are driven by no plate."""
+    mesh = problem.mesh
+    taken: dict[int, str] = {}
+    for joint in problem.joints:
+        if joint.plate is not None:
+            raise InputError("Contact.plate", joint.name, "a joint lies between two blocks: no plate drives it")
+        for edge in mesh.joint_set(joint.edges).tolist():
+            if edge in taken:
+                remedy = f"shares an edge with {taken[edge]!r}: give them ranges that do not overlap"
+                raise InputError("Contact.edges", joint.name, remedy)
+            taken[edge] = joint.name
 
 
 def _check_complete(problem: ContactProblem) -> None:

@@ -10,15 +10,15 @@ strain energy E_b = ½|r(z)|² (without a root ½ zᵀKz) and the scales
 the measures are
 
     equality                    max |A z − b| / (|A||z| + |b|)
-    normal                      max (σ_N)⁺ / S
-    friction                    max (|σ_T| − mu |σ_N|)⁺ / S
+    normal                      max (σ_N)⁺ / S, unilateral points
+    friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν
-    sign                        max of (−λ_N)⁺ / D and (−λ_T σ_T)⁺ / (S max(D, |λ|))
+    sign                        max of (−λ_N)⁺ / D, bilateral |λ_N| / D, and (−λ_T σ_T)⁺ / (S max(D, |λ|))
     complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 D
-    complementarity_tangential  Σ | |m_T| mu |σ_N| − m_T σ_T | / E
+    complementarity_tangential  Σ | |m_T| thr − m_T σ_T | / E
     energy_gap                  |primal − dual energy| / max(E, E_b) for the bound s = |σ_N|
-    natural_map                 max of |σ_N − min(σ_N + k λ_N, 0)| / S  and
-                                       |σ_T − clip(σ_T + k λ_T, −mu |σ_N|, mu |σ_N|)| / S   (Alart-Curnier)
+    natural_map                 max of |σ_N − min(σ_N + k λ_N, 0)| / S, bilateral k |λ_N| / S,  and
+                                       |σ_T − clip(σ_T + k λ_T, −thr, thr)| / S   (Alart-Curnier)
 
 All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
 contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-6 of √(E_b k / Σ W), which stands for the stress
@@ -29,7 +29,7 @@ An obstacle farther away than 10 D from the body may as well stand there: the so
 σ_N times a gap of any size is no error.
 
 Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
-energy is that of max(m_N, 0): primal − dual = Σ (mu |σ_N| |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
+energy is that of max(m_N, 0): primal − dual = Σ (thr |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
 |ρ|² = ρᵀK⁻¹ρ (K⁻¹ on the null space of A), which bounds ½ |z − z*|² in the norm of K. |ρ| is, in that norm,
 the error of z for the given multipliers, and K⁻¹ρ that error itself; K z − f is `FrictionQVI.gradient`, so that
 rounding inside K counts where the problem has a root to measure it.
@@ -189,17 +189,18 @@ def _measure(
     residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
     near_N = np.minimum(m_N, _NEAR * D * qvi.W)
-    natural_N = sigma_N - np.minimum(sigma_N + (S / D) * lambda_N, 0.0)
+    pulled = np.where(qvi.bilateral, 0.0, np.maximum(sigma_N, 0.0))
+    wrong_N = np.where(qvi.bilateral, np.abs(lambda_N), np.maximum(-lambda_N, 0.0))
+    projected = sigma_N + (S / D) * lambda_N
+    natural_N = sigma_N - np.where(qvi.bilateral, projected, np.minimum(projected, 0.0))
     natural_T = sigma_T - np.clip(sigma_T + (S / D) * lambda_T, -bound, bound)
     sliding = max(D, _largest(lambda_T))
     measures = {
         "equality": _equality(qvi, z),
-        "normal": _largest(np.maximum(sigma_N, 0.0)) / S,
+        "normal": _largest(pulled) / S,
         "friction": _largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
         "stationarity": _stationarity(qvi, residual, scales),
-        "sign": max(
-            _largest(np.maximum(-lambda_N, 0.0)) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * sliding)
-        ),
+        "sign": max(_largest(wrong_N) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * sliding)),
         "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(slack_T).sum()) / E,
         "energy_gap": _energy_gap(qvi, residual, m_N, near_N, sigma_N, slack_T) / max(E, scales["body_energy"]),

@@ -1,13 +1,14 @@
 """Can the load be carried at all? Emptiness of the admissible set, with a proof.
 
-Every solution of (D2) has σ_N ≤ 0, hence mu |σ_N| = −mu σ_N there, and lies in the convex set
+Every solution of (D2) has σ_N ≤ 0 at unilateral points, hence mu |σ_N| = −mu σ_N there, and lies in the convex set
 
-    C = { z : A z = b,  N z + n0 ≤ 0,  |T z + t0| ≤ −mu (N z + n0) }  =  { z : A z = b,  G z ≤ h }.
+    C = { z : A z = b,  N z + n0 ≤ 0,  |T z + t0| ≤ cohesion − mu (N z + n0),  |T z + t0| ≤ cap }
+      = { z : A z = b,  G z ≤ h }.
 
-If C is empty the QVI has no solution, proved by multipliers (Farkas) y ≥ 0, ν with Gᵀy + Aᵀν = 0 and
-hᵀy + bᵀν < 0, which are checked here on the data. If it is not, its point of least energy is a start: its
-pressure s makes the inner problem feasible. It is a start only, never the answer: minimising over C is
-associated friction, which dilates.
+At bilateral points the first row is missing, and where mu > 0 the second, which there is not convex. If C is empty the
+QVI has no solution, proved by multipliers (Farkas) y ≥ 0, ν with Gᵀy + Aᵀν = 0 and hᵀy + bᵀν < 0, which are checked here
+on the data. If it is not, its point of least energy is a start: its pressure s makes the inner problem feasible. It is
+a start only, never the answer: minimising over C is associated friction, which dilates.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags, triu, vstack
 
 from solvers.problem import FrictionQVI
-from solvers.types import Sparse, Vector, load
+from solvers.types import BoolVector, IntVector, Sparse, Vector, load
 
 _REACH = 1e4
 """The proof must exclude every z up to this many times the size of the bonded solution (and of 1)."""
@@ -33,7 +34,7 @@ class Feasibility:
     ----------
     feasible : True, False (proved), or None if undecided
     z : (n,) point of least energy in C if feasible
-    farkas : (y (3m,), ν (p,)) if infeasible, for the rows G = [N; T + mu N; −T + mu N] and A
+    farkas : (y (rows of G,), ν (p,)) if infeasible
     message : one sentence
 
     """
@@ -44,11 +45,47 @@ class Feasibility:
     message: str
 
 
-def admissible_rows(qvi: FrictionQVI) -> tuple[Sparse, Vector]:
-    """(G, h) of the set C: G (3m, n), h (3m,)."""
-    M = diags(qvi.mu)
-    G = csc_matrix(vstack([qvi.N, qvi.T + M @ qvi.N, -qvi.T + M @ qvi.N]))
-    return G, np.concatenate([-qvi.n0, -qvi.t0 - qvi.mu * qvi.n0, qvi.t0 - qvi.mu * qvi.n0])
+@dataclass(frozen=True, eq=False)
+class AdmissibleRows:
+    """G z ≤ h of the set C: rows of N, of ±T + mu N, and of ±T below the cap.
+
+    Attributes
+    ----------
+    G, h : (rows, n) and (rows,)
+    point : (rows,) int, the contact point of each row
+    tangential : (rows,) bool, whether the row limits |σ_T| rather than σ_N
+
+    """
+
+    G: Sparse
+    h: Vector
+    point: IntVector
+    tangential: BoolVector
+
+    @classmethod
+    def of(cls, qvi: FrictionQVI) -> "AdmissibleRows":
+        """Rows of a QVI."""
+        normal = np.flatnonzero(~qvi.bilateral)
+        law = np.flatnonzero(~qvi.bilateral | (qvi.mu == 0.0))
+        capped = np.flatnonzero(np.isfinite(qvi.cap))
+        M = diags(qvi.mu[law])
+        G, h, points = [qvi.N[normal]], [-qvi.n0[normal]], [normal]
+        for sign in (1.0, -1.0):
+            G += [sign * qvi.T[law] + M @ qvi.N[law], sign * qvi.T[capped]]
+            bound = qvi.cohesion[law] - qvi.mu[law] * qvi.n0[law]
+            h += [bound - sign * qvi.t0[law], qvi.cap[capped] - sign * qvi.t0[capped]]
+            points += [law, capped]
+        count = sum(map(len, points))
+        point = np.concatenate(points)
+        return cls(csc_matrix(vstack(G)), np.concatenate(h), point, np.arange(count) >= len(normal))
+
+    def shares(self, y: Vector, points: int) -> tuple[Vector, Vector]:
+        """Multipliers y (rows,) summed at each of the contact points: (normal, tangential), (points,) each."""
+        normal, tangential = (
+            np.bincount(self.point[kind], weights=y[kind], minlength=points)
+            for kind in (~self.tangential, self.tangential)
+        )
+        return np.asarray(normal, dtype=float), np.asarray(tangential, dtype=float)
 
 
 def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
@@ -59,7 +96,8 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
     """
     if not (np.isfinite(y).all() and np.isfinite(nu).all()) or y.min(initial=0.0) < 0:
         return False
-    G, h = admissible_rows(qvi)
+    rows = AdmissibleRows.of(qvi)
+    G, h = rows.G, rows.h
     deficit = -float(h @ y + qvi.b @ nu)
     size = float(np.abs(qvi.bonded).max(initial=0.0)) or 1.0
     return deficit > 0 and deficit >= _REACH * size * float(np.abs(G.T @ y + qvi.A.T @ nu).sum())
@@ -67,7 +105,8 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
 
 def check_feasibility(qvi: FrictionQVI) -> Feasibility:
     """Minimise the energy over C with Clarabel; a claim of emptiness counts only if `is_farkas` agrees."""
-    G, h = admissible_rows(qvi)
+    admissible = AdmissibleRows.of(qvi)
+    G, h = admissible.G, admissible.h
     if qvi.n == 0:
         return _determinate(h)
     clarabel = load("clarabel")

@@ -8,8 +8,9 @@
 Both are minimised by the same tractions and multipliers. The condensed form pays while contact points are few beside
 the unknowns; "auto" takes it up to `CONDENSED_LIMIT` rows.
 
-In either form rows without friction, mu = 0, are equations T z + t0 = 0. As inequalities |T z + t0| ≤ 0 they would have
-no interior, and several of them that depend on each other contradict one another in rounding.
+In either form rows without friction, whose bound is always 0, are equations T z + t0 = 0. As inequalities
+|T z + t0| ≤ 0 they would have no interior, and several of them that depend on each other contradict one another in
+rounding. Rows of N that are bilateral are no inequalities at all; they become 0 ≤ 1.
 """
 
 from dataclasses import dataclass, replace
@@ -56,12 +57,12 @@ class ProblemForm(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Frictionless:
-    """Rows without friction turned into independent equality rows.
+class Simplified:
+    """Rows without friction turned into independent equality rows, bilateral ones made void.
 
     Attributes
     ----------
-    problem : the QVI with those equations in A, their rows of T empty
+    problem : the QVI with those equations in A, their rows of T empty, bilateral rows of N empty
     rows : (m,) bool
     E : (rows, k), T_rows = E Y with Y the k equality rows appended to A
 
@@ -72,9 +73,14 @@ class Frictionless:
     E: Matrix
 
     @classmethod
-    def of(cls, qvi: FrictionQVI) -> "Frictionless":
+    def of(cls, qvi: FrictionQVI) -> "Simplified":
         """Find the rows; a problem that has none is kept as it is."""
-        rows = qvi.mu == 0.0
+        if qvi.bilateral.any():
+            held = qvi.bilateral
+            N = csc_matrix(diags(np.where(held, 0.0, 1.0)) @ qvi.N)
+            N.eliminate_zeros()
+            qvi = replace(qvi, N=N, n0=np.where(held, -1.0, qvi.n0))
+        rows = qvi.frictionless
         if not rows.any():
             return cls(qvi, rows, np.zeros((0, 0)))
         E, Y = _independent_rows(csc_matrix(qvi.T[rows]))
@@ -94,6 +100,8 @@ class Frictionless:
 
     def restore(self, result: InnerSolution) -> InnerSolution:
         """Row multipliers of the original T from those of the equations: Eᵀ m_T = ν, of least norm."""
+        if self.problem.bilateral.any():
+            result = replace(result, m_N=np.where(self.problem.bilateral, 0.0, result.m_N))
         if not self.rows.any():
             return result
         p = len(result.nu) - self.E.shape[1]
@@ -107,10 +115,10 @@ class FullForm:
 
     name = "full"
 
-    def __init__(self, frictionless: Frictionless) -> None:
-        self._frictionless = frictionless
-        self.problem = frictionless.problem
-        self.threshold = frictionless.threshold
+    def __init__(self, simplified: Simplified) -> None:
+        self._simplified = simplified
+        self.problem = simplified.problem
+        self.threshold = simplified.threshold
 
     def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:  # noqa: ARG002
         """At the last result, or the bonded one."""
@@ -118,7 +126,7 @@ class FullForm:
 
     def expand(self, inner: InnerSolution) -> InnerSolution:
         """The result itself."""
-        return self._frictionless.restore(inner)
+        return self._simplified.restore(inner)
 
 
 class CondensedForm:
@@ -126,9 +134,9 @@ class CondensedForm:
 
     name = "condensed"
 
-    def __init__(self, frictionless: Frictionless) -> None:
-        qvi = frictionless.problem
-        self._frictionless, self._compliance = frictionless, Compliance(qvi)
+    def __init__(self, simplified: Simplified) -> None:
+        qvi = simplified.problem
+        self._simplified, self._compliance = simplified, Compliance(qvi)
         E, Y = _independent_rows(qvi.contact_rows)
         self._V = E @ _factor(Y @ qvi.equality_system.solve(Y.T.toarray())[0], qvi.K)
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
@@ -136,13 +144,13 @@ class CondensedForm:
             K=np.eye(r), f=np.zeros(r), N=self._V[:m], n0=bonded[:m],
             T=self._V[m:], t0=bonded[m:], mu=qvi.mu, W=qvi.W,
         )  # fmt: skip
-        self.threshold = frictionless.threshold
+        self.threshold = simplified.threshold
 
     def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:
         """At the w of the last multipliers, with the tractions of the accurate z: rounding in V then decays."""
         if inner is None or result is None:
             return Centre(self.problem, np.zeros(self.problem.n))
-        qvi = self._frictionless.problem
+        qvi = self._simplified.problem
         centre = Centre(self.problem, -self._V.T @ np.concatenate([inner.m_N, inner.m_T]))
         centre.n0, centre.t0 = qvi.normal(result.z), qvi.tangential(result.z)
         return centre
@@ -150,16 +158,16 @@ class CondensedForm:
     def expand(self, inner: InnerSolution) -> InnerSolution:
         """Z and ν from the multipliers."""
         z, nu = self._compliance.unknowns(np.concatenate([inner.m_N, inner.m_T]))
-        return self._frictionless.restore(replace(inner, z=z, nu=nu))
+        return self._simplified.restore(replace(inner, z=z, nu=nu))
 
 
 def make_form(qvi: FrictionQVI, form: Form) -> ProblemForm:
     """Choose and build; a problem whose contact tractions do not depend on z stays in full form."""
-    frictionless = Frictionless.of(qvi)
+    simplified = Simplified.of(qvi)
     if form == "full" or (form == "auto" and 2 * qvi.m > CONDENSED_LIMIT):
-        return FullForm(frictionless)
-    condensed = CondensedForm(frictionless)
-    return condensed if condensed.problem.n > 0 else FullForm(frictionless)
+        return FullForm(simplified)
+    condensed = CondensedForm(simplified)
+    return condensed if condensed.problem.n > 0 else FullForm(simplified)
 
 
 def _independent_rows(B: Sparse) -> tuple[Matrix, Sparse]:

@@ -9,7 +9,7 @@ from scipy.sparse import csc_matrix, issparse, vstack
 
 from solvers.errors import InputError
 from solvers.linear import EqualitySystem
-from solvers.types import Sparse, Vector
+from solvers.types import BoolVector, Sparse, Vector
 
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
 _POWER_STEPS = 10
@@ -35,10 +35,11 @@ class EnergyRoot(Protocol):
 class FrictionQVI:
     """The algebraic quasi-variational inequality (D2), dimensionless.
 
-        min ½ zᵀKz − fᵀz   s.t.  A z = b,   N z + n0 ≤ 0,   |T z + t0| ≤ mu s,  s = |N z + n0| at the solution
+        min ½ zᵀKz − fᵀz   s.t.  A z = b,   N z + n0 ≤ 0,   |T z + t0| ≤ thr(s),  s = |N z + n0| at the solution
+        thr(s) = min(cohesion + mu s, cap)
 
-    Row multipliers are normal m_N ≥ 0, tangential m_T (≥ 0 at the upper bound T z + t0 = +mu s, ≤ 0 at the
-    lower one) and ν of the equalities:
+    Where a row is bilateral, N z + n0 may have either sign and m_N = 0. Row multipliers are normal m_N ≥ 0, tangential
+    m_T (≥ 0 at the upper bound T z + t0 = +thr, ≤ 0 at the lower one) and ν of the equalities:
 
         K z − f + Nᵀ m_N + Tᵀ m_T + Aᵀ ν = 0.
 
@@ -54,6 +55,8 @@ class FrictionQVI:
     mu : (m,), friction coefficient at each point, ≥ 0
     W : (m,), quadrature weights, > 0
     A, b : (p, n) sparse and (p,), optional; stored as p = 0 rows when not given
+    cohesion, cap : (m,) ≥ 0, optional; 0 and infinity when not given
+    bilateral : (m,) bool, optional; nowhere when not given
     root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
         gradient of the energy more accurately than K and f, whose entries may be large and cancel
 
@@ -75,6 +78,9 @@ class FrictionQVI:
     b: Vector = None  # type: ignore[assignment]
     root: EnergyRoot | None = None
     load: Vector | None = None
+    cohesion: Vector = None  # type: ignore[assignment]
+    cap: Vector = None  # type: ignore[assignment]
+    bilateral: BoolVector = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         if (self.A is None) != (self.b is None):
@@ -87,6 +93,10 @@ class FrictionQVI:
             object.__setattr__(self, name, _vector(name, getattr(self, name)))
         if self.load is not None:
             object.__setattr__(self, "load", _vector("load", self.load))
+        for name, missing in (("cohesion", 0.0), ("cap", np.inf)):
+            value = np.full(self.m, missing) if getattr(self, name) is None else getattr(self, name)
+            object.__setattr__(self, name, _vector(name, value, infinite=name == "cap"))
+        object.__setattr__(self, "bilateral", _flags("bilateral", self.bilateral, self.m))
         self._check_shapes()
         self._check_values()
 
@@ -98,7 +108,7 @@ class FrictionQVI:
         n, m, p = self.K.shape[0], self.N.shape[0], self.A.shape[0]
         expected: dict[str, tuple[int, ...]] = {
             "K": (n, n), "f": (n,), "N": (m, n), "n0": (m,), "T": (m, n), "t0": (m,),
-            "mu": (m,), "W": (m,), "A": (p, n), "b": (p,),
+            "mu": (m,), "W": (m,), "A": (p, n), "b": (p,), "cohesion": (m,), "cap": (m,), "bilateral": (m,),
         }  # fmt: skip
         if self.load is not None:
             expected["load"] = (n,)
@@ -110,6 +120,9 @@ class FrictionQVI:
     def _check_values(self) -> None:
         if self.m and self.mu.min() < 0:
             raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
+        for name in ("cohesion", "cap"):
+            if self.m and getattr(self, name).min() < 0:
+                raise InputError(name, float(getattr(self, name).min()), "give stresses ≥ 0")
         if self.m and self.W.min() <= 0:
             raise InputError("W", float(self.W.min()), "give quadrature weights > 0")
         least = float(self.K.diagonal().min(initial=np.inf))
@@ -143,12 +156,21 @@ class FrictionQVI:
         return np.asarray(self.T @ z + self.t0)
 
     def pressure(self, z: Vector) -> Vector:
-        """Contact pressure s = max(−(N z + n0), 0) (m,)."""
-        return np.maximum(-self.normal(z), 0.0)
+        """Contact pressure s = max(−(N z + n0), 0), where bilateral |N z + n0| (m,)."""
+        return self.pressed(self.normal(z))
+
+    def pressed(self, normal: Vector) -> Vector:
+        """The pressure s of given normal tractions (m,)."""
+        return np.where(self.bilateral, np.abs(normal), np.maximum(-normal, 0.0))
 
     def threshold(self, pressure: Vector) -> Vector:
-        """Bound of |σ_T| for a pressure s: mu·s (m,)."""
-        return self.mu * pressure
+        """Bound of |σ_T| for a pressure s: min(cohesion + mu s, cap) (m,)."""
+        return np.minimum(self.cohesion + self.mu * pressure, self.cap)
+
+    @property
+    def frictionless(self) -> BoolVector:
+        """Rows whose bound is zero whatever the pressure (m,)."""
+        return np.asarray(((self.mu == 0.0) & (self.cohesion == 0.0)) | (self.cap == 0.0))
 
     def energy(self, z: Vector) -> float:
         """½ zᵀKz − fᵀz."""
@@ -256,12 +278,20 @@ def _matrix(name: str, value: Any, columns: int) -> Sparse:
     return matrix
 
 
-def _vector(name: str, value: Any) -> Vector:
+def _flags(name: str, value: Any, size: int) -> BoolVector:
+    flags = np.zeros(size, dtype=np.bool_) if value is None else np.array(value)
+    if flags.dtype != np.bool_:
+        raise InputError(name, flags.dtype, "give a boolean for each contact point")
+    flags.setflags(write=False)
+    return flags
+
+
+def _vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
     try:
         vector = np.array([] if value is None and name == "b" else value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(name, type(value).__name__, "give a vector of numbers") from error
-    if not np.isfinite(vector).all():
+    if np.isnan(vector).any() or not (infinite or np.isfinite(vector).all()):
         raise InputError(name, "NaN or infinity", "give finite numbers")
     vector.setflags(write=False)
     return vector

@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 Vector: TypeAlias = NDArray[np.float64]
 """One-dimensional float64 array."""
 
+BoolVector: TypeAlias = NDArray[np.bool_]
+"""One-dimensional boolean array."""
+
+IntVector: TypeAlias = NDArray[np.int64]
+"""One-dimensional integer array."""
+
 Matrix: TypeAlias = NDArray[np.float64]
 """Two-dimensional dense float64 array."""
 

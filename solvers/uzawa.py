@@ -6,7 +6,7 @@ With λ = m / W as the unknowns, B = [N; T] and C = B K⁻¹ Bᵀ (the complianc
     (ii)   for i = 1, 2, …
     (4.1)      K z = f − Nᵀ W λ_N − Tᵀ W λ_T,   that is   (σ_N, σ_T) = σ_bonded − C W λ
     (4.2)      λ_N ← max(λ_N + ω_N σ_N, 0)
-    (4.4)      Δ = ω_T (1 − mu |σ_N| / |σ_T|)
+    (4.4)      Δ = ω_T (1 − thr(|σ_N|) / |σ_T|)
     (4.3)      λ_T ← 0 where σ_T = 0, elsewhere, with ± = sign σ_T,
                "printed":       ± max(max(± λ_T, 0) + Δ, 0),   and 0 where σ_N ≥ 0
                "accumulating":  λ_T ± Δ where Δ ≥ 0,   sign(λ_T) max(|λ_T| − |Δ|, 0) where Δ < 0
@@ -15,6 +15,7 @@ With λ = m / W as the unknowns, B = [N; T] and C = B K⁻¹ Bᵀ (the complianc
 K⁻¹ is that of the constrained system. The solutions of the QVI are fixed points of "accumulating". Those of
 "printed" with an open gap are not, nor is it safe where σ_N passes through 0: λ_T is set to 0 there, which
 leaves |σ_T| > 0 without pressure. "printed" also forgets λ_T when σ_T changes its sign.
+Where a row is bilateral, λ_N = 0.
 
 | stops when                                                     | status before the certificate |
 |----------------------------------------------------------------|-------------------------------|
@@ -153,16 +154,16 @@ def _update(qvi: FrictionQVI, state: _State, omega_N: float, omega_T: float, rul
     """(4.2)-(4.4)."""
     m = qvi.m
     sigma_N, sigma_T = state.sigma[:m], state.sigma[m:]
-    lambda_N = np.maximum(state.lam[:m] + omega_N * sigma_N, 0.0)  # (4.2)
+    lambda_N = np.where(qvi.bilateral, 0.0, np.maximum(state.lam[:m] + omega_N * sigma_N, 0.0))  # (4.2)
     old = state.lam[m:]
-    delta = omega_T * (1.0 - qvi.threshold(np.maximum(-sigma_N, 0.0)) / np.abs(sigma_T))  # (4.4)
+    delta = omega_T * (1.0 - qvi.threshold(qvi.pressed(sigma_N)) / np.abs(sigma_T))  # (4.4)
     sign = np.sign(sigma_T)
     if rule == "printed":  # (4.3)
         new = sign * np.maximum(np.maximum(sign * old, 0.0) + delta, 0.0)
     else:
         shrunk = np.sign(old) * np.maximum(np.abs(old) + delta, 0.0)
         new = np.where(delta >= 0, old + sign * delta, shrunk)
-    new[(sigma_T == 0) | ((rule == "printed") & (sigma_N >= 0))] = 0.0
+    new[(sigma_T == 0) | ((rule == "printed") & (sigma_N >= 0) & ~qvi.bilateral)] = 0.0
     return np.concatenate([lambda_N, new])
 
 
@@ -241,7 +242,7 @@ def _finish(
     m_N, m_T = np.split(m, 2)
     if state.history[-1].number != state.number:
         state.history.append(_iteration(state, qvi, W2, times["began"]))
-    threshold = qvi.threshold(np.maximum(-state.sigma[: qvi.m], 0.0))
+    threshold = qvi.threshold(qvi.pressed(state.sigma[: qvi.m]))
     outcome = Outcome(
         state.reason or Status.STALLED, z, m_N, m_T, nu, threshold, state.history, state.number, state.message
     )

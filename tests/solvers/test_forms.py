@@ -7,7 +7,7 @@ import pytest
 
 from solvers import InputError, Status, solve_qvi
 from solvers.compliance import Compliance
-from solvers.forms import CondensedForm, Frictionless, FullForm, make_form
+from solvers.forms import CondensedForm, FullForm, Simplified, make_form
 from solvers.inner.problem import Centre
 from solvers.inner.registry import make_inner
 from tests.solvers.conftest import dragged_block, random_problem
@@ -36,7 +36,7 @@ def test_forms_agree(make, equalities):
 def test_condensed_tractions_and_energy_are_those_of_the_unknowns():
     """σ = σ_bonded + V w and the energy grows by ½|w|², for w = −Vᵀ m and z minimising under the multipliers m."""
     qvi = random_problem(5, equalities=1)
-    form = CondensedForm(Frictionless.of(qvi))
+    form = CondensedForm(Simplified.of(qvi))
     m = np.random.default_rng(0).normal(size=2 * qvi.m)
     compliance = Compliance(qvi)
     z, _ = compliance.unknowns(m)
@@ -49,7 +49,7 @@ def test_condensed_tractions_and_energy_are_those_of_the_unknowns():
 
 def test_frictionless_rows_become_independent_equations():
     qvi = partly_frictionless(1)
-    reduced = Frictionless.of(qvi)
+    reduced = Simplified.of(qvi)
     assert reduced.problem.p == 3  # four rows, two of them dependent
     assert not reduced.problem.T[::2].toarray().any()
     threshold = qvi.threshold(np.full(qvi.m, 0.4))
