@@ -15,7 +15,8 @@ from scipy import sparse
 from scipy.sparse import linalg
 
 from qvi_contact.checks import FloatArray, IntArray
-from qvi_contact.discretization import ContactRows, Discretization
+from qvi_contact.contact_rows import ContactRows
+from qvi_contact.discretization import Discretization
 from qvi_contact.hermite import gauss_legendre
 from qvi_contact.loads import physical
 
@@ -44,8 +45,10 @@ class ContactLine:
         Quadrature weights along the contact [length].
     friction : (m,) array
         Coefficient μ.
+    friction_bound : (m,) array
+        Bound min(c + μ|σ_N|, t_max) of |σ_T| [stress]; infinity if tied.
     normal_stress : (m,) array
-        σ_N [stress], ≤ 0 under pressure.
+        σ_N [stress], ≤ 0 under pressure; of either sign if bilateral or tied.
     tangential_stress : (m,) array
         σ_T [stress], component of the traction on the body along +x (horizontal contact) or +y (vertical).
     gap : (m,) array
@@ -58,6 +61,12 @@ class ContactLine:
     state : (m,) int array
         `ContactState`: 0 open, 1 stick, 2 slip; see `contact_states` for the rule and its tolerance.
 
+    Notes
+    -----
+    On a joint u is the displacement of the lower or left block less that of the other one: the gap is how far the joint
+    stands open, the slip how far that block has moved beyond the other along the tangent; tractions and forces are
+    those on the lower or left block.
+
     """
 
     name: str
@@ -65,6 +74,7 @@ class ContactLine:
     y: FloatArray
     weights: FloatArray
     friction: FloatArray
+    friction_bound: FloatArray
     normal_stress: FloatArray
     tangential_stress: FloatArray
     gap: FloatArray
@@ -73,18 +83,13 @@ class ContactLine:
 
     @property
     def normal_force(self) -> float:
-        """−∫ σ_N ds ≥ 0, force a unit of thickness [stress × length]."""
+        """−∫ σ_N ds, ≥ 0 if unilateral, force a unit of thickness [stress × length]."""
         return -float(self.weights @ self.normal_stress)
 
     @property
     def tangential_force(self) -> float:
         """∫ σ_T ds, force on the body along the tangent a unit of thickness [stress × length]."""
         return float(self.weights @ self.tangential_stress)
-
-    @property
-    def friction_bound(self) -> FloatArray:
-        """μ|σ_N| at the points [stress]."""
-        return self.friction * np.abs(self.normal_stress)
 
 
 def contact_states(
@@ -96,12 +101,14 @@ def contact_states(
     stress_unit: float,
     displacement_unit: float,
     tolerance: float = STATE_TOLERANCE,
+    *,
+    may_open: bool = True,
 ) -> IntArray:
     """State of each point from tractions and displacements, never from raw multipliers.
 
-    With p = −σ_N/S, t = |σ_T|/S, b = μ|σ_N|/S and d = gap/D, v = |slip|/D in the units S, D given, the point is
+    With p = −σ_N/S, t = |σ_T|/S, b = bound/S and d = gap/D, v = |slip|/D in the units S, D given, the point is
 
-    * open if p ≤ d + tolerance: the gap outweighs the pressure, or nothing presses it;
+    * open if it may and p ≤ d + tolerance: the gap outweighs the pressure, or nothing presses it;
     * else slip if b − t < v + tolerance and the point moves or is loaded (v or t above the tolerance): the slip
       outweighs what is left of the bound;
     * else stick.
@@ -121,7 +128,8 @@ def contact_states(
     loaded = np.abs(tangential_stress) > tolerance * stress_unit
     slips = (left < sliding + tolerance) & (moves | loaded)
     state = np.where(slips, int(ContactState.SLIP), int(ContactState.STICK))
-    return np.where(pressure <= opening + tolerance, int(ContactState.OPEN), state)
+    opens = (pressure <= opening + tolerance) & may_open
+    return np.where(opens, int(ContactState.OPEN), state)
 
 
 def contact_line(
@@ -133,7 +141,7 @@ def contact_line(
     tangential_multiplier: FloatArray,
     unit: float = 1.0,
 ) -> ContactLine:
-    """Results on one contact from dimensionless tractions and row multipliers of the whole problem.
+    """Results on one contact from its dimensionless tractions and row multipliers, (m,) each.
 
     The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`).
 
@@ -141,28 +149,22 @@ def contact_line(
     """
     scales, points = discretization.scales, rows.points
     x, y = physical(discretization.problem, scales, points.coordinates)
-    gap = _project_normal(points.count, normal_multiplier[rows.rows] / points.weights)
-    slip = -_project_tangential(rows, tangential_multiplier[rows.rows], _blind_nodes(discretization))
-    state = contact_states(
-        normal[rows.rows],
-        tangential[rows.rows],
-        rows.friction * np.abs(normal[rows.rows]),
-        gap,
-        slip,
-        unit,
-        unit,
-    )
+    gap = _project_normal(points.count, normal_multiplier / points.weights)
+    slip = -_project_tangential(rows, tangential_multiplier, _blind_nodes(discretization))
+    bound = rows.bound(normal)
+    may_open = rows.law == "unilateral"
     return ContactLine(
         name=rows.name,
         x=x,
         y=y,
         weights=points.weights * scales.length,
         friction=rows.friction,
-        normal_stress=normal[rows.rows] * scales.stress,
-        tangential_stress=tangential[rows.rows] * scales.stress,
+        friction_bound=bound * scales.stress,
+        normal_stress=normal * scales.stress,
+        tangential_stress=tangential * scales.stress,
         gap=gap * scales.displacement,
         slip=slip * scales.displacement,
-        state=state,
+        state=contact_states(normal, tangential, bound, gap, slip, unit, unit, may_open=may_open),
     )
 
 

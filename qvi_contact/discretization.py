@@ -1,14 +1,16 @@
 """From the contact problem to the algebraic quasi-variational inequality (D2)."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
 from qvi_contact.assembly import energy_matrix
-from qvi_contact.checks import FloatArray, evaluate
-from qvi_contact.element import GAUSS_COUNT, Grid
+from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.contact_rows import ContactRows, contact_rows, joined, stacked
+from qvi_contact.element import Grid
 from qvi_contact.elimination import Elimination, UnbalancedLoadError, eliminate
 from qvi_contact.energy_root import StressRoot
 from qvi_contact.errors import InputError
@@ -16,42 +18,14 @@ from qvi_contact.loads import (
     body_load,
     cell_points,
     displacement_load,
-    physical,
     potential_at,
     shear_beside_contacts,
     traction_links,
 )
+from qvi_contact.plates import PlateRows, plate_rows
 from qvi_contact.problem import ContactProblem
 from qvi_contact.scaling import Scales
-from qvi_contact.traces import EdgePoints
 from solvers import FrictionQVI
-
-
-@dataclass(frozen=True, eq=False)
-class ContactRows:
-    """The rows of (D2) that belong to one contact.
-
-    Attributes
-    ----------
-    name : str
-        Name of the contact.
-    rows : slice
-        Its rows in `FrictionQVI.N` and `FrictionQVI.T`, four Gauss points an edge.
-    points : EdgePoints
-        The points in dimensionless coordinates.
-    friction : (m,) array
-        μ at the points.
-    gap, offset : (m,) arrays
-        Obstacle position g and tangential offset w at the points, dimensionless.
-
-    """
-
-    name: str
-    rows: slice
-    points: EdgePoints
-    friction: FloatArray
-    gap: FloatArray
-    offset: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +44,12 @@ class Discretization:
         All degrees of freedom as an affine function of the unknowns z.
     contacts : tuple of ContactRows
         Which rows of the algebraic problem belong to which contact.
+    plates : PlateRows
+        Equality rows of plates driven by force.
     qvi : FrictionQVI
         The algebraic problem, dimensionless.
+    freed : int array
+        Nodes beside contacts whose prescribed shear is given up, see `discretize`.
 
     """
 
@@ -80,7 +58,9 @@ class Discretization:
     scales: Scales
     elimination: Elimination
     contacts: tuple[ContactRows, ...]
+    plates: PlateRows
     qvi: FrictionQVI
+    freed: IntArray
 
     @cached_property
     def basis(self) -> sparse.csr_array:
@@ -100,12 +80,33 @@ class Discretization:
             )
         for node, contact in shear_beside_contacts(self.problem):
             x, y = mesh.coordinates[node]
-            found.append(
-                f"The shear prescribed beside the contact {contact!r} holds in the corner ({x:.6g}, {y:.6g}) for the "
-                "contact too: if friction cannot carry it there, the problem is infeasible on every mesh; let the "
-                "prescribed shear fall to zero towards that corner."
+            given_up = (
+                "is met in the resultants of the edges only, since friction could not carry it there: let it fall to "
+                "zero towards that corner"
             )
+            taken = given_up if node in self.freed else "holds for the contact too"
+            found.append(f"The shear prescribed beside {contact!r} in the corner ({x:.6g}, {y:.6g}) {taken}.")
+        found += [
+            f"Equilibrium with the other loads gives {row.component} of the plate at {row.contact!r} anyway; its "
+            "motion in that component is not determined and taken as zero."
+            for row in self.plates.determined
+        ]
         return tuple(found)
+
+    def slipped(self, slip: Sequence[FloatArray]) -> "Discretization":
+        """The same problem after earlier slip: the tangential offset w of each contact grows by `slip`, dimensionless.
+
+        Parameters
+        ----------
+        slip : sequence of (m,) arrays
+            One array for each of `contacts`, at its points.
+
+        """
+        contacts = tuple(rows.with_offset(rows.offset + more) for rows, more in zip(self.contacts, slip, strict=True))
+        change = [rows.points.weights * more for rows, more in zip(contacts, slip, strict=True) if rows.law != "tied"]
+        load = self.qvi.T.T @ joined(change)
+        assert self.qvi.load is not None
+        return replace(self, contacts=contacts, qvi=replace(self.qvi, f=self.qvi.f + load, load=self.qvi.load + load))
 
     def nodal_values(self, z: FloatArray) -> FloatArray:
         """Scaled dimensionless degrees of freedom u of the Airy function at the nodes, shape (ny + 1, nx + 1, 4)."""
@@ -113,9 +114,22 @@ class Discretization:
         return (self.basis @ z + self.elimination.particular).reshape(ny + 1, nx + 1, 4)
 
 
-def discretize(problem: ContactProblem) -> Discretization:
+def discretize(
+    problem: ContactProblem, *, scales: Scales | None = None, freed: IntArray | None = None
+) -> Discretization:
     """Discretise a contact problem.
 
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    scales : Scales, optional
+        Units of the dimensionless problem; those of the problem by default.
+    freed : int array, optional
+        Nodes where a shear prescribed beside a contact is given up in favour of the edges' resultants.
+
+    Notes
+    -----
     Lengths are divided by L, stresses by S, displacements by C S L (see `Scales`). The unknowns z are those scaled
     nodal values of Φ that traction conditions and gauge leave free. In (D2) then
 
@@ -132,11 +146,12 @@ def discretize(problem: ContactProblem) -> Discretization:
 
     """
     mesh = problem.mesh
-    scales = Scales.of(problem)
+    scales = scales or Scales.of(problem)
+    freed = np.empty(0, dtype=np.int64) if freed is None else freed
     grid = Grid.of(mesh)
     try:
         elimination = eliminate(
-            traction_links(problem, grid, scales), grid.dof_scales.ravel(), mesh.active_nodes.ravel()
+            traction_links(problem, grid, scales), grid.dof_scales.ravel(), mesh.active_nodes.ravel(), freed
         )
     except UnbalancedLoadError as error:
         imbalance = error.imbalance * scales.stress * scales.length
@@ -147,25 +162,13 @@ def discretize(problem: ContactProblem) -> Discretization:
         if mesh.hole_edges.any():
             remedy += "; the loads on a hole, with the weight of what would fill it, must balance by themselves"
         raise InputError("ContactProblem.conditions", imbalance, remedy) from error
-    contacts = _contact_rows(problem, grid, scales)
-    return Discretization(
-        problem, grid, scales, elimination, contacts, _reduce(problem, grid, scales, elimination, contacts)
-    )
-
-
-def _contact_rows(problem: ContactProblem, grid: Grid, scales: Scales) -> tuple[ContactRows, ...]:
-    found, start = [], 0
-    for contact in problem.contacts:
-        edges = problem.mesh.boundary.take(problem.mesh.edge_set(contact.edges))
-        points = EdgePoints(grid, edges, GAUSS_COUNT)
-        x, y = physical(problem, scales, points.coordinates)
-        rows = slice(start, start + len(x))
-        start = rows.stop
-        friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
-        gap = evaluate("Contact.gap", contact.gap, x, y) / scales.displacement
-        offset = evaluate("Contact.offset", contact.offset, x, y) / scales.displacement
-        found.append(ContactRows(contact.name, rows, points, friction, gap, offset))
-    return tuple(found)
+    contacts = contact_rows(problem, grid, scales)
+    basis = elimination.basis()
+    plates = plate_rows(problem, scales, contacts, basis, elimination.particular)
+    qvi = _reduce(problem, grid, scales, elimination, contacts, basis)
+    if plates.rows:
+        qvi = replace(qvi, A=plates.A, b=plates.b)
+    return Discretization(problem, grid, scales, elimination, contacts, plates, qvi, freed)
 
 
 def _reduce(
@@ -174,19 +177,18 @@ def _reduce(
     scales: Scales,
     elimination: Elimination,
     contacts: tuple[ContactRows, ...],
+    basis: sparse.csr_array,
 ) -> FrictionQVI:
     """Assemble, and substitute u = B z + u₀ with B the identity on kept degrees of freedom."""
     mesh = problem.mesh
     total = 4 * mesh.node_count
-    normal = [rows.points.normal() for rows in contacts]
-    shear = [rows.points.shear() for rows in contacts]
     load = displacement_load(problem, grid, scales)
-    for rows, n, t in zip(contacts, normal, shear, strict=True):
-        weights = rows.points.weights
-        load = load + n.T @ (weights * rows.gap) + t.T @ (weights * rows.offset)
-    N, T = _stacked(normal, total), _stacked(shear, total)
-    potential = [potential_at(problem, scales, rows.points.coordinates) for rows in contacts]
-    basis = elimination.basis()
+    for rows in contacts:
+        load = load + rows.work()
+    limited = [rows for rows in contacts if rows.law != "tied"]
+    N = stacked([rows.points.normal() for rows in limited], total)
+    T = stacked([rows.points.shear() for rows in limited], total)
+    potential = [potential_at(problem, scales, rows.points.coordinates) for rows in limited]
     particular = elimination.particular
 
     parts = [
@@ -212,11 +214,14 @@ def _reduce(
         K=K.T,  # the same matrix, compressed by columns
         f=basis.T @ (load - particular_load),
         N=N @ basis,
-        n0=N @ particular + np.concatenate([np.empty(0), *potential]),
+        n0=N @ particular + joined(potential),
         T=T @ basis,
         t0=T @ particular,
-        mu=np.concatenate([np.empty(0), *(rows.friction for rows in contacts)]),
-        W=np.concatenate([np.empty(0), *(rows.points.weights for rows in contacts)]),
+        mu=joined([rows.friction for rows in limited]),
+        W=joined([rows.points.weights for rows in limited]),
+        cohesion=joined([rows.cohesion for rows in limited]),
+        cap=joined([rows.shear_limit for rows in limited]),
+        bilateral=joined([rows.bilateral for rows in limited]).astype(bool),
         root=StressRoot(
             grid,
             mesh.active,
@@ -233,7 +238,3 @@ def _potential_in_cells(problem: ContactProblem, grid: Grid, scales: Scales) -> 
     """φ at the Gauss points of the active cells, dimensionless."""
     row, column = np.nonzero(problem.mesh.active)
     return potential_at(problem, scales, cell_points(grid, column, row)[0])
-
-
-def _stacked(rows: list[sparse.csr_array], total: int) -> sparse.csr_array:
-    return sparse.csr_array(sparse.vstack(rows)) if rows else sparse.csr_array((0, total))

@@ -123,7 +123,9 @@ class _Chains:
         return np.asarray(np.count_nonzero(self.coefficients, axis=0))
 
 
-def eliminate(links: Links, scales: FloatArray, body: BoolArray, tolerance: float = 1e-9) -> Elimination:
+def eliminate(
+    links: Links, scales: FloatArray, body: BoolArray, freed: IntArray | None = None, tolerance: float = 1e-9
+) -> Elimination:
     """Turn the traction conditions and the gauge into a basis.
 
     Parameters
@@ -134,6 +136,8 @@ def eliminate(links: Links, scales: FloatArray, body: BoolArray, tolerance: floa
         Stored value of a degree of freedom over its unscaled one.
     body : (nodes,) bool array
         Nodes that belong to the body.
+    freed : int array, optional
+        Nodes whose Φ_xy stays free although it is prescribed, like that of corners where edges disagree.
     tolerance : float
         Imbalance of a closed part of Γ_σ, and shear conflict in a corner, that pass as round-off; relative to the
         largest of the prescribed values.
@@ -147,7 +151,8 @@ def eliminate(links: Links, scales: FloatArray, body: BoolArray, tolerance: floa
     loads = (links.slope_jump, links.value_jump, links.twist)
     tolerance *= max(float(np.abs(load).max(initial=0.0)) for load in loads)
     chains = _chains(links)
-    twist_dofs, twist, conflicts = _twists(links, tolerance)
+    freed = np.empty(0, dtype=np.int64) if freed is None else freed
+    twist_dofs, twist, conflicts = _twists(links, freed, tolerance)
     gauge = _gauge_dofs(chains, body)
     chained = np.isin(chains.dofs, gauge)
     equations = np.vstack([chains.equations, chains.coefficients[chained]])
@@ -244,14 +249,15 @@ def _potentials(
     return values, root, jumps[rest] + values[first[rest]] - values[second[rest]]
 
 
-def _twists(links: Links, tolerance: float) -> tuple[IntArray, FloatArray, IntArray]:
+def _twists(links: Links, freed: IntArray, tolerance: float) -> tuple[IntArray, FloatArray, IntArray]:
     """Degrees of freedom Φ_xy that are prescribed, their values, and the corner nodes where edges disagree."""
     nodes, which = np.unique(links.twist_node, return_inverse=True)
     low, high = np.full(len(nodes), np.inf), np.full(len(nodes), -np.inf)
     np.minimum.at(low, which, links.twist)
     np.maximum.at(high, which, links.twist)
     agree = high - low <= tolerance
-    return 4 * nodes[agree] + _TWIST, ((low + high) / 2.0)[agree], nodes[~agree]
+    kept = agree & ~np.isin(nodes, freed)
+    return 4 * nodes[kept] + _TWIST, ((low + high) / 2.0)[kept], nodes[~agree]
 
 
 def _gauge_dofs(chains: _Chains, body: BoolArray) -> IntArray:

@@ -96,9 +96,12 @@ def _frictionless_twists(problem: ContactProblem) -> Iterator[tuple[IntArray, Fl
 
     Where that shear is not zero the two disagree, and the corner is treated as one between two prescribed shears.
     """
-    for node, contact in shear_beside_contacts(problem):
+    for node, name in shear_beside_contacts(problem):
+        contact = contact_named(problem, name)
         x, y = problem.mesh.coordinates[[node]].T
-        if evaluate("Contact.friction", contact_named(problem, contact).friction, x, y, minimum=0.0)[0] == 0.0:
+        friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
+        cohesion = evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0)
+        if friction[0] == cohesion[0] == 0.0:
             yield np.array([node]), np.zeros(1)
 
 
@@ -108,10 +111,12 @@ def contact_named(problem: ContactProblem, name: str) -> Contact:
 
 
 def shear_beside_contacts(problem: ContactProblem) -> list[tuple[int, str]]:
-    """Nodes where a prescribed shear other than zero meets a contact, with the contact's name."""
+    """Nodes where a prescribed shear other than zero meets a contact that limits shear, with the contact's name."""
     boundary, found = problem.mesh.boundary, []
     for contact in problem.contacts:
-        edges = boundary.take(problem.mesh.edge_set(contact.edges))
+        if contact.law == "tied":
+            continue
+        edges = problem.mesh.edges(contact.edges)
         ends = np.unique(np.concatenate([edges.first, edges.second]))
         for component, index, field in problem.prescribed(Traction):
             shear = boundary.take(index)

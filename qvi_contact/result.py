@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from qvi_contact.checks import FloatArray
 from qvi_contact.conditions import Displacement, Traction
 from qvi_contact.contact import ContactLine, contact_line
+from qvi_contact.contact_rows import ContactRows
 from qvi_contact.discretization import Discretization
 from qvi_contact.element import GAUSS_COUNT
 from qvi_contact.errors import InputError
@@ -20,6 +21,10 @@ from qvi_contact.problem import ContactProblem
 from qvi_contact.stress import cell_stress, stress_at
 from qvi_contact.traces import EdgePoints
 from solvers import Certificate, Iteration, QVISolution, Status
+from solvers.feasibility import AdmissibleRows
+
+_SHARE = 1e-3
+"""Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,27 @@ class Energies:
     dissipation: float
 
 
+@dataclass(frozen=True)
+class PlateMotion:
+    """Motion of a rigid plate driven by force, beyond its gap and offset; zero where it is not driven.
+
+    Attributes
+    ----------
+    x, y : float
+        Translation of the pivot [length].
+    rotation : float
+        Rotation about the pivot, counterclockwise [rad].
+
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    rotation: float = 0.0
+
+
+_MOTIONS = {"force_x": "x", "force_y": "y", "moment": "rotation"}
+
+
 @dataclass(frozen=True, eq=False)
 class ContactResult:
     """A solved (or failed) contact problem.
@@ -95,14 +121,32 @@ class ContactResult:
 
     @property
     def message(self) -> str:
-        """One sentence about the outcome."""
+        """One sentence about the outcome; for an infeasible problem which contact cannot carry the load, and why."""
+        if self.status is Status.INFEASIBLE and self.solution.farkas is not None:
+            return f"{self._overload()}: {self.solution.message}"
         return self.solution.message
+
+    def _overload(self) -> str:
+        """What the proof of infeasibility rests on, as a sentence."""
+        assert self.solution.farkas is not None
+        qvi, y = self.solution.problem, self.solution.farkas[0]
+        normal, tangential = AdmissibleRows.of(qvi).shares(y, qvi.m)
+        names: dict[str, list[str]] = {"slides": [], "pulls": []}
+        for rows in self.discretization.contacts:
+            for reason, multipliers in (("slides", tangential), ("pulls", normal)):
+                if multipliers[rows.rows].sum() > _SHARE * (normal.sum() + tangential.sum()):
+                    names[reason].append(repr(rows.name))
+        if names["slides"]:
+            return f"The load exceeds what friction on {' and '.join(names['slides'])} can carry"
+        if names["pulls"]:
+            return f"The load pulls or tips the body off {' and '.join(names['pulls'])}, where tension is not carried"
+        return "The forces on the plates contradict the contact laws"
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """What to know about how the data were taken, such as shears that disagree in a corner; one sentence each."""
         remarks = self.discretization.remarks
-        if self.traction_misfit > 1e-6 * self.discretization.scales.stress:
+        if self.has_state and self.traction_misfit > 1e-6 * self.discretization.scales.stress:
             remarks += (
                 f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
                 "single points; every edge keeps their resultant force and moment. Refine there for less.",
@@ -135,11 +179,16 @@ class ContactResult:
         """Number of outer iterations."""
         return self.solution.iterations
 
+    @property
+    def has_state(self) -> bool:
+        """Whether there is a stress state, certified or not, to evaluate."""
+        return self.status is not Status.INFEASIBLE and bool(np.isfinite(self.solution.z).all())
+
     @cached_property
     def nodal(self) -> FloatArray:
         """Scaled dimensionless nodal values of Φ, shape (ny + 1, nx + 1, 4); see `Discretization.nodal_values`."""
         z = self.solution.z
-        if self.status is Status.INFEASIBLE or not np.isfinite(z).all():
+        if not self.has_state:
             raise InputError("result", self.status.value, f"there is no stress state to evaluate: {self.message}")
         return self.discretization.nodal_values(z)
 
@@ -180,21 +229,33 @@ class ContactResult:
     @cached_property
     def contacts(self) -> Mapping[str, ContactLine]:
         """Results on each contact by name."""
-        normal = self.solution.problem.N @ self._z + self.solution.problem.n0
-        tangential = self.solution.problem.T @ self._z + self.solution.problem.t0
         unit = self.certificate.scales.get("stress", 1.0)
-        multipliers = self.solution.normal_multiplier, self.solution.tangential_multiplier
         return MappingProxyType(
             {
-                rows.name: contact_line(self.discretization, rows, normal, tangential, *multipliers, unit=unit)
+                rows.name: contact_line(self.discretization, rows, *self._contact_values(rows), unit=unit)
                 for rows in self.discretization.contacts
             }
         )
 
+    @cached_property
+    def plates(self) -> Mapping[str, PlateMotion]:
+        """How far each plate driven by force has moved, by the name of its contact."""
+        motion: dict[str, dict[str, float]] = {}
+        for row, multiplier in zip(self.discretization.plates.rows, self._multipliers("equality"), strict=True):
+            motion.setdefault(row.contact, {})[_MOTIONS[row.component]] = -float(multiplier) * row.motion
+        driven = [contact for contact in self.problem.contacts if contact.plate is not None]
+        return MappingProxyType({contact.name: PlateMotion(**motion.get(contact.name, {})) for contact in driven})
+
     def resultant(self, edges: str) -> Resultant:
-        """Resultant of the computed tractions σn on the named edge set."""
+        """Resultant of the computed tractions σn on a named edge set, joint or contact.
+
+        That of a joint acts on the lower or left block.
+        """
         mesh, scales = self.problem.mesh, self.discretization.scales
-        points = EdgePoints(self.discretization.grid, mesh.boundary.take(mesh.edge_set(edges)), LOAD_POINTS)
+        named = {contact.name: contact.edges for contact in self.problem.contacts}
+        known = (*mesh.edge_names, *mesh.joint_names)
+        chosen = mesh.edges(edges if edges in known else named.get(edges, edges))
+        points = EdgePoints(self.discretization.grid, chosen, LOAD_POINTS)
         x, y = physical(self.problem, scales, points.coordinates)
         force_x, force_y = scales.length * points.weights * self._tractions(points)
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
@@ -214,10 +275,21 @@ class ContactResult:
             dissipation -= float(line.weights @ (line.tangential_stress * line.slip))
         return Energies(strain, load, strain - load, dissipation)
 
-    @property
-    def _z(self) -> FloatArray:
-        _ = self.nodal  # says what is wrong if there is none
-        return np.asarray(self.solution.z)
+    def _multipliers(self, kind: str) -> FloatArray:
+        """Row multipliers "normal", "tangential" or "equality"; says what is wrong if there are none."""
+        _ = self.nodal
+        return np.asarray(getattr(self.solution, f"{kind}_multiplier"))
+
+    def _contact_values(self, rows: ContactRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """σ_N, σ_T and the row multipliers m_N, m_T at the points of a contact, dimensionless."""
+        if rows.law == "tied":
+            u, zero = self.nodal.ravel(), np.zeros(len(rows.gap))
+            potential = potential_at(self.problem, self.discretization.scales, rows.points.coordinates)
+            return rows.points.normal() @ u + potential, rows.points.shear() @ u, zero, zero
+        qvi, z = self.solution.problem, self.solution.z
+        normal, tangential = self._multipliers("normal"), self._multipliers("tangential")
+        chosen = rows.rows
+        return qvi.normal(z)[chosen], qvi.tangential(z)[chosen], normal[chosen], tangential[chosen]
 
     def _gauss(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Dimensionless Gauss points, weights and stresses of all cells."""

@@ -52,7 +52,8 @@ class Scales:
         """Scales of a problem.
 
         S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress 1/(C L)
-        times the displacement that supports and obstacles force on the body (see `_forced`). Neither a constant
+        times the displacement that supports and obstacles force on the body (see `_forced`), and the mean stress under
+        plates driven by force. Neither a constant
         potential, nor a common translation, nor an obstacle far away strains the body. Without any load S = 1/C.
         """
         length = problem.mesh.length
@@ -65,6 +66,7 @@ class Scales:
         potential = evaluate("ContactProblem.body_potential", problem.body_potential, *nodes.T)
         sizes.append(float(np.ptp(potential)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
+        sizes += _plate_stresses(problem)
         stress = max(sizes)
         return cls(length, stress if stress > 0.0 else 1.0 / compliance, compliance)
 
@@ -77,12 +79,25 @@ def _samples(problem: ContactProblem, edges: IntArray) -> tuple[FloatArray, Floa
     return points[..., 0], points[..., 1]
 
 
+def _plate_stresses(problem: ContactProblem) -> list[float]:
+    """Forces of plates over the length of their contacts, moments over its square [stress]."""
+    sizes = []
+    for contact in problem.contacts:
+        if contact.plate is not None:
+            edges, nodes = problem.mesh.edges(contact.edges), problem.mesh.coordinates
+            length = float(np.abs(nodes[edges.second] - nodes[edges.first]).sum())
+            force = max(abs(contact.plate.force_x or 0.0), abs(contact.plate.force_y or 0.0))
+            sizes += [force / length, abs(contact.plate.moment or 0.0) / length**2]
+    return sizes
+
+
 def _forced(problem: ContactProblem) -> tuple[float, float]:
     """By how much supports and obstacles must squeeze or stretch the body along x and along y [length].
 
     A prescribed displacement bounds u from both sides, an obstacle from one: u ≤ g or −u ≤ g as n points. What is
-    forced is the largest lower bound less the smallest upper one, if positive. Obstacles that slide past (w) force
-    nothing that friction does not limit.
+    forced is the largest lower bound less the smallest upper one, if positive. Bilateral and tied contacts bound it
+    from both sides. Obstacles that slide past (w) force nothing that friction does not limit; plates driven by force
+    and joints are left out.
     """
     lower: tuple[list[float], list[float]] = ([], [])
     upper: tuple[list[float], list[float]] = ([], [])
@@ -91,15 +106,20 @@ def _forced(problem: ContactProblem) -> tuple[float, float]:
         lower[component].append(float(values.max()))
         upper[component].append(float(values.min()))
     for contact in problem.contacts:
+        if contact.plate is not None or contact in problem.joints:
+            continue
         edges = problem.mesh.edge_set(contact.edges)
         for axis in (HORIZONTAL, VERTICAL):
             for sign in (-1.0, 1.0):
                 boundary = problem.mesh.boundary
                 facing = edges[(boundary.axis[edges] == axis) & (boundary.sign[edges] == sign)]
                 if len(facing):
-                    gap = float(evaluate("Contact.gap", contact.gap, *_samples(problem, facing)).min())
+                    gap = sign * evaluate("Contact.gap", contact.gap, *_samples(problem, facing))
                     component = 1 if axis == HORIZONTAL else 0
-                    (upper if sign > 0 else lower)[component].append(sign * gap)
+                    if sign > 0 or contact.law != "unilateral":
+                        upper[component].append(float(gap.min()))
+                    if sign < 0 or contact.law != "unilateral":
+                        lower[component].append(float(gap.max()))
     along_x, along_y = (
         max(0.0, max(low) - min(up)) if low and up else 0.0 for low, up in zip(lower, upper, strict=True)
     )

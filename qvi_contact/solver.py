@@ -6,10 +6,13 @@ import numpy as np
 
 from qvi_contact.checks import FloatArray
 from qvi_contact.discretization import Discretization, discretize
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, SolveError
+from qvi_contact.loads import shear_beside_contacts
 from qvi_contact.problem import ContactProblem
 from qvi_contact.result import ContactResult
-from solvers import solve_qvi
+from solvers import Status, solve_qvi
+
+_CANNOT_CARRY = (Status.INFEASIBLE, Status.INNER_INFEASIBLE)
 
 
 def solve(
@@ -54,10 +57,32 @@ def solve(
     if not isinstance(problem, (ContactProblem, Discretization)):
         raise InputError("problem", problem, "give a ContactProblem or a Discretization")
     discretization = problem if isinstance(problem, Discretization) else discretize(problem)
+    throw = bool(options.pop("throw", False))
     if options.get("initial") is not None:
         options["initial"] = _initial_pressure(options["initial"], discretization)
-    solution = solve_qvi(discretization.qvi, method=method, inner=inner, tolerance=tolerance, **options)
-    return ContactResult(discretization, solution)
+    settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
+    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
+    if isinstance(problem, ContactProblem) and result.status in _CANNOT_CARRY:
+        result = _with_free_corners(result, settings) or result
+    if throw and result.status is not Status.SOLVED:
+        raise SolveError(result.message)
+    return result
+
+
+def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> ContactResult | None:
+    """Solve again where a shear prescribed beside a contact with friction is more than that can carry in the corner.
+
+    Corner and contact share one Φ_xy. It is freed, as between two prescribed shears that disagree, and the resultants
+    of the edges are kept.
+    """
+    problem = failed.problem
+    corners = np.array([node for node, _ in shear_beside_contacts(problem)], dtype=np.int64)
+    freed = np.setdiff1d(corners, failed.discretization.elimination.conflicts)
+    if not len(freed):
+        return None
+    discretization = discretize(problem, freed=freed)
+    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
+    return result if result.status.usable else None
 
 
 def _initial_pressure(initial: object, discretization: Discretization) -> FloatArray:

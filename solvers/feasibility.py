@@ -5,16 +5,16 @@ Every solution of (D2) has σ_N ≤ 0 at unilateral points, hence mu |σ_N| = �
     C = { z : A z = b,  N z + n0 ≤ 0,  |T z + t0| ≤ cohesion − mu (N z + n0),  |T z + t0| ≤ cap }
       = { z : A z = b,  G z ≤ h }.
 
-At bilateral points the first row is missing, and where mu > 0 the second, which there is not convex. If C is empty the
-QVI has no solution, proved by multipliers (Farkas) y ≥ 0, ν with Gᵀy + Aᵀν = 0 and hᵀy + bᵀν < 0, which are checked here
-on the data. If it is not, its point of least energy is a start: its pressure s makes the inner problem feasible. It is
+At bilateral points the first row is missing, and where mu > 0 the second, not convex there. If C is empty the QVI
+has no solution, proved by multipliers (Farkas) y ≥ 0, ν with Gᵀy + Aᵀν = 0 and hᵀy + bᵀν < 0, which are checked here on
+the data. If it is not, its point of least energy is a start: its pressure s makes the inner problem feasible. It is
 a start only, never the answer: minimising over C is associated friction, which dilates.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_matrix, diags, triu, vstack
+from scipy.sparse import csc_matrix, diags, hstack, identity, triu, vstack
 
 from solvers.problem import FrictionQVI
 from solvers.types import BoolVector, IntVector, Sparse, Vector, load
@@ -51,12 +51,16 @@ class AdmissibleRows:
 
     Attributes
     ----------
+    H : (rows, 2m) sparse, G = H [N; T]: what the rows say of the tractions
+    limit : (rows,), h = limit − H [n0; t0]
     G, h : (rows, n) and (rows,)
     point : (rows,) int, the contact point of each row
     tangential : (rows,) bool, whether the row limits |σ_T| rather than σ_N
 
     """
 
+    H: Sparse
+    limit: Vector
     G: Sparse
     h: Vector
     point: IntVector
@@ -65,19 +69,20 @@ class AdmissibleRows:
     @classmethod
     def of(cls, qvi: FrictionQVI) -> "AdmissibleRows":
         """Rows of a QVI."""
+        one = identity(qvi.m, format="csc")
         normal = np.flatnonzero(~qvi.bilateral)
         law = np.flatnonzero(~qvi.bilateral | (qvi.mu == 0.0))
         capped = np.flatnonzero(np.isfinite(qvi.cap))
-        M = diags(qvi.mu[law])
-        G, h, points = [qvi.N[normal]], [-qvi.n0[normal]], [normal]
+        blocks, limits, points = [hstack([one, 0 * one], "csr")[normal]], [np.zeros(len(normal))], [normal]
         for sign in (1.0, -1.0):
-            G += [sign * qvi.T[law] + M @ qvi.N[law], sign * qvi.T[capped]]
-            bound = qvi.cohesion[law] - qvi.mu[law] * qvi.n0[law]
-            h += [bound - sign * qvi.t0[law], qvi.cap[capped] - sign * qvi.t0[capped]]
+            blocks += [hstack([diags(qvi.mu), sign * one], "csr")[law], hstack([0 * one, sign * one], "csr")[capped]]
+            limits += [qvi.cohesion[law], qvi.cap[capped]]
             points += [law, capped]
-        count = sum(map(len, points))
-        point = np.concatenate(points)
-        return cls(csc_matrix(vstack(G)), np.concatenate(h), point, np.arange(count) >= len(normal))
+        H, limit, point = csc_matrix(vstack(blocks)), np.concatenate(limits), np.concatenate(points)
+        H.eliminate_zeros()
+        G = csc_matrix(H @ qvi.contact_rows)
+        h = limit - H @ np.concatenate([qvi.n0, qvi.t0])
+        return cls(H, limit, G, h, point, np.arange(len(point)) >= len(normal))
 
     def shares(self, y: Vector, points: int) -> tuple[Vector, Vector]:
         """Multipliers y (rows,) summed at each of the contact points: (normal, tangential), (points,) each."""
@@ -104,21 +109,31 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
 
 
 def check_feasibility(qvi: FrictionQVI) -> Feasibility:
-    """Minimise the energy over C with Clarabel; a claim of emptiness counts only if `is_farkas` agrees."""
-    admissible = AdmissibleRows.of(qvi)
-    G, h = admissible.G, admissible.h
-    if qvi.n == 0:
-        return _determinate(h)
+    """Minimise the energy over C with Clarabel; a claim of emptiness counts only if `is_farkas` agrees.
+
+    Where σ_N ≤ 0 alone cannot be met the proof has no multipliers on friction: then it is not friction that fails.
+    """
+    rows = AdmissibleRows.of(qvi)
+    found = _minimise(qvi, rows) if qvi.n else _determinate(rows.h)
+    if found.feasible is False and qvi.n and rows.tangential.any():
+        pulled = _minimise(qvi, rows, ~rows.tangential)
+        found = pulled if pulled.feasible is False else found
+    return found
+
+
+def _minimise(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice = slice(None)) -> Feasibility:
+    """Least energy over A z = b and the chosen rows."""
     clarabel = load("clarabel")
+    G, h = csc_matrix(rows.G[chosen]), rows.h[chosen]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.presolve_enable = False
     settings.tol_infeas_abs = settings.tol_infeas_rel = 1e-11
     cones = ([clarabel.ZeroConeT(qvi.p)] if qvi.p else []) + [clarabel.NonnegativeConeT(h.size)]
-    rows = csc_matrix(vstack([qvi.A, G])) if qvi.p else G
+    stacked = csc_matrix(vstack([qvi.A, G])) if qvi.p else G
     try:
         solver = clarabel.DefaultSolver(
-            csc_matrix(triu(qvi.K)), -qvi.f, rows, np.concatenate([qvi.b, h]), cones, settings
+            csc_matrix(triu(qvi.K)), -qvi.f, stacked, np.concatenate([qvi.b, h]), cones, settings
         )
         answer = solver.solve()
     except BaseException as error:  # a Rust panic is not an Exception
@@ -127,7 +142,8 @@ def check_feasibility(qvi: FrictionQVI) -> Feasibility:
         return Feasibility(None, None, None, f"feasibility check failed: {type(error).__name__}: {error}")
     word = str(answer.status)
     multipliers = np.array(answer.z)
-    y, nu = np.maximum(multipliers[qvi.p :], 0.0), multipliers[: qvi.p]
+    y, nu = np.zeros(rows.h.size), multipliers[: qvi.p]
+    y[chosen] = np.maximum(multipliers[qvi.p :], 0.0)
     if "PrimalInfeasible" in word and is_farkas(qvi, y, nu):
         text = "no admissible traction carries the load, proved by multipliers (Farkas) checked on the data"
         return Feasibility(False, None, (y, nu), text)

@@ -17,21 +17,18 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
-from scipy.linalg import qr
 from scipy.sparse import csc_matrix, diags, vstack
 
 from solvers.compliance import Compliance
 from solvers.inner.problem import Centre, InnerSolution
 from solvers.problem import FrictionQVI
+from solvers.rows import independent_rows
 from solvers.types import Matrix, Sparse, Vector
 
 Form = Literal["auto", "full", "condensed"]
 
 CONDENSED_LIMIT = 2000
 """Rows of B, 2m, up to which "auto" condenses."""
-
-_RANK = 1e-10
-"""Rows of B, scaled to length one, that are shorter than this beside the others depend on them."""
 
 _COMPLIANT, _HELD = 1e-14, 1e-12
 """Eigenvalues of Y K⁻¹ Yᵀ below these shares of its largest, and of 1/|K|, are rounding."""
@@ -83,7 +80,7 @@ class Simplified:
         rows = qvi.frictionless
         if not rows.any():
             return cls(qvi, rows, np.zeros((0, 0)))
-        E, Y = _independent_rows(csc_matrix(qvi.T[rows]))
+        E, Y = independent_rows(csc_matrix(qvi.T[rows]))
         kept = np.where(rows, 0.0, 1.0)
         problem = replace(
             qvi,
@@ -137,7 +134,7 @@ class CondensedForm:
     def __init__(self, simplified: Simplified) -> None:
         qvi = simplified.problem
         self._simplified, self._compliance = simplified, Compliance(qvi)
-        E, Y = _independent_rows(qvi.contact_rows)
+        E, Y = independent_rows(qvi.contact_rows)
         self._V = E @ _factor(Y @ qvi.equality_system.solve(Y.T.toarray())[0], qvi.K)
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI(
@@ -168,21 +165,6 @@ def make_form(qvi: FrictionQVI, form: Form) -> ProblemForm:
         return FullForm(simplified)
     condensed = CondensedForm(simplified)
     return condensed if condensed.problem.n > 0 else FullForm(simplified)
-
-
-def _independent_rows(B: Sparse) -> tuple[Matrix, Sparse]:
-    """B = E Y with E (rows, r) and orthonormal rows Y (r, n) sparse, by QR with pivoting of the rows scaled to one."""
-    touched = np.flatnonzero(np.diff(B.indptr))
-    rows = B[:, touched].toarray()
-    lengths = np.linalg.norm(rows, axis=1)
-    lengths[lengths == 0.0] = 1.0
-    Q, R, order = qr((rows / lengths[:, None]).T, mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    r = int((diagonal > _RANK * diagonal.max(initial=0.0)).sum())
-    E = np.empty((B.shape[0], r))
-    E[order] = R[:r].T
-    selection = csc_matrix((np.ones(len(touched)), (np.arange(len(touched)), touched)), (len(touched), B.shape[1]))
-    return E * lengths[:, None], csc_matrix(csc_matrix(Q[:, :r].T) @ selection)
 
 
 def _factor(C: Matrix, K: Sparse) -> Matrix:

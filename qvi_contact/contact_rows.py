@@ -1,0 +1,117 @@
+"""What the contacts put into (D2): points, laws and prescribed displacements, dimensionless."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from qvi_contact.checks import BoolArray, FloatArray, evaluate
+from qvi_contact.conditions import Contact, Law
+from qvi_contact.element import GAUSS_COUNT, Grid
+from qvi_contact.loads import physical
+from qvi_contact.problem import ContactProblem
+from qvi_contact.scaling import Scales
+from qvi_contact.traces import EdgePoints
+
+
+@dataclass(frozen=True, eq=False)
+class ContactRows:
+    """The rows of (D2) that belong to one contact.
+
+    Attributes
+    ----------
+    name : str
+        Name of the contact.
+    law : "unilateral", "bilateral" or "tied"
+        Law across the contact.
+    joint : bool
+        Whether it lies inside the body.
+    rows : slice
+        Its rows in `FrictionQVI.N` and `FrictionQVI.T`, four Gauss points an edge; none for a tied contact, which
+        limits no traction.
+    points : EdgePoints
+        The points in dimensionless coordinates.
+    friction : (m,) array
+        μ at the points.
+    cohesion, shear_limit : (m,) arrays
+        c and t_max at the points, dimensionless; infinity where there is no limit.
+    gap, offset : (m,) arrays
+        Obstacle position g and tangential offset w at the points, dimensionless.
+
+    """
+
+    name: str
+    law: Law
+    joint: bool
+    rows: slice
+    points: EdgePoints
+    friction: FloatArray
+    cohesion: FloatArray
+    shear_limit: FloatArray
+    gap: FloatArray
+    offset: FloatArray
+
+    @property
+    def bilateral(self) -> BoolArray:
+        """Whether σ_N may have either sign, at each point."""
+        return np.full(len(self.gap), self.law != "unilateral")
+
+    def bound(self, normal: FloatArray) -> FloatArray:
+        """Bound min(c + μ|σ_N|, t_max) of |σ_T| for a normal traction, dimensionless; infinity if tied."""
+        if self.law == "tied":
+            return np.full(len(self.gap), np.inf)
+        return np.minimum(self.cohesion + self.friction * np.abs(normal), self.shear_limit)
+
+    def work(self) -> FloatArray:
+        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1)."""
+        weights = self.points.weights
+        return np.asarray(
+            self.points.normal().T @ (weights * self.gap) + self.points.shear().T @ (weights * self.offset)
+        )
+
+    def with_offset(self, offset: FloatArray) -> "ContactRows":
+        """The same contact at another tangential offset (m,), dimensionless."""
+        return replace(self, offset=offset)
+
+
+def contact_rows(problem: ContactProblem, grid: Grid, scales: Scales) -> tuple[ContactRows, ...]:
+    """All contacts in the order of the problem; `InputError` where a field gives bad values."""
+    found, start = [], 0
+    for contact in problem.contacts:
+        points = EdgePoints(grid, problem.mesh.edges(contact.edges), GAUSS_COUNT)
+        stop = start if contact.law == "tied" else start + len(points.weights)
+        found.append(_rows(problem, scales, contact, points, slice(start, stop)))
+        start = stop
+    return tuple(found)
+
+
+def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: EdgePoints, rows: slice) -> ContactRows:
+    x, y = physical(problem, scales, points.coordinates)
+    limit = np.full(len(x), np.inf)
+    if contact.shear_limit is not None:
+        limit = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0) / scales.stress
+    return ContactRows(
+        contact.name,
+        contact.law,
+        contact in problem.joints,
+        rows,
+        points,
+        evaluate("Contact.friction", contact.friction, x, y, minimum=0.0),
+        evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0) / scales.stress,
+        limit,
+        evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
+        evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
+    )
+
+
+def stacked(rows: Sequence[sparse.csr_array], columns: int) -> sparse.csr_array:
+    """Matrices on top of each other, also if there are none."""
+    return sparse.csr_array(sparse.vstack(rows)) if rows else sparse.csr_array((0, columns))
+
+
+def joined(arrays: Sequence[NDArray[Any]]) -> FloatArray:
+    """Vectors one after the other, also if there are none."""
+    return np.concatenate([np.empty(0), *arrays])
