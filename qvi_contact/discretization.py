@@ -108,6 +108,15 @@ class Discretization:
         assert self.qvi.load is not None
         return replace(self, contacts=contacts, qvi=replace(self.qvi, f=self.qvi.f + load, load=self.qvi.load + load))
 
+    def freeing(self, nodes: IntArray) -> "Discretization":
+        """The same problem, in the same units and after the same slip, with the shear at the nodes given up."""
+        fresh = discretize(self.problem, scales=self.scales, freed=nodes)
+        return fresh.slipped([old.offset - new.offset for old, new in zip(self.contacts, fresh.contacts, strict=True)])
+
+    def offsets(self) -> list[FloatArray]:
+        """The tangential offset w that the problem prescribes at the points of each contact, without earlier slip."""
+        return [rows.offset for rows in contact_rows(self.problem, self.grid, self.scales)]
+
     def nodal_values(self, z: FloatArray) -> FloatArray:
         """Scaled dimensionless degrees of freedom u of the Airy function at the nodes, shape (ny + 1, nx + 1, 4)."""
         ny, nx = self.problem.mesh.shape

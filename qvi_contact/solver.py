@@ -62,7 +62,7 @@ def solve(
         options["initial"] = _initial_pressure(options["initial"], discretization)
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
     result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
-    if isinstance(problem, ContactProblem) and result.status in _CANNOT_CARRY:
+    if result.status in _CANNOT_CARRY:
         result = _with_free_corners(result, settings) or result
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
@@ -75,12 +75,12 @@ def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> Conta
     Corner and contact share one Φ_xy. It is freed, as between two prescribed shears that disagree, and the resultants
     of the edges are kept.
     """
-    problem = failed.problem
-    corners = np.array([node for node, _ in shear_beside_contacts(problem)], dtype=np.int64)
-    freed = np.setdiff1d(corners, failed.discretization.elimination.conflicts)
+    known = failed.discretization
+    corners = np.array([node for node, _ in shear_beside_contacts(failed.problem)], dtype=np.int64)
+    freed = np.setdiff1d(corners, np.concatenate([known.elimination.conflicts, known.freed]))
     if not len(freed):
         return None
-    discretization = discretize(problem, freed=freed)
+    discretization = known.freeing(freed)
     result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
     return result if result.status.usable else None
 

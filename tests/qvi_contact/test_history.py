@@ -1,0 +1,189 @@
+"""Load histories against a closed form, against energy balance, and against themselves."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, RectilinearMesh, Traction, solve
+from qvi_contact.conditions import RigidPlate
+from qvi_contact.history import loop_area, solve_history
+from solvers import Status
+
+YOUNG, PRESSURE, FRICTION, WIDTH, HEIGHT = 1000.0, 10.0, 0.3, 2.0, 1.0
+YIELD = FRICTION * PRESSURE * HEIGHT / (YOUNG / 2.0)  # ν = 0: G = E/2
+
+
+def ramp(*corners, steps):
+    """Values from corner to corner, `steps` for each of them."""
+    return np.concatenate([[corners[0]], *(np.linspace(a, b, steps + 1)[1:] for a, b in pairwise(corners))])
+
+
+def sheared_layer(displacement, cells=(3, 2), grading=1.0, offset=0.0):
+    """A layer in uniform shear on a rough base: elastic until |σ_xy| = μp, then sliding; u_y = −p y/E on the sides."""
+    mesh = RectilinearMesh.rectangle(cells, WIDTH, HEIGHT, grading=grading)
+    sides = [
+        condition
+        for side in ("left", "right")
+        for condition in (Traction(side, x=0.0), Displacement(side, y=lambda x, y: -PRESSURE / YOUNG * y + 0 * x))
+    ]
+    top = [Displacement("top", x=displacement), Traction("top", y=-PRESSURE)]
+    base = Contact("bottom", FRICTION, offset=offset, name="base")
+    return ContactProblem(mesh, Material(YOUNG, 0.0), [base, *top, *sides])
+
+
+def elastic_sliding(displacements):
+    """Shear stress in each step: the element of Jenkins, G/h (U − s) within ±μp."""
+    slip, found = 0.0, []
+    for displacement in displacements:
+        trial = YOUNG / 2.0 / HEIGHT * (displacement - slip)
+        stress = np.clip(trial, -FRICTION * PRESSURE, FRICTION * PRESSURE)
+        slip += (trial - stress) * HEIGHT / (YOUNG / 2.0)
+        found.append(stress)
+    return np.array(found)
+
+
+@pytest.mark.parametrize(("cells", "grading"), [((1, 1), 1.0), ((3, 2), 1.0), ((4, 3), 0.5)])
+def test_layer_follows_the_closed_form(cells, grading):
+    path = YIELD * ramp(0.0, 2.3, -1.7, 0.4, -0.2, 2.3, steps=3)
+    history = solve_history([sheared_layer(u, cells, grading) for u in path])
+    displacement, force = history.loop("top")
+    assert history.status is Status.SOLVED
+    assert displacement == pytest.approx(path)
+    assert force == pytest.approx(WIDTH * elastic_sliding(path), abs=1e-8 * WIDTH * PRESSURE)
+    assert (history.dissipated >= -1e-12).all()
+
+
+def test_closed_loop_repeats_and_its_area_is_the_energy_lost():
+    """The steps meet every beginning and end of sliding, so that both rules are exact; 4 μp L (U − U_y) around."""
+    amplitude = 2.0 * YIELD
+    path = ramp(0.0, amplitude, -amplitude, amplitude, -amplitude, amplitude, steps=4)
+    history = solve_history([sheared_layer(u) for u in path])
+    displacement, force = history.loop("top")
+    assert force[-8:] == pytest.approx(force[-16:-8], rel=1e-9, abs=1e-9)
+    area = 4.0 * FRICTION * PRESSURE * WIDTH * (amplitude - YIELD)
+    assert loop_area(displacement[-9:], force[-9:]) == pytest.approx(area, rel=1e-6)
+    assert history.dissipated[-8:].sum() == pytest.approx(area, rel=1e-6)
+    assert history.friction_work[-8:].sum() == pytest.approx(area, rel=1e-6)
+    assert sum(step.energies.dissipation for step in history.steps[-8:]) == pytest.approx(area, rel=1e-6)
+
+
+def test_moving_base_or_moving_top_is_the_same():
+    path = YIELD * ramp(0.0, 1.5, -1.5, steps=3)
+    by_top = solve_history([sheared_layer(u) for u in path]).loop("top")
+    by_base = solve_history([sheared_layer(0.0, offset=-u) for u in path]).loop("base")
+    assert by_base[0] == pytest.approx(-by_top[0])
+    assert by_base[1] == pytest.approx(-by_top[1], abs=1e-7)
+
+
+def pressed_block(offset, cells=(6, 4), poisson=0.3):
+    """A block under a rough plate that moves sideways: parts slip, parts stick."""
+    mesh = RectilinearMesh.rectangle(cells, WIDTH, HEIGHT)
+    free = [Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+    plate = Contact("top", FRICTION, gap=-0.01, offset=offset, name="plate")
+    return ContactProblem(mesh, Material(YOUNG, poisson), [plate, Displacement("bottom", x=0.0, y=0.0), *free])
+
+
+@pytest.fixture(scope="module", name="history")
+def _history():
+    return solve_history([pressed_block(w) for w in 0.01 * ramp(0.0, *5 * (1.0, -1.0), 1.0, steps=4)])
+
+
+class TestPartialSlip:
+    """A plate moving to and fro on a block."""
+
+    def test_parts_slip_and_parts_stick(self, history):
+        assert history.status is Status.SOLVED
+        states = [set(step.contacts["plate"].state.tolist()) for step in history.steps]
+        assert {1, 2} in states
+
+    def test_closed_cycle_repeats(self, history):
+        _, force = history.loop("plate")
+        assert np.abs(force[-8:] - force[-16:-8]).max() < 1e-6 * np.abs(force).max()
+
+    def test_area_of_the_loop_is_the_work_of_friction(self, history):
+        displacement, force = history.loop("plate")
+        area = loop_area(displacement[-9:], force[-9:])
+        assert area > 0.0
+        assert history.friction_work[-8:].sum() == pytest.approx(area, rel=1e-6)
+
+    def test_every_step_loses_energy(self, history):
+        assert (history.dissipated >= -1e-12 * history.dissipated.max()).all()
+        lost = [step.energies.dissipation for step in history.steps]
+        assert lost == pytest.approx(history.dissipated, rel=1e-6, abs=1e-12)
+
+    def test_slip_adds_up(self, history):
+        steps = [step.contacts["plate"].slip for step in history.steps]
+        assert history.slip("plate")[-1] == pytest.approx(np.sum(steps, axis=0))
+
+
+def test_energy_lost_tends_to_the_area_with_smaller_steps():
+    gaps = []
+    for steps in (4, 8, 16):
+        history = solve_history([sheared_layer(u) for u in YIELD * ramp(0.0, 1.6, -1.6, 1.6, steps=steps)])
+        gaps.append(history.dissipated.sum() - history.friction_work.sum())
+    assert gaps[0] > 0.0
+    assert gaps[2] < 0.4 * gaps[0]
+
+
+def test_one_step_is_the_static_problem():
+    problem = pressed_block(0.01)
+    alone, step = solve(problem), solve_history([problem]).steps[0]
+    assert step.contacts["plate"].tangential_stress == pytest.approx(alone.contacts["plate"].tangential_stress)
+
+
+def test_history_matters():
+    """The same load with and without an excursion before it."""
+    direct = solve_history([pressed_block(0.002)]).steps[-1]
+    after = solve_history([pressed_block(w) for w in (0.02, 0.002)]).steps[-1]
+    forces = [result.contacts["plate"].tangential_force for result in (direct, after)]
+    assert abs(forces[1] - forces[0]) > 0.1 * abs(forces[0])
+
+
+def test_plate_driven_by_force_reports_its_own_motion():
+    def problem(force):
+        base = pressed_block(0.0)
+        plate = Contact("top", FRICTION, gap=-0.01, name="plate", plate=RigidPlate(force_x=force))
+        return replace(base, conditions=[plate, *base.conditions[1:]])
+
+    by_force = solve_history([problem(force) for force in (0.5, 1.5, 0.2)])
+    displacement, force = by_force.loop("plate")
+    assert force == pytest.approx([0.5, 1.5, 0.2])
+    by_displacement = solve_history([pressed_block(w) for w in displacement])
+    assert by_displacement.loop("plate")[1] == pytest.approx(force, rel=1e-6)
+
+
+def test_stops_at_the_first_step_without_an_answer():
+    def dragged(shear):
+        mesh = RectilinearMesh.rectangle((3, 2), WIDTH, HEIGHT)
+        sides = [Traction("left", x=0.0, y=-shear), Traction("right", x=0.0, y=shear)]
+        load = Traction("top", x=shear, y=-PRESSURE)
+        return ContactProblem(mesh, Material(YOUNG, 0.3), [Contact("bottom", FRICTION, name="base"), load, *sides])
+
+    history = solve_history([dragged(share * FRICTION * PRESSURE) for share in (0.5, 1.1, 0.5)])
+    assert len(history.steps) == 2
+    assert history.planned == 3
+    assert history.status is Status.INFEASIBLE
+    assert "step 2 of 3" in history.message
+    assert "friction on 'base'" in history.message
+    assert len(history.dissipated) == 1
+
+
+def test_bad_steps_are_refused():
+    with pytest.raises(InputError, match="at least one"):
+        solve_history([])
+    with pytest.raises(InputError, match="same mesh"):
+        solve_history([pressed_block(0.0), pressed_block(0.0, cells=(4, 4))])
+    with pytest.raises(InputError, match="same contacts"):
+        solve_history([sheared_layer(0.0, (6, 4)), pressed_block(0.0)])
+    with pytest.raises(InputError, match="name a contact"):
+        solve_history([pressed_block(0.0)]).loop("left")
+
+
+def test_callback_hears_of_every_step():
+    heard = []
+    history = solve_history(
+        [pressed_block(w) for w in (0.0, 0.001)], callback=lambda n, result: heard.append((n, result))
+    )
+    assert heard == list(enumerate(history.steps, 1))
