@@ -1,0 +1,122 @@
+"""Code_Aster's SSNV128: opening, slip and stick on one contact, against published values and another discretisation."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from qvi_contact import ContactState, solve
+from qvi_contact.gallery import SSNV128_DISPLACEMENTS, ssnv128
+from solvers import Status
+
+OPEN, STICK, SLIP = ContactState
+SIDE = 0.04
+CELLS = 32
+POINTS = np.array([x for _, x, _ in SSNV128_DISPLACEMENTS])
+PUBLISHED = np.array([u for _, _, u in SSNV128_DISPLACEMENTS])
+SETTLED = np.array([2.8603e-5, 2.7226e-5, 2.2868e-5, 1.9808e-5, 1.5414e-5])
+"""u_x at the same points: biquadratic displacement elements with nodal contact, up to 320×96 cells, ± 2e-9 m."""
+SETTLED_FORCE = 1.40535e6
+SETTLED_PRESSURE = 8.3882e7
+
+
+def trace(line, values, x, degree):
+    """Values at points x of a contact quantity that is a polynomial on each cell edge of the base."""
+    lines = np.linspace(0.0, SIDE, len(line.x) // 4 + 1)
+    found = []
+    for place in np.atleast_1d(x):
+        edge = min(np.searchsorted(lines, place, side="right") - 1, len(lines) - 2)
+        points = slice(4 * edge, 4 * edge + 4)
+        found.append(np.polynomial.Polynomial.fit(line.x[points], values[points], degree)(place))
+    return np.array(found)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return solve(ssnv128((CELLS, CELLS)), inner="qp:daqp")
+
+
+@pytest.fixture(scope="module")
+def base(result):
+    return result.contacts["base"]
+
+
+def test_it_is_solved(result):
+    assert result.status is Status.SOLVED
+    assert result.remarks == ()
+
+
+def test_forces(base):
+    assert base.normal_force == pytest.approx(5e7 * SIDE, rel=1e-9)  # balance, so to round-off
+    assert base.tangential_force == pytest.approx(-SETTLED_FORCE, rel=2e-3)  # pulls back what is pushed along +x
+
+
+def test_balance_with_the_symmetry_line(result, base):
+    """What friction leaves of the push on x = 0 arrives on x = a."""
+    assert result.resultant("right").x == pytest.approx(-15e7 * SIDE - base.tangential_force, rel=1e-9)
+
+
+def test_published_displacements(base):
+    """Within 2 % where the manual has three digits; point E has two, 1.5e-5, and the manual's own tolerance is 5 %."""
+    found = trace(base, base.slip, POINTS, 2)
+    assert found[:4] == pytest.approx(PUBLISHED[:4], rel=0.02)
+    assert found[4] == pytest.approx(PUBLISHED[4], rel=0.05)
+
+
+def test_displacements_of_another_discretisation(base):
+    assert trace(base, base.slip, POINTS, 2) == pytest.approx(SETTLED, rel=2e-3)
+
+
+def test_zones(base):
+    """Open, slip, stick, in this order, with boundaries within a cell of those of the other discretisation."""
+    changes = np.flatnonzero(np.diff(base.state))
+    assert base.state[np.r_[0, changes + 1]].tolist() == [OPEN, SLIP, STICK]
+    found = (base.x[changes] + base.x[changes + 1]) / 2
+    assert found == pytest.approx([3.28e-3, 29.84e-3], abs=SIDE / CELLS)
+
+
+def test_pressure_and_gap(base):
+    assert trace(base, base.normal_stress, SIDE, 1) == pytest.approx(-SETTLED_PRESSURE, rel=1e-3)
+    assert (base.normal_stress <= 1e-6 * SETTLED_PRESSURE).all()
+    gap = trace(base, base.gap, 0.0, 1)
+    assert gap == pytest.approx(5.9e-7, rel=0.05)
+    assert np.abs(base.gap[base.x > 5e-3]).max() < 0.05 * gap
+
+
+def test_signs_and_friction_law(base):
+    """σ_T has two values of its own on an edge, so two of its four points reach the bound, the others come close."""
+    slips = base.state == SLIP
+    assert (base.slip[slips] > 0).all()
+    assert (base.tangential_stress < 1e-6 * SETTLED_PRESSURE).all()
+    left = (base.friction_bound - np.abs(base.tangential_stress)) / SETTLED_PRESSURE
+    assert left.min() > -1e-6
+    edges = slips.reshape(-1, 4).all(axis=1)
+    assert edges.sum() == 20
+    assert (np.sort(left.reshape(-1, 4)[edges], axis=1)[:, 1] < 1e-6).all()
+    assert left[slips].max() < 0.05
+    assert base.weights[slips] @ left[slips] < 2e-3 * base.weights[slips].sum()
+
+
+def test_the_solution_improves_with_the_mesh(base):
+    """The force follows h^1.6: 1.8e-3 of it is missing on 16² cells, 6e-4 on 32², 2.3e-4 on 64²."""
+    forces = [-solve(ssnv128((n, n)), inner="qp:daqp").contacts["base"].tangential_force for n in (4, 8, 16)]
+    errors = SETTLED_FORCE - np.array([*forces, -base.tangential_force])
+    assert (errors > 0).all()
+    assert all(fine < coarse / 2 for coarse, fine in pairwise(errors))
+
+
+@pytest.mark.parametrize(("cells", "grading"), [((2, 1), 1.0), ((8, 8), 1.0), ((7, 5), 1.3)])
+def test_without_friction_the_stress_is_uniform(cells, grading):
+    """One cell alone knows only the mean slip: shear is prescribed at both of its ends."""
+    result = solve(ssnv128(cells, friction=0.0, grading=grading))
+    for lines in (result.problem.mesh.x, result.problem.mesh.y):
+        sizes = np.diff(lines)
+        assert sizes[1:] / sizes[:-1] == pytest.approx(grading, rel=1e-9)
+    c = result.problem.material.compliance
+    strain = c[0] @ [-15e7, -5e7, 0.0]
+    base = result.contacts["base"]
+    assert result.status is Status.SOLVED
+    assert base.slip == pytest.approx(strain * (base.x - SIDE), rel=1e-9, abs=1e-9 * 4e-5)
+    corner = np.polynomial.Polynomial.fit(base.x[:4], base.slip[:4], 1)(0.0)
+    assert corner == pytest.approx(4.061538461538e-5, rel=1e-9)
+    assert result.stress(0.01, 0.02) == pytest.approx([-15e7, -5e7, 0.0], abs=1.0)
