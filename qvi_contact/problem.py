@@ -1,7 +1,7 @@
 """The contact problem as the user states it: mesh, material, conditions, body force."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -112,6 +112,14 @@ class ContactProblem:
                     )
                 owner[component, chosen] = index
         return owner
+
+    def refined(self, largest: float, smallest: float | None = None, ratio: float = 0.5) -> "ContactProblem":
+        """The same problem on a finer mesh, graded towards re-entrant corners and the ends of all contacts.
+
+        See `RectilinearMesh.refined`: cells of about `largest` shrink by `ratio` to `smallest` [length].
+        """
+        towards = [contact.edges for contact in self.contacts]
+        return replace(self, mesh=self.mesh.refined(largest, towards, smallest, ratio))
 
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> Iterator[tuple[int, IntArray, Field]]:
         """Prescribed data of one kind as (component, boundary edges, values), symmetry lines included."""
