@@ -82,14 +82,24 @@ def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> Conta
         return None
     discretization = known.freeing(freed)
     result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
+    if (
+        result.status is Status.SOLVED
+        and settings["method"] == "fixed-point"
+        and failed.status is not Status.INFEASIBLE
+    ):
+        # Nothing proves that friction cannot carry it: perhaps only the way to the solution was barred.
+        settings = {**settings, "initial": discretization.qvi.pressure(result.solution.z)}
+        exact = ContactResult(known, solve_qvi(known.qvi, **settings))
+        result = exact if exact.status is Status.SOLVED else result
     return result if result.status.usable else None
 
 
 def _initial_pressure(initial: object, discretization: Discretization) -> FloatArray:
     """Dimensionless pressure at all contact points from an earlier result or physical values."""
     if isinstance(initial, ContactResult):
-        lines = initial.contacts.values()
-        initial = -np.concatenate([np.empty(0), *(line.normal_stress for line in lines)])
+        _ = initial.nodal  # says what is wrong if there is no state
+        solution, unit = initial.solution, initial.discretization.scales.stress
+        initial = unit * solution.problem.pressure(solution.z)
     try:
         pressure = np.array(initial, dtype=float)
     except (TypeError, ValueError) as error:

@@ -43,9 +43,9 @@ _ADVICE = {
     "take method='fixed-point' or another inner solver.",
     Status.STALLED: "The iteration stopped making progress; close to a sliding limit there may be no solution. Start "
     "from the result of a smaller load (initial=…), try memory=10 or damping=0.2, or a more accurate inner solver.",
-    Status.CYCLING: "The iteration repeats itself; close to a sliding limit there may be no solution. In the fixed point "
-    "take variant='anderson' with damping=0.2 or memory=10, or start from the result of a smaller load (initial=…); in "
-    "Uzawa let the step shrink (step_decay=200).",
+    Status.CYCLING: "The iteration repeats itself; close to a sliding limit there may be no solution. In the fixed "
+    "point take variant='anderson' with damping=0.2 or memory=10, or start from the result of a smaller load "
+    "(initial=…); in Uzawa let the step shrink (step_decay=200).",
     Status.DIVERGED: "The iteration runs away: reduce the step (omega_T, omega_N) or the damping, or take "
     "method='fixed-point'.",
     Status.BACKEND_FAILED: "The back end failed, see the message: take another inner solver, listed by "
