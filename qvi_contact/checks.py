@@ -20,9 +20,13 @@ def finite_number(field: str, value: object) -> float:
     """Return `value` as a float, or say that `field` must be one finite number."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InputError(field, value, "give one real number")
-    if not np.isfinite(value):
+    try:
+        number = float(value)
+    except OverflowError:
+        number = np.inf
+    if not np.isfinite(number):
         raise InputError(field, value, "give a finite number")
-    return float(value)
+    return number
 
 
 def positive_number(field: str, value: object) -> float:

@@ -1,6 +1,7 @@
 """Functions of position that can be written down in a file: polynomials and expressions."""
 
 import ast
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -116,11 +117,15 @@ class Expression:
         if not isinstance(self.text, str) or len(self.text) > _LONGEST:
             raise InputError("expression", self.text, f"give a text of at most {_LONGEST} characters")
         try:
-            tree = ast.parse(self.text.strip(), mode="eval")
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", SyntaxWarning)  # such as for 1(x): refused below
+                tree = ast.parse(self.text.strip(), mode="eval")
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             raise InputError("expression", self.text, f"is not an expression in x, y and t ({error})") from error
+        called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
         for node in ast.walk(tree):
-            _check_node(self.text, node, (*_VARIABLES, "pi", *self.constants))
+            if id(node) not in called:
+                _check_node(self.text, node, (*_VARIABLES, "pi", *self.constants))
         return tree.body
 
     @property
@@ -155,7 +160,7 @@ def _check_node(text: str, node: ast.AST, names: Sequence[str]) -> None:
         if len(node.args) != wanted:
             raise InputError("expression", text, f"{node.func.id} takes {wanted} argument{'s' if wanted > 1 else ''}")
     elif isinstance(node, ast.Name):
-        if node.id not in (*names, *FUNCTIONS):
+        if node.id not in names:
             raise InputError("expression", text, f"{node.id} is no known name; there are {', '.join(names)}")
     elif not isinstance(node, (*_NODES, *_OPERATORS)):
         part = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__

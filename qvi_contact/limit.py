@@ -193,7 +193,8 @@ class _Program:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
         y, factor = answer.x[:-1], float(answer.x[-1])
         right = self.h + factor * self.h_slope
-        violation = float(np.maximum(self.G @ y - right, 0.0).max()) / max(float(np.abs(right).max()), 1e-300)
+        size = max(float(np.abs(self.h).max()), abs(factor) * float(np.abs(self.h_slope).max()), 1e-300)
+        violation = float(np.maximum(self.G @ y - right, 0.0).max()) / size
         return LimitLoad(factor, self._bound(answer, y), violation)
 
     def _linprog(self, cost: FloatArray, relaxed: bool = False) -> Any:

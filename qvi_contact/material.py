@@ -45,6 +45,9 @@ class Material:
         if self.plane == "strain" and poisson == 0.5:
             remedy = "give a number below 0.5: plane strain of an incompressible body has a singular compliance"
             raise InputError("Material.poisson", poisson, remedy)
+        with np.errstate(over="ignore"):
+            if not np.isfinite(self.compliance).all() or not self.compliance[0, 0] > 0.0:
+                raise InputError("Material.young", self.young, "is beyond double precision: take other units")
 
     @property
     def compliance(self) -> FloatArray:

@@ -24,6 +24,8 @@ DIRECTIONS: Final = ("horizontal", "vertical")
 
 
 _SAMPLES: Final = 2000  # points per half interval where sizes are summed
+_FINEST: Final = 1e-9  # smallest cell size, relative to the body, that `refined` makes
+_MOST_LINES: Final = 100_000
 
 
 @dataclass(frozen=True)
@@ -373,7 +375,7 @@ class RectilinearMesh:
 
         Cells are about `largest` wide, and shrink geometrically to `smallest` towards every re-entrant corner of the
         body and both ends of every edge set or joint in `towards`: at a distance d from the nearest such coordinate
-        the size is min(largest, smallest + (1/ratio − 1) d), in x and in y separately.
+        the size is min(largest, smallest + ln(1/ratio) d), in x and in y separately.
 
         Parameters
         ----------
@@ -384,18 +386,22 @@ class RectilinearMesh:
         smallest : float, optional
             Cell size at corners and ends [length]; `largest`, which is a uniform grid, by default.
         ratio : float
-            Size of a cell to that of its larger neighbour, in (0, 1).
+            Size of a cell to that of its larger neighbour, 0.01 to 0.99.
 
         """
         largest = positive_number("largest", largest)
         smallest = largest if smallest is None else positive_number("smallest", smallest)
         if smallest > largest:
             raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
-        if not 0.0 < positive_number("ratio", ratio) < 1.0:
-            raise InputError("ratio", ratio, "give a number between 0 and 1")
+        if smallest < _FINEST * self.length:
+            raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * self.length:g}")
+        if not 0.01 <= positive_number("ratio", ratio) <= 0.99:
+            raise InputError("ratio", ratio, "give a number between 0.01 and 0.99")
+        if self.length / largest > _MOST_LINES:
+            raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
         critical = self._critical_nodes(towards)
         x, y = (
-            _subdivided(lines, np.unique(self.coordinates[critical, axis]), largest, smallest, 1.0 / ratio - 1.0)
+            _subdivided(lines, np.unique(self.coordinates[critical, axis]), largest, smallest, -float(np.log(ratio)))
             for axis, lines in ((0, self.x), (1, self.y))
         )
         rows, columns = (np.searchsorted(old, new[:-1], "right") - 1 for old, new in ((self.y, y), (self.x, x)))

@@ -154,6 +154,7 @@ def _independent(A: FloatArray, b: FloatArray, sizes: FloatArray, rows: list[Pla
         contradiction = float(b[index] - combination @ b[kept])
         if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
             needed = row.given - contradiction * row.size
+            needed = 0.0 if abs(needed) <= _BALANCED * max(abs(row.given), row.size) else needed
             remedy = (
                 f"equilibrium of {row.contact!r} with the other loads demands {needed:.6g}: correct it, or leave it out"
             )

@@ -58,7 +58,7 @@ class Energies:
     complementary : float
         strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
     dissipation : float
-        −∫ σ_T (u_T − w) ds ≥ 0, work lost in friction.
+        −∫ σ_T (u_T − w) ds, work lost in friction: ≥ 0 up to the mesh, since the slip is a projection.
 
     """
 

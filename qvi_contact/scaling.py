@@ -7,7 +7,7 @@ import numpy as np
 from qvi_contact.checks import FloatArray, IntArray, evaluate
 from qvi_contact.conditions import Displacement, Traction
 from qvi_contact.hermite import gauss_legendre
-from qvi_contact.mesh import HORIZONTAL, VERTICAL
+from qvi_contact.mesh import HORIZONTAL, VERTICAL, Edges
 from qvi_contact.problem import ContactProblem
 
 _SAMPLES = 8  # points between the ends of an edge where data are looked at
@@ -53,7 +53,7 @@ class Scales:
 
         S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress 1/(C L)
         times the displacement that supports and obstacles force on the body (see `_forced`), and the mean stress under
-        plates driven by force. Neither a constant
+        plates driven by force; without any of these the largest cohesion. Neither a constant
         potential, nor a common translation, nor an obstacle far away strains the body. Without any load S = 1/C.
         """
         length = problem.mesh.length
@@ -67,16 +67,25 @@ class Scales:
         sizes.append(float(np.ptp(potential)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
         sizes += _plate_stresses(problem)
-        stress = max(sizes)
+        stress = max(sizes) or min(1.0 / compliance, max(_cohesions(problem), default=0.0))
         return cls(length, stress if stress > 0.0 else 1.0 / compliance, compliance)
 
 
-def _samples(problem: ContactProblem, edges: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Coordinates x, y of the ends of edges and of Gauss points between them, shape (edges, points) each."""
-    boundary, nodes = problem.mesh.boundary.take(edges), problem.mesh.coordinates
+def _samples(problem: ContactProblem, edges: Edges | IntArray) -> tuple[FloatArray, FloatArray]:
+    """Coordinates x, y of the ends of edges and of Gauss points between them, shape (points, edges) each."""
+    boundary = edges if isinstance(edges, Edges) else problem.mesh.boundary.take(edges)
+    nodes = problem.mesh.coordinates
     t = np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]])[:, None]
     points = (1.0 - t) * nodes[boundary.first][:, None] + t * nodes[boundary.second][:, None]
     return points[..., 0], points[..., 1]
+
+
+def _cohesions(problem: ContactProblem) -> list[float]:
+    """The largest cohesion of each contact [stress]."""
+    return [
+        float(evaluate("Contact.cohesion", contact.cohesion, *_samples(problem, edges), minimum=0.0).max())
+        for contact, edges in ((contact, problem.mesh.edges(contact.edges)) for contact in problem.contacts)
+    ]
 
 
 def _plate_stresses(problem: ContactProblem) -> list[float]:

@@ -62,7 +62,7 @@ def solve(
         options["initial"] = _initial_pressure(options["initial"], discretization)
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
     result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
-    if result.status in _CANNOT_CARRY:
+    if result.status is not Status.SOLVED:
         result = _with_free_corners(result, settings) or result
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
@@ -70,10 +70,11 @@ def solve(
 
 
 def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> ContactResult | None:
-    """Solve again where a shear prescribed beside a contact with friction is more than that can carry in the corner.
+    """Solve again where a shear prescribed beside a contact with friction may be more than that carries in the corner.
 
     Corner and contact share one Φ_xy. It is freed, as between two prescribed shears that disagree, and the resultants
-    of the edges are kept.
+    of the edges are kept. From the pressure found so the original problem gets another try, unless it is proved to have
+    no solution; the freed one is the answer only where friction did not carry the shear.
     """
     known = failed.discretization
     corners = np.array([node for node, _ in shear_beside_contacts(failed.problem)], dtype=np.int64)
@@ -82,16 +83,14 @@ def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> Conta
         return None
     discretization = known.freeing(freed)
     result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
-    if (
-        result.status is Status.SOLVED
-        and settings["method"] == "fixed-point"
-        and failed.status is not Status.INFEASIBLE
-    ):
-        # Nothing proves that friction cannot carry it: perhaps only the way to the solution was barred.
+    if result.status is not Status.SOLVED:
+        return None
+    if failed.status is not Status.INFEASIBLE and settings["method"] == "fixed-point":
         settings = {**settings, "initial": discretization.qvi.pressure(result.solution.z)}
         exact = ContactResult(known, solve_qvi(known.qvi, **settings))
-        result = exact if exact.status is Status.SOLVED else result
-    return result if result.status.usable else None
+        if exact.status is Status.SOLVED:
+            return exact
+    return result if failed.status in _CANNOT_CARRY else None
 
 
 def _initial_pressure(initial: object, discretization: Discretization) -> FloatArray:

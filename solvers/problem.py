@@ -13,6 +13,7 @@ from solvers.types import BoolVector, Sparse, Vector
 
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
 _POWER_STEPS = 10
+_ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
 _CORRECTIONS = 5  # defect corrections of the bonded solution at most
 
 
@@ -251,8 +252,8 @@ class FrictionQVI:
                 size = new
                 break
             z, size = z + correction, new
-        energy = self.strain_energy(z)
-        return z, size / float(np.sqrt(2.0 * energy)) if energy > 0.0 else 0.0
+        energy, nothing = self.strain_energy(z), _ROUNDING * self.strain_energy(np.zeros(self.n))
+        return z, size / float(np.sqrt(2.0 * energy)) if energy > nothing else 0.0
 
 
 def _asymmetry(K: Sparse) -> float:

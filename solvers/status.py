@@ -41,9 +41,9 @@ _ADVICE = {
     Status.UNBOUNDED: "The energy has no minimum: check that K is positive definite, with no free mode left.",
     Status.MAX_ITERATIONS: "The iteration limit came first: raise max_iterations if the residuals were falling, else "
     "take method='fixed-point' or another inner solver.",
-    Status.STALLED: "The iteration stopped making progress; close to a sliding limit there may be no solution. Start "
+    Status.STALLED: "The iteration stopped making progress (close to a sliding limit there may be no solution): start "
     "from the result of a smaller load (initial=…), try memory=10 or damping=0.2, or a more accurate inner solver.",
-    Status.CYCLING: "The iteration repeats itself; close to a sliding limit there may be no solution. In the fixed "
+    Status.CYCLING: "The iteration repeats itself (close to a sliding limit there may be no solution): in the fixed "
     "point take variant='anderson' with damping=0.2 or memory=10, or start from the result of a smaller load "
     "(initial=…); in Uzawa let the step shrink (step_decay=200).",
     Status.DIVERGED: "The iteration runs away: reduce the step (omega_T, omega_N) or the damping, or take "

@@ -1,0 +1,224 @@
+"""Polynomials and expressions: they say what numpy says, and nothing dangerous is let in."""
+
+import time
+import warnings
+
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Expression,
+    InputError,
+    Material,
+    Polynomial,
+    RectilinearMesh,
+    Symmetry,
+    Traction,
+    solve,
+)
+from solvers import Status
+
+POINTS = np.random.default_rng(0).uniform(0.1, 2.0, (2, 3, 4))
+
+
+class TestPolynomial:
+    """Σ c_ij xⁱ yʲ."""
+
+    @settings(max_examples=50, deadline=None, derandomize=True)
+    @given(st.lists(st.lists(st.integers(-9, 9), min_size=0, max_size=4), min_size=1, max_size=4).filter(any))
+    def test_values(self, coefficients):
+        x, y = sympy.symbols("x y")
+        terms = [c * x**i * y**j for i, row in enumerate(coefficients) for j, c in enumerate(row)]
+        expected = sympy.lambdify((x, y), sympy.Add(*terms))(*POINTS)
+        found = Polynomial(coefficients)(*POINTS)
+        assert found.shape == POINTS[0].shape
+        assert found == pytest.approx(np.broadcast_to(expected, found.shape), rel=1e-12, abs=1e-10)
+
+    def test_one_term(self):
+        assert Polynomial([[0, 0], [0, 0], [0, 5.0]])(np.array(2.0), np.array(3.0)) == 5.0 * 2.0**2 * 3.0
+
+    @pytest.mark.parametrize(
+        "bad", [[], [[]], [[], []], [[float("nan")]], [[float("inf")]], [["a"]], 3, [1, 2], None, [[None]]]
+    )
+    def test_bad_coefficients(self, bad):
+        with pytest.raises(InputError, match="Polynomial"):
+            Polynomial(bad)
+
+
+NAMES = {"x": POINTS[0], "y": POINTS[1], "t": 0.7, "pi": np.pi, "a": 2.5}
+FUNCTIONS = {
+    "abs": np.abs, "sign": np.sign, "sqrt": np.sqrt, "exp": np.exp, "sin": np.sin, "cos": np.cos, "tan": np.tan,
+    "arctan": np.arctan, "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "log": np.log, "hypot": np.hypot,
+    "min": np.minimum, "max": np.maximum, "where": np.where, "arcsin": np.arcsin, "arccos": np.arccos,
+}  # fmt: skip
+
+
+def trusted(text):
+    """What Python and numpy make of it."""
+    with np.errstate(all="ignore"):
+        return eval(text, {"__builtins__": {}}, {**FUNCTIONS, **NAMES})
+
+
+EXPRESSIONS = [
+    "1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)",
+    "-x**2 + 3*x*y - y/2",
+    "2**-x",
+    "-x**-y**0.5",
+    "min(x, y) + max(x, a) - hypot(x, y)",
+    "where(x >= y, where(y > 1, 1, 2), (x <= 1) * -1.0)",
+    "arcsin(x/4) + arccos(y/4) + arctan(x) - log(x) * exp(-y)",
+    "+x - -y",
+    "(((x)))",
+    "7",
+    "1_000 * .5e-2",
+    "abs(-x) + sign(y - 1) + sqrt(x) + tan(x/3) + sinh(x) + cosh(y) + tanh(a*t)",
+    " \n x \n ",
+]
+
+
+@st.composite
+def expressions(draw, depth=3):
+    """Random text of the allowed kind."""
+    if depth == 0 or draw(st.integers(0, 3)) == 0:
+        return draw(st.sampled_from(["x", "y", "t", "pi", "a", "1.5", "2", "0.25"]))
+    first, second = draw(expressions(depth=depth - 1)), draw(expressions(depth=depth - 1))
+    kind = draw(st.integers(0, 4))
+    if kind == 0:
+        return f"({first} {draw(st.sampled_from(['+', '-', '*', '/']))} {second})"
+    if kind == 1:
+        return f"{draw(st.sampled_from(['sin', 'abs', 'tanh', 'exp', 'sqrt', 'log', 'sign']))}({first})"
+    if kind == 2:
+        return f"{draw(st.sampled_from(['min', 'max', 'hypot']))}({first}, {second})"
+    if kind == 3:
+        return f"where({first} {draw(st.sampled_from(['<', '<=', '>', '>=']))} {second}, {second}, {first})"
+    return f"(-{first} ** 2)"
+
+
+class TestExpression:
+    """Values are numpy's."""
+
+    @pytest.mark.parametrize("text", EXPRESSIONS)
+    def test_values(self, text):
+        found = Expression(text, {"a": 2.5}, 0.7)(*POINTS)
+        assert found.shape == POINTS[0].shape
+        assert found == pytest.approx(np.broadcast_to(trusted(text.strip()), found.shape), rel=1e-14)
+
+    @settings(max_examples=150, deadline=None, derandomize=True)
+    @given(expressions())
+    def test_random_expressions(self, text):
+        found = Expression(text, {"a": 2.5}, 0.7)(*POINTS)
+        expected = np.broadcast_to(np.asarray(trusted(text), dtype=float), found.shape)
+        np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+    def test_time(self):
+        load = Expression("x * t")
+        assert load.uses_time
+        assert not Expression("x").uses_time
+        assert load.at_time(3.0)(np.array([2.0]), np.array([0.0])) == [6.0]
+        assert load(np.array([2.0]), np.array([0.0])) == [0.0]
+
+    def test_arguments_are_left_alone(self):
+        x, y = POINTS[0].copy(), POINTS[1].copy()
+        for text in EXPRESSIONS:
+            Expression(text, {"a": 2.5})(x, y)[...] = 0.0
+        assert (x == POINTS[0]).all()
+        assert (y == POINTS[1]).all()
+
+    def test_integers_are_numbers(self):
+        """No exact arithmetic of whole numbers, which has no limit; overflow is infinity."""
+        started = time.perf_counter()
+        assert np.isinf(Expression("9**9**9")(np.array([1.0]), np.array([1.0]))).all()
+        assert np.isinf(Expression("(9**9**9)**9**9 * x")(np.array([1.0]), np.array([1.0]))).all()
+        assert time.perf_counter() - started < 1.0
+
+    def test_in_a_problem(self):
+        mesh = RectilinearMesh.rectangle((3, 3))
+        loads = [Traction("right", Polynomial([[0.0]]), 0.0), Traction("top", 0.0, Expression("-3 * (1 + 0*x)"))]
+        base = Contact("bottom", Expression("0.1 + 0.1 * x"), name="base")
+        result = solve(ContactProblem(mesh, Material(1000.0, 0.3), [Symmetry("left"), base, *loads]))
+        assert result.status is Status.SOLVED
+        assert result.contacts["base"].normal_force == pytest.approx(3.0, rel=1e-9)
+
+    @pytest.mark.parametrize("text", ["1/(x-x)", "log(-x)", "exp(1e4)", "0/0*x", "9**9**9"])
+    def test_what_is_not_finite_is_refused_where_it_is_used(self, text):
+        mesh = RectilinearMesh.rectangle((2, 2))
+        conditions = [Contact("bottom", 0.1), Symmetry("left"), Traction("right", 0.0, 0.0)]
+        problem = ContactProblem(mesh, Material(1.0, 0.3), [*conditions, Traction("top", 0.0, Expression(text))])
+        with pytest.raises(InputError, match=r"Traction\.y.*finite"):
+            solve(problem)
+
+
+DANGEROUS = [
+    "__import__('os').system('true')", "().__class__", "x.__class__", "x.shape", "x.tofile('f')", "sin.__self__",
+    "x[0]", "(1, 2)", "[1]", "{1: 2}", "{1}", "lambda: 1", "(lambda: 1)()", "[i for i in (1,)]", "sum(x for x in y)",
+    "'a'", "b'a'", "f'{x}'", "True", "None", "...", "1j", "x if x else y", "x and y", "not x", "x == y", "x != y",
+    "x is y", "x in y", "x // 2", "x % 2", "x @ y", "x << 1", "~1", "x & y", "x | y", "x ^ y", "x := 1", "(x := 1)",
+    "open('f')", "eval('1')", "exec('1')", "print(x)", "getattr(x, 'y')", "np.sin(x)", "math.sin(x)", "rand()",
+    "randint(3)", "int(x)", "float(x)", "str(x)", "globals()", "x; y", "import os", "x = 1", "sin(x=1)",
+    "sin(x, out=y)", "hypot(x, y, out=x)", "sin(*y)",
+    "sin(**y)", "sin()(x)", "(sin)(x)(y)", "where(x)(y)",
+    "z", "X", "__builtins__", "__doc__", "_", "await x", "yield x", "",
+    "   ", "x +", "1 2", "\x00", "x\ny", "#", "sin", "x + sin", "sin * 2", "sin < 1", "min", "where(sin, 1, 2)",
+]  # fmt: skip
+
+
+class TestRefused:
+    """Nothing but arithmetic, and the message says which part is meant."""
+
+    @pytest.mark.parametrize("text", DANGEROUS)
+    def test_dangerous_or_meaningless(self, text):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with pytest.raises(InputError) as caught:
+                Expression(text)
+        assert "\n" not in str(caught.value)
+
+    @pytest.mark.parametrize("function", [*FUNCTIONS])
+    @pytest.mark.parametrize("count", range(5))
+    def test_number_of_arguments(self, function, count):
+        """One more would be taken by numpy for the array to write the result to: into x itself."""
+        wanted = {"hypot": 2, "min": 2, "max": 2, "where": 3}.get(function, 1)
+        x = np.array([0.5, 0.25])
+        text = f"{function}({', '.join(['x'] * count)})"
+        if count == wanted:
+            assert np.isfinite(Expression(text)(x, x)).all()
+        else:
+            with pytest.raises(InputError, match=f"{function} takes {wanted} argument"):
+                Expression(text)
+        assert (x == [0.5, 0.25]).all()
+
+    @pytest.mark.parametrize(
+        "constants", [{"x": 1.0}, {"pi": 3.0}, {"sin": 1.0}, {"a": float("nan")}, {"a": "1"}, {"t": 0.0}]
+    )
+    def test_bad_constants(self, constants):
+        with pytest.raises(InputError, match="constants"):
+            Expression("x", constants)
+
+    @pytest.mark.parametrize(
+        "text", [3, None, b"x", "x" * 2001, "(" * 500 + "x" + ")" * 500, "-" * 1999 + "x", "+".join("x" * 1000)]
+    )
+    def test_no_text_or_too_long(self, text):
+        """Deep nesting does not break the parser either; what is merely long is computed."""
+        try:
+            found = Expression(text)(np.array([1.0]), np.array([1.0]))
+        except InputError:
+            return
+        assert np.isfinite(found).all()
+
+    @settings(max_examples=300, deadline=None, derandomize=True)
+    @given(st.text(alphabet="xyt()+-*/.,0159eE_[]{}<>= '\"\\:sinwhere%@&|~\n", max_size=40))
+    def test_noise(self, text):
+        """An expression, or one line of complaint: never another exception, nor a warning."""
+        complaint = ""
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            try:
+                Expression(text)(*POINTS)
+            except InputError as error:
+                complaint = str(error)
+        assert "\n" not in complaint

@@ -1,0 +1,390 @@
+"""Cohesion, caps, Tresca, bilateral and tied contacts: what equals what, and states known in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    InputError,
+    Material,
+    RectilinearMesh,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    exact,
+    graded_lines,
+    solve,
+)
+from solvers import Status
+
+MATERIALS = {
+    "stress": Material(1000.0, 0.3),
+    "strain": Material(2.1e5, 0.4, "strain"),
+    "auxetic": Material(1.0, -0.4, "strain"),
+}
+L_SHAPE = np.array([[1, 1, 1], [1, 1, 0], [1, 1, 0]], dtype=bool)
+MESHES = {
+    "uniform": RectilinearMesh.rectangle((4, 3), 2.0, 1.0),
+    "graded": RectilinearMesh(graded_lines(-1.0, 2.0, 6, 0.5, both_ends=True), graded_lines(0.0, 1.0, 3, 1.6)),
+    "L": RectilinearMesh([0.0, 0.5, 1.1, 2.0], [0.0, 0.4, 0.7, 1.0], L_SHAPE).with_edges("roof", "top", at=1.0),
+}
+
+
+def punched(mesh, material, *base, shift=2e-4, push=-1e-3):
+    """A body whose roof is pushed down and along; its base, y = 0, is given."""
+    roof = "roof" if "roof" in mesh.edge_names else "top"
+    conditions = [Displacement(roof, x=shift, y=push), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0), *base]
+    if roof == "roof":
+        mesh = mesh.with_edges("step", "top", at=0.4)
+        conditions.append(Traction("step", 0.0, 0.0))
+    return ContactProblem(mesh, material, conditions)
+
+
+def solved(problem, tolerance=1e-9, **options):
+    result = solve(problem, tolerance=tolerance, **options)
+    assert result.status is Status.SOLVED, result.message
+    return result
+
+
+def difference(one, other):
+    """Largest difference of the stresses at the Gauss points of all cells, relative."""
+    first, second = one.gauss_stress()[2], other.gauss_stress()[2]
+    return np.abs(first - second).max() / np.abs(first).max()
+
+
+@pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
+@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
+class TestSameInOtherWords:
+    """Two ways to state one law give one state."""
+
+    def test_no_friction(self, mesh, material):
+        smooth = solved(punched(mesh, material, Contact.frictionless("bottom")))
+        others = [
+            Contact.tresca("bottom", 0.0),
+            Contact("bottom", 1.0, shear_limit=0.0),
+            Contact("bottom", lambda x, _: 0.0 * x, offset=3.0),
+            Contact("bottom", 0.0, cohesion=5.0, shear_limit=lambda x, _: 0.0 * x),
+        ]
+        for other in others:
+            assert difference(smooth, solved(punched(mesh, material, other))) < 1e-9
+
+    def test_little_friction_is_nearly_none(self, mesh, material):
+        """Continuity in μ, the other law being solved by inequalities rather than equations."""
+        smooth = solved(punched(mesh, material, Contact.frictionless("bottom")))
+        rough = solved(punched(mesh, material, Contact("bottom", 1e-5)))
+        assert 1e-9 < difference(smooth, rough) < 1e-3
+
+    def test_bilateral_without_friction_is_a_symmetry(self, mesh, material):
+        for push in (-1e-3, 1e-3):  # the body is pulled up as well
+            expected = solved(punched(mesh, material, Symmetry("bottom"), push=push))
+            result = solved(punched(mesh, material, Contact("bottom", 0.0, law="bilateral", name="b"), push=push))
+            assert difference(expected, result) < 1e-9
+            assert result.contacts["b"].gap == pytest.approx(0.0, abs=1e-12)
+
+    def test_tied_is_a_displacement(self, mesh, material):
+        """With an obstacle that is curved and moves along."""
+
+        def gap(x, y):
+            return 1e-4 * (1.0 + x**2) + 0.0 * y
+
+        def offset(x, y):
+            return 3e-4 * x**3 + 0.0 * y  # of a degree that four Gauss points integrate
+
+        held = Displacement("bottom", x=offset, y=lambda x, y: -gap(x, y))
+        expected = solved(punched(mesh, material, held))
+        result = solved(punched(mesh, material, Contact.tied("bottom", gap, offset, name="b")))
+        assert difference(expected, result) < 1e-9
+        line, force = result.contacts["b"], expected.resultant("bottom")
+        assert line.tangential_force == pytest.approx(force.x, rel=1e-8)
+        assert line.normal_force == pytest.approx(force.y, rel=1e-8)
+        assert np.isinf(line.friction_bound).all()
+        assert (line.state == 1).all()
+        assert result.energies.load == pytest.approx(expected.energies.load, rel=1e-8)
+
+    def test_much_cohesion_ties(self, mesh, material):
+        tied = solved(punched(mesh, material, Contact.tied("bottom", 1e-4, 2e-4)))
+        glued = Contact("bottom", 0.0, 1e-4, 2e-4, cohesion=1e3 * material.young, law="bilateral", name="b")
+        result = solved(punched(mesh, material, glued), tolerance=1e-8)
+        assert difference(tied, result) < 1e-7
+        assert result.contacts["b"].slip == pytest.approx(0.0, abs=1e-10)
+
+    def test_a_large_cap_is_none(self, mesh, material):
+        free = solved(punched(mesh, material, Contact("bottom", 0.3)))
+        capped = solved(punched(mesh, material, Contact("bottom", 0.3, shear_limit=material.young)))
+        assert difference(free, capped) < 1e-8
+
+    def test_bound_is_kept_and_reached_where_it_slips(self, mesh, material):
+        stress = 1e-3 * material.young
+        cap, cohesion = 0.12 * stress, 0.02 * stress
+        base = Contact("bottom", 0.2, cohesion=cohesion, shear_limit=cap, name="b")
+        result = solved(punched(mesh, material, base, shift=6e-4))
+        line, multiplier = result.contacts["b"], result.solution.tangential_displacement
+        bound = np.minimum(cohesion + 0.2 * np.abs(line.normal_stress), cap)
+        assert line.friction_bound == pytest.approx(bound, rel=1e-9)
+        assert (np.abs(line.tangential_stress) - bound).max() < 1e-7 * stress
+        slips = np.abs(multiplier) > 1e-3 * np.abs(multiplier).max()
+        assert slips.sum() >= 4
+        assert np.abs(line.tangential_stress[slips]) == pytest.approx(bound[slips], abs=1e-5 * stress)
+        assert (line.tangential_stress[slips] * multiplier[slips] < 0.0).all()
+        assert (bound[slips] == cap).any()
+
+
+@pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
+def test_much_friction_under_a_cap_is_tresca(material):
+    """Where all is pressed."""
+    mesh, bound = MESHES["uniform"], 1e-4 * material.young
+    tresca = solved(punched(mesh, material, Contact.tresca("bottom", bound, name="b")))
+    assert tresca.contacts["b"].normal_stress.max() < -0.01 * bound
+    capped = solved(punched(mesh, material, Contact("bottom", 1e4, shear_limit=bound)))
+    assert difference(tresca, capped) < 1e-7
+    assert (tresca.contacts["b"].state == 2).any()
+
+
+def test_cohesion_acts_where_the_contact_is_open():
+    """As documented: |σ_T| ≤ c there, against an obstacle that is far away; nothing else loads the body."""
+    base = Contact("bottom", 0.3, gap=0.01, cohesion=0.01, name="b")
+    line = solved(punched(MESHES["uniform"], MATERIALS["stress"], base), tolerance=1e-8).contacts["b"]
+    assert (line.state == 0).all()
+    assert line.gap == pytest.approx(0.01 - 1e-3, rel=0.01)  # the body hangs from its roof
+    assert np.abs(line.tangential_stress).max() == pytest.approx(0.01, rel=1e-5)
+    assert (line.tangential_stress * line.slip < 0.0).all()
+
+
+P, Q, TAU = 100.0, -20.0, 30.0
+SLIDING = {  # law, σ_N: each bound is TAU
+    "tresca": ({"friction": 0.0, "cohesion": TAU}, -P),
+    "tresca where nothing presses": ({"friction": 0.0, "cohesion": TAU, "law": "bilateral"}, 0.0),
+    "coulomb": ({"friction": 0.3}, -P),
+    "coulomb with cohesion": ({"friction": 0.2, "cohesion": 10.0}, -P),
+    "coulomb under a cap": ({"friction": 0.8, "cohesion": 5.0, "shear_limit": TAU}, -P),
+    "varying friction and cohesion": (
+        {"friction": lambda x, y: 0.1 + 0.05 * x * y, "cohesion": lambda x, y: 20.0 - 5.0 * x * y},
+        -P,
+    ),
+    "bilateral, pulled": ({"friction": 0.3, "law": "bilateral"}, P),
+    "bilateral, pressed": ({"friction": 0.3, "law": "bilateral"}, -P),
+    "bilateral, pulled, cohesion": ({"friction": 0.2, "cohesion": 10.0, "law": "bilateral"}, P),
+    "bilateral, pulled, capped": ({"friction": 2.0, "shear_limit": TAU, "law": "bilateral"}, P),
+}  # fmt: skip
+
+
+def sliding(law, normal, material, side, mesh):
+    """A block that slips all along one side in a uniform stress state, and that state."""
+    across = 1 if side in ("bottom", "top") else 0
+    stress = {"xx": Q, "yy": normal, "xy": TAU} if across else {"xx": normal, "yy": Q, "xy": TAU}
+    strain = material.compliance @ np.array([stress["xx"], stress["yy"], TAU])
+    outward = {"bottom": -1.0, "left": -1.0, "top": 1.0, "right": 1.0}[side]
+    base = (mesh.y if across else mesh.x)[0 if outward < 0 else -1]
+    slip = 0.5 * -outward  # against σ_T = outward τ
+
+    def displacement(x, y):
+        if across:
+            return np.stack([strain[0] * x + strain[2] * (y - base) + slip, strain[1] * (y - base) + 0 * x])
+        return np.stack([strain[0] * (x - base) + 0 * y, strain[1] * y + strain[2] * (x - base) + slip])
+
+    state = exact.ExactState(exact.uniform(material, **stress).stress, displacement)
+    opposite = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}[side]
+    sides = dict.fromkeys(("bottom", "right", "top", "left"), "uu") | {side: "cc", opposite: "tt"}
+    contact = Contact(side, name="base", **law)
+    return exact.problem_from_state(state, mesh, material, sides, (contact,)), state
+
+
+@pytest.mark.parametrize("law", SLIDING.values(), ids=SLIDING)
+class TestSlidingBlock:
+    """Full slip in a uniform state under every law, on each of the four sides."""
+
+    @pytest.mark.parametrize("side", ["bottom", "right", "top", "left"])
+    @pytest.mark.parametrize("plane", ["stress", "strain"])
+    def test_state(self, law, side, plane):
+        mesh = RectilinearMesh([1.0, 1.2, 2.0], [1.0, 1.7, 2.0])
+        self.check(mesh, Material(1000.0, 0.3, plane), law, side)
+
+    @pytest.mark.parametrize("cells", [(1, 1), (5, 3)])
+    def test_meshes(self, law, cells):
+        mesh = RectilinearMesh.rectangle(cells, origin=(1.0, 1.0), grading=0.6)
+        self.check(mesh, Material(1000.0, 0.3), law, "bottom")
+
+    @staticmethod
+    def check(mesh, material, law, side):
+        along = mesh.x if side in ("bottom", "top") else mesh.y
+        problem, state = sliding(law[0], law[1], material, side, mesh)
+        if callable(law[0]["friction"]) and side != "bottom":
+            friction, cohesion = law[0]["friction"], law[0]["cohesion"]
+            assert friction(1.0, 1.0) * P + cohesion(1.0, 1.0) == TAU  # everywhere
+        result = solved(problem)
+        x, y, stress = result.gauss_stress()
+        assert stress == pytest.approx(np.moveaxis(state.stress(x, y), 0, -1), abs=1e-6)
+        line = result.contacts["base"]
+        tangent = 0 if side in ("bottom", "top") else 1
+        outward = -1.0 if side in ("bottom", "left") else 1.0
+        assert line.slip == pytest.approx(state.displacement(line.x, line.y)[tangent], rel=1e-6)
+        assert line.gap == pytest.approx(0.0, abs=1e-8)
+        assert line.normal_stress == pytest.approx(law[1], abs=1e-6)
+        assert line.tangential_stress == pytest.approx(outward * TAU, abs=1e-6)
+        assert (line.state == 2).all()
+        length = along[-1] - along[0]
+        work = TAU * length * np.abs(state.displacement(*middle(mesh, side))[tangent])
+        assert result.energies.dissipation == pytest.approx(work, rel=1e-6)
+
+
+def middle(mesh, side):
+    x, y = (mesh.x[0] + mesh.x[-1]) / 2.0, (mesh.y[0] + mesh.y[-1]) / 2.0
+    place = {"bottom": (x, mesh.y[0]), "top": (x, mesh.y[-1]), "left": (mesh.x[0], y), "right": (mesh.x[-1], y)}
+    return map(np.asarray, place[side])
+
+
+def test_unilateral_contact_opens_where_bilateral_contact_pulls():
+    """Uniform tension: the one carries it, the other reports that the load pulls the body off."""
+    mesh, material = RectilinearMesh.rectangle((3, 2)), Material(1000.0, 0.0)
+
+    def problem(law):
+        loads = [Traction("top", 0.0, 5.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        return ContactProblem(mesh, material, [Contact("bottom", 0.3, law=law, name="floor"), *loads])
+
+    held = solved(problem("bilateral")).contacts["floor"]
+    assert held.normal_stress == pytest.approx(5.0, rel=1e-9)
+    assert held.tangential_stress == pytest.approx(0.0, abs=1e-8)
+    failed = solve(problem("unilateral"))
+    assert failed.status is Status.INFEASIBLE
+    assert "pulls or tips the body off 'floor'" in failed.message
+
+
+METHODS = [
+    {"inner": "qp:clarabel", "form": "full"},
+    {"inner": "qp:clarabel", "form": "condensed"},
+    {"inner": "direct:clarabel", "form": "full"},
+    {"inner": "direct:clarabel", "form": "condensed"},
+    {"inner": "direct:osqp", "form": "condensed", "tolerance": 1e-7},
+    {"inner": "qp:piqp", "form": "condensed"},
+    {"inner": "qp:quadprog", "form": "condensed"},
+    {"inner": "socp:clarabel", "form": "condensed"},
+    {"inner": "socp:clarabel", "form": "full"},
+]
+
+
+@pytest.fixture(scope="module")
+def many_laws():
+    """Capped and cohesive ground, a rail that pulls and rubs, a plate driven by force, a joint."""
+    mesh = RectilinearMesh([0.0, 0.3, 0.8, 1.5], [0.0, 0.3, 0.7, 1.0]).with_joint("bed", "horizontal", 0.7)
+    conditions = [
+        Contact("bottom", 0.2, cohesion=0.5, shear_limit=8.0, name="ground"),
+        Contact("left", 0.1, law="bilateral", cohesion=0.2, name="rail"),
+        Traction("right", x=lambda _, y: 16.0 * y * (1.0 - y), y=0.0),
+        Contact("top", 0.3, plate=RigidPlate(force_y=-60.0, moment=-50.0), name="plate"),
+        Contact("bed", 0.02, cohesion=0.3, name="bed"),
+    ]
+    problem = ContactProblem(mesh, MATERIALS["stress"], conditions)
+    return problem, solved(problem, inner="direct:clarabel")
+
+
+def test_the_laws_are_at_work(many_laws):
+    lines = many_laws[1].contacts
+    assert (lines["rail"].normal_stress > 1.0).any()
+    assert all((lines[name].state == 2).any() for name in ("ground", "bed", "rail"))
+    assert (lines["ground"].friction_bound == 8.0).any()
+
+
+@pytest.mark.parametrize("options", METHODS, ids=lambda options: "-".join(map(str, options.values())))
+def test_every_method_finds_the_same_state(many_laws, options):
+    problem, reference = many_laws
+    result = solved(problem, **{"tolerance": 1e-8, **options})
+    assert difference(reference, result) < 100 * options.get("tolerance", 1e-8)
+    for name, line in reference.contacts.items():
+        assert result.contacts[name].slip == pytest.approx(line.slip, abs=1e-5)
+    assert result.plates["plate"].y == pytest.approx(reference.plates["plate"].y, abs=1e-5)
+
+
+def test_uzawa_finds_the_same_state():
+    conditions = [
+        Symmetry("left"),
+        Traction("right", 0.0, 0.0),
+        Contact("bottom", 0.1, cohesion=0.5, law="bilateral", name="rail"),
+        Contact("top", 0.1, cohesion=1.0, shear_limit=3.0, plate=RigidPlate(force_y=-60.0), name="plate"),
+    ]
+    problem = ContactProblem(RectilinearMesh.rectangle((3, 2), 1.5), MATERIALS["stress"], conditions)
+    reference = solved(problem)
+    result = solved(problem, method="uzawa", tolerance=1e-6)
+    assert difference(reference, result) < 1e-5
+    assert result.plates["plate"].y == pytest.approx(reference.plates["plate"].y, rel=1e-5)
+    assert {1, 2} == set(reference.contacts["plate"].state.tolist())
+
+
+@pytest.mark.parametrize("side", ["bottom", "right", "top", "left"])
+@pytest.mark.parametrize("beside", ["first", "second"])
+def test_shear_at_the_bound_in_the_corner_is_carried(side, beside):
+    """Full slip up to a corner with prescribed shear, the limit of what friction carries there: exact on every side.
+
+    The mirror images of `gallery.sliding_block`, whose iterates bound the shear in the corner from below.
+    """
+    mesh = RectilinearMesh([1.0, 1.2, 2.0], [1.0, 1.7, 2.0])
+    problem, state = sliding({"friction": 0.3}, -P, MATERIALS["stress"], side, mesh)
+    free = [name for name in ("bottom", "right", "top", "left") if name != side and held(problem, name)]
+    side_of_shear = free[beside == "second"]
+    conditions = [condition for condition in problem.conditions if condition.edges != side_of_shear]
+    conditions += [
+        Traction(side_of_shear, x=state.traction(side_of_shear, 0)),
+        Traction(side_of_shear, y=state.traction(side_of_shear, 1)),
+    ]
+    result = solved(replace(problem, conditions=conditions), tolerance=1e-8)
+    line = result.contacts["base"]
+    assert line.slip == pytest.approx(state.displacement(line.x, line.y)[int(side in ("left", "right"))], rel=1e-6)
+    assert "holds for the contact too" in result.remarks[0]
+
+
+@pytest.mark.parametrize("base", ["bottom", "top"])
+@pytest.mark.parametrize("shear", [3.0, -3.0])
+def test_shear_that_friction_cannot_carry_in_the_corner(base, shear):
+    """Given up there and said so; every edge keeps its resultant. Friction enough, nothing is given up."""
+    mesh, far = RectilinearMesh.rectangle((4, 4)), {"bottom": "top", "top": "bottom"}[base]
+    pressure = -10.0 if far == "top" else 10.0
+    corner = 0.0 if base == "bottom" else 1.0
+    loads = [Symmetry("left"), Traction("right", 0.0, lambda _, y: shear * (1.0 - np.abs(y - corner)))]
+    loads.append(Traction(far, lambda x, _: 0.0 * x, pressure))
+
+    def problem(friction):
+        return ContactProblem(mesh, MATERIALS["stress"], [Contact(base, friction, name="base"), *loads])
+
+    freed = solved(problem(0.05), tolerance=1e-8)
+    assert any("met in the resultants of the edges only" in remark and "'base'" in remark for remark in freed.remarks)
+    assert freed.traction_misfit > 0.1
+    assert freed.resultant("right").y == pytest.approx(shear / 2.0, rel=1e-9)
+    line = freed.contacts["base"]
+    assert (np.abs(line.tangential_stress) - 0.05 * np.abs(line.normal_stress)).max() < 1e-6
+    kept = solved(problem(3.0), tolerance=1e-8)
+    assert any("holds for the contact too" in remark for remark in kept.remarks)
+    assert kept.traction_misfit < 1e-8
+
+
+def held(problem, side):
+    return any(isinstance(condition, Displacement) and condition.edges == side for condition in problem.conditions)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field"),
+    [
+        ({"friction": -0.1}, "Contact.friction"),
+        ({"friction": 0.1, "cohesion": -1.0}, "Contact.cohesion"),
+        ({"friction": 0.1, "shear_limit": -1.0}, "Contact.shear_limit"),
+        ({"friction": 0.1, "shear_limit": float("inf")}, "Contact.shear_limit"),
+        ({"friction": 0.1, "law": "glued"}, "Contact.law"),
+        ({"friction": 0.1, "law": "tied"}, "Contact.friction"),
+        ({"friction": 0.0, "law": "tied", "cohesion": 1.0}, "Contact.cohesion"),
+        ({"friction": 0.0, "law": "tied", "shear_limit": 1.0}, "Contact.shear_limit"),
+        ({"friction": lambda x, _: x, "law": "tied"}, "Contact.friction"),
+        ({"friction": 0.1, "plate": "steel"}, "Contact.plate"),
+    ],
+)
+def test_wrong_laws_are_refused(arguments, field):
+    with pytest.raises(InputError, match=field):
+        Contact("bottom", **arguments)
+
+
+@pytest.mark.parametrize("name", ["friction", "cohesion", "shear_limit"])
+def test_fields_that_turn_negative_are_refused(name):
+    contact = replace(Contact("bottom", 0.1), **{name: lambda x, _: 0.5 - x})
+    with pytest.raises(InputError, match=f"Contact.{name}"):
+        solve(punched(MESHES["uniform"], MATERIALS["stress"], contact))

@@ -1,0 +1,338 @@
+"""Limit loads against closed forms, what solving says around them, and the reasons given beyond."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    InputError,
+    Material,
+    RectilinearMesh,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    solve,
+)
+from qvi_contact.gallery import stick_slip_block
+from qvi_contact.limit import limit_load, limit_load_factor
+from solvers import Status
+
+STEEL = Material(1000.0, 0.3)
+SIDES = {"top": 1.0, "right": 1.0, "left": -1.0}
+MESHES = {
+    "one cell": RectilinearMesh.rectangle((1, 1), 2.0, 1.0),
+    "uniform": RectilinearMesh.rectangle((6, 4), 2.0, 1.0),
+    "graded": RectilinearMesh.rectangle((5, 5), 2.0, 1.0, grading=0.5),
+    "flat": RectilinearMesh.rectangle((6, 2), 30.0, 1.0),
+    "millimetres": RectilinearMesh.rectangle((3, 3), 2e3, 1e3, origin=(1e5, -1e5)),
+    "fine": RectilinearMesh.rectangle((16, 12), 2.0, 1.0),
+}
+
+
+def dragged(mesh, pressure, shear, contact, material=STEEL):
+    """A block under pressure p and uniform shear, with the complementary shear on its sides: σ_T = −T, σ_N = −p."""
+    return ContactProblem(
+        mesh,
+        material,
+        [
+            contact,
+            Traction("top", y=-pressure, name="pressure"),
+            Traction("top", x=shear, name="shear"),
+            Traction("right", x=0.0, name="free"),
+            Traction("right", y=shear, name="shear"),
+            Traction("left", x=0.0),
+            Traction("left", y=-shear, name="shear"),
+        ],
+    )
+
+
+@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
+@pytest.mark.parametrize("stress", [1.0, 1e6, 1e-6])
+class TestDraggedBlock:
+    """The admissible shear is μp/T, on every mesh and in all units."""
+
+    def test_coulomb(self, mesh, stress):
+        problem = dragged(mesh, 10.0 * stress, 2.0 * stress, Contact("bottom", 0.3))
+        assert limit_load_factor(problem, ["shear"]) == pytest.approx(1.5, rel=1e-6)
+
+    def test_backwards(self, mesh, stress):
+        problem = dragged(mesh, 10.0 * stress, -7.0 * stress, Contact("bottom", 0.3))
+        assert limit_load_factor(problem, ["shear"]) == pytest.approx(3.0 / 7.0, rel=1e-6)
+
+    def test_cohesion_and_cap(self, mesh, stress):
+        cohesive = Contact("bottom", 0.3, cohesion=1.5 * stress)
+        assert limit_load_factor(dragged(mesh, 10.0 * stress, stress, cohesive), ["shear"]) == pytest.approx(
+            4.5, rel=1e-6
+        )
+        capped = Contact("bottom", 0.3, cohesion=1.5 * stress, shear_limit=4.0 * stress)
+        assert limit_load_factor(dragged(mesh, 10.0 * stress, stress, capped), ["shear"]) == pytest.approx(
+            4.0, rel=1e-6
+        )
+        tresca = Contact.tresca("bottom", 2.0 * stress)
+        assert limit_load_factor(dragged(mesh, 10.0 * stress, stress, tresca), ["shear"]) == pytest.approx(
+            2.0, rel=1e-6
+        )
+
+
+@pytest.mark.parametrize("cells", [(1, 1), (4, 3), (8, 6)])
+class TestAroundTheLimit:
+    """Just below the factor the problem is solved, just above it infeasible with the contact and the reason."""
+
+    def test_dragged_block(self, cells):
+        mesh = RectilinearMesh.rectangle(cells, 2.0, 1.0)
+        base = Contact("bottom", 0.3, name="base")
+        below, above = (solve(dragged(mesh, 10.0, 3.0 * factor, base)) for factor in (0.99, 1.01))
+        assert below.status is Status.SOLVED, below.message
+        assert below.contacts["base"].tangential_force == pytest.approx(-0.99 * 3.0 * 2.0, rel=1e-8)
+        assert above.status is Status.INFEASIBLE
+        assert above.message.startswith("The load exceeds what friction on 'base' can carry")
+        assert not above.has_state
+
+    def test_without_friction(self, cells):
+        mesh = RectilinearMesh.rectangle(cells, 2.0, 1.0)
+        problem = dragged(mesh, 10.0, 1e-3, Contact.frictionless("bottom", name="ice"))
+        assert limit_load_factor(problem, ["shear"]) == pytest.approx(0.0, abs=1e-9)
+        failed = solve(problem)
+        assert failed.status is Status.INFEASIBLE
+        assert "friction on 'ice'" in failed.message
+
+
+def stack(mesh, frictions, joints, weight=0.0):
+    """Blocks on each other and on the ground, pressed by 10 and dragged by 1."""
+    contacts = [Contact("bottom", frictions[0], name="ground")]
+    contacts += [Contact(name, mu) for name, mu in zip(joints, frictions[1:], strict=True)]
+    problem = dragged(mesh, 10.0, 1.0, contacts[0])
+    return ContactProblem(mesh, STEEL, [*contacts, *problem.conditions[1:]], body_potential=lambda _, y: weight * y)
+
+
+class TestStack:
+    """The weakest joint decides, weight included: μ_i (p + γ (h − y_i)) in pure shear."""
+
+    MESH = RectilinearMesh([0.0, 0.7, 2.0], [0.0, 0.25, 0.5, 0.75, 1.0]).with_joint("low", "horizontal", 0.25)
+    MESH = MESH.with_joint("high", "horizontal", 0.75)
+
+    @pytest.mark.parametrize(
+        ("frictions", "factor", "name"),
+        [((0.3, 0.4, 0.5), 3.0, "ground"), ((0.3, 0.2, 0.5), 2.0, "low"), ((0.6, 0.5, 0.1), 1.0, "high")],
+    )
+    def test_weakest_joint(self, frictions, factor, name):
+        problem = stack(self.MESH, frictions, ("low", "high"))
+        assert limit_load_factor(problem, ["shear"]) == pytest.approx(factor, rel=1e-6)
+        scaled = dragged(self.MESH, 10.0, 1.01 * factor, problem.contacts[0]).conditions
+        failed = solve(ContactProblem(self.MESH, STEEL, [*problem.contacts, *scaled[1:]]))
+        assert failed.status is Status.INFEASIBLE
+        assert f"'{name}'" in failed.message.split(":")[0]
+
+    def test_weight_helps_the_lower_joints(self):
+        """μ = (0.3, 0.35, 0.4) and γ = 20: ground 0.3 · 30, low 0.35 · 25 = 8.75, high 0.4 · 15 = 6."""
+        problem = stack(self.MESH, (0.3, 0.35, 0.4), ("low", "high"), weight=20.0)
+        assert limit_load_factor(problem, ["shear"]) == pytest.approx(6.0, rel=1e-6)
+        problem = stack(self.MESH, (0.1, 0.35, 0.4), ("low", "high"), weight=20.0)
+        assert limit_load_factor(problem, ["shear"]) == pytest.approx(3.0, rel=1e-6)
+
+    def test_tied_joints_carry_all(self):
+        problem = stack(self.MESH, (0.5, 0.5, 0.5), ("low", "high"))
+        tied = [Contact.tied("bottom"), Contact.tied("low"), Contact.tied("high"), *problem.conditions[3:]]
+        assert limit_load_factor(ContactProblem(self.MESH, STEEL, tied), ["shear"]) == np.inf
+
+
+class TestTipping:
+    """A tall block under N = p w, pushed sideways by H at the height h: it tips at H h = N w/2, friction enough."""
+
+    WIDTH, HEIGHT, PRESSURE = 1.0, 3.0, 4.0
+
+    def problem(self, cells, shear, friction=5.0):
+        mesh = RectilinearMesh.rectangle(cells, self.WIDTH, self.HEIGHT)
+        return ContactProblem(
+            mesh,
+            STEEL,
+            [
+                Contact("bottom", friction, name="base"),
+                Traction("top", y=-self.PRESSURE),
+                Traction("top", x=shear, name="push"),
+                Traction("left", 0.0, 0.0),
+                Traction("right", 0.0, 0.0),
+            ],
+        )
+
+    def reach(self, cells):
+        """Edge pressures are linear on each edge, so at the utmost N acts a third of the last edge from the toe."""
+        return self.WIDTH / 2.0 - self.WIDTH / cells[0] / 3.0
+
+    @pytest.mark.parametrize("cells", [(2, 3), (4, 6), (8, 8)])
+    def test_factor(self, cells):
+        """The push is zero in the corners, a parabola of the resultant H; the friction it needs is there."""
+        limit = limit_load_factor(self.problem(cells, lambda x, _: 6.0 * x * (1.0 - x), 1e3), ["push"])
+        exact = self.PRESSURE * self.WIDTH**2 / 2.0 / self.HEIGHT
+        mesh_limit = self.PRESSURE * self.WIDTH * self.reach(cells) / self.HEIGHT
+        assert limit <= exact * (1.0 + 1e-9)
+        # four Gauss points do not see the ends of an edge: σ_N ≤ 0 there allows a little tension outside
+        assert mesh_limit * (1.0 - 1e-9) <= limit
+
+    def test_factor_converges(self):
+        errors = []
+        exact = self.PRESSURE * self.WIDTH**2 / 2.0 / self.HEIGHT
+        for n in (2, 4, 8, 16):
+            limit = limit_load_factor(self.problem((n, 4), lambda x, _: 6.0 * x * (1.0 - x), 1e3), ["push"])
+            errors.append(1.0 - limit / exact)
+        assert errors[-1] < 0.05
+        assert all(second < 0.6 * first for first, second in pairwise(errors))
+
+    def test_around(self):
+        shape = self.problem((4, 6), lambda x, _: 6.0 * x * (1.0 - x), 1e3)
+        factor = limit_load_factor(shape, ["push"])
+        below, above = (
+            self.problem((4, 6), lambda x, _, c=c: c * 6.0 * x * (1.0 - x), 1e3) for c in (0.9 * factor, 1.01 * factor)
+        )
+        assert solve(below).status is Status.SOLVED
+        failed = solve(above)
+        assert failed.status is Status.INFEASIBLE
+        assert "'base'" in failed.message.split(":")[0]
+
+    def test_a_wide_block_slides_first(self):
+        mesh = RectilinearMesh.rectangle((8, 2), 10.0, 1.0)
+        base, loads = Contact("bottom", 0.2, name="base"), [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        push = Traction("top", x=lambda x, _: x * (10.0 - x), name="push")
+        problem = ContactProblem(mesh, STEEL, [base, *loads, Traction("top", y=-4.0), push])
+        factor = limit_load_factor(problem, ["push"])
+        assert factor <= 0.2 * 40.0 * 6.0 / 1000.0 * (1.0 + 1e-9)
+        assert factor == pytest.approx(0.2 * 40.0 * 6.0 / 1000.0, rel=0.1)  # corners with no shear carry none
+
+
+class TestKindsOfLoads:
+    """Plates' forces and the body force are loads as well; some are carried without limit, some not at all."""
+
+    def test_force_of_a_plate(self):
+        """N from a plate, dragged by H: the limit of N is none, the least one is not asked for."""
+        mesh = MESHES["uniform"]
+        conditions = [
+            Contact("bottom", 0.3, name="base"),
+            Contact.tied("top", name="grip"),
+            Traction("left", 0.0, 0.0),
+            Traction("right", 0.0, 0.0),
+        ]
+        plate = RigidPlate(force_y=-20.0, force_x=1.0, moment=-21.0)
+        conditions[1] = Contact("top", 0.0, law="tied", plate=plate, name="grip")
+        problem = ContactProblem(mesh, STEEL, conditions)
+        assert limit_load_factor(problem, ["grip"]) == np.inf  # all grows together
+        ground = solve(problem)
+        assert ground.status is Status.SOLVED
+        force = ground.resultant("base")
+        assert (force.x, force.y) == pytest.approx((-1.0, 20.0), rel=1e-9)
+
+    @pytest.mark.parametrize("given", [0.5, 1.0, 20.0])
+    def test_plate_that_pushes(self, given):
+        """A ram on the side of a block under pressure 10 · 2: its force is at most μ times that."""
+        ram = Contact("left", 0.0, law="bilateral", plate=RigidPlate(force_x=given), name="ram")
+        loads = [Traction("top", 0.0, -10.0), Traction("right", 0.0, 0.0)]
+        problem = ContactProblem(MESHES["fine"], STEEL, [Contact("bottom", 0.3), ram, *loads])
+        force = given * limit_load_factor(problem, ["ram"])
+        assert 5.5 < force < 6.0 * (1.0 + 1e-9)  # the corners with the free sides carry no shear
+        assert force == pytest.approx(limit_load_factor(self.ram_of_one(), ["ram"]), rel=1e-6)
+
+    @staticmethod
+    def ram_of_one():
+        ram = Contact("left", 0.0, law="bilateral", plate=RigidPlate(force_x=1.0), name="ram")
+        loads = [Traction("top", 0.0, -10.0), Traction("right", 0.0, 0.0)]
+        return ContactProblem(MESHES["fine"], STEEL, [Contact("bottom", 0.3), ram, *loads])
+
+    def test_weight_that_holds(self):
+        """Dragged by T under its own weight only: μ γ h/T, and with the weight as the load any multiple."""
+        mesh = MESHES["uniform"]
+        problem = dragged(mesh, 0.0, 1.0, Contact("bottom", 0.3))
+        heavy = ContactProblem(mesh, STEEL, problem.conditions, body_potential=lambda _, y: 20.0 * y)
+        assert limit_load_factor(heavy, ["shear"]) == pytest.approx(6.0, rel=1e-6)
+        assert limit_load_factor(heavy, ["body"]) == np.inf
+        assert limit_load_factor(heavy, ["shear", "body"]) == np.inf
+
+    def test_weight_that_drags(self):
+        """On a slope: the weight's component along it against friction under a pressure that stays, μp/(γ_x h).
+
+        Gravity (γ_x, 0) acts along the base; the sides carry what makes σ_xy linear in height.
+        """
+        mesh = RectilinearMesh.rectangle((3, 4), 2.0, 1.0)
+        # φ = −γ x is the potential of b = γ e_x; σ_xx = 0, σ_xy = γ (h − y) carries it down to the base
+        conditions = [
+            Contact("bottom", 0.4, name="slope"),
+            Traction("top", 0.0, -10.0),
+            Traction("left", 0.0, lambda _, y: -(1.0 - y), name="sides"),
+            Traction("right", 0.0, lambda _, y: 1.0 - y, name="sides"),
+        ]
+        problem = ContactProblem(mesh, STEEL, conditions, body_potential=lambda x, _: -1.0 * x)
+        assert limit_load_factor(problem, ["body", "sides"]) == pytest.approx(4.0, rel=1e-6)
+
+    def test_pressure_is_carried_without_limit(self):
+        problem = dragged(MESHES["uniform"], 10.0, 2.0, Contact("bottom", 0.3))
+        assert limit_load_factor(problem, ["pressure"]) == np.inf
+        assert limit_load_factor(problem, ["pressure", "shear"]) == np.inf
+
+    def test_nothing_can_be_carried(self):
+        """Shear 4 stays and no multiple of the free surfaces' nothing helps; with more pressure it would."""
+        problem = dragged(MESHES["uniform"], 10.0, 4.0, Contact("bottom", 0.3))
+        assert limit_load_factor(problem, ["free"]) == -np.inf
+        assert limit_load(problem, ["free"]).bound == -np.inf
+
+    def test_a_body_without_contact(self):
+        conditions = [Displacement("bottom", 0.0, 0.0), *(Traction(side, 1.0, 1.0) for side in SIDES)]
+        assert limit_load_factor(ContactProblem(MESHES["uniform"], STEEL, conditions), ["top"]) == np.inf
+
+    def test_tension(self):
+        """Pressure 10 from the body force's side, tension as the load: lifted at 10."""
+        mesh = MESHES["uniform"]
+        conditions = [
+            Contact("bottom", 0.0, name="floor"),
+            Traction("top", y=1.0, x=0.0, name="crane"),
+            Symmetry("left"),
+            Traction("right", 0.0, 0.0),
+        ]
+        problem = ContactProblem(mesh, STEEL, conditions, body_potential=lambda _, y: 7.0 * y)
+        assert limit_load_factor(problem, ["crane"]) == pytest.approx(7.0, rel=1e-6)
+        failed = solve(ContactProblem(mesh, STEEL, conditions, body_potential=lambda _, y: 0.99 * y))
+        assert failed.status is Status.INFEASIBLE
+        assert failed.message.startswith("The load pulls or tips the body off 'floor', where tension is not carried")
+
+    @pytest.mark.parametrize("loads", [["tide"], [], "shear", ["shear", "bottom"], None, [3]])
+    def test_unknown_loads(self, loads):
+        with pytest.raises(InputError, match=r"loads.*(shear|pressure)"):
+            limit_load_factor(dragged(MESHES["uniform"], 10.0, 1.0, Contact("bottom", 0.3)), loads)
+
+    def test_loads_out_of_balance(self):
+        """Refused before any program is solved: a body in the air, pushed from one side."""
+        conditions = [Traction(side, 0.0, 0.0) for side in ("bottom", "left", "right")]
+        problem = ContactProblem(MESHES["uniform"], STEEL, [*conditions, Traction("top", 0.0, -1.0)])
+        with pytest.raises(InputError, match="out of balance"):
+            limit_load_factor(problem, ["top"])
+        with pytest.raises(InputError, match="out of balance"):
+            solve(problem)
+
+
+class TestAnswer:
+    """The bound and violation that come with a factor."""
+
+    def test_bound(self):
+        limit = limit_load(dragged(MESHES["fine"], 10.0, 2.0, Contact("bottom", 0.3)), ["shear"])
+        assert limit.factor <= limit.bound * (1.0 + 1e-9)
+        assert limit.bound == pytest.approx(1.5, rel=1e-7)
+        assert limit.violation < 1e-9
+
+    def test_gap_material_and_offset_do_not_enter(self):
+        here, there = Contact("bottom", 0.3), Contact("bottom", 0.3, gap=0.1, offset=-0.2)
+        soft = Material(1.0, 0.49, "strain")
+        first = limit_load_factor(dragged(MESHES["graded"], 10.0, 2.0, here), ["shear"])
+        second = limit_load_factor(dragged(MESHES["graded"], 10.0, 2.0, there, soft), ["shear"])
+        assert first == pytest.approx(second, rel=1e-9)
+
+    def test_friction_that_varies(self):
+        """Pure shear with μ(x): the pressure may move, μ may not; the least favourable mean bounds it from below."""
+        mu = Contact("bottom", lambda x, _: 0.2 + 0.1 * x)
+        factor = limit_load_factor(dragged(MESHES["fine"], 10.0, 1.0, mu), ["shear"])
+        assert 2.0 <= factor <= 4.0
+
+    def test_solved_states_lie_below(self):
+        """A solution's own load has a factor of at least one."""
+        problem, _ = stick_slip_block((4, 3))
+        assert limit_load_factor(problem, ["top", "left"]) >= 1.0

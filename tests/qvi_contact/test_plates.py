@@ -1,0 +1,325 @@
+"""Rigid plates driven by force and moment: the same states as with the displacements that cause them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    InputError,
+    Material,
+    RectilinearMesh,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    solve,
+)
+from solvers import Status
+
+STEEL = Material(1000.0, 0.3)
+MESH = RectilinearMesh([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
+
+
+def solved(problem, tolerance=1e-9, **options):
+    result = solve(problem, tolerance=tolerance, **options)
+    assert result.status is Status.SOLVED, result.message
+    return result
+
+
+def difference(one, other):
+    first, second = one.gauss_stress()[2], other.gauss_stress()[2]
+    return np.abs(first - second).max() / np.abs(first).max()
+
+
+def moved(contact, x=0.0, y=0.0, rotation=0.0, pivot=(0.0, 0.0), sign=1.0, normal="y"):
+    """The contact whose obstacle has made a rigid motion, for a side with outward normal ± e_x or e_y."""
+
+    def along_x(px, py):
+        return x - rotation * (py - pivot[1]) + 0 * px
+
+    def along_y(px, py):
+        return y + rotation * (px - pivot[0]) + 0 * py
+
+    across, along = (along_y, along_x) if normal == "y" else (along_x, along_y)
+    gap, offset = ((value if callable(value) else lambda *_, v=value: v) for value in (contact.gap, contact.offset))
+    return replace(
+        contact,
+        plate=None,
+        gap=lambda px, py: gap(px, py) + sign * across(px, py),
+        offset=lambda px, py: offset(px, py) + along(px, py),
+    )
+
+
+SIDES = {
+    "top": ("bottom", "left", "right", 1.0, "y"),
+    "bottom": ("top", "left", "right", -1.0, "y"),
+    "right": ("left", "bottom", "top", 1.0, "x"),
+    "left": ("right", "bottom", "top", -1.0, "x"),
+}
+DRIVEN = {
+    "normal": ("normal",),
+    "both forces": ("force_x", "force_y"),
+    "force and moment": ("normal", "moment"),
+    "all": ("force_x", "force_y", "moment"),
+}
+CONTACTS = {
+    "rough": {"friction": 0.4},
+    "curved": {"friction": 0.4, "gap": lambda x, y: 2e-4 * ((x - 1.0) ** 2 + y)},
+    "cohesive and capped": {"friction": 0.3, "cohesion": 0.5, "shear_limit": 4.0},
+    "tied": {"friction": 0.0, "law": "tied"},
+    "bilateral": {"friction": 0.2, "law": "bilateral"},
+    "offset": {"friction": 0.4, "offset": lambda x, y: 1e-4 * (x - y), "gap": 2e-3},
+}
+
+
+def pushed(side, contact):
+    """A body glued to the ground on the far side, a plate on this one."""
+    far, first, second, *_ = SIDES[side]
+    conditions = [Contact.tied(far, name="ground"), Traction(first, 0.0, 0.0), Traction(second, 0.0, 0.0), contact]
+    return ContactProblem(MESH, STEEL, conditions)
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("driven", DRIVEN.values(), ids=DRIVEN)
+@pytest.mark.parametrize("law", CONTACTS.values(), ids=CONTACTS)
+def test_force_and_displacement_give_one_state(side, driven, law):
+    """Displacement → forces → plate with those forces → the same motion and the same stresses."""
+    *_, sign, normal = SIDES[side]
+    tangential = "x" if normal == "y" else "y"
+    pivot = (0.7, -0.3)
+    components = [f"force_{normal}" if name == "normal" else name for name in driven]
+    motion = {"force_x": ("x", 0.0), "force_y": ("y", 0.0), "moment": ("rotation", 4e-4)}
+    wanted = {f"force_{normal}": -8e-3 * sign, f"force_{tangential}": 5e-3, "moment": 4e-4}
+    imposed = {motion[name][0]: wanted[name] for name in components}
+    base = Contact(side, name="plate", **law)
+    expected = solved(pushed(side, moved(base, **imposed, pivot=pivot, sign=sign, normal=normal)))
+    force = expected.resultant("plate")
+    about_pivot = force.moment - (pivot[0] * force.y - pivot[1] * force.x)
+    given = {"force_x": force.x, "force_y": force.y, "moment": about_pivot}
+    plate = RigidPlate(**{name: given[name] for name in components}, pivot=pivot)
+    result = solved(pushed(side, replace(base, plate=plate)))
+    assert difference(expected, result) < 1e-6
+    found = result.plates["plate"]
+    for name in ("x", "y", "rotation"):
+        assert getattr(found, name) == pytest.approx(imposed.get(name, 0.0), rel=1e-5, abs=1e-8)
+    ours, theirs = expected.contacts["plate"], result.contacts["plate"]
+    if law.get("law") == "tied":
+        return
+    # gap and slip are relative to the plate as it is
+    assert theirs.gap == pytest.approx(ours.gap, abs=1e-6)
+    assert theirs.slip == pytest.approx(ours.slip, abs=1e-6)
+
+
+def test_two_plates_and_their_balance():
+    """A press: the lower plate fixed, plates on the right and on top driven; resultants are those prescribed."""
+    conditions = [
+        Contact("bottom", 0.3, name="floor"),
+        Symmetry("left"),
+        Contact("right", 0.1, gap=lambda _, y: 1e-3 * y, plate=RigidPlate(force_x=-6.0, moment=3.2), name="ram"),
+        Contact("top", 0.3, plate=RigidPlate(force_y=-40.0, moment=-41.0), name="press"),
+    ]
+    result = solved(ContactProblem(MESH, STEEL, conditions), tolerance=1e-8)
+    assert result.resultant("ram").x == pytest.approx(-6.0, rel=1e-9)
+    assert result.resultant("ram").moment == pytest.approx(3.2, rel=1e-9)
+    assert result.resultant("press").y == pytest.approx(-40.0, rel=1e-9)
+    assert result.resultant("press").moment == pytest.approx(-41.0, rel=1e-9)
+    total = [result.resultant(side) for side in ("bottom", "right", "top", "left")]
+    for component in ("x", "y", "moment"):
+        assert sum(getattr(force, component) for force in total) == pytest.approx(0.0, abs=1e-8)
+    motion = {name: result.plates[name] for name in ("ram", "press")}
+    held = [
+        conditions[0],
+        conditions[1],
+        moved(conditions[2], motion["ram"].x, 0.0, motion["ram"].rotation, normal="x"),
+        moved(conditions[3], 0.0, motion["press"].y, motion["press"].rotation),
+    ]
+    assert difference(result, solved(ContactProblem(MESH, STEEL, held), tolerance=1e-8)) < 1e-6
+
+
+def column(plate, friction=0.0, material=STEEL, scale=1.0, shift=(0.0, 0.0)):
+    """A plate on a column that stands on a smooth ground; closed form: p = F/w, motion = F h/(E w)."""
+    mesh = RectilinearMesh(shift[0] + scale * MESH.x, shift[1] + scale * MESH.y)
+    conditions = [
+        Symmetry("left"),
+        Symmetry("bottom"),
+        Traction("right", 0.0, 0.0),
+        Contact("top", friction, plate=plate, name="plate"),
+    ]
+    return ContactProblem(mesh, material, conditions)
+
+
+class TestColumn:
+    """A column under a plate, known in closed form."""
+
+    def test_motion_is_force_over_stiffness(self):
+        result = solved(column(RigidPlate(force_y=-30.0)))
+        assert result.plates["plate"].y == pytest.approx(-30.0 / 2.0 / 1000.0, rel=1e-9)
+        assert result.plates["plate"].x == result.plates["plate"].rotation == 0.0
+        assert result.contacts["plate"].normal_stress == pytest.approx(-15.0, rel=1e-9)
+        assert result.remarks == ()
+
+    def test_energy_is_half_the_force_times_the_motion(self):
+        result = solved(column(RigidPlate(force_y=-30.0)))
+        assert result.energies.strain == pytest.approx(0.5 * 30.0 * 0.015, rel=1e-9)
+
+    def test_rotation_under_an_eccentric_force(self):
+        """On a bilateral plate: bending by M about the middle, slope 12 M h/(E w³) of the straight column."""
+        mesh = RectilinearMesh(MESH.x - 1.0, MESH.y)
+        moment, free = 3.0, [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        plate = Contact("top", 0.0, law="bilateral", plate=RigidPlate(force_y=-30.0, moment=moment), name="plate")
+        result = solved(ContactProblem(mesh, STEEL, [Symmetry("bottom"), *free, plate]))
+        motion = result.plates["plate"]
+        assert motion.y == pytest.approx(-0.015, rel=1e-8)
+        assert motion.rotation == pytest.approx(12.0 * moment / (1000.0 * 2.0**3), rel=1e-8)
+        line = result.contacts["plate"]
+        assert line.normal_stress == pytest.approx(-15.0 + 12.0 * moment / 8.0 * line.x, rel=1e-7)
+
+    @pytest.mark.parametrize(("scale", "stress"), [(1e3, 1.0), (1.0, 1e6), (1e-3, 1e9), (1e4, 1e-5)])
+    def test_other_units(self, scale, stress):
+        force = RigidPlate(force_y=-30.0, moment=-29.0, pivot=(0.1, 0.2))
+        expected = solved(column(force, 0.2))
+        other = RigidPlate(
+            force_y=-30.0 * scale * stress, moment=-29.0 * scale**2 * stress, pivot=(0.1 * scale, 0.2 * scale)
+        )
+        result = solved(column(other, 0.2, Material(1000.0 * stress, 0.3), scale))
+        ours, theirs = expected.plates["plate"], result.plates["plate"]
+        assert theirs.y / scale == pytest.approx(ours.y, rel=1e-6)
+        assert theirs.rotation == pytest.approx(ours.rotation, rel=1e-6)
+        line = result.contacts["plate"].tangential_stress / stress
+        assert line == pytest.approx(expected.contacts["plate"].tangential_stress, abs=1e-6)
+
+    def test_far_from_the_origin(self):
+        expected = solved(column(RigidPlate(force_y=-30.0, moment=-29.0), 0.2)).plates["plate"]
+        far = column(RigidPlate(force_y=-30.0, moment=-29.0, pivot=(1e3, -1e3)), 0.2, shift=(1e3, -1e3))
+        result = solved(far, tolerance=1e-8).plates["plate"]
+        assert result.y == pytest.approx(expected.y, rel=1e-6)
+        assert result.rotation == pytest.approx(expected.rotation, rel=1e-6)
+
+    def test_another_pivot_is_another_name(self):
+        """M about P and motion of P: the same plate seen from two points."""
+        first = solved(column(RigidPlate(force_y=-30.0, moment=-29.0), 0.2)).plates["plate"]
+        second = solved(column(RigidPlate(force_y=-30.0, moment=-29.0 + 30.0 * 0.7, pivot=(0.7, 0.0)), 0.2)).plates[
+            "plate"
+        ]
+        assert second.rotation == pytest.approx(first.rotation, rel=1e-6)
+        assert second.y == pytest.approx(first.y + 0.7 * first.rotation, rel=1e-6)
+
+    def test_a_body_force_changes_what_the_ground_feels(self):
+        weight = replace(column(RigidPlate(force_y=-30.0)), body_potential=lambda _, y: 4.0 * y)
+        result = solved(weight)
+        assert result.contacts["plate"].normal_force == pytest.approx(30.0, rel=1e-9)
+        assert result.resultant("bottom").y == pytest.approx(30.0 + 4.0 * 2.0, rel=1e-9)
+
+
+class TestRedundantResultants:
+    """Between two plates, or a plate and loads, equilibrium gives some resultants anyway."""
+
+    @staticmethod
+    def between(plate, load=-5.0):
+        conditions = [
+            Contact("bottom", 0.3, plate=plate, name="plate"),
+            Traction("top", 0.0, load),
+            Traction("left", 0.0, 0.0),
+            Traction("right", 0.0, 0.0),
+        ]
+        return ContactProblem(MESH, STEEL, conditions)
+
+    def test_they_are_dropped_with_a_remark(self):
+        free = solved(self.between(None))
+        result = solved(self.between(RigidPlate(force_x=0.0, force_y=10.0, moment=10.0)))
+        assert difference(free, result) < 1e-8
+        assert [remark.split()[6] for remark in result.remarks] == ["force_x", "force_y", "moment"]
+        assert all("'plate'" in remark and "not determined" in remark for remark in result.remarks)
+        assert (result.plates["plate"].x, result.plates["plate"].y, result.plates["plate"].rotation) == (0.0, 0.0, 0.0)
+
+    @pytest.mark.parametrize(
+        ("given", "field", "needed"),
+        [
+            ({"force_y": 9.0}, "force_y", "10"),
+            ({"force_x": 0.5}, "force_x", "-?[0-9.e-]+"),
+            ({"force_y": 10.0, "moment": 11.0}, "moment", "10"),
+            ({"moment": 0.0, "pivot": (1.0, 0.0)}, None, None),
+            ({"moment": 1.0, "pivot": (1.0, 0.0)}, "moment", "-?[0-9.e-]+"),
+        ],
+    )
+    def test_contradictions_name_what_is_needed(self, given, field, needed):
+        problem = self.between(RigidPlate(**given))
+        if field is None:
+            solved(problem)
+            return
+        with pytest.raises(InputError, match=f"RigidPlate.{field}.*'plate'.*demands {needed}:"):
+            solve(problem)
+
+    @pytest.mark.parametrize("stress", [1e-9, 1.0, 1e9])
+    def test_needed_value_is_right(self, stress):
+        """What is demanded is then accepted, in any units."""
+        problem = replace(self.between(RigidPlate(force_y=1.0), -5.0 * stress), material=Material(1000.0 * stress, 0.3))
+        with pytest.raises(InputError) as caught:
+            solve(problem)
+        needed = float(caught.value.remedy.split("demands ")[1].split(":")[0])
+        assert needed == pytest.approx(10.0 * stress, rel=1e-5)
+
+    def test_two_plates_that_face_each_other(self):
+        """The second one's force follows from the first's; the other forces differ by weight."""
+
+        def press(lower):
+            conditions = [
+                Contact("bottom", 0.3, plate=RigidPlate(force_y=lower), name="lower"),
+                Symmetry("left"),
+                Traction("right", 0.0, 0.0),
+                Contact("top", 0.3, plate=RigidPlate(force_y=-30.0), name="upper"),
+            ]
+            return ContactProblem(MESH, STEEL, conditions, body_potential=lambda _, y: 4.0 * y)
+
+        result = solved(press(38.0), tolerance=1e-8)
+        assert result.resultant("lower").y == pytest.approx(38.0, rel=1e-9)
+        assert sum("not determined" in remark for remark in result.remarks) == 1
+        with pytest.raises(InputError, match=r"RigidPlate\.force_y"):
+            solve(press(30.0))
+
+
+class TestImpossible:
+    """Forces that no contact carries end in a status with a reason."""
+
+    def test_tangential_force_without_friction(self):
+        result = solve(column(RigidPlate(force_x=1.0, force_y=-30.0)))
+        assert result.status is Status.INFEASIBLE
+        assert "friction on 'plate'" in result.message or "forces on the plates contradict" in result.message
+
+    def test_more_than_friction_carries(self):
+        assert solved(column(RigidPlate(force_x=8.0, force_y=-30.0), 0.3), tolerance=1e-8).plates["plate"].x > 0.0
+        result = solve(column(RigidPlate(force_x=9.1, force_y=-30.0), 0.3))
+        assert result.status is Status.INFEASIBLE
+        assert "friction on 'plate'" in result.message
+
+    def test_a_plate_that_pulls(self):
+        result = solve(column(RigidPlate(force_y=1.0), 0.3))
+        assert result.status is Status.INFEASIBLE
+        assert "pulls or tips the body off 'plate'" in result.message
+
+    @pytest.mark.parametrize("eccentricity", [-0.001, 2.001])
+    def test_a_force_beside_the_body(self, eccentricity):
+        result = solve(column(RigidPlate(force_y=-30.0, moment=-30.0 * eccentricity, pivot=(0.0, 1.0)), 0.3))
+        assert result.status is Status.INFEASIBLE
+        assert "pulls or tips the body off 'plate'" in result.message
+
+    def test_motion_of_a_failed_problem_is_refused_with_the_reason(self):
+        with pytest.raises(InputError, match="no stress state"):
+            _ = solve(column(RigidPlate(force_y=1.0))).plates
+
+    @pytest.mark.parametrize(
+        ("given", "word"),
+        [
+            ({}, "at least one"),
+            ({"force_x": float("nan")}, "force_x"),
+            ({"force_y": "10"}, "force_y"),
+            ({"moment": float("inf")}, "moment"),
+            ({"moment": 1.0, "pivot": (1.0,)}, "pivot"),
+            ({"moment": 1.0, "pivot": (1.0, float("nan"))}, "pivot"),
+        ],
+    )
+    def test_bad_data(self, given, word):
+        with pytest.raises(InputError, match=word):
+            RigidPlate(**given)
