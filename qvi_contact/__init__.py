@@ -11,13 +11,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from qvi_contact.conditions import Contact, Displacement, Symmetry, Traction
+    from qvi_contact.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
     from qvi_contact.contact import ContactLine, ContactState
     from qvi_contact.discretization import Discretization, discretize
     from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError
+    from qvi_contact.fields import Expression, Polynomial
+    from qvi_contact.history import History, loop_area, solve_history
+    from qvi_contact.limit import limit_load_factor
     from qvi_contact.material import Material, Region
     from qvi_contact.mesh import RectilinearMesh, graded_lines
     from qvi_contact.problem import ContactProblem
+    from qvi_contact.problem_file import ProblemFile, load_problem
+    from qvi_contact.problem_writer import save_problem
     from qvi_contact.result import ContactResult
     from qvi_contact.solver import solve
     from qvi_contact.stress import principal_stresses
@@ -30,19 +35,29 @@ _HOME = {
     "ContactState": "contact",
     "Discretization": "discretization",
     "Displacement": "conditions",
+    "Expression": "fields",
+    "History": "history",
     "InputError": "errors",
     "Material": "material",
+    "Polynomial": "fields",
+    "ProblemFile": "problem_file",
     "QVIError": "errors",
     "RectilinearMesh": "mesh",
     "Region": "material",
+    "RigidPlate": "conditions",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
     "Symmetry": "conditions",
     "Traction": "conditions",
     "discretize": "discretization",
     "graded_lines": "mesh",
+    "limit_load_factor": "limit",
+    "load_problem": "problem_file",
+    "loop_area": "history",
     "principal_stresses": "stress",
+    "save_problem": "problem_writer",
     "solve": "solver",
+    "solve_history": "history",
 }
 
 __all__ = [
@@ -53,19 +68,29 @@ __all__ = [
     "ContactState",
     "Discretization",
     "Displacement",
+    "Expression",
+    "History",
     "InputError",
     "Material",
+    "Polynomial",
+    "ProblemFile",
     "QVIError",
     "RectilinearMesh",
     "Region",
+    "RigidPlate",
     "SolveError",
     "SolverUnavailableError",
     "Symmetry",
     "Traction",
     "discretize",
     "graded_lines",
+    "limit_load_factor",
+    "load_problem",
+    "loop_area",
     "principal_stresses",
+    "save_problem",
     "solve",
+    "solve_history",
 ]
 
 

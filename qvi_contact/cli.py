@@ -1,8 +1,18 @@
 """The command `qvi-contact`."""
 
+from typing import TYPE_CHECKING, Any
+
 import click
 
-from qvi_contact.terminal import run
+from qvi_contact.terminal import progress, run
+
+if TYPE_CHECKING:
+    from qvi_contact.history import History
+    from qvi_contact.problem_file import ProblemFile
+    from qvi_contact.result import ContactResult
+
+_FILE = click.argument("file", metavar="FILE")
+_JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -14,13 +24,139 @@ def group() -> None:
     Coulomb friction becomes a sequence of convex programs, and every answer carries a certificate.
 
     \b
-    Start with the paper the method comes from:
+    Problems are TOML files; the folder examples has commented ones:
+        qvi-contact check examples/punch.toml --plot punch.png
+        qvi-contact solve examples/punch.toml --plot answer.png
+    \b
+    The paper the method comes from:
         python -m comparisons paper
     """  # noqa: D301  # click wants the character \b, not the two
 
 
 @group.command()
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of a list.")
+@_FILE
+@click.option("--method", help="Outer method, see: qvi-contact methods")
+@click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
+@click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
+@_JSON
+@click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
+@click.option("--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu).")
+@click.option("--npz", metavar="NPZ", help="Write the fields as NumPy arrays (.npz).")
+@click.option("--save-json", metavar="JSON", help="Write what --json prints to a file.")
+def solve(
+    file: str,
+    method: str | None,
+    inner: str | None,
+    tolerance: float | None,
+    as_json: bool,
+    plot: str | None,
+    vtk: str | None,
+    npz: str | None,
+    save_json: str | None,
+) -> int:
+    """Solve the problem in FILE and report forces and states of its contacts.
+
+    Options override what [solve] says in the file. A file with a [history] is solved step by step; the picture is then
+    one of forces and loops, and fields are those of the last step.
+
+    \b
+    Exit status: 0 solved, with a passing certificate
+                 1 not solved: the message says why, such as a load that friction cannot carry
+                 2 something is wrong with the input
+
+    \b
+    Examples:
+        qvi-contact solve examples/compressed_plate.toml
+        qvi-contact solve examples/punch.toml --inner socp:clarabel --plot punch.png
+        qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
+    """  # noqa: D301
+    import numpy as np
+
+    from qvi_contact.problem_file import load_problem
+    from qvi_contact.targets import checked_targets
+
+    targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json)
+    problem_file = load_problem(file)
+    given = {"method": method, "inner": inner, "tolerance": tolerance}
+    with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
+        options = _options(problem_file, {name: value for name, value in given.items() if value is not None})
+        history, steps = _solved(problem_file, options)
+        document = _as_document(problem_file, steps) if as_json or save_json else {}
+        _write(problem_file, history, steps[-1], targets, document)
+    if as_json:
+        click.echo(_json(document))
+    else:
+        _show(problem_file, history, steps)
+    return 0 if _all_solved(problem_file, steps) else 1
+
+
+@group.command()
+@_FILE
+@click.option("--plot", metavar="PICTURE", help="Draw mesh, boundary parts and loads: .png, .svg or .pdf.")
+@_JSON
+def check(file: str, plot: str | None, as_json: bool) -> None:
+    """Read FILE and say what was understood, without solving.
+
+    Builds the mesh, finds every boundary part its condition, adds up the loads, and counts the unknowns.
+
+    \b
+    Example:
+        qvi-contact check examples/bracket.toml --plot bracket.png
+    """  # noqa: D301
+    from qvi_contact.outline import outline
+    from qvi_contact.problem_file import load_problem
+    from qvi_contact.report import heading_lines, outline_lines
+    from qvi_contact.targets import checked_targets
+
+    checked_targets(file, plot=plot)
+    problem_file = load_problem(file)
+    found = outline(problem_file)
+    if plot is not None:
+        from qvi_contact.plots import problem_figure, save_figure
+
+        save_figure(plot, problem_figure(problem_file.problem, problem_file.units))
+    if as_json:
+        click.echo(_json(found))
+        return
+    for line in (*heading_lines(problem_file), *outline_lines(found, problem_file.units)):
+        click.echo(line)
+
+
+@group.command()
+@_FILE
+@click.option("--load", "loads", metavar="NAME", multiple=True, required=True, help="A load to multiply; repeatable.")
+@_JSON
+def limit(file: str, loads: tuple[str, ...], as_json: bool) -> int:
+    """Largest multiple of the named loads that the contacts can carry while the others stay.
+
+    NAME is the name of a traction (its edge set if it has none), of a contact whose plate is driven by force, or "body"
+    for the body force. With a [history] the problem at its first time is taken. The exit status is 1 if no multiple can
+    be carried.
+
+    \b
+    Example:
+        qvi-contact limit examples/dragged_block_holds.toml --load drag
+    """  # noqa: D301
+    import math
+
+    from qvi_contact.limit import limit_load_factor
+    from qvi_contact.problem_file import load_problem
+
+    problem_file = load_problem(file)
+    with problem_file.named_errors():
+        factor = limit_load_factor(problem_file.problem, loads=list(loads))
+    words = "any multiple can be carried" if factor > 0 else "no multiple can be carried"
+    message = words if math.isinf(factor) else f"up to {factor:.9g} times these loads can be carried"
+    if as_json:
+        number = None if math.isinf(factor) else factor
+        click.echo(_json({"loads": list(loads), "factor": number, "message": message}))
+    else:
+        click.echo(f"{', '.join(loads)}: {message}")
+    return 1 if factor == -math.inf else 0
+
+
+@group.command()
+@_JSON
 def methods(as_json: bool) -> None:
     """List the methods and inner solvers that can be used here.
 
@@ -28,15 +164,94 @@ def methods(as_json: bool) -> None:
     qpsolvers, "direct:…" solvers kept alive between outer iterations, "socp:…" second-order cone programs through
     cvxpy. More back ends come with: python -m pip install 'qvi-contact[solvers]'
     """
-    import json
-
     from solvers import available
     from solvers.solve import METHODS
 
     if as_json:
-        click.echo(json.dumps({"methods": list(METHODS), "inner": list(available())}, indent=2))
+        click.echo(_json({"methods": list(METHODS), "inner": list(available())}))
         return
     click.echo("methods\n  " + "\n  ".join(METHODS) + "\ninner solvers\n  " + "\n  ".join(available()))
+
+
+def _options(file: "ProblemFile", given: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of `solve`: those of the file, less the options of a method that is not taken, and those given."""
+    from solvers.solve import METHODS
+
+    options = dict(file.solve_options)
+    if given.get("method", options.get("method", METHODS[0])) != options.get("method", METHODS[0]):
+        options = {name: value for name, value in options.items() if name in ("inner", "tolerance")}
+    return options | given
+
+
+def _solved(file: "ProblemFile", options: dict[str, Any]) -> "tuple[History | None, tuple[ContactResult, ...]]":
+    """The history, if there is one, and the results of its steps."""
+    from qvi_contact.solver import solve as solve_one
+
+    if not file.times:
+        return None, (solve_one(file.problem, **options),)
+    from qvi_contact.history import solve_history
+
+    with progress(file.title or "history", len(file.times)) as advance:
+        history = solve_history(file.problems, callback=lambda *_: advance(), **options)
+    return history, history.steps
+
+
+def _all_solved(file: "ProblemFile", steps: "tuple[ContactResult, ...]") -> bool:
+    return len(steps) == len(file.problems) and all(step.status == "solved" for step in steps)
+
+
+def _as_document(file: "ProblemFile", steps: "tuple[ContactResult, ...]") -> dict[str, Any]:
+    from qvi_contact.export import summary
+
+    found = [summary(step, file.units) for step in steps]
+    heading = {"title": file.title, "solved": _all_solved(file, steps)}
+    if not file.times:
+        return heading | found[0]
+    return heading | {"times": list(file.times), "steps": found}
+
+
+def _write(
+    file: "ProblemFile",
+    history: "History | None",
+    last: "ContactResult",
+    targets: dict[str, str],
+    document: dict[str, Any],
+) -> None:
+    """Write the files asked for."""
+    if "save_json" in targets:
+        from qvi_contact.files import write_text
+
+        write_text(targets["save_json"], _json(document) + "\n")
+    if "plot" in targets:
+        from qvi_contact import plots
+
+        if history is not None and history.steps[0].has_state and last.problem.contacts:
+            plots.save_figure(targets["plot"], plots.history_figure(history, file.units))
+        else:
+            plots.save_figure(targets["plot"], plots.result_figure(last, file.units))
+    fields = {option: path for option, path in targets.items() if option in ("vtk", "npz")}
+    if fields and not last.has_state:
+        click.echo(f"qvi-contact: there is no stress state to write to {', '.join(fields.values())}", err=True)
+    elif fields:
+        from qvi_contact import export
+
+        for option, path in fields.items():
+            {"vtk": export.write_vtu, "npz": export.write_npz}[option](path, last)
+
+
+def _show(file: "ProblemFile", history: "History | None", steps: "tuple[ContactResult, ...]") -> None:
+    """The report for people."""
+    from qvi_contact.report import heading_lines, history_lines, result_lines
+
+    lines = result_lines(steps[0], file.units) if history is None else history_lines(history, file.times, file.units)
+    for line in (*heading_lines(file), *lines):
+        click.echo(line)
+
+
+def _json(document: object) -> str:
+    import json
+
+    return json.dumps(document, indent=2, allow_nan=False)
 
 
 def main() -> None:

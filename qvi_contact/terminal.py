@@ -1,5 +1,6 @@
 """How the project's command lines behave: one-line errors, progress on standard error."""
 
+import io
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +22,7 @@ class Advance(Protocol):
 
 def run(command: click.Command, name: str) -> None:
     """Run a command; anything wrong with the input is one line on standard error and exit status 2."""
+    _accept_any_character()
     try:
         sys.exit(command.main(prog_name=name, standalone_mode=False) or 0)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -33,6 +35,13 @@ def run(command: click.Command, name: str) -> None:
     except (click.Abort, KeyboardInterrupt):
         click.echo(f"{name}: interrupted", err=True)
         sys.exit(130)
+
+
+def _accept_any_character() -> None:
+    """Let terminals that cannot show a letter show a question mark."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _complain(name: str, message: str) -> None:

@@ -2,20 +2,28 @@
 
 import io
 import json
+import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import click
 import pytest
+from hypothesis import HealthCheck, given, settings
 from rich.console import Console
 
-from qvi_contact import terminal
+from qvi_contact import ContactProblem, Material, RectilinearMesh, Traction, load_problem, save_problem, solve, terminal
+from qvi_contact.cli import group
 from qvi_contact.errors import InputError, SolveError
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.units import Units
 from solvers import available
 from solvers.solve import METHODS
+from tests.qvi_contact.broken_files import RICH, mutated
 
-HEAVY = {"numpy", "scipy", "cvxpy", "matplotlib", "rich", "qpsolvers", "clarabel", "osqp"}
+EXAMPLES = Path(__file__).parent.parent.parent / "examples"
+HEAVY = {"numpy", "scipy", "cvxpy", "matplotlib", "rich", "qpsolvers", "clarabel", "osqp", "pydantic"}
 
 
 def command(*arguments):
@@ -150,3 +158,261 @@ def test_progress_on_a_terminal_tells_the_step(monkeypatch):
         advance("μ = 0.15")
     assert "paper: μ = 0.15" in screen.getvalue()
     assert "2/3" in screen.getvalue()
+
+
+@pytest.fixture
+def plate(tmp_path):
+    path = tmp_path / "plate.toml"
+    problem = compressed_plate(0.2, cells=(3, 3))
+    save_problem(path, problem, title="The plate", units=Units("mm", "MPa"), solve_options={"damping": 0.6})
+    return path
+
+
+@pytest.fixture
+def sliding(tmp_path):
+    """A block with more shear than friction can carry."""
+    path = tmp_path / "sliding.toml"
+    text = (EXAMPLES / "dragged_block_slides.toml").read_text(encoding="utf-8")
+    path.write_text(text.replace("cells = 8", "cells = 2").replace("cells = 4", "cells = 2"), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def cycle(tmp_path):
+    """Three steps of the cyclic example."""
+    path = tmp_path / "cycle.toml"
+    text = (EXAMPLES / "cyclic_shear.toml").read_text(encoding="utf-8")
+    text = text.replace("cells = 8", "cells = 4").replace("cells = 4", "cells = 2")
+    path.write_text(text.replace("stop = 2.0, steps = 16", "stop = 0.5, steps = 2"), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def shell(capsys, monkeypatch):
+    """Run the command in this process; exit status, standard output, standard error."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["qvi-contact", *map(str, arguments)])
+        with pytest.raises(SystemExit) as caught:
+            terminal.run(group, "qvi-contact")
+        return (caught.value.code, *capsys.readouterr())
+
+    return call
+
+
+def test_solve_reports_what_python_computes(shell, plate):
+    status, out, err = shell("solve", plate)
+    assert (status, err) == (0, "")
+    line = solve(load_problem(plate).problem).contacts["plate"]
+    assert out.splitlines()[0] == "The plate"
+    assert "solved: solved after" in out
+    assert "certificate passed" in out
+    row = next(row for row in out.splitlines() if row.startswith("plate "))
+    assert float(row.split()[1]) == pytest.approx(line.normal_force, rel=1e-5)
+    assert float(row.split()[2]) == pytest.approx(line.tangential_force, rel=1e-5)
+    shares = [float(word) for word in row.split()[3::2]]
+    assert sum(shares) == pytest.approx(100.0, abs=0.2)
+    assert "[MPa mm]" in out
+
+
+def test_solve_as_json(shell, plate):
+    status, out, err = shell("solve", plate, "--json")
+    assert (status, err) == (0, "")
+    document = json.loads(out)
+    assert document["solved"] is True
+    assert document["title"] == "The plate"
+    force = solve(load_problem(plate).problem).contacts["plate"].normal_force
+    assert str(round(force, 6)) in json.dumps(json.loads(out, parse_float=lambda text: str(round(float(text), 6))))
+
+
+def test_a_load_beyond_friction_is_status_1_with_the_reason(shell, sliding):
+    status, out, err = shell("solve", sliding)
+    assert (status, err) == (1, "")
+    assert "friction on 'base'" in out
+    status, out, err = shell("solve", sliding, "--json")
+    assert (status, err) == (1, "")
+    assert json.loads(out)["solved"] is False
+    assert "friction on 'base'" in out
+
+
+def test_files_are_written_beside_the_report(shell, plate, tmp_path):
+    files = {"--plot": "a.png", "--vtk": "a.vtu", "--npz": "a.npz", "--save-json": "a.json"}
+    status, out, err = shell("solve", plate, *(str(part) for o, f in files.items() for part in (o, tmp_path / f)))
+    assert (status, err) == (0, "")
+    assert out.startswith("The plate")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["solved"] is True
+    assert all((tmp_path / name).stat().st_size > 100 for name in files.values())
+
+
+def test_without_a_state_there_are_no_fields(shell, sliding, tmp_path):
+    status, _, err = shell("solve", sliding, "--vtk", tmp_path / "a.vtu", "--plot", tmp_path / "a.png")
+    assert status == 1
+    assert "no stress state" in err
+    assert not (tmp_path / "a.vtu").exists()
+    assert (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "target", "words"),
+    [
+        ("--plot", "a.jpeg", ".png"),
+        ("--plot", "missing/a.png", "cannot be written"),
+        ("--vtk", "", "name of a file"),
+        ("--npz", ".", "name of a file"),
+        ("--save-json", "plate.toml", "the problem file"),
+    ],
+)
+def test_targets_are_checked_before_the_work(shell, plate, monkeypatch, option, target, words):
+    monkeypatch.setattr("qvi_contact.problem_file.load_problem", None)
+    monkeypatch.chdir(plate.parent)
+    status, out, err = shell("solve", "plate.toml", option, target)
+    assert (status, out) == (2, "")
+    assert err.startswith(f"qvi-contact: {option[2:] if words == '.png' else option}: ")
+    assert words in err
+    assert len(err.splitlines()) == 1
+
+
+def test_two_options_cannot_share_a_file(shell, plate, tmp_path):
+    status, _, err = shell("solve", plate, "--npz", tmp_path / "a", "--save-json", tmp_path / "a")
+    assert status == 2
+    assert "the file of --npz too" in err
+
+
+def test_options_override_the_file(shell, plate):
+    status, out, _ = shell("solve", plate, "--method", "uzawa", "--tolerance", "1e-3")  # without the file's damping
+    assert status in (0, 1)
+    assert "damping" not in out
+    text = plate.read_text(encoding="utf-8")
+    plate.write_text(text.replace("[solve]", '[solve]\ninner = "qp:nonsense"'), encoding="utf-8")
+    assert shell("solve", plate, "--inner", "qp:clarabel")[0] == 0
+    status, _, err = shell("solve", plate)
+    assert status == 2
+    assert "solve.inner: 'qp:nonsense'" in err
+    assert "qp:clarabel" in err
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--method", "nonsense", "uzawa"),
+        ("--inner", "qp:nonsense", "qp:clarabel"),
+        ("--tolerance", "2", "between 0 and 1"),
+    ],
+)
+def test_unknown_options_list_what_there_is(shell, plate, option, value, words):
+    status, out, err = shell("solve", plate, option, value)
+    assert (status, out) == (2, "")
+    assert words in err
+    assert len(err.splitlines()) == 1
+
+
+def test_a_history_is_a_table(shell, cycle):
+    status, out, err = shell("solve", cycle)
+    assert (status, err) == (0, "")
+    rows = [line.split() for line in out.splitlines() if line[:1].isdigit()]
+    assert [row[:3] for row in rows] == [["1", "0", "solved"], ["2", "0.25", "solved"], ["3", "0.5", "solved"]]
+    assert "solved: all 3 steps solved" in out
+
+
+def test_a_history_as_json_and_picture(shell, cycle, tmp_path):
+    status, out, err = shell("solve", cycle, "--json", "--plot", tmp_path / "loop.svg")
+    assert (status, err) == (0, "")
+    document = json.loads(out)
+    assert document["times"] == [0.0, 0.25, 0.5]
+    assert len(document["steps"]) == 3
+    assert "<svg" in (tmp_path / "loop.svg").read_text(encoding="utf-8")
+
+
+def test_check_says_what_was_understood(shell, tmp_path):
+    rich = tmp_path / "rich.toml"
+    rich.write_text(RICH, encoding="utf-8")
+    status, out, err = shell("check", rich, "--plot", tmp_path / "rich.png")
+    assert (status, err) == (0, "")
+    for words in ("everything", "cells", "unknowns", "joint", "friction = mu", "E = 2000 Pa", "max_iterations = 60"):
+        assert words in out
+    assert (tmp_path / "rich.png").exists()
+
+
+def test_check_as_json_adds_up_the_loads(shell):
+    status, out, err = shell("check", EXAMPLES / "gravity_column.toml", "--json")
+    assert (status, err) == (0, "")
+    document = json.loads(out)
+    (body,) = document["loads"]
+    assert body["name"] == "body"
+    assert body["y"] == pytest.approx(-98100.0)
+    assert body["moment"] == pytest.approx(-98100.0 * 0.5)
+    assert document["mesh"]["cells"] == 6 * 12
+
+
+def test_check_finds_loads_out_of_balance(shell, tmp_path):
+    free = [Traction(side, x=1.0 if side == "top" else 0.0, y=0.0) for side in ("left", "right", "top", "bottom")]
+    mesh = RectilinearMesh.rectangle((1, 1))
+    save_problem(tmp_path / "free.toml", ContactProblem(mesh, Material(1.0, 0.0), free))
+    for command in ("check", "solve"):
+        status, out, err = shell(command, tmp_path / "free.toml")
+        assert (status, out) == (2, "")
+        assert "boundary conditions: " in err
+        assert "out of balance" in err
+
+
+def test_limit(shell, sliding):
+    loads = [part for name in ("drag", "right", "left") for part in ("--load", name)]
+    status, out, err = shell("limit", sliding, *loads, "--json")
+    assert (status, err) == (0, "")
+    assert json.loads(out)["factor"] == pytest.approx(1 / 1.01, rel=1e-6)
+    assert "0.99009901 times" in shell("limit", sliding, *loads)[1]
+    status, _, err = shell("limit", sliding, "--load", "nonsense")
+    assert status == 2
+    assert "drag" in err
+
+
+@pytest.mark.parametrize("name", ["solve", "check", "limit"])
+def test_a_missing_file_is_one_line(shell, name):
+    status, out, err = shell(name, "missing.toml", *(["--load", "a"] if name == "limit" else []))
+    assert (status, out) == (2, "")
+    assert "file: 'missing.toml': cannot be read" in err
+    assert len(err.splitlines()) == 1
+
+
+def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
+    """At least 500 of the generated files are broken; those that are not are solved, or not, and checked."""
+    path, endings = tmp_path / "broken.toml", []
+
+    @settings(max_examples=700, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(mutated())
+    def one_file(content):
+        path.write_bytes(content)
+        status, out, err = shell("solve", path)
+        endings.append(status)
+        if status == 2:
+            assert out == ""
+            assert len(err.splitlines()) == 1
+            assert err.startswith("qvi-contact: ")
+            assert len(err) > 30
+        else:
+            assert status in (0, 1)
+            assert err == ""
+            status, out, err = shell("check", path)
+            assert (status, err) == (0, "")
+
+    one_file()
+    assert endings.count(2) >= 500
+    assert endings.count(0) >= 10
+
+
+@pytest.mark.parametrize("content", [b"\xff", b"version = 1\n[mesh]\nx = 3", b"x = [", b""])
+def test_broken_files_from_outside(tmp_path, content):
+    (tmp_path / "broken.toml").write_bytes(content)
+    done = command("solve", str(tmp_path / "broken.toml"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_terminal_without_greek_gets_question_marks():
+    done = subprocess.run(
+        [sys.executable, "-m", "qvi_contact", "check", str(EXAMPLES / "punch.toml")],
+        capture_output=True, timeout=60, check=False, env={**os.environ, "PYTHONIOENCODING": "latin-1"},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"? = 0.3" in done.stdout

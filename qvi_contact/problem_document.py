@@ -1,0 +1,409 @@
+"""The schema of problem files, version 1: which tables and keys there are, before any of them means mechanics.
+
+Paths in errors count from 0: ``contacts[1].friction`` belongs to the second ``[[contacts]]``.
+"""
+
+import difflib
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+
+from qvi_contact.errors import InputError
+
+VERSION: Final = 1
+
+_LARGEST: Final = 1e60  # numbers beyond it overflow when they are squared and multiplied
+_WHOLE: Final = 2**63  # TOML's whole numbers have 64 bits
+_LONGEST_NAME: Final = 100
+_MOST_CELLS: Final = 10_000  # in a row
+
+
+def _one_line(text: str) -> str:
+    if not text.strip() or not text.isprintable() or len(text) > _LONGEST_NAME:
+        raise InputError("", text, f"give a text of one line and at most {_LONGEST_NAME} characters")
+    return text
+
+
+def _not_tiny(value: float) -> float:
+    if 0.0 < value < 1.0 / _LARGEST:
+        raise InputError("", value, f"give at least {1.0 / _LARGEST:g}: take other units if you need less")
+    return value
+
+
+def _kind_of_axis(value: Any) -> str | None:
+    if isinstance(value, dict | Segment):
+        return "<segment>"
+    if not isinstance(value, list):
+        return None
+    return "<segments>" if value and isinstance(value[0], dict | Segment) else "<lines>"
+
+
+def _kind_of_field(value: Any) -> str | None:
+    if isinstance(value, bool):
+        return None
+    kinds: dict[type, str] = {int: "<number>", float: "<number>", str: "<text>", dict: "<table>"}
+    return kinds.get(type(value), "<table>" if isinstance(value, PolynomialTable) else None)
+
+
+class Table(BaseModel):
+    """A table that refuses keys it does not know, and types that are merely similar."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_keys(cls, data: Any) -> Any:
+        for key in data if isinstance(data, dict) else ():
+            if key not in cls.model_fields:
+                raise InputError(quoted(key), data[key], _instead(key, cls.model_fields))
+        return data
+
+
+class PolynomialTable(Table):
+    """Σ_ij c_ij xⁱ yʲ, as ``{ polynomial = [[c00, c01], [c10]] }``."""
+
+    polynomial: list[list[float]]
+
+
+Name = Annotated[str, AfterValidator(_one_line)]
+Modulus = Annotated[float, AfterValidator(_not_tiny)]
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Scalar = Annotated[
+    Annotated[float, Tag("<number>")] | Annotated[str, Tag("<text>")],
+    Discriminator(
+        _kind_of_field,
+        custom_error_type="scalar",
+        custom_error_message="give a number, or an expression of constants and t in quotes",
+    ),
+]
+FieldValue = Annotated[
+    Annotated[float, Tag("<number>")] | Annotated[str, Tag("<text>")] | Annotated[PolynomialTable, Tag("<table>")],
+    Discriminator(
+        _kind_of_field,
+        custom_error_type="field",
+        custom_error_message="give a number, an expression in quotes, or { polynomial = [[c00, c01], [c10]] }",
+    ),
+]
+
+
+class UnitsTable(Table):
+    """Labels; nothing is converted."""
+
+    length: Name = "length"
+    stress: Name = "stress"
+
+
+class Segment(Table):
+    """Grid lines from `start` to `stop`, see `qvi_contact.graded_lines`; `start` may be left out after another one."""
+
+    start: float | None = None
+    stop: float
+    cells: Annotated[int, Field(ge=1, le=_MOST_CELLS)]
+    grading: float = 1.0
+    both_ends: bool = False
+
+
+Axis = Annotated[
+    Annotated[list[float], Tag("<lines>")]
+    | Annotated[Segment, Tag("<segment>")]
+    | Annotated[list[Segment], Tag("<segments>")],
+    Discriminator(
+        _kind_of_axis,
+        custom_error_type="axis",
+        custom_error_message="give a list of grid lines, or { start = 0.0, stop = 1.0, cells = 8 }, or a list of such",
+    ),
+]
+
+
+class Rectangle(Table):
+    """Cells between grid lines; a range left out reaches across the whole mesh."""
+
+    x: Pair | None = None
+    y: Pair | None = None
+
+
+class RefineTable(Table):
+    """See `qvi_contact.RectilinearMesh.refined`."""
+
+    largest: float
+    smallest: float | None = None
+    ratio: Annotated[float, Field(ge=0.01, le=0.99)] = 0.5
+    towards: list[str] = []
+
+
+class MeshTable(Table):
+    """Grid lines, cells left out, refinement."""
+
+    x: Axis
+    y: Axis
+    remove: list[Rectangle] = []
+    refine: RefineTable | None = None
+
+
+class EdgesTable(Table):
+    """A named part of the boundary, see `RectilinearMesh.with_edges`."""
+
+    name: Name
+    side: Literal["bottom", "right", "top", "left"]
+    start: float | None = None
+    stop: float | None = None
+    at: float | None = None
+
+
+class JointTable(Table):
+    """A named line inside the body, see `RectilinearMesh.with_joint`."""
+
+    name: Name
+    direction: Literal["horizontal", "vertical"]
+    at: float
+    start: float | None = None
+    stop: float | None = None
+
+
+class MaterialTable(Table):
+    """The body's material."""
+
+    young: Modulus
+    poisson: float
+    plane: Literal["stress", "strain"] = "stress"
+
+
+class RegionTable(Rectangle):
+    """Cells of another material."""
+
+    young: Modulus
+    poisson: float
+
+
+class SymmetryTable(Table):
+    """A line of symmetry."""
+
+    edges: str
+
+
+class DisplacementTable(Table):
+    """Prescribed displacements."""
+
+    edges: str
+    x: FieldValue | None = None
+    y: FieldValue | None = None
+
+
+class TractionTable(DisplacementTable):
+    """Prescribed tractions."""
+
+    name: Name | None = None
+
+
+class PlateTable(Table):
+    """A rigid plate driven by force and moment."""
+
+    force_x: Scalar | None = None
+    force_y: Scalar | None = None
+    moment: Scalar | None = None
+    pivot: Pair = [0.0, 0.0]
+
+
+class ContactTable(Table):
+    """Contact with friction; `friction` may be left out of tied contacts only."""
+
+    edges: str
+    friction: FieldValue | None = None
+    gap: FieldValue = 0.0
+    offset: FieldValue = 0.0
+    name: Name | None = None
+    cohesion: FieldValue = 0.0
+    shear_limit: FieldValue | None = None
+    law: Literal["unilateral", "bilateral", "tied"] = "unilateral"
+    plate: PlateTable | None = None
+
+    @model_validator(mode="after")
+    def _friction_is_given(self) -> "ContactTable":
+        if self.friction is None and self.law != "tied":
+            raise InputError("friction", None, "give the coefficient of friction, 0.0 if there is none")
+        return self
+
+
+class SolveTable(Table):
+    """Defaults for `qvi_contact.solve`; all but the first three are options of a method."""
+
+    method: str | None = None
+    inner: str | None = None
+    tolerance: float | None = None
+    variant: str | None = None
+    damping: float | None = None
+    memory: int | None = None
+    max_iterations: int | None = None
+    inner_tolerance: float | None = None
+    patience: int | None = None
+    form: str | None = None
+    rule: str | None = None
+    omega_T: float | None = None  # noqa: N815  # the name of the option
+    omega_N: float | None = None  # noqa: N815
+    step_decay: float | None = None
+    decay: str | None = None
+    iterations: int | None = None
+
+
+class TimeRange(Table):
+    """Times from `start` to `stop`, both included, in equal steps."""
+
+    start: float = 0.0
+    stop: float
+    steps: Annotated[int, Field(ge=1, le=10_000)]
+
+
+class HistoryTable(Table):
+    """Load steps: the values that t takes."""
+
+    times: Annotated[
+        Annotated[list[float], Tag("<lines>")] | Annotated[TimeRange, Tag("<segment>")],
+        Discriminator(
+            _kind_of_axis,
+            custom_error_type="times",
+            custom_error_message="give a list of times, or { start = 0.0, stop = 1.0, steps = 10 }",
+        ),
+    ]
+
+
+class Document(Table):
+    """A whole problem file."""
+
+    version: Literal[1]
+    title: str = ""
+    description: str = ""
+    body_potential: FieldValue = 0.0
+    units: UnitsTable = UnitsTable()
+    constants: dict[str, float] = {}
+    mesh: MeshTable
+    edges: list[EdgesTable] = []
+    joints: list[JointTable] = []
+    material: MaterialTable
+    regions: list[RegionTable] = []
+    symmetry: list[SymmetryTable] = []
+    displacements: list[DisplacementTable] = []
+    tractions: list[TractionTable] = []
+    contacts: list[ContactTable] = []
+    solve: SolveTable = SolveTable()
+    history: HistoryTable | None = None
+
+
+def parse(text: str) -> Document:
+    """The document in a TOML text.
+
+    Raises
+    ------
+    InputError
+        If the text is no TOML, or does not follow the schema; the first thing wrong is named by its path.
+
+    """
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # also whole numbers of too many digits
+        raise InputError("TOML", _wrong_line(text, str(error)), f"correct the syntax: {error}") from error
+    _check_values(data, "")
+    try:
+        return Document.model_validate(data)
+    except ValidationError as error:
+        raise _first_error(error) from error
+
+
+def quoted(key: object) -> str:
+    """A key as TOML writes it: bare if it can be."""
+    text = str(key)
+    return text if text.replace("_", "").replace("-", "").isalnum() and text.isascii() else repr(text)
+
+
+def joined_path(parts: Iterable[object]) -> str:
+    """The path of a value: ``("contacts", 2, "friction")`` is contacts[2].friction."""
+    path = ""
+    for part in parts:
+        path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else str(part)
+    return path
+
+
+def _check_values(value: object, path: str) -> None:
+    """Refuse values that TOML knows and no table wants."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _check_values(item, joined_path((path, quoted(key)) if path else (quoted(key),)))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            _check_values(item, f"{path}[{index}]")
+    elif isinstance(value, int) and not -_WHOLE <= value < _WHOLE:
+        raise InputError(path, f"a number of {value.bit_length()} bits", "give a whole number of at most 64 bits")
+    elif isinstance(value, float) and not abs(value) <= _LARGEST:
+        raise InputError(
+            path, value, f"give a finite number, of at most {_LARGEST:g}: take other units if you need more"
+        )
+    elif not isinstance(value, int | float | str):
+        raise InputError(
+            path, str(value), "give a number, a text in quotes, a list or a table; dates mean nothing here"
+        )
+
+
+def _wrong_line(text: str, message: str) -> str:
+    """The line that the parser complains about, if it says which."""
+    _, found, rest = message.partition("at line ")
+    number = rest.split(",")[0]
+    lines = text.splitlines()
+    return lines[int(number) - 1] if found and number.isdigit() and 0 < int(number) <= len(lines) else ""
+
+
+def _instead(key: str, known: Mapping[str, object]) -> str:
+    """What to write in place of an unknown key."""
+    listed = f"the keys here are {', '.join(known)}"
+    close = difflib.get_close_matches(key, known, n=1)
+    if close:
+        return f"there is no such key; did you mean {close[0]}? ({listed})"
+    if key in Document.model_fields:
+        return f"this belongs to the top of the file, before the first [table]; {listed}"
+    return f"there is no such key; {listed}"
+
+
+def _first_error(error: ValidationError) -> InputError:
+    """The first thing wrong as one `InputError`; pydantic lists them in the order of the schema."""
+    details = error.errors(include_url=False)
+    first = min(details, key=lambda one: one["type"] == "missing")  # a wrong key explains a missing one
+    location = [p if isinstance(p, int) else quoted(p) for p in first["loc"] if not str(p).startswith("<")]
+    value, remedy = first["input"], _remedy(first)
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, InputError):
+        value, remedy = cause.value, cause.remedy
+        location += [cause.field] if cause.field else []
+    if first["type"] == "missing":
+        value = None
+    more = len(details) - 1
+    return InputError(joined_path(location) or "file", value, remedy + (f" ({more} more to correct)" if more else ""))
+
+
+def _remedy(error: Mapping[str, Any]) -> str:
+    """What to do about an error of pydantic."""
+    kind, limits = error["type"], error.get("ctx", {})
+    if kind == "list_type" and isinstance(error["input"], dict) and len(error["loc"]) == 1:
+        return f"write [[{error['loc'][-1]}]], in double brackets: there may be several"
+    if kind == "literal_error":
+        return _choices(error["input"], limits["expected"])
+    fixed = {
+        "missing": "add this key, it is needed",
+        "list_type": "give a list, in [ ]",
+        "model_type": "give a table: keys and values",
+        "dict_type": "give a table: keys and values",
+        "float_type": "give a number",
+        "int_type": "give a whole number",
+        "string_type": "give a text in quotes",
+        "bool_type": "give true or false",
+        "too_short": f"give a list of {limits.get('min_length')} entries",
+        "too_long": f"give a list of {limits.get('max_length')} entries",
+        "greater_than_equal": f"give at least {limits.get('ge')}",
+        "less_than_equal": f"give at most {limits.get('le')}",
+    }
+    return fixed.get(kind, str(error["msg"]))
+
+
+def _choices(value: object, expected: str) -> str:
+    words: Sequence[str] = [part.strip(" '") for part in expected.replace(" or ", ",").split(",")]
+    close = difflib.get_close_matches(value, words, n=1) if isinstance(value, str) else []
+    return f"give {expected}" + (f"; did you mean {close[0]!r}?" if close else "")

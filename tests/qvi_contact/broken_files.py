@@ -1,0 +1,170 @@
+"""Problem files that hypothesis breaks."""
+
+import copy
+import tomllib
+
+import tomli_w
+from hypothesis import strategies as st
+
+RICH = """
+version = 1
+title = "everything"
+body_potential = { polynomial = [[0.0, 0.1]] }
+
+[units]
+length = "m"
+stress = "Pa"
+
+[constants]
+p = 2.0
+mu = 0.3
+
+[mesh]
+x = [{ start = 0.0, stop = 1.0, cells = 2 }, { stop = 2.0, cells = 1 }]
+y = [0.0, 0.5, 1.0]
+remove = [{ x = [1.0, 2.0], y = [0.5, 1.0] }]
+refine = { largest = 1.0, smallest = 0.5, ratio = 0.5, towards = ["roof"] }
+
+[[edges]]
+name = "roof"
+side = "top"
+at = 1.0
+
+[[edges]]
+name = "step"
+side = "top"
+start = 1.0
+stop = 2.0
+at = 0.5
+
+[[joints]]
+name = "joint"
+direction = "horizontal"
+at = 0.5
+stop = 1.0
+
+[material]
+young = 1000.0
+poisson = 0.25
+plane = "strain"
+
+[[regions]]
+x = [0.0, 1.0]
+young = 2000.0
+poisson = 0.1
+
+[[symmetry]]
+edges = "left"
+
+[[displacements]]
+edges = "roof"
+x = 0.0
+y = "-1e-3 * (1 + x)"
+
+[[tractions]]
+edges = "right"
+name = "side"
+x = "-p * (1 - y) * 0"
+y = 0.0
+
+[[tractions]]
+edges = "step"
+x = 0.0
+y = -0.5
+
+[[contacts]]
+edges = "bottom"
+name = "ground"
+friction = "mu"
+gap = { polynomial = [[0.0], [1e-5]] }
+cohesion = 0.1
+shear_limit = 5.0
+
+[[contacts]]
+edges = "joint"
+friction = 0.6
+law = "bilateral"
+
+[solve]
+inner = "qp:clarabel"
+tolerance = 1e-8
+max_iterations = 60
+"""
+
+numbers = st.floats(allow_nan=True) | st.integers() | st.sampled_from([0, -1, 1e-320, 1e308, 2**70, -0.0, 1e59])
+words = st.text(max_size=12) | st.sampled_from(
+    [
+        "t",
+        "x /",
+        "1/0",
+        "x**99999",
+        "().__class__",
+        "open('f')",
+        "top",
+        "bottom",
+        "joint",
+        "roof",
+        "lambda: 1",
+        "9" * 300,
+    ]
+)
+junk = st.deferred(
+    lambda: (
+        numbers
+        | words
+        | st.booleans()
+        | st.lists(numbers | words, max_size=3)
+        | st.dictionaries(words, numbers, max_size=2)
+    )
+)
+
+
+def places(value, path=()):
+    """Paths of all values in nested tables and lists."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in items:
+        yield (*path, key)
+        yield from places(item, (*path, key))
+
+
+@st.composite
+def mutated(draw):
+    """The rich file with one to three things wrong, as bytes."""
+    data = copy.deepcopy(tomllib.loads(RICH))
+    for _ in range(draw(st.integers(1, 3))):
+        _break(draw, data)
+    text = _as_toml(data).encode("utf-8", "replace")
+    how = draw(st.sampled_from(["whole"] * 8 + ["cut", "bytes"]))
+    at = draw(st.integers(0, len(text)))
+    return {"whole": text, "cut": text[:at], "bytes": text[:at] + draw(st.binary(max_size=8)) + text[at:]}[how]
+
+
+def _as_toml(data):
+    try:
+        return tomli_w.dumps(data)
+    except (TypeError, ValueError):
+        return "version = 1"
+
+
+def _break(draw, data):
+    """Delete, replace or rename one value, double a table, or add a key."""
+    path = draw(st.sampled_from(list(places(data)) or [()]))
+    if not path:
+        return
+    parent = data
+    for key in path[:-1]:
+        parent = parent[key]
+    kind = draw(st.sampled_from(["delete", "replace", "replace", "scale", "rename", "double", "add"]))
+    value = parent[path[-1]]
+    if kind == "delete":
+        del parent[path[-1]]
+    elif kind == "scale" and isinstance(value, (int, float)) and not isinstance(value, bool):
+        parent[path[-1]] = value * draw(st.sampled_from([-1, 2, 0.5, 1e12, 1e-12, 0]))
+    elif kind == "rename" and isinstance(parent, dict):
+        parent[str(path[-1])[:-1] + draw(st.sampled_from("abz "))] = parent.pop(path[-1])
+    elif kind == "double" and isinstance(parent, list):
+        parent.append(copy.deepcopy(value))
+    elif kind == "add" and isinstance(value, dict):
+        value[draw(words)] = draw(junk)
+    else:
+        parent[path[-1]] = draw(junk)

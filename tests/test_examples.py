@@ -1,0 +1,141 @@
+"""Every file in the folder examples is solved, ends as its comments say, and has the numbers they promise."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qvi_contact import load_problem, solve
+from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.history import solve_history
+from qvi_contact.limit import limit_load_factor
+from solvers import Status
+
+FOLDER = Path(__file__).parent.parent / "examples"
+FILES = sorted(path.stem for path in FOLDER.glob("*.toml"))
+QUICK = {"ssnv128": "qp:daqp", "dry_stone_wall": "qp:daqp"}  # inner solvers that save the tests time
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+@cache
+def example(name):
+    return load_problem(FOLDER / f"{name}.toml")
+
+
+@cache
+def answer(name):
+    return solve(example(name).problem, **{"inner": QUICK.get(name, "qp:clarabel"), **example(name).solve_options})
+
+
+def forces(name, contact):
+    line = answer(name).contacts[contact]
+    return line.normal_force, line.tangential_force
+
+
+def test_the_folder_has_what_the_tests_expect():
+    assert len(FILES) >= 9
+    assert {"compressed_plate", "ssnv128", "punch", "bracket", "block_with_hole", "gravity_column"} < set(FILES)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_comments_say_what_to_expect(name):
+    text = (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
+    comments = [line for line in text.splitlines() if line.startswith("#")]
+    assert f"examples/{name}.toml" in text
+    assert any("xpect" in line for line in comments)
+    assert max(map(len, text.splitlines())) <= 120
+    assert example(name).title
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name != "cyclic_shear"])
+def test_status(name):
+    expected = Status.INFEASIBLE if name == "dragged_block_slides" else Status.SOLVED
+    assert answer(name).status is expected
+    assert answer(name).certificate.passed == (expected is Status.SOLVED)
+
+
+def test_compressed_plate_is_that_of_the_gallery():
+    same = solve(compressed_plate(0.2, cells=(16, 16), grading=0.9)).contacts["plate"]
+    normal, tangential = forces("compressed_plate", "plate")
+    assert normal == pytest.approx(same.normal_force, rel=1e-7)
+    assert tangential == pytest.approx(same.tangential_force, rel=1e-6)
+    assert 209.0 < normal < 214.5
+
+
+def test_ssnv128():
+    problem, same = example("ssnv128").problem, ssnv128()
+    assert problem.conditions == tuple(sorted(same.conditions, key=lambda c: "STC".index(type(c).__name__[0])))
+    normal, tangential = forces("ssnv128", "base")
+    assert normal == pytest.approx(2.0e6, rel=1e-9)
+    assert tangential == pytest.approx(-1.4053e6, rel=2e-3)
+
+
+def test_punch_carries_its_force_and_peaks_at_its_edges():
+    line = answer("punch").contacts["punch"]
+    assert line.normal_force == pytest.approx(100.0, rel=1e-9)
+    assert line.tangential_force == pytest.approx(0.0, abs=1e-6)
+    middle = -np.interp(0.0, line.x, line.normal_stress)
+    assert middle == pytest.approx(100.0 / np.pi, rel=0.15)
+    assert -line.normal_stress[[0, -1]].max() > 3.0 * middle
+    slips = np.abs(line.x[line.state == 2])
+    assert len(slips)
+    assert slips.min() > 0.8
+
+
+def test_bracket_obeys_statics():
+    normal, tangential = forces("bracket", "ground")
+    assert (normal, tangential) == (pytest.approx(10.0, rel=1e-9), pytest.approx(-3.0, rel=1e-9))
+    line = answer("bracket").contacts["ground"]
+    assert -(line.weights @ (line.x * line.normal_stress)) == pytest.approx(0.95 * 10.0, rel=1e-9)
+
+
+def test_hole_is_free_and_makes_the_block_softer():
+    result = answer("block_with_hole")
+    for edges in ("hole floor", "hole roof"):
+        assert result.resultant(edges).y == pytest.approx(0.0, abs=1e-9)
+    assert result.contacts["plate"].normal_force == pytest.approx(21.94, rel=1e-3)
+
+
+def test_gravity_column_weighs_on_the_ground():
+    normal, tangential = forces("gravity_column", "ground")
+    assert normal == pytest.approx(98100.0, rel=1e-9)
+    assert tangential == pytest.approx(0.0, abs=1e-6 * normal)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("dragged_block_holds", 1 / 0.99), ("dragged_block_slides", 1 / 1.01)])
+def test_dragged_block_has_its_limit_load(name, factor):
+    assert limit_load_factor(example(name).problem, ["drag", "right", "left"]) == pytest.approx(factor, rel=1e-6)
+
+
+def test_dragged_block_holds():
+    assert forces("dragged_block_holds", "base") == (pytest.approx(20.0), pytest.approx(-9.9))
+    assert "friction on 'base'" in answer("dragged_block_slides").message
+
+
+def test_stacked_blocks_hand_their_forces_on():
+    result = answer("stacked_blocks")
+    top = result.resultant("top")
+    for joint in ("lower", "upper"):
+        normal, tangential = forces("stacked_blocks", joint)
+        assert normal == pytest.approx(-top.y, rel=1e-9)
+        assert tangential == pytest.approx(top.x, rel=1e-9)
+        assert abs(tangential) < 0.4 * normal
+
+
+def test_dry_stone_wall_carries_what_lies_above():
+    for contact, weight in (("upper bed", 162.0), ("lower bed", 234.0), ("ground", 306.0)):
+        assert forces("dry_stone_wall", contact)[0] == pytest.approx(weight, rel=1e-9)
+
+
+def test_cyclic_shear_repeats_itself_and_costs_energy():
+    history = solve_history(example("cyclic_shear").problems)
+    assert history.status is Status.SOLVED
+    times, (_, force) = np.array(example("cyclic_shear").times), history.loop("ground")
+    normal = np.array([step.contacts["ground"].normal_force for step in history.steps])
+    assert (np.abs(force) <= 0.3 * normal * (1 + 1e-6)).all()
+    second = times > 1.0
+    np.testing.assert_allclose(force[second], force[(times > 0.0) & ~second], rtol=1e-5, atol=1e-5)
+    assert force[times == 1.0] > 100.0  # the ground is back in its place, the force is not
+    assert history.dissipated.sum() == pytest.approx(0.9, rel=0.05)
