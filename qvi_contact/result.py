@@ -58,7 +58,8 @@ class Energies:
     complementary : float
         strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
     dissipation : float
-        −∫ σ_T (u_T − w) ds, work lost in friction: ≥ 0 up to the mesh, since the slip is a projection.
+        −∫ σ_T (u_T − w) ds, work lost in friction, from the projected slip: ≥ 0 up to the mesh. Beside a prescribed
+        shear other than zero the slip is extrapolated, and this with it; `History.dissipated` does not use it.
 
     """
 

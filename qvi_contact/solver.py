@@ -12,7 +12,7 @@ from qvi_contact.problem import ContactProblem
 from qvi_contact.result import ContactResult
 from solvers import Status, solve_qvi
 
-_CANNOT_CARRY = (Status.INFEASIBLE, Status.INNER_INFEASIBLE)
+_CANNOT_CARRY = (Status.INFEASIBLE, Status.INNER_INFEASIBLE, Status.BACKEND_FAILED)
 
 
 def solve(

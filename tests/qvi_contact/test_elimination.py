@@ -10,6 +10,7 @@ from qvi_contact import (
     Displacement,
     InputError,
     Material,
+    Polynomial,
     RectilinearMesh,
     Symmetry,
     Traction,
@@ -203,3 +204,17 @@ def test_discretisation_of_65536_cells_takes_less_than_a_second():
         discretize(problem)
         times.append(process_time() - start)
     assert min(times) < 1.0
+
+
+def test_both_ways_to_the_load_vector_agree():
+    """Assembled loads f, and load − Rᵀr₀ through element stresses, with body force, obstacle and displacement."""
+    mesh = RectilinearMesh.rectangle((4, 3), 2.0, 1.0, grading=0.8)
+    sides = [
+        Contact("bottom", friction=0.3, gap=Polynomial([[0.0], [1e-3]]), offset=1e-3),
+        Displacement("left", x=0.0, y=Polynomial([[0.0, 2e-3]])),
+        Traction("right", x=Polynomial([[1.0, -1.0]]), y=0.0),
+        Traction("top", x=0.0, y=-1.0),
+    ]
+    qvi = discretize(ContactProblem(mesh, Material(1e3, 0.3, "strain"), sides, lambda x, y: 3.0 * y + x**2)).qvi
+    other = qvi.load - qvi.root.adjoint(qvi.root.apply(np.zeros(qvi.n)))
+    assert qvi.f == pytest.approx(other, abs=1e-12 * np.abs(qvi.f).max())

@@ -1,0 +1,45 @@
+"""Pictures of problems and results, drawn on axes the caller gives; needs the extra ``plot`` (matplotlib).
+
+Nothing here needs a screen, keeps state or changes matplotlib's settings. Colours are safe for colour-blind readers,
+and nothing depends on colour alone.
+"""
+
+from qvi_contact.plots.fields import COMPONENT_LABELS, principal_stress_map, stress_field
+from qvi_contact.plots.figures import history_figure, hysteresis_loop, problem_figure, result_figure
+from qvi_contact.plots.motion import deformed_contact
+from qvi_contact.plots.problem import draw_problem
+from qvi_contact.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    VERMILLION,
+    has_matplotlib,
+    picture_suffix,
+    require_matplotlib,
+    save_figure,
+)
+from qvi_contact.plots.tractions import contact_tractions, friction_used
+
+__all__ = [
+    "BLUE",
+    "COMPONENT_LABELS",
+    "GREEN",
+    "GREY",
+    "ORANGE",
+    "VERMILLION",
+    "contact_tractions",
+    "deformed_contact",
+    "draw_problem",
+    "friction_used",
+    "has_matplotlib",
+    "history_figure",
+    "hysteresis_loop",
+    "picture_suffix",
+    "principal_stress_map",
+    "problem_figure",
+    "require_matplotlib",
+    "result_figure",
+    "save_figure",
+    "stress_field",
+]

@@ -1,0 +1,227 @@
+"""Stresses over the whole body: crosses of principal stresses, and components as coloured fields."""
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from qvi_contact.checks import FloatArray
+from qvi_contact.plots.style import (
+    BLUE,
+    VERMILLION,
+    draw_grid,
+    draw_outline,
+    frame,
+    legend_below,
+    lines,
+    points_per_length,
+)
+from qvi_contact.result import ContactResult
+from qvi_contact.sampling import out_of_plane_factor, sample_cells, stress_component
+from qvi_contact.stress import principal_stresses
+from qvi_contact.units import Units
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
+
+COMPONENT_LABELS: Final = {
+    "xx": "$\\sigma_{xx}$",
+    "yy": "$\\sigma_{yy}$",
+    "xy": "$\\sigma_{xy}$",
+    "von_mises": "von Mises stress",
+    "first": "$\\sigma_1$ in the plane",
+    "second": "$\\sigma_2$ in the plane",
+}
+
+_SAMPLES: Final = 320  # squares along the longer side that a field is drawn with
+_DOT: Final = 0.1  # diameter of the dots at the ends of tensions, as a share of the distance of crosses
+
+
+def principal_stress_map(
+    axes: "Axes",
+    result: ContactResult,
+    largest: float | None = None,
+    units: Units | None = None,
+    legend: bool = False,
+    crosses: int | None = None,
+) -> float:
+    """Draw the principal stresses as crosses at the 4×4 Gauss points of each cell.
+
+    A compressive stress is a solid line, a tensile one a dotted line with a round dot at each end; lengths are
+    proportional to the stress, and to the size of the cell, so that crosses of neighbouring points just meet.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw; axes are in units of length.
+    result : ContactResult
+        The state.
+    largest : float, optional
+        Stress [stress] drawn at full length; the largest one by default.
+    units : Units, optional
+        Labels of the axes and of the legend; without them the axes are left bare.
+    legend : bool
+        Say below the axes what the lines mean and which stress a line of full length has.
+    crosses : int, optional
+        Only about so many crosses along the body's longer side, at equal distances within each cell, and not in every
+        cell of a fine mesh; the Gauss points of all cells by default.
+
+    Returns
+    -------
+    float
+        The largest |principal stress| at all Gauss points [stress].
+
+    """
+    mesh, (x, y, stress) = result.problem.mesh, result.gauss_stress()
+    maximum = float(np.abs(principal_stresses(stress)[:2]).max())
+    full = largest or maximum or 1.0
+    spacing = np.sqrt(np.outer(np.diff(mesh.y), np.diff(mesh.x))[mesh.active]) / 4.0
+    spacing = np.repeat(spacing[:, None], x.shape[1], axis=1)
+    if crosses is not None:
+        x, y, stress, spacing = _sparse_samples(result, crosses)
+    first, second, angle = principal_stresses(stress)
+    draw_grid(axes, mesh)
+    width = float(np.clip(0.25 * np.median(spacing) * points_per_length(axes, mesh), 0.2, 1.1))
+    middle = np.stack([x, y], axis=-1)
+    for values, turn in ((first, 0.0), (second, np.pi / 2)):
+        direction = np.stack([np.cos(angle + turn), np.sin(angle + turn)], axis=-1)
+        half = direction * (0.5 * spacing * np.abs(values) / full)[..., None]
+        ends = middle[..., None, :] + half[..., None, :] * np.array([[-1.0], [1.0]])
+        visible = np.abs(values) > 1e-3 * maximum
+        axes.add_collection(lines(ends[visible & (values < 0)], BLUE, "solid", width))
+        pulled = visible & (values > 0)
+        axes.add_collection(lines(ends[pulled], VERMILLION, (0, (1, 1)), width))
+        _dots(axes, ends[pulled], spacing[pulled])
+    frame(axes, mesh)
+    if units is not None:
+        _label_axes(axes, units)
+    if legend:
+        _legend(axes, full, units or Units())
+    return maximum
+
+
+def stress_field(
+    axes: "Axes",
+    result: ContactResult,
+    component: str = "von_mises",
+    units: Units | None = None,
+    limits: tuple[float | None, float | None] = (None, None),
+    colour_bar: bool = True,
+) -> "QuadMesh":
+    """Draw one scalar stress as a coloured field, each cell from its own element.
+
+    Cells are divided into equal squares or rectangles, each in the colour of its middle. Nothing is averaged or
+    smoothed: normal stresses may jump between cells, and the picture shows it.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw; axes are in units of length.
+    result : ContactResult
+        The state.
+    component : str
+        "xx", "yy", "xy" (tension positive), "von_mises" (with σ_zz = ν(σ_xx + σ_yy) in plane strain), or "first",
+        "second": the principal stresses σ₁ ≥ σ₂ in the plane.
+    units : Units, optional
+        Labels.
+    limits : (float, float), optional
+        Stresses at the ends of the colour bar [stress]. None stands for the extreme of what is drawn; with both so, the
+        range is centred on zero where both signs occur.
+    colour_bar : bool
+        Whether to add a colour bar.
+
+    Returns
+    -------
+    matplotlib QuadMesh
+        The field, for a colour bar of one's own.
+
+    """
+    mesh, units = result.problem.mesh, units or Units()
+    n = int(np.clip(np.ceil(_SAMPLES / max(mesh.shape)), 4, 40))
+    t = (np.arange(n) + 0.5) / n
+    samples = sample_cells(result, t)
+    factor = out_of_plane_factor(result.problem)[:, None, :, None]
+    values = stress_component(samples.stress, component, factor).reshape(mesh.shape[0] * n, mesh.shape[1] * n)
+    (low, high), colours = colour_range(values, limits)
+    quads = axes.pcolormesh(
+        _sub_lines(mesh.x, n), _sub_lines(mesh.y, n), np.ma.masked_invalid(values),
+        cmap=colours, vmin=low, vmax=high, rasterized=True,
+    )  # fmt: skip
+    draw_outline(axes, mesh)
+    frame(axes, mesh)
+    _label_axes(axes, units)
+    if colour_bar:
+        beyond = (bool(np.nanmin(values) < low), bool(np.nanmax(values) > high))
+        extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+        label = f"{COMPONENT_LABELS[component]} [{units.stress}]"
+        axes.figure.colorbar(quads, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label, extend=extend)
+    return quads
+
+
+def colour_range(
+    values: FloatArray, limits: tuple[float | None, float | None] = (None, None)
+) -> tuple[tuple[float, float], str]:
+    """Ends of the colour bar and name of the colour map for values, of which NaN do not count.
+
+    Values of one sign get a sequential map, dark where they are small; values of both signs a diverging one that is
+    white at zero. A field that is uniform up to rounding gets a range that does not show the rounding.
+    """
+    extremes = float(np.nanmin(values)), float(np.nanmax(values))
+    low, high = (extreme if limit is None else limit for extreme, limit in zip(extremes, limits, strict=True))
+    size = max(abs(low), abs(high))
+    if low < -1e-6 * size and high > 1e-6 * size:
+        return ((-size, size) if limits == (None, None) else (low, high)), "PuOr_r"
+    if high - low <= 1e-6 * size or size == 0.0:
+        middle, half = (low + high) / 2.0, 0.05 * size or 1.0
+        low, high = middle - half, middle + half
+    return (low, high), "cividis" if high > -low else "cividis_r"
+
+
+def _sub_lines(grid_lines: FloatArray, n: int) -> FloatArray:
+    """Grid lines with every interval divided into n equal parts."""
+    return np.interp(np.arange(n * (len(grid_lines) - 1) + 1) / n, np.arange(len(grid_lines)), grid_lines)
+
+
+def _sparse_samples(result: ContactResult, crosses: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Coordinates (m,), stresses (m, 3) and distances (m,) of about so many points along the longer side."""
+    mesh = result.problem.mesh
+    count = int(np.clip(round(crosses / max(mesh.shape)), 1, 4))
+    samples = sample_cells(result, (np.arange(count) + 0.5) / count)
+    every = max(1, round(max(mesh.shape) / crosses))
+    rows, columns = (np.arange((size - 1) % every // 2, size, every) for size in mesh.shape)
+    stress = samples.stress[rows][:, :, columns]
+    inside = np.isfinite(stress).all(axis=-1)
+    x = np.broadcast_to(samples.x[columns], inside.shape)
+    y = np.broadcast_to(samples.y[rows][:, :, None, None], inside.shape)
+    sizes = np.sqrt(np.outer(np.diff(mesh.y)[rows], np.diff(mesh.x)[columns])) * every / count
+    spacing = np.broadcast_to(sizes[:, None, :, None], inside.shape)
+    return x[inside], y[inside], stress[inside], spacing[inside]
+
+
+def _dots(axes: "Axes", ends: FloatArray, spacing: FloatArray) -> None:
+    """Round dots at both ends of segments (n, 2, 2), in sizes that shrink with the cells."""
+    from matplotlib.collections import EllipseCollection
+
+    size = _DOT * np.repeat(spacing, 2)
+    axes.add_collection(
+        EllipseCollection(
+            size, size, np.zeros_like(size), units="xy", offsets=ends.reshape(-1, 2), offset_transform=axes.transData,
+            facecolors=VERMILLION, edgecolors="none",
+        )
+    )  # fmt: skip
+
+
+def _label_axes(axes: "Axes", units: Units) -> None:
+    axes.set_xlabel(f"x [{units.length}]")
+    axes.set_ylabel(f"y [{units.length}]")
+
+
+def _legend(axes: "Axes", full: float, units: Units) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=BLUE, label="compression"),
+        Line2D([], [], color=VERMILLION, linestyle=(0, (1, 1)), marker="o", markersize=3, label="tension"),
+    ]
+    title = f"a line from cross to cross is {full:.4g} {units.stress}"
+    legend_below(axes, handles, title)

@@ -1,0 +1,290 @@
+"""Whole figures: a result, a problem, a history at a glance."""
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from qvi_contact.checks import FloatArray
+from qvi_contact.conditions import Condition, Displacement
+from qvi_contact.errors import InputError
+from qvi_contact.plots.fields import principal_stress_map, stress_field
+from qvi_contact.plots.motion import deformed_contact
+from qvi_contact.plots.problem import draw_problem
+from qvi_contact.plots.style import BLUE, GREY, new_figure, settings
+from qvi_contact.plots.tractions import contact_tractions
+from qvi_contact.problem import ContactProblem
+from qvi_contact.result import ContactResult
+from qvi_contact.sampling import out_of_plane_factor, von_mises
+from qvi_contact.stress import principal_stresses
+from qvi_contact.units import Units
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+_PANELS: Final = 4  # at most so many contacts get a panel
+_CROSSES: Final = 36  # crosses along the longer side, so that they can be told apart
+_WIDTH: Final = 13.0  # of an overview [inch]
+_ALL_BUT_FEW: Final = 0.99  # share of the points whose stresses set the scale
+_NOTHING: Final = 1e-6  # tractions below this share of the stress in the body count as none
+
+
+class LoadHistory(Protocol):
+    """What is drawn of a load history."""
+
+    @property
+    def steps(self) -> Sequence[ContactResult]:
+        """The state after each step."""
+
+    def loop(self, contact: str, /) -> tuple[FloatArray, FloatArray]:
+        """Displacement [length] and tangential force [stress × length] of a contact, step by step."""
+
+
+def result_figure(result: ContactResult, units: Units | None = None) -> "Figure":
+    """Overview of a result: crosses, von Mises stress, deformed contact lines, tractions of up to four contacts.
+
+    Without a stress state, as of an infeasible problem, the problem is drawn instead, under the same title.
+
+    Parameters
+    ----------
+    result : ContactResult
+        The result.
+    units : Units, optional
+        Labels.
+
+    Returns
+    -------
+    matplotlib Figure
+        To be saved by `save_figure`.
+
+    """
+    units = units or Units()
+    title = result.message if result.message.startswith(result.status) else f"{result.status}: {result.message}"
+    if not result.has_state:
+        figure = problem_figure(result.problem, units)
+        advice = "" if result.status.advice in title else f" {result.status.advice}"
+        with settings():
+            figure.suptitle(_wrapped(title + advice, figure))
+        return figure
+    names = list(result.contacts)
+    if len(names) > _PANELS:
+        title += f" Without a panel of tractions: {', '.join(names[_PANELS:])}."
+    names = names[:_PANELS]
+    top = _panel_height(result.problem, _WIDTH / (3 if names else 2)) + 1.6  # legends
+    with settings():
+        figure = new_figure(_WIDTH, top + (3.4 if names else 0.0))
+        parts = figure.subfigures(2 if names else 1, 1, squeeze=False, height_ratios=[top, 3.4] if names else [1.0])
+        _states(parts[0, 0], result, units, with_contacts=bool(names))
+        if names:
+            _tractions(parts[1, 0], result, names, units)
+        parts[0, 0].suptitle(_wrapped(title, figure))
+    return figure
+
+
+def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figure":
+    """One picture of a problem: mesh, materials, conditions, loads, contacts, joints.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    units : Units, optional
+        Labels.
+
+    Returns
+    -------
+    matplotlib Figure
+        To be saved by `save_figure`.
+
+    """
+    with settings():
+        sides = np.ptp(problem.mesh.x), np.ptp(problem.mesh.y)
+        scale = 6.0 / max(1.25 * sides[0], 1.5 * sides[1])  # what is around the body takes room too
+        figure = new_figure(scale * sides[0] + 6.5, max(3.2, scale * (sides[1] + 0.4 * max(sides)) + 0.7))
+        draw_problem(figure.subplots(), problem, units)
+    return figure
+
+
+def history_figure(
+    history: LoadHistory | Mapping[str, tuple[ArrayLike, ArrayLike]], units: Units | None = None
+) -> "Figure":
+    """Hysteresis loops of up to four contacts, and for a history their forces step by step.
+
+    Parameters
+    ----------
+    history : load history or mapping
+        A history with `steps` and `loop(contact)`, or (displacements [length], forces [stress × length]) by name.
+    units : Units, optional
+        Labels.
+
+    Returns
+    -------
+    matplotlib Figure
+        To be saved by `save_figure`.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to draw.
+
+    """
+    units = units or Units()
+    steps: Sequence[ContactResult] = ()
+    if isinstance(history, Mapping):
+        loops: Mapping[str, tuple[ArrayLike, ArrayLike]] = history
+    else:
+        steps = [step for step in history.steps if step.has_state]
+        loops = _loops(history, steps[0].problem) if steps else {}
+    if not loops:
+        raise InputError("history", history, "there is no contact whose loop could be drawn")
+    contacts = list(steps[0].contacts)[:_PANELS] if steps else []
+    shown, columns = list(loops)[:_PANELS], max(len(contacts), min(len(loops), _PANELS))
+    with settings():
+        figure = new_figure(max(4.6, 3.6 * columns), 6.8 if contacts else 3.6)
+        parts = figure.subfigures(2 if contacts else 1, 1, squeeze=False)
+        for panel, name in zip(parts[0, 0].subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+            hysteresis_loop(panel, *loops[name], units)
+            panel.set_title(name)
+        for name in contacts:
+            panel = parts[1, 0].add_subplot(1, len(contacts), contacts.index(name) + 1)
+            _forces(panel, steps, name, units)
+        if len(loops) > len(shown):
+            figure.suptitle(_wrapped(f"loops not shown: {', '.join(list(loops)[_PANELS:])}", figure))
+    return figure
+
+
+def hysteresis_loop(
+    axes: "Axes", displacement: ArrayLike, force: ArrayLike, units: Units | None = None, label: str | None = None
+) -> None:
+    """Draw the tangential force of a contact against the displacement that drives it: a dot a step, the first hollow.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw.
+    displacement : (steps,) array
+        Displacement of the obstacle or plate [length].
+    force : (steps,) array
+        Tangential force a unit of thickness [stress × length].
+    units : Units, optional
+        Labels.
+    label : str, optional
+        Name for a legend.
+
+    Raises
+    ------
+    InputError
+        If the two are not rows of numbers of one length.
+
+    """
+    units = units or Units()
+    moved, carried = np.asarray(displacement, dtype=float), np.asarray(force, dtype=float)
+    if moved.ndim != 1 or moved.shape != carried.shape or not len(moved):
+        shapes = (moved.shape, carried.shape)
+        raise InputError("hysteresis_loop", shapes, "give displacements and forces as rows of one length")
+    axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
+    axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
+    axes.plot(moved, carried, color=BLUE, marker="o", markersize=3, linewidth=1.0, label=label)
+    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    axes.locator_params(axis="x", nbins=6)
+    axes.plot(moved[:1], carried[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
+    axes.set_xlabel(f"displacement [{units.displacement}]")
+    axes.set_ylabel(f"tangential force [{units.force}]")
+
+
+def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[ArrayLike, ArrayLike]]:
+    """Loops of what is moved sideways: contacts, and edge sets whose tangential displacement is prescribed.
+
+    All contacts if nothing is, as under loads that change.
+    """
+    driven = [condition.edges for condition in problem.conditions if _is_driven(problem, condition)]
+    loops: dict[str, tuple[FloatArray, FloatArray]] = {}
+    for name in (*(contact.name for contact in problem.contacts), *driven):
+        loops.setdefault(name, history.loop(name))
+    moving = {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
+    return dict(moving or loops)
+
+
+def _is_driven(problem: ContactProblem, condition: Condition) -> bool:
+    """Whether this is a displacement along its edges."""
+    if not isinstance(condition, Displacement):
+        return False
+    axes = problem.mesh.edges(condition.edges).axis
+    return (condition.x, condition.y)[int(axes[0])] is not None
+
+
+def _states(part: "SubFigure", result: ContactResult, units: Units, with_contacts: bool) -> None:
+    """Upper row: crosses, von Mises stress, deformed contact lines."""
+    panels = part.subplots(1, 3 if with_contacts else 2)
+    stress = result.gauss_stress()[2]
+    sizes = np.abs(principal_stresses(stress)[:2]).max(axis=0)
+    largest = principal_stress_map(panels[0], result, _usual(sizes), units, legend=True, crosses=_CROSSES)
+    panels[0].set_title(f"principal stresses, up to {largest:.4g} {units.stress}")
+    row, column = np.nonzero(result.problem.mesh.active)
+    mises = von_mises(stress, out_of_plane_factor(result.problem)[row, column][:, None])
+    usual = _usual(mises)
+    stress_field(panels[1], result, "von_mises", units, (None, usual if usual < mises.max() else None))
+    panels[1].set_title(f"von Mises stress, up to {mises.max():.4g} {units.stress}")
+    if with_contacts:
+        deformed_contact(panels[2], result, units=units)
+        panels[2].set_title("contact lines, deformed")
+
+
+def _usual(sizes: FloatArray) -> float:
+    """The largest size, or one that all but few points stay below where those are much larger, as in a corner."""
+    usual, largest = float(np.quantile(sizes, _ALL_BUT_FEW)), float(sizes.max())
+    return usual if usual < 0.7 * largest else largest
+
+
+def _tractions(part: "SubFigure", result: ContactResult, names: Sequence[str], units: Units) -> None:
+    """Lower row: tractions and states, one panel a contact, with one legend for all."""
+    panels = part.subplots(1, len(names), squeeze=False)[0]
+    handles: dict[str, Artist] = {}
+    largest = max(float(np.abs(principal_stresses(result.gauss_stress()[2])[:2]).max()), np.finfo(float).tiny)
+    for panel, name in zip(panels, names, strict=True):
+        line = result.contacts[name]
+        contact_tractions(panel, line, units)
+        if max(np.abs(line.normal_stress).max(), np.abs(line.tangential_stress).max()) < _NOTHING * largest:
+            panel.set_ylim(0.0, largest)  # rather than rounding in full size
+        least = _NOTHING * largest * float(line.weights.sum())
+        forces = (_number(force, least) for force in (line.normal_force, line.tangential_force))
+        apart, size = ("\n", "medium") if len(names) > 2 else (": ", "large")  # narrow panels
+        panel.set_title("{}{}N = {}, T = {} {}".format(name, apart, *forces, units.force), fontsize=size)
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    part.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles), frameon=False)
+
+
+def _number(value: float, least: float) -> str:
+    return (f"{value:.4g}" if abs(value) > least else "0").replace("-", "−")
+
+
+def _forces(axes: "Axes", steps: Sequence[ContactResult], name: str, units: Units) -> None:
+    """Normal and tangential force of one contact step by step."""
+    number = np.arange(1, len(steps) + 1)
+    curves: list[tuple[str, str, dict[str, Any]]] = [
+        ("N", "normal_force", {"color": GREY, "marker": "s"}),
+        ("T", "tangential_force", {"color": BLUE, "marker": "o", "linestyle": "--"}),
+    ]
+    for label, attribute, look in curves:
+        forces = [getattr(step.contacts[name], attribute) for step in steps]
+        axes.plot(number, forces, markersize=3, linewidth=1.0, label=label, **look)
+    axes.set_title(f"{name}: forces")
+    axes.set_xlabel("step [-]")
+    axes.set_ylabel(f"force [{units.force}]")
+    axes.locator_params(axis="x", integer=True)
+    axes.legend(frameon=False)
+
+
+def _panel_height(problem: ContactProblem, width: float) -> float:
+    """Height [inch] that suits a panel of this width showing the body with equal scales."""
+    mesh = problem.mesh
+    return float(np.clip(0.72 * width * np.ptp(mesh.y) / np.ptp(mesh.x), 2.4, 7.0))
+
+
+def _wrapped(title: str, figure: "Figure") -> str:
+    return textwrap.fill(title, int(11 * figure.get_figwidth()))

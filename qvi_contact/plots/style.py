@@ -1,0 +1,151 @@
+"""Colours, line styles and files of all pictures.
+
+Colours are from the Okabe-Ito palette, colour maps from those that colour-blind people can read, and nothing depends
+on colour alone: line style, hatching and markers say the same.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from qvi_contact.checks import FloatArray
+from qvi_contact.contact import ContactState
+from qvi_contact.errors import InputError
+from qvi_contact.files import replacing
+from qvi_contact.mesh import RectilinearMesh
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+
+BLUE, ORANGE, GREEN, GREY, VERMILLION = "#0072B2", "#E69F00", "#009E73", "#666666", "#D55E00"
+PURPLE, SKY = "#CC79A7", "#56B4E9"
+
+STATE_LOOK: Final[dict[ContactState, tuple[str, str, str]]] = {
+    ContactState.OPEN: (GREY, "o", "white"),
+    ContactState.STICK: (BLUE, "s", BLUE),
+    ContactState.SLIP: (VERMILLION, "^", "white"),
+}
+"""Colour, marker and the marker's filling for each state of a contact point."""
+
+_SETTINGS: Final[Any] = {"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.linewidth": 0.5}
+
+_METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+"""Kinds of files; the same picture makes the same file on any day."""
+
+
+def has_matplotlib() -> bool:
+    """Whether pictures can be drawn."""
+    return find_spec("matplotlib") is not None
+
+
+def require_matplotlib() -> None:
+    """Raise `InputError` with the command to type if matplotlib is missing."""
+    if not has_matplotlib():
+        remedy = "pictures need matplotlib: python -m pip install 'qvi-contact[plot]'"
+        raise InputError("plot", "matplotlib", remedy)
+
+
+@contextmanager
+def settings() -> Iterator[None]:
+    """Matplotlib's settings of this package, inside the block only."""
+    require_matplotlib()
+    from matplotlib import rc_context
+
+    with rc_context(_SETTINGS):
+        yield
+
+
+def new_figure(width: float, height: float) -> "Figure":
+    """An empty figure of this size [inch] that needs no screen."""
+    require_matplotlib()
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save_figure(path: str | Path, figure: "Figure", dpi: float = 150.0) -> None:
+    """Write a figure to a PNG, SVG or PDF file, by the suffix, whole or not at all.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; an earlier one of that name is replaced.
+    figure : matplotlib figure
+        What to write.
+    dpi : float
+        Dots per inch of pixels.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file cannot be written.
+
+    """
+    suffix = picture_suffix(path)
+    with settings(), replacing(path) as temporary:
+        figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_METADATA[suffix])
+
+
+def picture_suffix(path: str | Path) -> str:
+    """The suffix of a picture's file in lower case, or `InputError` naming the choices."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in _METADATA:
+        raise InputError("plot", str(path), f"give a file name that ends in {', '.join(_METADATA)}")
+    return suffix
+
+
+def cell_outlines(mesh: RectilinearMesh) -> FloatArray:
+    """Closed outlines of the cells, shape (cells, 5, 2) [length]."""
+    row, column = np.nonzero(mesh.active)
+    left, right, low, high = mesh.x[column], mesh.x[column + 1], mesh.y[row], mesh.y[row + 1]
+    corners = [(left, low), (right, low), (right, high), (left, high), (left, low)]
+    return np.stack([np.column_stack(corner) for corner in corners], axis=1)
+
+
+def draw_grid(axes: "Axes", mesh: RectilinearMesh) -> None:
+    """Draw the cells in light grey, thinner the smaller they are on the page."""
+    smallest = min(float(np.median(np.diff(mesh.x))), float(np.median(np.diff(mesh.y))))
+    width = float(np.clip(0.05 * smallest * points_per_length(axes, mesh), 0.1, 0.6))
+    axes.add_collection(lines(cell_outlines(mesh), "#cccccc", "solid", width))
+
+
+def draw_outline(axes: "Axes", mesh: RectilinearMesh, colour: str = GREY, width: float = 0.8) -> None:
+    """Draw the body's boundary as a thin line."""
+    nodes, edges = mesh.coordinates, mesh.boundary
+    axes.add_collection(lines(np.stack([nodes[edges.first], nodes[edges.second]], axis=1), colour, "solid", width))
+
+
+def frame(axes: "Axes", mesh: RectilinearMesh, margin: float = 0.03) -> None:
+    """Show the whole body, equal scales in both directions, with a margin as a share of its length."""
+    axes.set_aspect("equal")
+    margin *= mesh.length
+    axes.set_xlim(mesh.x[0] - margin, mesh.x[-1] + margin)
+    axes.set_ylim(mesh.y[0] - margin, mesh.y[-1] + margin)
+
+
+def points_per_length(axes: "Axes", mesh: RectilinearMesh) -> float:
+    """About how many printer's points a unit of length takes on the page when the axes show the body."""
+    box = axes.get_window_extent()
+    dpi = axes.figure.dpi
+    across = min(box.width / float(np.ptp(mesh.x)), box.height / float(np.ptp(mesh.y)))
+    return float(72.0 * across / dpi)
+
+
+def lines(points: FloatArray, colour: str, style: object, width: float, label: str | None = None) -> "LineCollection":
+    """Line segments or chains of points (n, k, 2) as one artist."""
+    from matplotlib.collections import LineCollection
+
+    return LineCollection(list(points), colors=colour, linestyles=[style], linewidths=width, label=label)
+
+
+def legend_below(axes: "Axes", handles: "Sequence[Artist]", title: str, columns: int = 3) -> None:
+    """Add a legend under the label of the horizontal axis."""
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 3.6}
+    axes.legend(handles=list(handles), title=title, ncols=columns, frameon=False, columnspacing=1.2, **place)
