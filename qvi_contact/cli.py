@@ -236,7 +236,10 @@ def _write(
         from qvi_contact import export
 
         for option, path in fields.items():
-            {"vtk": export.write_vtu, "npz": export.write_npz}[option](path, last)
+            if option == "vtk":
+                export.write_vtu(path, last, file.units)
+            else:
+                export.write_npz(path, last)
 
 
 def _show(file: "ProblemFile", history: "History | None", steps: "tuple[ContactResult, ...]") -> None:

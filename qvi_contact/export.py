@@ -14,7 +14,7 @@ import numpy as np
 from qvi_contact.checks import FloatArray, IntArray, positive_number
 from qvi_contact.contact import ContactLine, ContactState
 from qvi_contact.errors import InputError
-from qvi_contact.files import replacing, write_text
+from qvi_contact.files import check_suffix, replacing, write_text
 from qvi_contact.problem import ContactProblem
 from qvi_contact.result import ContactResult
 from qvi_contact.sampling import out_of_plane_factor, sample_cells, von_mises
@@ -127,7 +127,7 @@ def write_npz(path: str | Path, result: ContactResult) -> None:
     * ``status``, ``message``: texts.
 
     """
-    _check_suffix("npz", path, ".npz")
+    check_suffix("npz", path, ".npz")
     arrays = {**_body_arrays(result), **_contact_arrays(result.contacts)}
     with replacing(path) as temporary:
         np.savez_compressed(temporary, **arrays)
@@ -164,7 +164,7 @@ def write_vtu(path: str | Path, result: ContactResult, units: Units | None = Non
     """
     if find_spec("meshio") is None:
         raise InputError("vtk", "meshio", "VTU files need meshio: python -m pip install 'qvi-contact[vtk]'")
-    _check_suffix("vtk", path, ".vtu")
+    check_suffix("vtk", path, ".vtu")
     if isinstance(subdivisions, bool) or subdivisions != int(positive_number("subdivisions", subdivisions)):
         raise InputError("subdivisions", subdivisions, "give a whole number of at least 1")
     r = int(subdivisions)
@@ -310,8 +310,3 @@ def _quads(cells: int, r: int) -> IntArray:
     first = (np.arange(r)[:, None] * (r + 1) + np.arange(r)).ravel()
     corners = first[:, None] + np.array([0, 1, r + 2, r + 1])
     return np.asarray((r + 1) ** 2 * np.arange(cells)[:, None, None] + corners).reshape(-1, 4)
-
-
-def _check_suffix(option: str, path: str | Path, suffix: str) -> None:
-    if Path(path).suffix.lower() != suffix:
-        raise InputError(option, str(path), f"give a file name that ends in {suffix}")

@@ -44,6 +44,12 @@ def write_text(path: str | Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
+def check_suffix(option: str, path: str | Path, suffix: str) -> None:
+    """Refuse a file name that does not end in `suffix`."""
+    if Path(path).suffix.lower() != suffix:
+        raise InputError(option, str(path), f"give a file name that ends in {suffix}")
+
+
 def writable_folder(path: str | Path) -> Path:
     """Make the folder if it is missing, and find out before any work is done whether it can be written."""
     folder = Path(path)

@@ -20,7 +20,7 @@ def heading_lines(file: ProblemFile) -> Iterator[str]:
 
 def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     """Status, remarks, certificate, and one line for each contact."""
-    yield f"{result.status}: {result.message}"
+    yield result.message
     yield from (f"remark: {remark}" for remark in result.remarks)
     if not result.has_state:
         return

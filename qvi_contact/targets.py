@@ -5,8 +5,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from qvi_contact.errors import InputError
+from qvi_contact.files import check_suffix
 
 _MODULES = {"plot": ("matplotlib", "plot"), "vtk": ("meshio", "vtk")}  # option → module, extra that brings it
+_SUFFIXES = {"vtk": ".vtu", "npz": ".npz"}
 
 
 def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
@@ -26,8 +28,8 @@ def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
         if place in taken:
             raise InputError(name, path, f"is {taken[place]}: give a file of its own")
         taken[place] = f"the file of {name} too"
-        _check_kind(option, path)
         _check_writable(name, path)
+        _check_kind(option, path)
     return given
 
 
@@ -40,6 +42,8 @@ def _check_kind(option: str, path: str) -> None:
         from qvi_contact.plots import picture_suffix
 
         picture_suffix(path)
+    elif option in _SUFFIXES:
+        check_suffix(f"--{option}", path, _SUFFIXES[option])
 
 
 def _check_writable(name: str, path: str) -> None:

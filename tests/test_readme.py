@@ -8,7 +8,7 @@ README = Path(__file__).parent.parent / "README.md"
 
 def test_code_runs_and_is_certified(capsys):
     blocks = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     for code in blocks:
         exec(compile(code, "README.md", "exec"), {})
         assert capsys.readouterr().out.startswith("solved")

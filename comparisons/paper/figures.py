@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from comparisons.paper.study import PaperStudy, half_force, has_stress
+from comparisons.paper.study import PaperStudy, half_force
 from qvi_contact import ContactResult
 from qvi_contact.checks import FloatArray
 from qvi_contact.plots import (
@@ -15,9 +15,9 @@ from qvi_contact.plots import (
     VERMILLION,
     friction_used,
     principal_stress_map,
-    require_matplotlib,
 )
 from qvi_contact.plots import contact_tractions as draw_tractions
+from qvi_contact.plots.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -25,18 +25,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def _figure(width: float, height: float) -> "Figure":
-    require_matplotlib()
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    mpl.rcParams.update({"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.linewidth": 0.5})
-    return Figure(figsize=(width, height), layout="constrained")
-
-
 def principal_stresses(study: PaperStudy) -> "Figure":
     """Figures 2-5 (upper row, after the paper's iterations) and the converged states (lower row)."""
-    figure = _figure(13.0, 7.9)
+    figure = new_figure(13.0, 7.9)
     axes = figure.subplots(2, 4, sharex=True, sharey=True)
     largest = max(printed for _, printed in study.reference.figures.values())
     for column, (friction, (number, printed)) in enumerate(study.reference.figures.items()):
@@ -56,7 +47,7 @@ def principal_stresses(study: PaperStudy) -> "Figure":
 
 def _map(axes: "Axes", result: ContactResult, largest: float) -> float:
     """Crosses, or a word where there is no stress state."""
-    if has_stress(result):
+    if result.has_state:
         return principal_stress_map(axes, result, largest)
     axes.text(0.5, 0.5, f"no stress state: {result.status}", ha="center", transform=axes.transAxes)
     return float("nan")
@@ -65,7 +56,7 @@ def _map(axes: "Axes", result: ContactResult, largest: float) -> float:
 def contact_tractions(study: PaperStudy) -> "Figure":
     """Converged pressure, friction bound and tangential traction on the contact, and the share of the bound used."""
     chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2, 0.3)]
-    figure = _figure(13.0, 6.0)
+    figure = new_figure(13.0, 6.0)
     axes = figure.subplots(2, len(chosen), sharex=True, sharey="row")
     for (upper, lower), row in zip(axes.T, chosen, strict=True):
         draw_tractions(upper, row.reference.contacts["plate"], "MPa")
@@ -84,7 +75,7 @@ def contact_tractions(study: PaperStudy) -> "Figure":
 
 def convergence(study: PaperStudy) -> "Figure":
     """Error of P/2 against the number of iterations, Uzawa and fixed point."""
-    figure = _figure(9.0, 4.4)
+    figure = new_figure(9.0, 4.4)
     left, right = figure.subplots(1, 2, sharey=True)
     chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2)]
     styles = [(BLUE, "-", "o"), (ORANGE, "--", "s"), (GREEN, ":", "^")]
@@ -123,7 +114,7 @@ def _errors(result: ContactResult, solution: float) -> tuple[FloatArray, FloatAr
 
 def table_1(study: PaperStudy) -> "Figure":
     """Table 1 as a picture: printed forces, Uzawa after the same iterations, the solution."""
-    figure = _figure(6.4, 4.4)
+    figure = new_figure(6.4, 4.4)
     axes = figure.subplots()
     friction = [row.friction for row in study.rows]
     n = study.reference.iterations

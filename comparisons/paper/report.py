@@ -19,6 +19,7 @@ from comparisons.paper.study import (
 from qvi_contact import ContactResult
 from qvi_contact.files import replacing, write_text
 from qvi_contact.plots import has_matplotlib
+from qvi_contact.plots.style import settings
 from qvi_contact.terminal import Advance
 from solvers import Status
 
@@ -251,13 +252,20 @@ def write(study: PaperStudy, folder: Path, advance: Advance) -> list[Path]:
         written.append(folder / name)
         advance(name)
     for name, draw in _drawings() if has_matplotlib() else ():
-        figure = draw(study)
-        for suffix in (".png", ".svg"):
-            with replacing(folder / f"{name}{suffix}") as temporary:
-                figure.savefig(temporary, dpi=150, metadata={"Date": None} if suffix == ".svg" else None)
-                figure.set_layout_engine("none")  # keep the layout just computed
-            written.append(folder / f"{name}{suffix}")
+        with settings():
+            written += _write_picture(draw(study), folder / name)
         advance(name)
+    return written
+
+
+def _write_picture(figure: "Figure", path: Path) -> list[Path]:
+    """The figure as PNG and as SVG."""
+    written = []
+    for suffix in (".png", ".svg"):
+        with replacing(path.with_suffix(suffix)) as temporary:
+            figure.savefig(temporary, dpi=150, metadata={"Date": None} if suffix == ".svg" else None)
+            figure.set_layout_engine("none")  # keep the layout just computed
+        written.append(path.with_suffix(suffix))
     return written
 
 

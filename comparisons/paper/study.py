@@ -10,7 +10,7 @@ from comparisons.paper.reference import Reference, load
 from qvi_contact import ContactResult, Discretization, discretize, principal_stresses, solve
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.terminal import Advance
-from solvers import Status, available
+from solvers import available
 
 SHRINKING = 100.0
 """Iterations after which the shrinking step of the frictionless Uzawa run has halved."""
@@ -90,21 +90,16 @@ class PaperStudy:
         return next(row for row in self.rows if row.friction == friction)
 
 
-def has_stress(result: ContactResult) -> bool:
-    """Whether there is a stress state to evaluate, certified or not."""
-    return result.status is not Status.INFEASIBLE and bool(np.isfinite(result.solution.z).all())
-
-
 def half_force(result: ContactResult) -> float:
     """P/2: the quarter's contact force [MPa × length], NaN without a stress state."""
-    if not has_stress(result):
+    if not result.has_state:
         return float("nan")
     return result.contacts["plate"].normal_force
 
 
 def largest_principal_stress(result: ContactResult) -> float:
     """Largest |principal stress| [MPa] over the 4×4 Gauss points of each element, NaN without a stress state."""
-    if not has_stress(result):
+    if not result.has_state:
         return float("nan")
     _, _, stress = result.gauss_stress()
     first, second, _ = principal_stresses(stress)
@@ -113,7 +108,7 @@ def largest_principal_stress(result: ContactResult) -> float:
 
 def traction_difference(result: ContactResult, reference: ContactResult) -> float:
     """Largest difference of the contact tractions over the reference's mean pressure, NaN without a stress state."""
-    if not has_stress(result) or not has_stress(reference):
+    if not result.has_state or not reference.has_state:
         return float("nan")
     ours, theirs = result.contacts["plate"], reference.contacts["plate"]
     difference = np.maximum(

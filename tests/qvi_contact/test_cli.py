@@ -205,7 +205,7 @@ def test_solve_reports_what_python_computes(shell, plate):
     assert (status, err) == (0, "")
     line = solve(load_problem(plate).problem).contacts["plate"]
     assert out.splitlines()[0] == "The plate"
-    assert "solved: solved after" in out
+    assert "\nsolved after" in out
     assert "certificate passed" in out
     row = next(row for row in out.splitlines() if row.startswith("plate "))
     assert float(row.split()[1]) == pytest.approx(line.normal_force, rel=1e-5)
@@ -259,6 +259,7 @@ def test_without_a_state_there_are_no_fields(shell, sliding, tmp_path):
         ("--plot", "a.jpeg", ".png"),
         ("--plot", "missing/a.png", "cannot be written"),
         ("--vtk", "", "name of a file"),
+        ("--vtk", "a.vtk", "ends in .vtu"),
         ("--npz", ".", "name of a file"),
         ("--save-json", "plate.toml", "the problem file"),
     ],
@@ -274,7 +275,7 @@ def test_targets_are_checked_before_the_work(shell, plate, monkeypatch, option, 
 
 
 def test_two_options_cannot_share_a_file(shell, plate, tmp_path):
-    status, _, err = shell("solve", plate, "--npz", tmp_path / "a", "--save-json", tmp_path / "a")
+    status, _, err = shell("solve", plate, "--npz", tmp_path / "a.npz", "--save-json", tmp_path / "a.npz")
     assert status == 2
     assert "the file of --npz too" in err
 
