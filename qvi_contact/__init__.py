@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from qvi_contact.fields import Expression, Polynomial
     from qvi_contact.history import History, loop_area, solve_history
     from qvi_contact.limit import limit_load_factor
+    from qvi_contact.lines import graded_lines
     from qvi_contact.material import Material, Region
-    from qvi_contact.mesh import RectilinearMesh, graded_lines
+    from qvi_contact.mesh import RectilinearMesh
     from qvi_contact.problem import ContactProblem
     from qvi_contact.problem_file import ProblemFile, load_problem
     from qvi_contact.problem_writer import save_problem
@@ -50,7 +51,7 @@ _HOME = {
     "Symmetry": "conditions",
     "Traction": "conditions",
     "discretize": "discretization",
-    "graded_lines": "mesh",
+    "graded_lines": "lines",
     "limit_load_factor": "limit",
     "load_problem": "problem_file",
     "loop_area": "history",

@@ -8,7 +8,8 @@ import numpy as np
 
 from qvi_contact.checks import FloatArray, IntArray, finite_number, positive_number
 from qvi_contact.errors import InputError
-from qvi_contact.mesh import RectilinearMesh, on_line
+from qvi_contact.lines import on_line
+from qvi_contact.mesh import RectilinearMesh
 
 
 @dataclass(frozen=True)

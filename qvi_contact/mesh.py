@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from types import MappingProxyType
 from typing import Final
 
@@ -11,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 
-from qvi_contact.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number
+from qvi_contact.checks import BoolArray, FloatArray, IntArray, positive_number
 from qvi_contact.errors import InputError
+from qvi_contact.lines import checked_lines, graded_lines, on_line, subdivided
 
 SIDES: Final = ("bottom", "right", "top", "left")
 """The four directions a boundary edge can face, counterclockwise from −y."""
@@ -23,7 +23,6 @@ DIRECTIONS: Final = ("horizontal", "vertical")
 """Directions of joints, by axis."""
 
 
-_SAMPLES: Final = 2000  # points per half interval where sizes are summed
 _FINEST: Final = 1e-9  # smallest cell size, relative to the body, that `refined` makes
 _MOST_LINES: Final = 100_000
 
@@ -67,41 +66,6 @@ class Edges:
             self.column[index],
             self.row[index],
         )
-
-
-def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, both_ends: bool = False) -> FloatArray:
-    """Grid lines from start to stop whose cells form a geometric sequence.
-
-    Parameters
-    ----------
-    start, stop : float
-        Ends [length], start < stop.
-    cells : int
-        Number of cells, at least 1.
-    grading : float
-        Ratio of each cell to the one before it: below 1 the cells shrink towards `stop`.
-    both_ends : bool
-        Mirror the sequence about the middle: below 1 the cells shrink towards both ends.
-
-    Returns
-    -------
-    (cells + 1,) array
-        The lines; the two ends are exact.
-
-    """
-    start, stop = finite_number("start", start), finite_number("stop", stop)
-    if isinstance(cells, bool) or not isinstance(cells, (int, np.integer)) or cells < 1:
-        raise InputError("cells", cells, "give a whole number of at least 1")
-    grading = positive_number("grading", grading)
-    if not start < stop:
-        raise InputError("stop", stop, f"give a number greater than start = {start:g}")
-    steps = np.arange(cells, dtype=float)
-    if both_ends:
-        steps = np.maximum(steps, steps[::-1]) - steps[-1] / 2.0  # distance from the middle
-    sizes = grading**steps
-    lines: FloatArray = start + (stop - start) * np.concatenate([[0.0], np.cumsum(sizes)]) / sizes.sum()
-    lines[-1] = stop
-    return lines
 
 
 @dataclass(frozen=True)
@@ -162,8 +126,8 @@ class RectilinearMesh:
     _named: Mapping[str, EdgeRange] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "x", _checked_lines("RectilinearMesh.x", self.x))
-        object.__setattr__(self, "y", _checked_lines("RectilinearMesh.y", self.y))
+        object.__setattr__(self, "x", checked_lines("RectilinearMesh.x", self.x))
+        object.__setattr__(self, "y", checked_lines("RectilinearMesh.y", self.y))
         object.__setattr__(self, "active", _checked_mask(self.active, self.shape))
 
     @classmethod
@@ -401,7 +365,7 @@ class RectilinearMesh:
             raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
         critical = self._critical_nodes(towards)
         x, y = (
-            _subdivided(lines, np.unique(self.coordinates[critical, axis]), largest, smallest, -float(np.log(ratio)))
+            subdivided(lines, np.unique(self.coordinates[critical, axis]), largest, smallest, -float(np.log(ratio)))
             for axis, lines in ((0, self.x), (1, self.y))
         )
         rows, columns = (np.searchsorted(old, new[:-1], "right") - 1 for old, new in ((self.y, y), (self.x, x)))
@@ -421,40 +385,6 @@ class RectilinearMesh:
 
 def _joined(parts: Sequence[Edges]) -> Edges:
     return Edges(*(np.concatenate([getattr(part, name) for part in parts]) for name in Edges.__annotations__))
-
-
-def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smallest: float, growth: float) -> FloatArray:
-    """Lines added so that cells are about h(x) = min(largest, smallest + growth · distance to `critical`)."""
-    pieces = [lines[:1]]
-    for start, stop in pairwise(lines.tolist()):
-        t = np.linspace(0.0, 1.0, _SAMPLES)
-        x = start + (stop - start) * np.concatenate([t**3 / 2, 1.0 - t[-2::-1] ** 3 / 2])  # dense at both ends
-        distance = np.abs(x[:, None] - critical).min(axis=1, initial=np.inf)
-        size = np.minimum(largest, smallest + growth * distance)
-        cells = np.concatenate([[0.0], np.cumsum(np.diff(x) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0)])
-        count = max(1, int(np.ceil(cells[-1] - 1e-3)))
-        pieces.append(np.append(np.interp(np.arange(1, count) * cells[-1] / count, cells, x), stop))
-    return np.concatenate(pieces)
-
-
-def _checked_lines(name: str, lines: ArrayLike) -> FloatArray:
-    try:
-        values = np.array(lines, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(name, lines, "give a sequence of numbers") from error
-    if values.ndim != 1 or len(values) < 2:
-        raise InputError(name, lines, "give a sequence of at least two grid lines")
-    if not np.isfinite(values).all():
-        raise InputError(name, lines, "give finite numbers")
-    steps = np.diff(values)
-    if (steps <= 0).any():
-        raise InputError(name, lines, "give strictly increasing grid lines")
-    resolution = 1e3 * np.finfo(float).eps * np.abs(values).max()
-    if steps.min() <= resolution:
-        remedy = f"cells below {resolution:.1e} vanish in rounding: move the domain to the origin or merge lines"
-        raise InputError(name, float(steps.min()), remedy)
-    values.flags.writeable = False
-    return values
 
 
 def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
@@ -509,12 +439,3 @@ def _edges_facing(mesh: RectilinearMesh, side: str) -> Edges:
     second = first + (1 if axis == HORIZONTAL else stride)
     count = len(first)
     return Edges(first, second, np.full(count, axis), np.full(count, sign), column, row)
-
-
-def on_line(name: str, value: object, lines: FloatArray) -> float:
-    """The grid line at `value`, or an error that names the nearest one."""
-    number = finite_number(name, value)
-    nearest = float(lines[np.argmin(np.abs(lines - number))])
-    if abs(nearest - number) > 1e-9 * (lines[-1] - lines[0]):
-        raise InputError(name, number, f"must lie on a grid line; the nearest one is at {nearest:.12g}")
-    return nearest

@@ -15,9 +15,10 @@ from qvi_contact.element import GAUSS_COUNT
 from qvi_contact.errors import InputError
 from qvi_contact.fields import Expression, Polynomial
 from qvi_contact.hermite import gauss_legendre
+from qvi_contact.lines import graded_lines, on_line
 from qvi_contact.loads import LOAD_POINTS
 from qvi_contact.material import Material, Region, material_numbers
-from qvi_contact.mesh import RectilinearMesh, graded_lines, on_line
+from qvi_contact.mesh import RectilinearMesh
 from qvi_contact.problem import ContactProblem
 from qvi_contact.problem_document import (
     ContactTable,
