@@ -16,23 +16,11 @@ from qvi_contact import (
     RigidPlate,
     Symmetry,
     Traction,
-    solve,
 )
-from solvers import Status
+from tests.qvi_contact.states import difference, solved
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
 X, Y = [0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0]
-
-
-def solved(problem, tolerance=1e-9, **options):
-    result = solve(problem, tolerance=tolerance, **options)
-    assert result.status is Status.SOLVED, result.message
-    return result
-
-
-def difference(one, other):
-    first, second = one.gauss_stress()[2], other.gauss_stress()[2]
-    return np.abs(first - second).max() / np.abs(first).max()
 
 
 def squeezed(mesh, joints=(), material=STEEL, regions=()):

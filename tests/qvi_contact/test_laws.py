@@ -20,6 +20,7 @@ from qvi_contact import (
     solve,
 )
 from solvers import Status
+from tests.qvi_contact.states import difference, solved
 
 MATERIALS = {
     "stress": Material(1000.0, 0.3),
@@ -42,18 +43,6 @@ def punched(mesh, material, *base, shift=2e-4, push=-1e-3):
         mesh = mesh.with_edges("step", "top", at=0.4)
         conditions.append(Traction("step", 0.0, 0.0))
     return ContactProblem(mesh, material, conditions)
-
-
-def solved(problem, tolerance=1e-9, **options):
-    result = solve(problem, tolerance=tolerance, **options)
-    assert result.status is Status.SOLVED, result.message
-    return result
-
-
-def difference(one, other):
-    """Largest difference of the stresses at the Gauss points of all cells, relative."""
-    first, second = one.gauss_stress()[2], other.gauss_stress()[2]
-    return np.abs(first - second).max() / np.abs(first).max()
 
 
 @pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from qvi_contact import (
@@ -17,20 +16,10 @@ from qvi_contact import (
     solve,
 )
 from solvers import Status
+from tests.qvi_contact.states import difference, solved
 
 STEEL = Material(1000.0, 0.3)
 MESH = RectilinearMesh([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
-
-
-def solved(problem, tolerance=1e-9, **options):
-    result = solve(problem, tolerance=tolerance, **options)
-    assert result.status is Status.SOLVED, result.message
-    return result
-
-
-def difference(one, other):
-    first, second = one.gauss_stress()[2], other.gauss_stress()[2]
-    return np.abs(first - second).max() / np.abs(first).max()
 
 
 def moved(contact, x=0.0, y=0.0, rotation=0.0, pivot=(0.0, 0.0), sign=1.0, normal="y"):
