@@ -139,6 +139,16 @@ class RigidPlate:
             raise InputError("RigidPlate.pivot", self.pivot, "give a pair (x, y)")
         object.__setattr__(self, "pivot", tuple(finite_number("RigidPlate.pivot", value) for value in self.pivot))
 
+    def reference(self, x: float, y: float) -> tuple[float, float]:
+        """Arms of the moment count from here [length]: x, y as far as the forces that go with them are given."""
+        return x if self.force_y is not None else self.pivot[0], y if self.force_x is not None else self.pivot[1]
+
+    def moment_about(self, x: float, y: float) -> float:
+        """The given moment about the pivot, less that of the given forces acting at (x, y) [stress × length²]."""
+        x, y = self.reference(x, y)
+        forces = (x - self.pivot[0]) * (self.force_y or 0.0) - (y - self.pivot[1]) * (self.force_x or 0.0)
+        return (self.moment or 0.0) - forces
+
 
 @dataclass(frozen=True)
 class Contact:

@@ -27,6 +27,9 @@ from qvi_contact.problem import ContactProblem
 from qvi_contact.scaling import Scales
 from solvers import FrictionQVI
 
+_TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
+_UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
+
 
 @dataclass(frozen=True, eq=False)
 class Discretization:
@@ -81,8 +84,8 @@ class Discretization:
         for node, contact in shear_beside_contacts(self.problem):
             x, y = mesh.coordinates[node]
             given_up = (
-                "is met in the resultants of the edges only, since friction could not carry it there: let it fall to "
-                "zero towards that corner"
+                "is met in the resultants of the edges only, as no state was found in which friction carries it there: "
+                "let it fall to zero towards that corner"
             )
             taken = given_up if node in self.freed else "holds for the contact too"
             found.append(f"The shear prescribed beside {contact!r} in the corner ({x:.6g}, {y:.6g}) {taken}.")
@@ -112,6 +115,18 @@ class Discretization:
         """The same problem, in the same units and after the same slip, with the shear at the nodes given up."""
         fresh = discretize(self.problem, scales=self.scales, freed=nodes)
         return fresh.slipped([old.offset - new.offset for old, new in zip(self.contacts, fresh.contacts, strict=True)])
+
+    def fitted(self) -> "Discretization":
+        """The same problem in units of the stress it would have without contact laws, if its own are far too large.
+
+        `Scales` cannot foresee every load, such as an obstacle that drags the body along by friction. Stresses far
+        below the unit would be lost in the tolerances of solvers and certificate.
+        """
+        size = float(np.sqrt(2.0 * self.qvi.bonded_energy))
+        if not 0.0 < size < _TOO_SMALL or self.qvi.bonded_error > _UNRELIABLE:
+            return self
+        scales = replace(self.scales, stress=self.scales.stress * size)
+        return discretize(self.problem, scales=scales, freed=self.freed)
 
     def offsets(self) -> list[FloatArray]:
         """The tangential offset w that the problem prescribes at the points of each contact, without earlier slip."""

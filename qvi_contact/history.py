@@ -10,17 +10,18 @@ multipliers of the Gauss points, not as their projection, so that each step star
 it ended in.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray, evaluate
+from qvi_contact.checks import FloatArray, IntArray, evaluate
 from qvi_contact.conditions import Contact, Displacement
 from qvi_contact.discretization import discretize
 from qvi_contact.errors import InputError
 from qvi_contact.mesh import HORIZONTAL
+from qvi_contact.plates import centre_of
 from qvi_contact.problem import ContactProblem
 from qvi_contact.result import ContactResult
 from qvi_contact.scaling import Scales
@@ -89,8 +90,9 @@ class History:
         Parameters
         ----------
         name : str
-            A contact, whose obstacle moves by its mean offset and, driven by force, by the plate's own motion; or an
-            edge set along which the tangential displacement is prescribed.
+            A contact, whose obstacle moves by its mean offset and, driven by force, by the plate's own motion in the
+            contact's centre; or an edge set along which the tangential displacement is prescribed. A plate that also
+            moves normally or turns does more work than this loop shows.
 
         Returns
         -------
@@ -128,7 +130,8 @@ def solve_history(
         The problem at each load step: the same mesh, regions and contacts, while loads, displacements, gaps, offsets
         and friction may change. An `offset` is the obstacle's own tangential displacement, slip is added to it.
     callback : callable, optional
-        Called with the number of each step, from 1, and its result.
+        Called with the number of each step, from 1, and its result. Where a step gives up the shear in a corner beside
+        a contact (see `discretize`) all steps do, and the history starts again.
     **options
         As for `solve`. Each step starts from the pressure of the one before it.
 
@@ -144,19 +147,37 @@ def solve_history(
 
     """
     steps = _checked_steps(problems)
-    scales = max((Scales.of(problem) for problem in steps), key=lambda scales: scales.stress)
+    all_scales = [Scales.of(problem) for problem in steps]
+    scales = max(all_scales, key=lambda scales: (scales.loaded, scales.stress))
+    freed = np.empty(0, dtype=np.int64)
+    while True:
+        results = _follow(steps, scales, freed, callback, options)
+        found = np.unique(np.concatenate([freed, *(result.discretization.freed for result in results)]))
+        if len(found) == len(freed):
+            return History(tuple(results), len(steps))
+        freed = found
+
+
+def _follow(
+    steps: Sequence[ContactProblem],
+    scales: Scales,
+    freed: IntArray,
+    callback: Callable[[int, ContactResult], object] | None,
+    options: dict[str, Any],
+) -> list[ContactResult]:
+    """All steps with the shear given up at the `freed` nodes, up to one without an answer or with other nodes freed."""
     results: list[ContactResult] = []
     for number, problem in enumerate(steps, 1):
-        discretization = discretize(problem, scales=scales)
+        discretization = discretize(problem, scales=scales, freed=freed)
         if results:
             discretization = discretization.slipped(_slip_after(results[-1]))
         initial = {"initial": results[-1]} if results and options.get("method", "fixed-point") == "fixed-point" else {}
         results.append(solve(discretization, **{**options, **initial}))
         if callback is not None:
             callback(number, results[-1])
-        if results[-1].status not in _CONTINUES:
+        if results[-1].status not in _CONTINUES or len(results[-1].discretization.freed) != len(freed):
             break
-    return History(tuple(results), len(steps))
+    return results
 
 
 def _checked_steps(problems: Iterable[ContactProblem]) -> list[ContactProblem]:
@@ -209,8 +230,12 @@ def _driven(step: ContactResult, name: str) -> tuple[float, float]:
         line, points = step.contacts[name], step.discretization.contacts[index].points
         offset = step.discretization.offsets()[index] * scales.displacement
         along = float(line.weights @ offset / line.weights.sum())
-        if name in step.plates:
-            along += step.plates[name].x if points.edges.axis[0] == HORIZONTAL else step.plates[name].y
+        plate = problem.contacts[index].plate
+        if plate is not None:
+            motion, (x, y) = step.plates[name], centre_of(problem, scales, step.discretization.contacts[index])
+            in_x = motion.x - motion.rotation * (y - plate.pivot[1])
+            in_y = motion.y + motion.rotation * (x - plate.pivot[0])
+            along += in_x if points.edges.axis[0] == HORIZONTAL else in_y
         return along, line.tangential_force
     edges = problem.mesh.edges(name)
     component = 0 if edges.axis[0] == HORIZONTAL else 1

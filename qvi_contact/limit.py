@@ -12,6 +12,7 @@ from qvi_contact.checks import Field, FloatArray, IntArray
 from qvi_contact.conditions import Condition, Contact, Traction
 from qvi_contact.discretization import Discretization, discretize
 from qvi_contact.errors import InputError, SolveError
+from qvi_contact.loads import shear_beside_contacts
 from qvi_contact.problem import ContactProblem
 from qvi_contact.scaling import Scales
 from solvers import FrictionQVI
@@ -123,10 +124,11 @@ def _sampled(problem: ContactProblem, names: Sequence[str]) -> tuple[Discretizat
     """The problem at two load factors in the same units, with the same degrees of freedom kept."""
     multiples = [_multiplied(problem, names, factor) for factor in _SAMPLES]
     scales = Scales.of(multiples[1])
-    freed: IntArray = np.empty(0, dtype=np.int64)
-    for _ in range(2):  # corners where shears disagree at one factor are given up at both
-        low, high = (discretize(multiple, scales=scales, freed=freed) for multiple in multiples)
-        freed = np.union1d(low.elimination.conflicts, high.elimination.conflicts)
+    # Corners where shears disagree at one factor, or that `solve` may give up beside a contact, are given up at both.
+    freed: IntArray = np.unique([node for multiple in multiples for node, _ in shear_beside_contacts(multiple)])
+    for _ in range(2):
+        low, high = (discretize(multiple, scales=scales, freed=freed.astype(np.int64)) for multiple in multiples)
+        freed = np.unique(np.concatenate([freed, low.elimination.conflicts, high.elimination.conflicts]))
     return low, high
 
 

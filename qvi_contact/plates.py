@@ -4,8 +4,11 @@ With t the traction on the body, φ included, a plate with prescribed resultants
 
     ∫ t_x ds = F_x,   ∫ t_y ds = F_y,   ∫ [(x − x₀) t_y − (y − y₀) t_x] ds = M
 
-divided by ℓ S, moments by ℓ² S, with ℓ the contact's length. A motion a of the plate would enter the load vector as
+divided by ℓ S, moments by ℓ r S, with ℓ the contact's length. A motion a of the plate would enter the load vector as
 Aᵀ(ℓ a), and stationarity K z − f + … + Aᵀν = 0 has the multiplier in its place: ℓ a = −ν.
+
+Wherever a force is given, its moment is taken off the third row and arms count from the contact's centre instead of the
+pivot, however far away that is; r is ℓ, or the arm that is left if a force is not given and the pivot is farther away.
 """
 
 from dataclasses import dataclass
@@ -39,7 +42,7 @@ class PlateRow:
     component : str
         "force_x", "force_y" or "moment".
     given : float
-        The prescribed resultant [stress × length], moments [stress × length²].
+        The prescribed resultant [stress × length], moments about the pivot [stress × length²].
     size : float
         The resultant that 1 on the row's right-hand side stands for.
     motion : float
@@ -94,15 +97,19 @@ def plate_rows(
     rows, matrices, values = [], [], []
     for contact, condition in zip(contacts, problem.contacts, strict=True):
         if condition.plate is not None:
-            length = float(contact.points.weights.sum())
-            for component, row, constant in _resultants(problem, scales, contact, condition.plate):
-                power = 2 if component == "moment" else 1
-                given = float(getattr(condition.plate, component))
-                size = scales.stress * (length * scales.length) ** power
-                motion = scales.displacement * scales.length / (length * scales.length) ** power
+            plate, centre, length = condition.plate, centre_of(problem, scales, contact), contact.points.weights.sum()
+            reference = plate.reference(*centre)
+            arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
+            for component, row, constant in _resultants(problem, scales, contact, plate, reference):
+                moment = component == "moment"
+                given = float(getattr(plate, component))
+                reduced = plate.moment_about(*centre) if moment else given
+                divisor = float(length * (max(length, arm) if moment else 1.0))
+                size = scales.stress * divisor * scales.length ** (2 if moment else 1)
+                motion = scales.displacement / divisor / (scales.length if moment else 1.0)
                 rows.append(PlateRow(contact.name, component, given, size, motion))
-                matrices.append(sparse.csr_array(row / length**power))
-                values.append(given / size - constant / length**power)
+                matrices.append(sparse.csr_array(row / divisor))
+                values.append(reduced / size - constant / divisor)
     full = stacked(matrices, len(particular))
     A, b = sparse.csr_array(full @ basis), joined([np.array(values)]) - full @ particular
     kept = _independent(A.toarray(), b, _row_lengths(full), rows)
@@ -114,13 +121,24 @@ def plate_rows(
     )
 
 
+def centre_of(problem: ContactProblem, scales: Scales, contact: ContactRows) -> tuple[float, float]:
+    """Centre of a contact's line [length]."""
+    x, y = physical(problem, scales, contact.points.coordinates)
+    weights = contact.points.weights
+    return float(np.average(x, weights=weights)), float(np.average(y, weights=weights))
+
+
 def _resultants(
-    problem: ContactProblem, scales: Scales, contact: ContactRows, plate: RigidPlate
+    problem: ContactProblem,
+    scales: Scales,
+    contact: ContactRows,
+    plate: RigidPlate,
+    reference: tuple[float, float],
 ) -> list[tuple[str, sparse.csr_array, float]]:
     """(component, row over all degrees of freedom, what φ contributes) for each one given, dimensionless."""
     points = contact.points
     x, y = physical(problem, scales, points.coordinates)
-    arm_x, arm_y = ((x - plate.pivot[0]) / scales.length, (y - plate.pivot[1]) / scales.length)
+    arm_x, arm_y = (x - reference[0]) / scales.length, (y - reference[1]) / scales.length
     zero = np.zeros(len(x))
     factors = {"force_x": (zero + 1.0, zero), "force_y": (zero, zero + 1.0), "moment": (-arm_y, arm_x)}
     potential = points.point_sign * potential_at(problem, scales, points.coordinates)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.checks import FloatArray
-from qvi_contact.conditions import Displacement, Traction
+from qvi_contact.conditions import Displacement, RigidPlate, Traction
 from qvi_contact.contact import ContactLine, contact_line
 from qvi_contact.contact_rows import ContactRows
 from qvi_contact.discretization import Discretization
@@ -17,6 +17,7 @@ from qvi_contact.element import GAUSS_COUNT
 from qvi_contact.errors import InputError
 from qvi_contact.loads import LOAD_POINTS, cell_points, physical, potential_at, prescribed_at_points
 from qvi_contact.mesh import HORIZONTAL, VERTICAL
+from qvi_contact.plates import centre_of
 from qvi_contact.problem import ContactProblem
 from qvi_contact.stress import cell_stress, stress_at
 from qvi_contact.traces import EdgePoints
@@ -244,8 +245,21 @@ class ContactResult:
         motion: dict[str, dict[str, float]] = {}
         for row, multiplier in zip(self.discretization.plates.rows, self._multipliers("equality"), strict=True):
             motion.setdefault(row.contact, {})[_MOTIONS[row.component]] = -float(multiplier) * row.motion
-        driven = [contact for contact in self.problem.contacts if contact.plate is not None]
-        return MappingProxyType({contact.name: PlateMotion(**motion.get(contact.name, {})) for contact in driven})
+        return MappingProxyType(
+            {
+                contact.name: self._about_pivot(contact.plate, rows, **motion.get(contact.name, {}))
+                for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True)
+                if contact.plate is not None
+            }
+        )
+
+    def _about_pivot(
+        self, plate: RigidPlate, rows: ContactRows, x: float = 0.0, y: float = 0.0, rotation: float = 0.0
+    ) -> PlateMotion:
+        """The motion of the pivot from that of the point the equations refer to."""
+        place = plate.reference(*centre_of(self.problem, self.discretization.scales, rows))
+        arm_x, arm_y = plate.pivot[0] - place[0], plate.pivot[1] - place[1]
+        return PlateMotion(x - rotation * arm_y, y + rotation * arm_x, rotation)
 
     def resultant(self, edges: str) -> Resultant:
         """Resultant of the computed tractions σn on a named edge set, joint or contact.

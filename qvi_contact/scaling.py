@@ -1,11 +1,13 @@
 """Characteristic length, stress and displacement that make the algebraic problem dimensionless."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from qvi_contact.checks import FloatArray, IntArray, evaluate
-from qvi_contact.conditions import Displacement, Traction
+from qvi_contact.conditions import Contact, Displacement, Traction
 from qvi_contact.hermite import gauss_legendre
 from qvi_contact.mesh import HORIZONTAL, VERTICAL, Edges
 from qvi_contact.problem import ContactProblem
@@ -25,12 +27,15 @@ class Scales:
         S, the largest stress the data suggest [stress].
     compliance : float
         C = max(c11, c22) of the body's materials [1/stress].
+    loaded : bool
+        Whether S comes from loads or displacements, not from a body at rest.
 
     """
 
     length: float
     stress: float
     compliance: float
+    loaded: bool = True
 
     @property
     def displacement(self) -> float:
@@ -68,7 +73,7 @@ class Scales:
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
         sizes += _plate_stresses(problem)
         stress = max(sizes) or min(1.0 / compliance, max(_cohesions(problem), default=0.0))
-        return cls(length, stress if stress > 0.0 else 1.0 / compliance, compliance)
+        return cls(length, stress if stress > 0.0 else 1.0 / compliance, compliance, max(sizes) > 0.0)
 
 
 def _samples(problem: ContactProblem, edges: Edges | IntArray) -> tuple[FloatArray, FloatArray]:
@@ -95,8 +100,12 @@ def _plate_stresses(problem: ContactProblem) -> list[float]:
         if contact.plate is not None:
             edges, nodes = problem.mesh.edges(contact.edges), problem.mesh.coordinates
             length = float(np.abs(nodes[edges.second] - nodes[edges.first]).sum())
-            force = max(abs(contact.plate.force_x or 0.0), abs(contact.plate.force_y or 0.0))
-            sizes += [force / length, abs(contact.plate.moment or 0.0) / length**2]
+            plate, lengths = contact.plate, np.abs(nodes[edges.second] - nodes[edges.first]).sum(axis=1)
+            centre = np.average((nodes[edges.first] + nodes[edges.second]) / 2.0, axis=0, weights=lengths)
+            sizes += [abs(plate.force_x or 0.0) / length, abs(plate.force_y or 0.0) / length]
+            if plate.moment is not None:
+                arm = float(np.abs(centre - plate.reference(*centre)).max())
+                sizes.append(abs(plate.moment_about(*centre)) / (length * max(length, arm)))
     return sizes
 
 
@@ -105,8 +114,8 @@ def _forced(problem: ContactProblem) -> tuple[float, float]:
 
     A prescribed displacement bounds u from both sides, an obstacle from one: u ≤ g or −u ≤ g as n points. What is
     forced is the largest lower bound less the smallest upper one, if positive. Bilateral and tied contacts bound it
-    from both sides. Obstacles that slide past (w) force nothing that friction does not limit; plates driven by force
-    and joints are left out.
+    from both sides, and tied ones by their offset w along the tangent. Obstacles that slide past (w) force nothing that
+    friction does not limit; joints are left out, and plates in the components that are driven by force.
     """
     lower: tuple[list[float], list[float]] = ([], [])
     upper: tuple[list[float], list[float]] = ([], [])
@@ -115,21 +124,29 @@ def _forced(problem: ContactProblem) -> tuple[float, float]:
         lower[component].append(float(values.max()))
         upper[component].append(float(values.min()))
     for contact in problem.contacts:
-        if contact.plate is not None or contact in problem.joints:
-            continue
-        edges = problem.mesh.edge_set(contact.edges)
-        for axis in (HORIZONTAL, VERTICAL):
-            for sign in (-1.0, 1.0):
-                boundary = problem.mesh.boundary
-                facing = edges[(boundary.axis[edges] == axis) & (boundary.sign[edges] == sign)]
-                if len(facing):
-                    gap = sign * evaluate("Contact.gap", contact.gap, *_samples(problem, facing))
-                    component = 1 if axis == HORIZONTAL else 0
-                    if sign > 0 or contact.law != "unilateral":
-                        upper[component].append(float(gap.min()))
-                    if sign < 0 or contact.law != "unilateral":
-                        lower[component].append(float(gap.max()))
+        for component, values, above, below in _held(problem, contact):
+            if above:
+                upper[component].append(float(values.min()))
+            if below:
+                lower[component].append(float(values.max()))
     along_x, along_y = (
         max(0.0, max(low) - min(up)) if low and up else 0.0 for low, up in zip(lower, upper, strict=True)
     )
     return along_x, along_y
+
+
+def _held(problem: ContactProblem, contact: Contact) -> Iterator[tuple[int, FloatArray, bool, bool]]:
+    """(component, where the obstacle is, whether it bounds u from above, from below) for each side of a contact."""
+    if contact in problem.joints:
+        return
+    edges, boundary = problem.mesh.edge_set(contact.edges), problem.mesh.boundary
+    driven = [getattr(contact.plate, name, None) is not None for name in ("force_x", "force_y")]
+    both = contact.law != "unilateral"
+    for axis, sign in product((HORIZONTAL, VERTICAL), (-1.0, 1.0)):
+        facing = edges[(boundary.axis[edges] == axis) & (boundary.sign[edges] == sign)]
+        normal, tangential = (1, 0) if axis == HORIZONTAL else (0, 1)
+        if len(facing) and not driven[normal]:
+            gap = evaluate("Contact.gap", contact.gap, *_samples(problem, facing))
+            yield normal, sign * gap, sign > 0 or both, sign < 0 or both
+        if len(facing) and not driven[tangential] and contact.law == "tied":
+            yield tangential, evaluate("Contact.offset", contact.offset, *_samples(problem, facing)), True, True

@@ -56,7 +56,7 @@ def solve(
     """
     if not isinstance(problem, (ContactProblem, Discretization)):
         raise InputError("problem", problem, "give a ContactProblem or a Discretization")
-    discretization = problem if isinstance(problem, Discretization) else discretize(problem)
+    discretization = problem if isinstance(problem, Discretization) else discretize(problem).fitted()
     throw = bool(options.pop("throw", False))
     if options.get("initial") is not None:
         options["initial"] = _initial_pressure(options["initial"], discretization)
@@ -74,23 +74,31 @@ def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> Conta
 
     Corner and contact share one Φ_xy. It is freed, as between two prescribed shears that disagree, and the resultants
     of the edges are kept. From the pressure found so the original problem gets another try, unless it is proved to have
-    no solution; the freed one is the answer only where friction did not carry the shear.
+    no solution; else as few corners as possible are given up, and only where the original cannot be solved.
     """
     known = failed.discretization
     corners = np.array([node for node, _ in shear_beside_contacts(failed.problem)], dtype=np.int64)
     freed = np.setdiff1d(corners, np.concatenate([known.elimination.conflicts, known.freed]))
     if not len(freed):
         return None
-    discretization = known.freeing(freed)
-    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
-    if result.status is not Status.SOLVED:
+    result = _solved(known.freeing(np.union1d(known.freed, freed)), settings)
+    if result is None:
         return None
-    if failed.status is not Status.INFEASIBLE and settings["method"] == "fixed-point":
-        settings = {**settings, "initial": discretization.qvi.pressure(result.solution.z)}
-        exact = ContactResult(known, solve_qvi(known.qvi, **settings))
-        if exact.status is Status.SOLVED:
+    if settings["method"] == "fixed-point":
+        settings = {**settings, "initial": result.solution.problem.pressure(result.solution.z)}
+        exact = _solved(known, settings) if failed.status is not Status.INFEASIBLE else None
+        if exact is not None:
             return exact
+        for node in freed if len(freed) > 1 else ():
+            fewer = result.discretization.freed[result.discretization.freed != node]
+            result = _solved(known.freeing(fewer), settings) or result
     return result if failed.status in _CANNOT_CARRY else None
+
+
+def _solved(discretization: Discretization, settings: dict[str, Any]) -> ContactResult | None:
+    """The result if it is solved."""
+    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
+    return result if result.status is Status.SOLVED else None
 
 
 def _initial_pressure(initial: object, discretization: Discretization) -> FloatArray:

@@ -9,10 +9,11 @@ strain energy E_b = ½|r(z)|² (without a root ½ zᵀKz) and the scales
 
 the measures are
 
-    equality                    max |A z − b| / (|A||z| + |b|)
+    equality                    max over rows of |A z − b| / B,  B_i = b_i' + 1e-3 max b',  b' = |b| + 1e-4 |A||z|
     normal                      max (σ_N)⁺ / S, unilateral points
     friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
-    stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν
+    stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
+                                and over rows of A of |δν| B / E, Aᵀδν the part of ρ outside A z = 0
     sign                        max of (−λ_N)⁺ / D, bilateral |λ_N| / D, and (−λ_T σ_T)⁺ / (S max(D, |λ|))
     complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 D
     complementarity_tangential  Σ | |m_T| thr − m_T σ_T | / E
@@ -22,8 +23,8 @@ the measures are
 
 All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
 contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-6 of √(E_b k / Σ W), which stands for the stress
-in the body, that is S; where the body carries nothing either, stress below 1e-6, it is 1, the unit of the dimensionless
-problem.
+in the body, that is S; where the body carries nothing either, it is the stress without the inequalities (`bonded`),
+and 1, the unit of the dimensionless problem, if that is zero or larger.
 
 An obstacle farther away than 10 D from the body may as well stand there: the solution is the same, and round-off in
 σ_N times a gap of any size is no error.
@@ -50,6 +51,8 @@ from solvers.errors import InputError
 from solvers.problem import FrictionQVI
 from solvers.types import Vector
 
+_CANCELS = 1e-4  # share of the terms of A z that an error is measured by where b is small
+_BESIDE = 1e-3  # the same, of the largest other row
 _NEAR = 10.0  # gaps count up to this many D
 _NOTHING = 1e-6  # share of the stress in the body below which a contact carries nothing, and of unit stress
 
@@ -199,7 +202,7 @@ def _measure(
         "equality": _equality(qvi, z),
         "normal": _largest(pulled) / S,
         "friction": _largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
-        "stationarity": _stationarity(qvi, residual, scales),
+        "stationarity": _stationarity(qvi, z, residual, scales),
         "sign": max(_largest(wrong_N) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * sliding)),
         "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(slack_T).sum()) / E,
@@ -213,9 +216,11 @@ def scales_at(qvi: FrictionQVI, z: Vector) -> dict[str, float]:
     """Scales "stress", "displacement", "energy" of the contact and "body_energy" of the whole state z."""
     length = _nonzero(float(qvi.W.sum()))
     stiffness = _nonzero(qvi.contact_stiffness)  # without contact, or with tractions that nothing can change, any does
-    unit = length / stiffness  # energy of unit stress
+    reference = length / stiffness  # energy of unit stress
+    if qvi.bonded_energy > 0.0:
+        reference = min(reference, qvi.bonded_energy)
     body = qvi.strain_energy(z)
-    body = body if body > _NOTHING**2 * unit else unit
+    body = body if body > _NOTHING**2 * reference else reference
     in_body = float(np.sqrt(body * stiffness / length))
     stress = max(_largest(qvi.normal(z)), _largest(qvi.tangential(z)))
     if stress <= _NOTHING * in_body:
@@ -226,11 +231,12 @@ def scales_at(qvi: FrictionQVI, z: Vector) -> dict[str, float]:
     return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": _nonzero(body)}
 
 
-def _stationarity(qvi: FrictionQVI, residual: Vector, scales: Mapping[str, float]) -> float:
-    """Error of z for its multipliers: in the energy norm, and in the contact tractions."""
-    error = qvi.equality_system.solve(residual)[0]
+def _stationarity(qvi: FrictionQVI, z: Vector, residual: Vector, scales: Mapping[str, float]) -> float:
+    """Error of z for its multipliers: in the energy norm, and in the contact tractions; and the error of ν."""
+    error, outside = qvi.equality_system.solve(residual)
     energy = float(np.sqrt(abs(float(residual @ error)) / (2.0 * scales["body_energy"])))
-    return max(energy, max(_largest(qvi.N @ error), _largest(qvi.T @ error)) / scales["stress"])
+    tractions = max(_largest(qvi.N @ error), _largest(qvi.T @ error)) / scales["stress"]
+    return max(energy, tractions, _largest(outside * _row_sizes(qvi, z)) / scales["energy"])
 
 
 def _energy_gap(
@@ -244,8 +250,14 @@ def _energy_gap(
 
 
 def _equality(qvi: FrictionQVI, z: Vector) -> float:
-    scale = _nonzero(_largest(abs(qvi.A) @ np.abs(z) + np.abs(qvi.b)))
-    return _largest(qvi.A @ z - qvi.b) / scale
+    sizes = _row_sizes(qvi, z)
+    return _largest((qvi.A @ z - qvi.b) / np.where(sizes > 0.0, sizes, 1.0))
+
+
+def _row_sizes(qvi: FrictionQVI, z: Vector) -> Vector:
+    """What counts as large in each row of A z = b (p,): b, a share of what cancels in A z, and of the largest row."""
+    sizes = np.abs(qvi.b) + _CANCELS * (abs(qvi.A) @ np.abs(z))
+    return np.asarray(sizes + _BESIDE * sizes.max(initial=0.0))
 
 
 def _largest(vector: Vector) -> float:

@@ -240,6 +240,12 @@ class FrictionQVI:
         return self._bonded_and_error[1]
 
     @cached_property
+    def bonded_energy(self) -> float:
+        """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
+        energy, nothing = self.strain_energy(self.bonded), _ROUNDING * self.strain_energy(np.zeros(self.n))
+        return energy if energy > nothing else 0.0
+
+    @cached_property
     def _bonded_and_error(self) -> tuple[Vector, float]:
         z, _ = self.equality_system.solve(self.f, self.b)
         if self.root is None:
