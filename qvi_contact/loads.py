@@ -101,7 +101,9 @@ def _frictionless_twists(problem: ContactProblem) -> Iterator[tuple[IntArray, Fl
         x, y = problem.mesh.coordinates[[node]].T
         friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
         cohesion = evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0)
-        if friction[0] == cohesion[0] == 0.0:
+        limit = contact.shear_limit if contact.shear_limit is not None else np.inf
+        capped = callable(limit) and evaluate("Contact.shear_limit", limit, x, y, minimum=0.0)[0] == 0.0
+        if friction[0] == cohesion[0] == 0.0 or limit == 0.0 or capped:
             yield np.array([node]), np.zeros(1)
 
 

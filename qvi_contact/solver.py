@@ -81,9 +81,11 @@ def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> Conta
     freed = np.setdiff1d(corners, np.concatenate([known.elimination.conflicts, known.freed]))
     if not len(freed):
         return None
-    result = _solved(known.freeing(np.union1d(known.freed, freed)), settings)
-    if result is None:
-        return None
+    discretization = known.freeing(np.union1d(known.freed, freed))
+    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
+    if result.status is not Status.SOLVED:
+        corners_only = failed.status is Status.INFEASIBLE and result.status is not Status.INFEASIBLE
+        return result if corners_only else None
     if settings["method"] == "fixed-point":
         settings = {**settings, "initial": result.solution.problem.pressure(result.solution.z)}
         exact = _solved(known, settings) if failed.status is not Status.INFEASIBLE else None

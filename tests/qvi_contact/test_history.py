@@ -6,7 +6,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, RectilinearMesh, Traction, solve
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    InputError,
+    Material,
+    Polynomial,
+    RectilinearMesh,
+    Traction,
+    solve,
+)
 from qvi_contact.conditions import RigidPlate
 from qvi_contact.history import loop_area, solve_history
 from solvers import Status
@@ -187,3 +197,53 @@ def test_callback_hears_of_every_step():
         [pressed_block(w) for w in (0.0, 0.001)], callback=lambda n, result: heard.append((n, result))
     )
     assert heard == list(enumerate(history.steps, 1))
+
+
+def test_a_step_at_rest_does_not_set_the_units():
+    """Steel under its own weight from rest: stresses of 1e-8 E are as exact as alone."""
+
+    def weighed(gravity):
+        mesh = RectilinearMesh.rectangle((4, 4), 0.1, 0.1)
+        free = [Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0), Traction("top", x=0.0, y=0.0)]
+        ground = Contact("bottom", 0.1, gap=Polynomial([[0.0], [0.0], [1e-9]]), name="ground")
+        return ContactProblem(mesh, Material(2.1e11, 0.3), [ground, *free], Polynomial([[0.0, 7850.0 * gravity]]))
+
+    alone = solve(weighed(9.81)).contacts["ground"]
+    history = solve_history([weighed(0.0), weighed(9.81)])
+    after = history.steps[1].contacts["ground"]
+    assert history.status is Status.SOLVED
+    size = np.abs(alone.normal_stress).max()
+    assert np.abs(after.normal_stress - alone.normal_stress).max() < 1e-7 * size
+    assert np.abs(after.tangential_stress - alone.tangential_stress).max() < 1e-7 * size
+
+
+def test_corners_given_up_in_one_step_are_given_up_in_all():
+    def driven(offset):
+        mesh = RectilinearMesh.rectangle((3, 2), WIDTH, HEIGHT)
+        sides = [Traction("left", x=0.0, y=8.0), Traction("right", x=0.0, y=-8.0)]
+        held = Displacement("top", x=0.0, y=-0.01)
+        return ContactProblem(mesh, Material(YOUNG, 0.3), [Contact("bottom", FRICTION, offset=offset), held, *sides])
+
+    history = solve_history([driven(w) for w in 0.03 * ramp(0.0, 1.0, -1.0, 1.0, -1.0, 1.0, steps=3)])
+    assert history.status is Status.SOLVED
+    freed = {tuple(step.discretization.freed.tolist()) for step in history.steps}
+    assert len(freed) == 1
+    assert len(freed.pop()) > 0
+    _, force = history.loop("bottom")
+    assert force[-6:] == pytest.approx(force[-12:-6], rel=1e-5, abs=1e-5)
+
+
+def test_loop_of_a_plate_that_turns_does_not_depend_on_its_pivot():
+    def pressed(force, pivot):
+        base = pressed_block(0.0)
+        driving = RigidPlate(
+            force_x=force, force_y=-25.0, moment=-25.0 * (0.9 - pivot[0]) - force * (1.0 - pivot[1]), pivot=pivot
+        )
+        plate = Contact("top", FRICTION, name="plate", plate=driving)
+        return replace(base, conditions=[plate, *base.conditions[1:]])
+
+    loops = [
+        solve_history([pressed(f, at) for f in (1.0, 3.0, -2.0)]).loop("plate") for at in ((1.0, 1.0), (5.0, -3.0))
+    ]
+    assert loops[1][0] == pytest.approx(loops[0][0], rel=1e-5)
+    assert loops[1][1] == pytest.approx(loops[0][1], rel=1e-9)

@@ -377,3 +377,17 @@ def test_fields_that_turn_negative_are_refused(name):
     contact = replace(Contact("bottom", 0.1), **{name: lambda x, _: 0.5 - x})
     with pytest.raises(InputError, match=f"Contact.{name}"):
         solve(punched(MESHES["uniform"], MATERIALS["stress"], contact))
+
+
+def test_only_the_corner_that_fails_is_given_up():
+    """Pressure 100 x: friction carries the shear of the sides on the right, not on the left."""
+    mesh = RectilinearMesh.rectangle((8, 4), 2.0, 1.0)
+    conditions = [
+        Contact("bottom", 0.3, name="base"),
+        Traction("top", x=27.0, y=lambda x, y: -100.0 * x + 0 * y),
+        Traction("left", x=0.0, y=-27.0),
+        Traction("right", x=0.0, y=27.0),
+    ]
+    result = solved(ContactProblem(mesh, Material(1e3, 0.3), conditions), 1e-8)
+    assert result.discretization.freed.tolist() == [0]
+    assert sum("no state was found" in remark for remark in result.remarks) == 1

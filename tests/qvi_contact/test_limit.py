@@ -336,3 +336,21 @@ class TestAnswer:
         """A solution's own load has a factor of at least one."""
         problem, _ = stick_slip_block((4, 3))
         assert limit_load_factor(problem, ["top", "left"]) >= 1.0
+
+
+def test_limit_and_solve_mean_the_same_problem_where_corners_carry_no_shear():
+    """Nearly smooth ends: the shear of the sides is met in the resultants by both."""
+
+    def friction(x, y):
+        return np.where(np.abs(x - 1.0) > 0.75, 1e-3, 0.3) + 0 * y
+
+    def dragged(shear):
+        mesh = RectilinearMesh.rectangle((8, 4), 2.0, 1.0)
+        sides = [Traction("left", x=0.0, y=-shear, name="drag"), Traction("right", x=0.0, y=shear, name="drag")]
+        top = [Traction("top", y=-100.0, name="weight"), Traction("top", x=shear, name="drag")]
+        return ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", friction, name="base"), *top, *sides])
+
+    factor = limit_load_factor(dragged(1.0), ["drag"])
+    assert solve(dragged(0.6 * factor)).status is Status.SOLVED
+    assert solve(dragged(0.75 * factor)).status is not Status.INFEASIBLE  # although the corners alone carry nothing
+    assert solve(dragged(1.001 * factor)).status is Status.INFEASIBLE

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from qvi_contact import (
     Contact,
     ContactProblem,
+    Displacement,
     InputError,
     Material,
     RectilinearMesh,
@@ -15,7 +17,7 @@ from qvi_contact import (
     Traction,
     solve,
 )
-from solvers import Status
+from solvers import Status, certify
 from tests.qvi_contact.states import difference, solved
 
 STEEL = Material(1000.0, 0.3)
@@ -312,3 +314,61 @@ class TestImpossible:
     def test_bad_data(self, given, word):
         with pytest.raises(InputError, match=word):
             RigidPlate(**given)
+
+
+@pytest.mark.parametrize("plate", [RigidPlate(force_x=0.0), RigidPlate(moment=0.0, pivot=(0.5, 1.0))])
+def test_small_displacements_under_a_driven_plate_are_as_exact_as_large_ones(plate):
+    """The law is positively homogeneous: forces over U, whatever the unit of stress."""
+
+    def force(displacement):
+        mesh = RectilinearMesh.rectangle((3, 3))
+        sides = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)]
+        top = Contact("top", 0.3, gap=-displacement, name="plate", plate=plate)
+        return solved(ContactProblem(mesh, STEEL, [*sides, top])).contacts["plate"].normal_force / displacement
+
+    expected = force(1e-3)
+    for displacement in (1e-5, 1e-7, 1e-9):
+        assert force(displacement) == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("pivot", "shift", "tolerance"), [((0, 0), 1e3, 1e-7), ((1e5, 1e5), 0.0, 1e-7), ((1e7, 0), 0.0, 1e-6)]
+)
+def test_a_far_pivot_is_as_good_as_a_near_one(pivot, shift, tolerance):
+    mesh = RectilinearMesh.rectangle((4, 4), origin=(shift, shift))
+    held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+    tilted = Contact("top", 0.3, gap=lambda x, y: -1e-3 - 2e-4 * (x - shift - 0.5) + 0 * y, offset=3e-4, name="plate")
+    line = solved(ContactProblem(mesh, STEEL, [*held, tilted])).contacts["plate"]
+    moments = (line.x - pivot[0]) * line.normal_stress - (line.y - pivot[1]) * line.tangential_stress
+    driven = RigidPlate(line.tangential_force, -line.normal_force, float(line.weights @ moments), pivot)
+    result = solved(ContactProblem(mesh, STEEL, [*held, Contact("top", 0.3, name="plate", plate=driven)]))
+    size = np.abs(line.normal_stress).max()
+    assert np.abs(result.contacts["plate"].normal_stress - line.normal_stress).max() < tolerance * size
+    motion = result.plates["plate"]
+    arm_x, arm_y = shift + 0.5 - pivot[0], shift + 1.0 - pivot[1]
+    assert motion.rotation == pytest.approx(-2e-4, rel=1e-5)
+    assert motion.x - motion.rotation * arm_y == pytest.approx(3e-4, abs=2e-7 + 1e-15 * abs(arm_y))
+    assert motion.y + motion.rotation * arm_x == pytest.approx(-1e-3, abs=2e-7 + 1e-15 * abs(arm_x))
+
+
+def test_a_wrong_motion_of_a_plate_is_no_solution():
+    mesh = RectilinearMesh.rectangle((3, 3))
+    held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+    plate = RigidPlate(force_y=-10.0)
+    solution = solved(ContactProblem(mesh, STEEL, [*held, Contact("top", 0.3, plate=plate)])).solution
+    state = solution.problem, solution.z, solution.normal_multiplier, solution.tangential_multiplier
+    assert certify(*state, solution.equality_multiplier).passed
+    assert not certify(*state, solution.equality_multiplier * (1.0 + 1e-4)).passed
+
+
+def test_a_small_force_counts_beside_a_large_one():
+    mesh = RectilinearMesh.rectangle((4, 3)).with_edges("one", "top", stop=0.5).with_edges("other", "top", start=0.5)
+    held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+    forces = {"one": -100.0, "other": -1e-4}
+    plates = [Contact(name, 0.3, plate=RigidPlate(force_y=force)) for name, force in forces.items()]
+    result = solved(ContactProblem(mesh, STEEL, [*held, *plates]))
+    assert result.contacts["other"].normal_force == pytest.approx(1e-4, rel=1e-4)
+    qvi, solution = result.solution.problem, result.solution
+    changed = replace(qvi, b=qvi.b * np.array([1.0, 1.01]))
+    state = solution.z, solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
+    assert not certify(changed, *state).passed
