@@ -55,11 +55,11 @@ def limit_load_factor(problem: ContactProblem, loads: Sequence[str]) -> float:
         max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) at the Gauss points
 
     A linear program in the Airy coefficients of the quasi-variational inequality. Every solution of that lies in this
-    set, so beyond the factor there is none on this mesh (a shear prescribed beside a contact is met in the resultants, as
-    `solve` does where friction cannot carry it in the corner). For Coulomb's law, whose slip is not associated, the converse
-    does not hold in general: the factor is the limit load of the associated law, an upper bound; a solution below it
-    may, but need not exist, which only `solve` can tell. Displacements, gaps and elastic constants do not enter, and
-    bilateral contacts with friction count as able to carry any shear up to their cap.
+    set, so beyond the factor there is none on this mesh (a shear prescribed beside a contact is met in the resultants,
+    as `solve` does where friction cannot carry it in the corner). For Coulomb's law, whose slip is not associated, the
+    converse does not hold in general: the factor is the limit load of the associated law, an upper bound; a solution
+    below it may, but need not exist, which only `solve` can tell. Displacements, gaps and elastic constants do not
+    enter, and bilateral contacts with friction count as able to carry any shear up to their cap.
 
     Parameters
     ----------
