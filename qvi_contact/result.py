@@ -91,7 +91,7 @@ class PlateMotion:
 _MOTIONS = {"force_x": "x", "force_y": "y", "moment": "rotation"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ContactResult:
     """A solved (or failed) contact problem.
 
@@ -110,6 +110,9 @@ class ContactResult:
 
     discretization: Discretization
     solution: QVISolution
+
+    def __repr__(self) -> str:
+        return f"<ContactResult {self.message}>"
 
     @property
     def problem(self) -> ContactProblem:
