@@ -129,9 +129,10 @@ def check(file: str, plot: str | None, as_json: bool) -> None:
 def limit(file: str, loads: tuple[str, ...], as_json: bool) -> int:
     """Largest multiple of the named loads that the contacts can carry while the others stay.
 
-    NAME is the name of a traction (its edge set if it has none), of a contact whose plate is driven by force, or "body"
-    for the body force. With a [history] the problem at its first time is taken. The exit status is 1 if no multiple can
-    be carried.
+    It is an upper bound: friction may give way before, which only solve can tell. Loads of one name are multiplied
+    together. NAME is the name of a traction (its edge set if it has none), of a contact whose plate is driven by force,
+    or "body" for the body force. With a [history] the problem at its first time is taken. The exit status is 1 if no
+    multiple can be carried.
 
     \b
     Example:
@@ -145,11 +146,15 @@ def limit(file: str, loads: tuple[str, ...], as_json: bool) -> int:
     problem_file = load_problem(file)
     with problem_file.named_errors():
         factor = limit_load_factor(problem_file.problem, loads=list(loads))
-    words = "any multiple can be carried" if factor > 0 else "no multiple can be carried"
-    message = words if math.isinf(factor) else f"up to {factor:.9g} times these loads can be carried"
+    outcome = "bounded" if math.isfinite(factor) else "unbounded" if factor > 0 else "none"
+    message = {
+        "bounded": f"no solution beyond {factor + 0.0:.9g} times these loads; below only solve can tell",
+        "unbounded": "no upper limit",
+        "none": "no multiple can be carried",
+    }[outcome]
     if as_json:
-        number = None if math.isinf(factor) else factor
-        click.echo(_json({"loads": list(loads), "factor": number, "message": message}))
+        number = factor if outcome == "bounded" else None
+        click.echo(_json({"loads": list(loads), "outcome": outcome, "factor": number, "message": message}))
     else:
         click.echo(f"{', '.join(loads)}: {message}")
     return 1 if factor == -math.inf else 0

@@ -164,4 +164,7 @@ def _check_node(text: str, node: ast.AST, names: Sequence[str]) -> None:
             raise InputError("expression", text, f"{node.id} is no known name; there are {', '.join(names)}")
     elif not isinstance(node, (*_NODES, *_OPERATORS)):
         part = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__
+        hint = {ast.BitXor: "write ** for powers", ast.IfExp: "write where(condition, then, else)"}.get(type(node))
+        if hint is not None:
+            raise InputError("expression", text, hint)
         raise InputError("expression", text, f"{part} is not allowed: use numbers, x, y, t, + - * / ** and functions")

@@ -176,6 +176,11 @@ class Reader:
                 plate = self._plate(f"{path}.plate", table.plate) if kind == "contacts" else None
                 with located(path, table):
                     yield _condition(table, kind, fields, plate)
+        used = {contact.edges for contact in self.document.contacts}
+        for index, joint in enumerate(self.document.joints):
+            if joint.name not in used:
+                remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
+                raise InputError(f"joints[{index}]", joint.name, remedy)
 
     def _plate(self, path: str, table: PlateTable | None) -> RigidPlate | None:
         if table is None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -310,3 +311,10 @@ def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):
 def test_solve_takes_all_options_a_file_can_hold():
     options = {f.name for kind in (FixedPointOptions, UzawaOptions) for f in dataclasses.fields(kind)}
     assert set(SolveTable.model_fields) - {"method", "inner", "tolerance"} == options - {"initial", "callback"}
+
+
+def test_a_joint_that_no_contact_uses_is_named():
+    text = (Path(__file__).parents[2] / "examples" / "stacked_blocks.toml").read_text(encoding="utf-8")
+    last = text.rindex("[[contacts]]")
+    with pytest.raises(InputError, match=r"joints\[1\].*'upper'.*no contact uses this joint"):
+        problem_from_toml(text[:last])
