@@ -58,7 +58,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         "solved": solution.solved,
         "message": result.message,
         "advice": result.status.advice,
-        "remarks": list(result.remarks) if result.has_state else list(result.discretization.remarks),
+        "remarks": list(result.remarks),
         "certificate": {
             "passed": certificate.passed,
             "tolerance": certificate.tolerance,

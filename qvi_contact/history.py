@@ -242,9 +242,8 @@ def _driven(step: ContactResult, name: str) -> tuple[float, float]:
     for condition in problem.conditions:
         value = (condition.x, condition.y)[component] if isinstance(condition, Displacement) else None
         if condition.edges == name and value is not None:
-            nodes = problem.mesh.coordinates
-            middle, lengths = (nodes[edges.first] + nodes[edges.second]) / 2.0, nodes[edges.second] - nodes[edges.first]
-            values = evaluate("Displacement", value, *middle.T)
+            middles = problem.mesh.points_along(edges, np.array([0.5]))
+            values, lengths = evaluate("Displacement", value, *middles)[:, 0], problem.mesh.edge_lengths(edges)
             resultant = step.resultant(name)
-            return float(np.average(values, weights=lengths[:, component])), (resultant.x, resultant.y)[component]
+            return float(np.average(values, weights=lengths)), (resultant.x, resultant.y)[component]
     raise InputError("name", name, "name a contact, or an edge set whose tangential displacement is prescribed")

@@ -278,6 +278,16 @@ class RectilinearMesh:
             keep &= middle[:, 1 - axis] == on_line("at", chosen.at, across)
         return found[keep]
 
+    def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates x, y [length] at reference points t (n,), 0 to 1, of edges; shape (edges, n) each."""
+        first, second = self.coordinates[edges.first], self.coordinates[edges.second]
+        points = first[:, None, :] + (second - first)[:, None, :] * t[:, None]
+        return points[..., 0], points[..., 1]
+
+    def edge_lengths(self, edges: Edges) -> FloatArray:
+        """Lengths of edges [length], shape (edges,)."""
+        return np.asarray((self.coordinates[edges.second] - self.coordinates[edges.first]).sum(axis=1))
+
     def with_edges(
         self, name: str, side: str, start: float | None = None, stop: float | None = None, at: float | None = None
     ) -> "RectilinearMesh":

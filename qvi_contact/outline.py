@@ -64,7 +64,7 @@ def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
     found: dict[str, Any] = {
         "kind": kind,
         "edges": condition.edges,
-        "length": float(_lengths(problem.mesh, edges).sum()),
+        "length": float(problem.mesh.edge_lengths(edges).sum()),
     }
     if isinstance(condition, Contact):
         found |= {"name": condition.name, "law": condition.law, "joint": condition in problem.joints}
@@ -107,13 +107,8 @@ def _resultant(x: FloatArray, y: FloatArray, weights: FloatArray, t_x: FloatArra
     return {"x": float(weights @ t_x), "y": float(weights @ t_y), "moment": float(moment)}
 
 
-def _lengths(mesh: RectilinearMesh, edges: Edges) -> FloatArray:
-    return np.asarray((mesh.coordinates[edges.second] - mesh.coordinates[edges.first]).sum(axis=1))
-
-
 def _points(mesh: RectilinearMesh, edges: Edges) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gauss points x, y and weights along edges [length]."""
     t, weights = gauss_legendre(LOAD_POINTS)
-    first, second = mesh.coordinates[edges.first], mesh.coordinates[edges.second]
-    points = (first[:, None, :] + (second - first)[:, None, :] * t[:, None]).reshape(-1, 2)
-    return points[:, 0], points[:, 1], (_lengths(mesh, edges)[:, None] * weights).ravel()
+    x, y = mesh.points_along(edges, t)
+    return x.ravel(), y.ravel(), (mesh.edge_lengths(edges)[:, None] * weights).ravel()

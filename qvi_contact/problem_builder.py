@@ -50,7 +50,6 @@ FIELDS: Final[dict[str, tuple[str, ...]]] = {
 
 _NOT_NEGATIVE: Final = ("friction", "cohesion", "shear_limit")
 _MOST_CELLS: Final = 1_000_000
-_THINNEST: Final = 1e-9  # cells, as a share of the body's length
 _RENAMED: Final = {
     "ContactProblem.body_potential": "body_potential",
     "ContactProblem.mesh": "mesh",
@@ -291,9 +290,6 @@ def _refined(mesh: RectilinearMesh, table: RefineTable) -> RectilinearMesh:
         with located(f"mesh.refine.towards[{index}]"):
             mesh.edges(name)
     with located("mesh.refine", table):
-        least = _THINNEST * mesh.length
-        if 0.0 < (table.smallest or least) < least:
-            raise InputError("smallest", table.smallest, f"give at least {least:g}: thinner cells vanish in rounding")
         wanted = _refined_size(mesh.x, table) * _refined_size(mesh.y, table)
         if wanted > _MOST_CELLS:
             raise InputError("largest", table.largest, f"give more: this makes some {wanted:.0e} cells in all")
@@ -305,7 +301,7 @@ def _refined_size(lines: FloatArray, table: RefineTable) -> float:
     smallest = table.smallest or table.largest
     if not 0.0 < smallest <= table.largest:
         return 0.0  # refused where it is used
-    extent, growth = float(lines[-1] - lines[0]), 1.0 / table.ratio - 1.0
+    extent, growth = float(lines[-1] - lines[0]), -float(np.log(table.ratio))
     uniform = len(lines) + extent / table.largest
     graded = uniform + len(lines) * 2.0 * np.log1p(growth * table.largest / smallest) / growth
     return float(min(graded, len(lines) + extent / smallest))
@@ -313,8 +309,6 @@ def _refined_size(lines: FloatArray, table: RefineTable) -> float:
 
 def _points(mesh: RectilinearMesh, edges: str) -> tuple[FloatArray, FloatArray]:
     """Ends and Gauss points of edges: all places where their conditions are evaluated."""
-    chosen = mesh.edges(edges)
     t = np.concatenate([[0.0, 1.0], gauss_legendre(GAUSS_COUNT)[0], gauss_legendre(LOAD_POINTS)[0]])
-    first, second = mesh.coordinates[chosen.first], mesh.coordinates[chosen.second]
-    points = first[:, None, :] + (second - first)[:, None, :] * t[:, None]
-    return points[..., 0].ravel(), points[..., 1].ravel()
+    x, y = mesh.points_along(mesh.edges(edges), t)
+    return x.ravel(), y.ravel()

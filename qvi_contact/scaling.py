@@ -77,12 +77,9 @@ class Scales:
 
 
 def _samples(problem: ContactProblem, edges: Edges | IntArray) -> tuple[FloatArray, FloatArray]:
-    """Coordinates x, y of the ends of edges and of Gauss points between them, shape (points, edges) each."""
-    boundary = edges if isinstance(edges, Edges) else problem.mesh.boundary.take(edges)
-    nodes = problem.mesh.coordinates
-    t = np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]])[:, None]
-    points = (1.0 - t) * nodes[boundary.first][:, None] + t * nodes[boundary.second][:, None]
-    return points[..., 0], points[..., 1]
+    """Coordinates x, y of the ends of edges and of Gauss points between them, shape (edges, points) each."""
+    chosen = edges if isinstance(edges, Edges) else problem.mesh.boundary.take(edges)
+    return problem.mesh.points_along(chosen, np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]]))
 
 
 def _cohesions(problem: ContactProblem) -> list[float]:
@@ -98,10 +95,11 @@ def _plate_stresses(problem: ContactProblem) -> list[float]:
     sizes = []
     for contact in problem.contacts:
         if contact.plate is not None:
-            edges, nodes = problem.mesh.edges(contact.edges), problem.mesh.coordinates
-            length = float(np.abs(nodes[edges.second] - nodes[edges.first]).sum())
-            plate, lengths = contact.plate, np.abs(nodes[edges.second] - nodes[edges.first]).sum(axis=1)
-            centre = np.average((nodes[edges.first] + nodes[edges.second]) / 2.0, axis=0, weights=lengths)
+            plate, edges = contact.plate, problem.mesh.edges(contact.edges)
+            lengths = problem.mesh.edge_lengths(edges)
+            length = float(lengths.sum())
+            middles = problem.mesh.points_along(edges, np.array([0.5]))
+            centre = np.array([np.average(part[:, 0], weights=lengths) for part in middles])
             sizes += [abs(plate.force_x or 0.0) / length, abs(plate.force_y or 0.0) / length]
             if plate.moment is not None:
                 arm = float(np.abs(centre - plate.reference(*centre)).max())
