@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from qvi_contact.checks import BoolArray, FloatArray, evaluate
+from qvi_contact.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.conditions import Contact, Law
 from qvi_contact.element import GAUSS_COUNT, Grid
+from qvi_contact.hermite import gauss_legendre
 from qvi_contact.loads import physical
 from qvi_contact.problem import ContactProblem
 from qvi_contact.scaling import Scales
@@ -105,6 +106,52 @@ def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: Edg
         evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
         evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
     )
+
+
+def trace_rows(contacts: Sequence[ContactRows], grid: Grid) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Tractions at the contact points from the parameters of their traces: (Y, E) with [N; T] = E Y.
+
+    Parameters are σ_N at the outer two Gauss points of each edge, since it is linear there, and σ_xy at nodes and σ_T at
+    midpoints, since σ_T is quadratic on an edge and continuous; Y (r, all degrees of freedom), E (2m, r).
+    """
+    points = [rows.points for rows in contacts]
+    if not points:
+        return sparse.csr_array((0, 4 * grid.dof_scales.shape[0] * grid.dof_scales.shape[1])), sparse.csr_array((0, 0))
+    t = gauss_legendre(GAUSS_COUNT)[0]
+    first, last = t[0], t[-1]
+    linear = np.column_stack([last - t, t - first]) / (last - first)
+    quadratic = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)])
+    edges = int(sum(len(part.edges) for part in points))
+    ends = np.concatenate([np.column_stack([part.edges.first, part.edges.second]) for part in points])
+    signs = np.concatenate([part.edges.sign for part in points])
+    nodes, local = np.unique(ends, return_inverse=True)
+    local = local.reshape(ends.shape)
+    total = 4 * grid.dof_scales.shape[0] * grid.dof_scales.shape[1]
+    twist = -1.0 / grid.dof_scales.reshape(-1, 4)[nodes, 3]
+    at_nodes = sparse.csr_array((twist, (np.arange(len(nodes)), 4 * nodes + 3)), shape=(len(nodes), total))
+    at_midpoints = [EdgePoints(grid, part.edges, 1).shear() for part in points]
+    outer = [part.normal()[_outer(len(part.edges))] for part in points]
+    Y = stacked([*outer, at_nodes, *at_midpoints], total)
+
+    number = np.arange(edges)
+    first_T = 2 * edges + len(nodes)
+    columns_T = np.column_stack([2 * edges + local, first_T + number])
+    shapes_T = quadratic[None] * np.column_stack([signs, signs, np.ones(edges)])[:, None, :]
+    shape = (edges * GAUSS_COUNT, Y.shape[0])
+    E_N = _interpolation(np.column_stack([2 * number, 2 * number + 1]), np.broadcast_to(linear, (edges, *linear.shape)), shape)
+    return Y, stacked([E_N, _interpolation(columns_T, shapes_T, shape)], Y.shape[0])
+
+
+def _outer(edges: int) -> IntArray:
+    """Numbers of the first and last Gauss points of each edge."""
+    return np.asarray(np.add.outer(GAUSS_COUNT * np.arange(edges), [0, GAUSS_COUNT - 1])).ravel()
+
+
+def _interpolation(columns: IntArray, shapes: FloatArray, shape: tuple[int, int]) -> sparse.csr_array:
+    """Rows edge by edge: shapes (edges, points, j) at columns (edges, j)."""
+    points = shapes.shape[1]
+    rows = np.repeat(np.arange(len(columns) * points), columns.shape[1])
+    return sparse.csr_array((shapes.ravel(), (rows, np.repeat(columns, points, axis=0).ravel())), shape=shape)
 
 
 def stacked(rows: Sequence[sparse.csr_array], columns: int) -> sparse.csr_array:

@@ -9,7 +9,7 @@ from scipy import sparse
 
 from qvi_contact.assembly import energy_matrix
 from qvi_contact.checks import FloatArray, IntArray
-from qvi_contact.contact_rows import ContactRows, contact_rows, joined, stacked
+from qvi_contact.contact_rows import ContactRows, contact_rows, joined, stacked, trace_rows
 from qvi_contact.element import Grid
 from qvi_contact.elimination import Elimination, UnbalancedLoadError, eliminate
 from qvi_contact.energy_root import StressRoot
@@ -25,7 +25,7 @@ from qvi_contact.loads import (
 from qvi_contact.plates import PlateRows, plate_rows
 from qvi_contact.problem import ContactProblem
 from qvi_contact.scaling import Scales
-from solvers import FrictionQVI
+from solvers import FrictionQVI, Traces
 
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
@@ -109,7 +109,7 @@ class Discretization:
         change = [rows.points.weights * more for rows, more in zip(contacts, slip, strict=True) if rows.law != "tied"]
         load = self.qvi.T.T @ joined(change)
         assert self.qvi.load is not None
-        return replace(self, contacts=contacts, qvi=replace(self.qvi, f=self.qvi.f + load, load=self.qvi.load + load))
+        return replace(self, contacts=contacts, qvi=self.qvi.changed(f=self.qvi.f + load, load=self.qvi.load + load))
 
     def freeing(self, nodes: IntArray) -> "Discretization":
         """The same problem, in the same units and after the same slip, with the shear at the nodes given up."""
@@ -189,9 +189,7 @@ def discretize(
     contacts = contact_rows(problem, grid, scales)
     basis = elimination.basis()
     plates = plate_rows(problem, scales, contacts, basis, elimination.particular)
-    qvi = _reduce(problem, grid, scales, elimination, contacts, basis)
-    if plates.rows:
-        qvi = replace(qvi, A=plates.A, b=plates.b)
+    qvi = _reduce(problem, grid, scales, elimination, contacts, basis, plates)
     return Discretization(problem, grid, scales, elimination, contacts, plates, qvi, freed)
 
 
@@ -202,6 +200,7 @@ def _reduce(
     elimination: Elimination,
     contacts: tuple[ContactRows, ...],
     basis: sparse.csr_array,
+    plates: PlateRows,
 ) -> FrictionQVI:
     """Assemble, and substitute u = B z + u₀ with B the identity on kept degrees of freedom."""
     mesh = problem.mesh
@@ -212,6 +211,7 @@ def _reduce(
     limited = [rows for rows in contacts if rows.law != "tied"]
     N = stacked([rows.points.normal() for rows in limited], total)
     T = stacked([rows.points.shear() for rows in limited], total)
+    Y, interpolation = trace_rows(limited, grid)
     potential = [potential_at(problem, scales, rows.points.coordinates) for rows in limited]
     particular = elimination.particular
 
@@ -255,6 +255,9 @@ def _reduce(
             _potential_in_cells(problem, grid, scales),
         ),
         load=basis.T @ load,
+        A=plates.A if plates.rows else None,
+        b=plates.b if plates.rows else None,
+        traces=Traces(Y @ basis, interpolation),
     )
 
 

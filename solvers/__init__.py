@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from solvers.solution import Iteration, QVISolution
     from solvers.solve import solve_qvi
     from solvers.status import Status
+    from solvers.traces import Traces
 
 _HOME = {
     "Certificate": "certificate",
@@ -32,6 +33,7 @@ _HOME = {
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
     "Status": "status",
+    "Traces": "traces",
     "available": "inner.registry",
     "certify": "certificate",
     "check_feasibility": "feasibility",
@@ -50,6 +52,7 @@ __all__ = [
     "SolveError",
     "SolverUnavailableError",
     "Status",
+    "Traces",
     "available",
     "certify",
     "check_feasibility",

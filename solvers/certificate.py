@@ -29,6 +29,10 @@ and 1, the unit of the dimensionless problem, if that is zero or larger.
 An obstacle farther away than 10 D from the body may as well stand there: the solution is the same, and round-off in
 σ_N times a gap of any size is no error.
 
+Where cells are strongly graded the rounding of z itself, ε|R||z| in stresses, exceeds the tolerance. Up to 1e-6 of
+√(2 E_b) it is subtracted from |ρ|/√(2 E_b), and reported as the scale "rounding": the energy is then accurate to its
+square, and single stresses in the smallest cells are not.
+
 Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
 energy is that of max(m_N, 0): primal − dual = Σ (thr |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
 |ρ|² = ρᵀK⁻¹ρ (K⁻¹ on the null space of A), which bounds ½ |z − z*|² in the norm of K. |ρ| is, in that norm,
@@ -53,6 +57,8 @@ from solvers.types import Vector
 
 _CANCELS = 1e-4  # share of the terms of A z that an error is measured by where b is small
 _BESIDE = 1e-3  # the same, of the largest other row
+_ROUNDING_FREE = 1e-9  # error of z above which one asks whether it is rounding
+_ROUNDING_LIMIT = 1e-6  # error of z that rounding may explain
 _NEAR = 10.0  # gaps count up to this many D
 _NOTHING = 1e-6  # share of the stress in the body below which a contact carries nothing, and of unit stress
 
@@ -187,9 +193,12 @@ def _measure(
     sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
     lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
     bound = qvi.threshold(np.abs(sigma_N))
-    scales = scales_at(qvi, z)
+    body, gradient = qvi.state(z)
+    scales = scales_at(qvi, z, body)
     S, D, E = scales["stress"], scales["displacement"], scales["energy"]
-    residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
+    residual = gradient + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
+    error, outside = qvi.equality_system.solve(residual)
+    square = _admissible_square(qvi, float(residual @ error), error, m_N)
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
     near_N = np.minimum(m_N, _NEAR * D * qvi.W)
     pulled = np.where(qvi.bilateral, 0.0, np.maximum(sigma_N, 0.0))
@@ -202,25 +211,28 @@ def _measure(
         "equality": _equality(qvi, z),
         "normal": _largest(pulled) / S,
         "friction": _largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
-        "stationarity": _stationarity(qvi, z, residual, scales),
+        "stationarity": _stationarity(qvi, z, float(residual @ error), error, outside, scales),
         "sign": max(_largest(wrong_N) / D, _largest(np.maximum(-lambda_T * sigma_T, 0.0)) / (S * sliding)),
         "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(slack_T).sum()) / E,
-        "energy_gap": _energy_gap(qvi, residual, m_N, near_N, sigma_N, slack_T) / max(E, scales["body_energy"]),
+        "energy_gap": _energy_gap(square, near_N, sigma_N, slack_T) / max(E, scales["body_energy"]),
         "natural_map": max(_largest(natural_N), _largest(natural_T)) / S,
     }
     return measures, scales
 
 
-def scales_at(qvi: FrictionQVI, z: Vector) -> dict[str, float]:
-    """Scales "stress", "displacement", "energy" of the contact and "body_energy" of the whole state z."""
+def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[str, float]:
+    """Scales "stress", "displacement", "energy" of the contact and "body_energy" of the whole state z.
+
+    `body` is the strain energy at z, if it is known already.
+    """
     length = _nonzero(float(qvi.W.sum()))
     stiffness = _nonzero(qvi.contact_stiffness)  # without contact, or with tractions that nothing can change, any does
     reference = length / stiffness  # energy of unit stress
-    if qvi.bonded_energy > 0.0:
-        reference = min(reference, qvi.bonded_energy)
-    body = qvi.strain_energy(z)
-    body = body if body > _NOTHING**2 * reference else reference
+    body = qvi.strain_energy(z) if body is None else body
+    if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
+        reference = min(reference, qvi.bonded_energy or reference)
+        body = body if body > _NOTHING**2 * reference else reference
     in_body = float(np.sqrt(body * stiffness / length))
     stress = max(_largest(qvi.normal(z)), _largest(qvi.tangential(z)))
     if stress <= _NOTHING * in_body:
@@ -231,21 +243,31 @@ def scales_at(qvi: FrictionQVI, z: Vector) -> dict[str, float]:
     return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": _nonzero(body)}
 
 
-def _stationarity(qvi: FrictionQVI, z: Vector, residual: Vector, scales: Mapping[str, float]) -> float:
+def _stationarity(
+    qvi: FrictionQVI, z: Vector, square: float, error: Vector, outside: Vector, scales: dict[str, float]
+) -> float:
     """Error of z for its multipliers: in the energy norm, and in the contact tractions; and the error of ν."""
-    error, outside = qvi.equality_system.solve(residual)
-    energy = float(np.sqrt(abs(float(residual @ error)) / (2.0 * scales["body_energy"])))
+    size = float(np.sqrt(2.0 * scales["body_energy"]))
+    energy = float(np.sqrt(abs(square))) / size
+    if qvi.root is not None and energy > _ROUNDING_FREE:
+        scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
+        energy = max(energy - scales["rounding"], 0.0)
     tractions = max(_largest(qvi.N @ error), _largest(qvi.T @ error)) / scales["stress"]
     return max(energy, tractions, _largest(outside * _row_sizes(qvi, z)) / scales["energy"])
 
 
-def _energy_gap(
-    qvi: FrictionQVI, residual: Vector, m_N: Vector, near_N: Vector, sigma_N: Vector, slack_T: Vector
-) -> float:
-    """|Primal − dual| with m_N made admissible; the residual of stationarity changes accordingly."""
-    admissible = np.maximum(m_N, 0.0)
-    residual = residual + qvi.N.T @ (admissible - m_N)
-    square = abs(float(residual @ qvi.equality_system.solve(residual)[0]))
+def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vector) -> float:
+    """|ρ|² once m_N is made admissible, from |ρ|² and K⁻¹ρ before: the residual changes by Nᵀ(max(m_N, 0) − m_N)."""
+    change = np.maximum(m_N, 0.0) - m_N
+    if not change.any():
+        return abs(square)
+    system = qvi.equality_system
+    force = qvi.N[:, system.interface].T @ change
+    return abs(square + 2.0 * float(change @ (qvi.N @ error)) + float(force @ system.solve_interface(force)[0]))
+
+
+def _energy_gap(square: float, near_N: Vector, sigma_N: Vector, slack_T: Vector) -> float:
+    """|Primal − dual| with m_N made admissible."""
     return abs(float(slack_T.sum() - np.maximum(near_N, 0.0) @ sigma_N)) + 0.5 * square
 
 

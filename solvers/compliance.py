@@ -1,4 +1,7 @@
-"""What the contact points feel of the body: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T]."""
+"""What the contact points feel of the body: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T].
+
+As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
+"""
 
 from functools import cached_property
 
@@ -7,7 +10,7 @@ import numpy as np
 from solvers.problem import FrictionQVI
 from solvers.types import Matrix, Vector
 
-_DENSE_LIMIT = 60_000_000  # entries of K⁻¹Bᵀ up to which C is computed
+_DENSE_LIMIT = 20_000_000  # entries of C up to which it is computed
 _CORRECTIONS = 4
 
 
@@ -20,17 +23,19 @@ class Compliance:
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi = qvi
         self._rows = qvi.contact_rows
+        self._interface_rows = self._rows[:, qvi.equality_system.interface]
         self.bonded = self.tractions(qvi.bonded)
 
     @property
     def is_dense(self) -> bool:
         """Whether C is computed rather than applied."""
-        return 2 * self._qvi.m * self._qvi.n <= _DENSE_LIMIT
+        return (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT
 
     @cached_property
     def dense(self) -> Matrix:
         """C (2m, 2m)."""
-        C = self._rows @ self._qvi.equality_system.solve(self._rows.T.toarray())[0]
+        rows = self._interface_rows
+        C = rows @ self._qvi.equality_system.solve_interface(rows.T.toarray())[0]
         return np.asarray((C + C.T) / 2.0)
 
     def tractions(self, z: Vector) -> Vector:
@@ -41,7 +46,8 @@ class Compliance:
         """C m (2m,)."""
         if self.is_dense:
             return np.asarray(self.dense @ m)
-        return np.asarray(self._rows @ self._qvi.equality_system.solve(self._rows.T @ m)[0])
+        rows = self._interface_rows
+        return np.asarray(rows @ self._qvi.equality_system.solve_interface(rows.T @ m)[0])
 
     def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
         """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).

@@ -34,6 +34,7 @@ class Outcome:
     feasibility: Feasibility | None = None
     form: str = "full"
     check_feasible: bool = True
+    corrections: tuple[float, ...] = ()
 
 
 def no_outcome(qvi: FrictionQVI, reason: Status, message: str) -> Outcome:

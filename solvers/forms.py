@@ -76,14 +76,14 @@ class Simplified:
             held = qvi.bilateral
             N = csc_matrix(diags(np.where(held, 0.0, 1.0)) @ qvi.N)
             N.eliminate_zeros()
-            qvi = replace(qvi, N=N, n0=np.where(held, -1.0, qvi.n0))
+            qvi = qvi.changed(N=N, n0=np.where(held, -1.0, qvi.n0), traces=None)
         rows = qvi.frictionless
         if not rows.any():
             return cls(qvi, rows, np.zeros((0, 0)))
         E, Y = independent_rows(csc_matrix(qvi.T[rows]))
         kept = np.where(rows, 0.0, 1.0)
-        problem = replace(
-            qvi,
+        problem = qvi.changed(
+            traces=None,
             T=csc_matrix(diags(kept) @ qvi.T),
             t0=kept * qvi.t0,
             A=csc_matrix(vstack([qvi.A, Y])),
@@ -135,7 +135,9 @@ class CondensedForm:
         qvi = simplified.problem
         self._simplified, self._compliance = simplified, Compliance(qvi)
         E, Y = independent_rows(qvi.contact_rows)
-        self._V = E @ _factor(Y @ qvi.equality_system.solve(Y.T.toarray())[0], qvi.K)
+        Y_interface = Y[:, qvi.equality_system.interface]
+        C = Y_interface @ qvi.equality_system.solve_interface(Y_interface.T.toarray())[0]
+        self._V = E @ _factor(C, qvi.K)
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI(
             K=np.eye(r), f=np.zeros(r), N=self._V[:m], n0=bonded[:m],

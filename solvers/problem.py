@@ -1,6 +1,6 @@
 """The frictional contact problem as data: the quasi-variational inequality (D2)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -8,13 +8,19 @@ import numpy as np
 from scipy.sparse import csc_matrix, issparse, vstack
 
 from solvers.errors import InputError
-from solvers.linear import EqualitySystem
-from solvers.types import BoolVector, Sparse, Vector
+from solvers.factorisation import FactorisationError
+from solvers.factorisation.augmented import ORTHOGONAL, factorise_root
+from solvers.linear import EqualitySystem, interface_of
+from solvers.traces import Traces
+from solvers.types import BoolVector, Matrix, Sparse, Vector
 
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
 _POWER_STEPS = 10
 _ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
-_CORRECTIONS = 5  # defect corrections of the bonded solution at most
+_CORRECTIONS = 7  # defect corrections of the bonded solution at most
+
+SLOW_CONTRACTION = 1e-3
+"""Contraction of defect corrections above which K has lost too much to rounding, and R is factorised instead."""
 
 
 class EnergyRoot(Protocol):
@@ -29,6 +35,14 @@ class EnergyRoot(Protocol):
 
     def adjoint(self, r: Vector) -> Vector:
         """Rᵀr (n,)."""
+        ...
+
+    def matrix(self) -> tuple[Sparse, Matrix]:
+        """(R as sparse rows, a place (2,) for each row), for factorising R where K has lost too much to rounding."""
+        ...
+
+    def rounding(self, z: Vector) -> float:
+        """Error of R z that the rounding of z itself may cause, a norm like |r|."""
         ...
 
 
@@ -58,6 +72,7 @@ class FrictionQVI:
     A, b : (p, n) sparse and (p,), optional; stored as p = 0 rows when not given
     cohesion, cap : (m,) ≥ 0, optional; 0 and infinity when not given
     bilateral : (m,) bool, optional; nowhere when not given
+    traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
     root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
         gradient of the energy more accurately than K and f, whose entries may be large and cancel
 
@@ -82,6 +97,7 @@ class FrictionQVI:
     cohesion: Vector = None  # type: ignore[assignment]
     cap: Vector = None  # type: ignore[assignment]
     bilateral: BoolVector = None  # type: ignore[assignment]
+    traces: Traces | None = None
 
     def __post_init__(self) -> None:
         if (self.A is None) != (self.b is None):
@@ -100,6 +116,8 @@ class FrictionQVI:
         object.__setattr__(self, "bilateral", _flags("bilateral", self.bilateral, self.m))
         self._check_shapes()
         self._check_values()
+        if self.traces is not None:
+            self.traces.check(self.contact_rows)
 
     def _columns(self, name: str) -> int:
         """Columns of the empty matrix that stands for a missing A."""
@@ -190,14 +208,50 @@ class FrictionQVI:
             return np.asarray(self.root.adjoint(self.root.apply(z)) - self.load)
         return np.asarray(self.K @ z - self.f)
 
+    def state(self, z: Vector) -> tuple[float, Vector]:
+        """`strain_energy` and `gradient` at once."""
+        if self.root is None or self.load is None:
+            return self.strain_energy(z), self.gradient(z)
+        r = self.root.apply(z)
+        return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
+
     def resultant(self, z: Vector) -> float:
         """Σ W (N z + n0), the resultant normal force (negative in compression)."""
         return float(self.W @ self.normal(z))
 
     @cached_property
     def equality_system(self) -> EqualitySystem:
-        """The linear system of K and A, factored on first use and kept."""
-        return EqualitySystem(self.K, self.A)
+        """The linear system of K and A, factored on first use and kept.
+
+        Where K is not positive definite to working precision, R is factored instead, if there is a root.
+        """
+        try:
+            return EqualitySystem(self.K, self.A, self.contact_rows, self.__dict__.get("_factor"))
+        except FactorisationError as error:
+            if error.reason != "singular" or self.root is None:
+                raise
+            return self._orthogonal_system(self.root)
+
+    def _orthogonal_system(self, root: EnergyRoot) -> EqualitySystem:
+        R, places = root.matrix()
+        factor = factorise_root(R, interface_of(self.contact_rows, self.A), places)
+        return EqualitySystem(self.K, self.A, self.contact_rows, factor)
+
+    def use_root(self) -> bool:
+        """Factorise R instead of K from now on; False if there is no root, or it was done before."""
+        if self.root is None or self.equality_system.factor.backend == ORTHOGONAL:
+            return False
+        self.__dict__["equality_system"] = self._orthogonal_system(self.root)
+        for name in ("contact_stiffness", "_bonded_and_error", "bonded", "bonded_energy"):
+            self.__dict__.pop(name, None)
+        return True
+
+    def changed(self, **changes: Any) -> "FrictionQVI":
+        """The same problem with other fields, K excepted; a factorisation of K is kept if it still applies."""
+        new = replace(self, **changes)
+        if "equality_system" in self.__dict__:
+            object.__setattr__(new, "_factor", self.equality_system.factor)
+        return new
 
     @cached_property
     def contact_rows(self) -> Sparse:
@@ -211,17 +265,20 @@ class FrictionQVI:
         The spectral radius of [N; T] K⁻¹ [N; T]ᵀ W, by a few steps of power iteration, belongs to the finest waves; it
         is reduced by min W / Σ W to those as long as the contact.
         """
-        rows = self.contact_rows
+        if not (self.m and self.n):
+            return 0.0
+        system = self.equality_system
+        rows = self.contact_rows[:, system.interface]
         weights = np.concatenate([self.W, self.W])
         v: Vector = np.ones(2 * self.m)
         radius = 0.0
-        for _ in range(_POWER_STEPS if self.m and self.n else 0):
-            v = np.asarray(rows @ self.equality_system.solve(rows.T @ (weights * v))[0])
+        for _ in range(_POWER_STEPS):
+            v = np.asarray(rows @ system.solve_interface(rows.T @ (weights * v))[0])
             radius = float(np.sqrt((weights @ v**2) / weights.sum()))
             if radius == 0.0:
                 return 0.0
             v = v / radius
-        return radius * float(self.W.min() / self.W.sum()) if self.m else 0.0
+        return radius * float(self.W.min() / self.W.sum())
 
     @cached_property
     def bonded(self) -> Vector:
@@ -247,19 +304,27 @@ class FrictionQVI:
 
     @cached_property
     def _bonded_and_error(self) -> tuple[Vector, float]:
-        z, _ = self.equality_system.solve(self.f, self.b)
+        """Defect corrections about z = 0; with R factorised instead of K if they shrink too slowly."""
+        z, sizes = self._corrected()
+        slow = len(sizes) > 1 and sizes[1] > SLOW_CONTRACTION * sizes[0]
+        if self.root is not None and slow and self.equality_system.factor.backend != ORTHOGONAL:
+            self.__dict__["equality_system"] = self._orthogonal_system(self.root)
+            z, sizes = self._corrected()
         if self.root is None:
             return z, 0.0
-        size = np.inf
+        energy, nothing = self.strain_energy(z), _ROUNDING * self.strain_energy(np.zeros(self.n))
+        return z, sizes[-1] / float(np.sqrt(2.0 * energy)) if energy > nothing else 0.0
+
+    def _corrected(self) -> tuple[Vector, list[float]]:
+        """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
+        z, sizes = np.zeros(self.n), list[float]()
         for _ in range(_CORRECTIONS):
             correction, _ = self.equality_system.solve(-self.gradient(z), self.b - self.A @ z)
-            new = float(np.sqrt(abs(correction @ (self.K @ correction))))
-            if not new < 0.5 * size:
-                size = new
+            sizes.append(float(np.sqrt(abs(correction @ (self.K @ correction)))))
+            if len(sizes) > 1 and not sizes[-1] < 0.5 * sizes[-2]:
                 break
-            z, size = z + correction, new
-        energy, nothing = self.strain_energy(z), _ROUNDING * self.strain_energy(np.zeros(self.n))
-        return z, size / float(np.sqrt(2.0 * energy)) if energy > nothing else 0.0
+            z = z + correction
+        return z, sizes
 
 
 def _asymmetry(K: Sparse) -> float:

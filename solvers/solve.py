@@ -6,7 +6,9 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from solvers.condensed.method import CondensedOptions, solve_condensed
 from solvers.errors import InputError, SolveError, SolverUnavailableError
+from solvers.factorisation import FactorisationError
 from solvers.finish import Outcome, finish, no_outcome
 from solvers.fixed_point import FixedPointOptions, solve_fixed_point
 from solvers.inner.registry import check_name, versions
@@ -15,13 +17,19 @@ from solvers.solution import QVISolution
 from solvers.status import Status
 from solvers.uzawa import UzawaOptions, solve_uzawa
 
-Method = Literal["fixed-point", "uzawa"]
-METHODS: tuple[str, ...] = ("fixed-point", "uzawa")
+Method = Literal["condensed", "fixed-point", "uzawa"]
+METHODS: tuple[str, ...] = ("condensed", "fixed-point", "uzawa")
 
 _HOPELESS = 1e-4
 """Relative error of the solution without inequalities, in the energy norm, above which nothing is attempted."""
 
-_Options = TypeVar("_Options", FixedPointOptions, UzawaOptions)
+_FAILURES = {
+    "singular": Status.ILL_CONDITIONED,
+    "memory": Status.OUT_OF_MEMORY,
+    "backend": Status.BACKEND_FAILED,
+}
+
+_Options = TypeVar("_Options", CondensedOptions, FixedPointOptions, UzawaOptions)
 
 
 def solve_qvi(
@@ -63,7 +71,23 @@ def solve_qvi(
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
-    if method in METHODS and not qvi.bonded_error <= _HOPELESS:
+    try:
+        solution = _solve(qvi, method, inner, tolerance, options)
+    except FactorisationError as error:
+        outcome = no_outcome(qvi, _FAILURES[error.reason], str(error))
+        outcome.check_feasible = False
+        solution = finish(qvi, outcome, method, inner if method == "fixed-point" else "", tolerance)
+    if throw and not solution.solved:
+        raise SolveError(solution.message)
+    return solution
+
+
+def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
+    """By method."""
+    if method == "condensed":
+        condensed = _options(CondensedOptions, method, options)
+        solution = _linear(qvi, method, "", tolerance) or solve_condensed(qvi, tolerance, condensed)
+    elif method in METHODS and not qvi.bonded_error <= _HOPELESS:
         solution = _give_up(qvi, method, inner, tolerance)
     elif method == "fixed-point":
         name = check_name(inner)
@@ -74,8 +98,6 @@ def solve_qvi(
         solution = _linear(qvi, method, "", tolerance) or solve_uzawa(qvi, tolerance, uzawa)
     else:
         raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
-    if throw and not solution.solved:
-        raise SolveError(solution.message)
     return solution
 
 

@@ -17,6 +17,7 @@ class Status(StrEnum):
     CYCLING = "cycling"
     DIVERGED = "diverged"
     BACKEND_FAILED = "backend_failed"
+    OUT_OF_MEMORY = "out_of_memory"
 
     @property
     def advice(self) -> str:
@@ -48,6 +49,8 @@ _ADVICE = {
     "(initial=…); in Uzawa let the step shrink (step_decay=200).",
     Status.DIVERGED: "The iteration runs away: reduce the step (omega_T, omega_N) or the damping, or take "
     "method='fixed-point'.",
+    Status.OUT_OF_MEMORY: "The factorisation does not fit into memory: take fewer cells (graded towards the ends of "
+    "the contact they are as accurate), or a machine with more memory.",
     Status.BACKEND_FAILED: "The back end failed, see the message: take another inner solver, listed by "
     "solvers.available().",
 }

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solvers import FrictionQVI, InputError
+from solvers import FrictionQVI, InputError, Status, solve_qvi
+from solvers.factorisation import FactorisationError
+from solvers.solve import METHODS
 from tests.solvers.conftest import one_contact, random_problem
 
 
@@ -84,7 +86,11 @@ def test_bonded_solution_with_dependent_equalities():
     assert doubled.bonded == pytest.approx(qvi.bonded, rel=1e-9)
 
 
-def test_singular_stiffness_is_an_input_error():
+def test_singular_stiffness_is_an_error_and_as_a_result_a_status():
     qvi = FrictionQVI(**data(K=np.ones((3, 3)), A=None, b=None))
-    with pytest.raises(InputError, match="K"):
+    with pytest.raises(FactorisationError, match="positive definite"):
         _ = qvi.bonded
+    for method in METHODS:
+        solution = solve_qvi(FrictionQVI(**data(K=np.ones((3, 3)), A=None, b=None)), method=method)
+        assert solution.status is Status.ILL_CONDITIONED
+        assert "positive definite" in solution.message

@@ -1,0 +1,8 @@
+"""The quasi-variational inequality on the unknowns that the contact feels, solved directly.
+
+reduction         (D2) in trace coordinates, everything else eliminated once
+complementarity   the bounds as one mixed complementarity problem, the friction threshold moving with the pressure
+interior_point    its primal-dual interior point method
+central_path      what follows the central path where it turns back
+method            these four with defect corrections; `solve_condensed`
+"""

@@ -1,0 +1,81 @@
+"""Following the central path of `interior_point` by its arc length, where it turns back.
+
+The points with s λ = τ ω form a curve. For a monotone problem τ falls along it all the way; with the moving threshold
+of Coulomb friction it may rise for a while, and a method that forces τ down stalls at the turn. Here log τ is an unknown
+like the others, and the step goes along the tangent
+
+    T ∝ (dlog τ, ds/s, dλ/λ),   norm² = (dlog τ)² + Σ W ((ds/s)² + (dλ/λ)²) / Σ W,
+
+in the direction in which the curve was followed so far, with Newton steps normal to it (pseudo-arclength continuation,
+H. B. Keller, 1977).
+"""
+
+import numpy as np
+
+from solvers.condensed.interior_point import InteriorPoint, Newton, Step
+from solvers.types import Vector
+
+_FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01
+_GROWTH = 1.5
+_NEAR = 0.5  # Newton corrections, relative to s and λ, up to which a point counts as on the curve
+_REACH = 0.8  # relative change of any s or λ in one step at most
+_BEYOND = 3.0  # the turn is passed when log τ has fallen by this much
+
+
+class CentralPath:
+    """The curve from the current point of an interior point method on; every `advance` is one factorisation."""
+
+    def __init__(self, method: InteriorPoint) -> None:
+        self._method = method
+        weights = method.problem.weights
+        half = weights / weights.sum()
+        self._metric: Vector = np.concatenate([[1.0], half, half])
+        self._log: float = float(np.log(method.parameter()))
+        self._start = self._log
+        self._tangent: Vector | None = None
+        self._length = _FIRST_STEP
+
+    @property
+    def passed(self) -> bool:
+        """Whether the turn is behind: τ is well below its value at the start, and falling."""
+        return self._tangent is not None and self._tangent[0] < 0.0 and self._log < self._start - _BEYOND
+
+    def advance(self) -> float:
+        """Correct, and step along the curve if it is near; returns the change of log τ."""
+        method = self._method
+        point, residuals = method.point, method.residuals()
+        target = np.exp(self._log) * method.problem.shares
+        newton = Newton.at(method.problem, point, residuals)
+        along = newton.step(target, only=True)
+        back = newton.step(target - point.s * point.lam)
+        tangent, change = self._relative(1.0, along), self._relative(0.0, back)
+        tangent_unit = tangent / np.sqrt(self._metric @ tangent**2)
+        before = self._tangent if self._tangent is not None else np.concatenate([[-1.0], np.zeros(len(tangent) - 1)])
+        if self._metric @ (before * tangent_unit) < 0.0:
+            tangent_unit = -tangent_unit
+        # The Newton step with log τ free, normal to the tangent.
+        shift = -float(self._metric @ (tangent_unit * change)) / float(self._metric @ (tangent_unit * tangent))
+        correction = change + shift * tangent
+        size = float(np.abs(correction[1:]).max(initial=0.0))
+        fraction = 1.0
+        if size > _NEAR:
+            fraction = min(1.0, _REACH / size)
+            self._length = max(0.5 * self._length, _LEAST_STEP)
+        else:
+            self._tangent = tangent_unit
+            length = self._length
+            while np.abs(correction[1:] + length * tangent_unit[1:]).max(initial=0.0) > _REACH:
+                length *= 0.7
+            shift += length * tangent_unit[0] / tangent[0]
+            self._length = min(_GROWTH * length, _LAST_STEP)
+        method.point = point.moved(_sum(back, along, shift), fraction)
+        self._log += fraction * shift
+        return fraction * shift
+
+    def _relative(self, log: float, step: Step) -> Vector:
+        point = self._method.point
+        return np.concatenate([[log], step.s / point.s, step.lam / point.lam])
+
+
+def _sum(first: Step, second: Step, factor: float) -> Step:
+    return Step(*(a + factor * b for a, b in zip(first, second, strict=True)))

@@ -1,0 +1,218 @@
+"""The condensed method: (D2) solved directly on what the contact feels, to the last digits.
+
+    1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`reduction`)
+    2  solve the mixed complementarity problem there by an interior point method              (`interior_point`)
+       where it stalls, follow the central path around its turns                              (`central_path`)
+    3  move z, compute the gradient without the rounding inside K, and go on from there: a defect correction, repeated
+       until the linear residual has reached its round-off floor
+
+| stops when                                                    | status before the certificate |
+|---------------------------------------------------------------|-------------------------------|
+| gap ≤ `gap` and the defect correction no longer shrinks       | solved                        |
+| no progress, and no turn of the path to follow                | stalled                       |
+| the corrections grow, or never reach 0.1                      | ill_conditioned               |
+| `max_iterations` done                                         | max_iterations                |
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import LinAlgError
+
+from solvers.condensed.central_path import CentralPath
+from solvers.condensed.complementarity import Complementarity
+from solvers.condensed.interior_point import InteriorPoint, Measures
+from solvers.condensed.reduction import Base, Reduction
+from solvers.errors import InputError
+from solvers.finish import Outcome, finish
+from solvers.problem import SLOW_CONTRACTION, FrictionQVI
+from solvers.solution import Iteration, QVISolution
+from solvers.status import Status
+
+_FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
+_SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measures`
+_PATIENCE = 6  # iterations without progress
+_PROGRESS = 0.7
+_ENOUGH = 1e-12  # relative defect correction that is not worth another one
+_FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
+_HALVED = 0.5
+_HOPELESS = 0.3  # of the defect corrections' contraction
+_TURNS = 12
+_ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
+
+
+@dataclass(frozen=True)
+class CondensedOptions:
+    """Options of the condensed method.
+
+    Attributes
+    ----------
+    gap : complementarity at which the interior point method stops, relative to stress × displacement × length
+    max_iterations : factorisations of the Newton matrix at most
+    callback : called with every `Iteration`
+
+    """
+
+    gap: float = 1e-14
+    max_iterations: int = 500
+    callback: Callable[[Iteration], object] | None = None
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.gap, int | float) and 0 < self.gap < 1):
+            raise InputError("gap", self.gap, "give a number between 0 and 1")
+        if not (isinstance(self.max_iterations, int) and self.max_iterations >= 1):
+            raise InputError("max_iterations", self.max_iterations, "give a whole number ≥ 1")
+
+
+@dataclass(eq=False)
+class _Run:
+    """Everything that changes during a solve."""
+
+    qvi: FrictionQVI
+    reduction: Reduction
+    base: Base
+    problem: Complementarity
+    interior: InteriorPoint
+    options: CondensedOptions
+    history: list[Iteration] = field(default_factory=list)
+    reason: Status | None = None
+    message: str = ""
+    best: tuple[float, int] = (np.inf, 0)
+    turns: int = 0
+    began: float = 0.0
+    scale: float = 0.0  # energy norm of the first step
+    steps: list[float] = field(default_factory=list)  # relative lengths of the steps between corrections
+    sizes: list[float] = field(default_factory=list)  # relative sizes of the corrections
+
+    def relative(self, length: float) -> float:
+        """An energy norm over that of the first step."""
+        self.scale = self.scale or length
+        return length / self.scale if self.scale > 0.0 else 0.0
+
+
+def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOptions) -> QVISolution:
+    """Solve the QVI by the method of this module."""
+    began = time.perf_counter()
+    run = _start(qvi, options)
+    set_up = time.perf_counter()
+    _iterate(run)
+    if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.use_root():
+        run = _start(qvi, options)
+        _iterate(run)
+    outcome = _outcome(run)
+    outcome.form = "condensed"
+    outcome.corrections = tuple(run.sizes)
+    outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
+    return finish(qvi, outcome, "condensed", "", tolerance)
+
+
+def _start(qvi: FrictionQVI, options: CondensedOptions) -> _Run:
+    """Reduce about z = 0, and begin where the contact would be bonded."""
+    reduction = Reduction(qvi)
+    base = reduction.base(np.zeros(qvi.n))
+    bonded = reduction.bonded(base)
+    stress = max(1e-300, *(float(np.abs(part).max(initial=0.0)) for part in reduction.tractions(base, bonded)))
+    problem = Complementarity(qvi, reduction, base, stress)
+    stiffness = qvi.contact_stiffness
+    interior = InteriorPoint(problem, stress / stiffness if stiffness > 0.0 else 1.0)
+    interior.start_at(problem.restricted(bonded))
+    return _Run(qvi, reduction, base, problem, interior, options, began=time.perf_counter())
+
+
+def _iterate(run: _Run) -> None:
+    """Interior point method and defect corrections in turn, until the next correction would be lost in rounding."""
+    gap, final = max(run.options.gap, _FIRST_GAP), run.options.gap
+    while True:
+        _reach(run, gap)
+        if run.reason is not None:
+            return
+        contraction = run.sizes[-1] / run.steps[-1] if run.sizes and run.steps[-1] > 0.0 else 1.0
+        step = run.relative(run.reduction.length(run.problem.full(run.interior.point.y)))
+        if gap == final and run.sizes and contraction * step <= _ENOUGH:
+            run.reason = Status.SOLVED
+            return
+        _correct(run, step)
+        gap = final
+        if len(run.sizes) == 1 and run.sizes[0] > SLOW_CONTRACTION:
+            run.reason, run.message = Status.ILL_CONDITIONED, f"defect corrections shrink by {run.sizes[0]:.0e} only"
+            return
+        if run.sizes[-1] > _HOPELESS * max(step, _HALVED * run.sizes[-2] if len(run.sizes) > 1 else 0.0):
+            at_floor = run.sizes[-1] <= _FLOOR
+            run.reason = Status.SOLVED if at_floor else Status.ILL_CONDITIONED
+            return
+
+
+def _correct(run: _Run, step: float) -> None:
+    """Move the base to the current point; records what the reduced problem had missed."""
+    y = run.problem.full(run.interior.point.y)
+    after = run.reduction.base(run.reduction.move(run.base, y))
+    run.steps.append(step)
+    run.sizes.append(run.relative(run.reduction.defect(run.base, y, after)))
+    run.base = after
+    run.problem.rebase(after)
+    point = run.interior.point
+    point.y = np.zeros_like(point.y)
+    run.best = (np.inf, len(run.history))
+
+
+def _reach(run: _Run, gap: float) -> None:
+    """Iterate to a gap, around turns of the central path."""
+    path: CentralPath | None = None
+    while True:
+        residuals = run.interior.residuals()
+        measures = run.interior.measures(residuals)
+        if measures.gap <= gap and measures.slack <= _SLACK and measures.force <= _FORCE:
+            return
+        if not np.isfinite(measures.gap) or len(run.history) >= run.options.max_iterations:
+            run.reason = Status.MAX_ITERATIONS if np.isfinite(measures.gap) else Status.DIVERGED
+            return
+        if path is None and _stalled(run, measures):
+            if measures.slack > _ON_PATH or run.turns >= _TURNS:
+                run.reason = Status.STALLED
+                return
+            path, run.turns = CentralPath(run.interior), run.turns + 1
+        try:
+            if path is None:
+                run.interior.iterate(residuals)
+            else:
+                path.advance()
+        except (LinAlgError, ValueError) as error:
+            run.reason, run.message = Status.STALLED, f"Newton's matrix: {error}"
+            return
+        if path is not None and path.passed:
+            path, run.best = None, (np.inf, len(run.history))
+        _record(run, measures)
+
+
+def _stalled(run: _Run, measures: Measures) -> bool:
+    """Whether nothing was gained for `_PATIENCE` iterations."""
+    worst = max(measures.gap / run.options.gap, measures.slack / _SLACK)
+    if worst < _PROGRESS * run.best[0]:
+        run.best = (worst, len(run.history))
+    return len(run.history) - run.best[1] >= _PATIENCE
+
+
+def _record(run: _Run, measures: Measures) -> None:
+    y = run.interior.point.y
+    normal, _ = run.problem.tractions(y)
+    now = time.perf_counter()
+    entry = Iteration(
+        len(run.history) + 1, max(measures.gap, measures.slack, measures.force), run.problem.energy(y),
+        float(run.qvi.W @ normal), None, 1, now - run.began,
+    )  # fmt: skip
+    run.began = now
+    run.history.append(entry)
+    if run.options.callback is not None:
+        run.options.callback(entry)
+
+
+def _outcome(run: _Run) -> Outcome:
+    """The last point in the unknowns of (D2)."""
+    point = run.interior.point
+    z = run.reduction.move(run.base, run.problem.full(point.y))
+    m_N, m_T, nu = run.problem.multipliers(point.y, point.lam, point.nu)
+    threshold = run.qvi.threshold(run.qvi.pressure(z))
+    count = len(run.history)
+    return Outcome(run.reason or Status.STALLED, z, m_N, m_T, nu, threshold, run.history, count, run.message)

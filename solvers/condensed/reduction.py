@@ -1,0 +1,107 @@
+"""(D2) on the unknowns that contact rows touch, in trace coordinates y.
+
+About a point z with the gradient γ of the energy there, eliminating the interior I leaves, for dz_Γ = P⁻¹ D y,
+
+    S_y y + c + Eᵀ m + A_yᵀ ν = 0,    A_y y = b − A z,    (σ_N, σ_T)(z + dz) = (σ_N, σ_T)(z) + E y,
+    S_y = D P⁻ᵀ S P⁻¹ D,   c = D P⁻ᵀ (γ_Γ − K_ΓI K_II⁻¹ γ_I),   D with which the diagonal of S_y is 1.
+
+γ is computed without the rounding inside K where the problem has an `EnergyRoot`, so that moving z repairs what S
+lacks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix, diags
+
+from solvers.factorisation.base import State
+from solvers.problem import FrictionQVI
+from solvers.traces import trace_coordinates
+from solvers.types import Matrix, Sparse, Vector
+
+
+@dataclass(eq=False)
+class Base:
+    """A point about which the reduced problem is posed.
+
+    Attributes
+    ----------
+    z : (n,)
+    c : (k,) reduced gradient in trace coordinates
+    equality : (p,) b − A z
+    normal, tangential : (m,) tractions at z
+    reduced : (k,) reduced gradient by the unknowns Γ themselves
+
+    """
+
+    z: Vector
+    c: Vector
+    equality: Vector
+    normal: Vector
+    tangential: Vector
+    reduced: Vector
+    _state: State
+
+
+class Reduction:
+    """The maps between z and trace coordinates, and S_y.
+
+    Attributes
+    ----------
+    stiffness : S_y (k, k)
+    E_N, E_T : (m, k) csr, tractions by trace coordinates
+    A : A_y (p, k)
+
+    """
+
+    def __init__(self, qvi: FrictionQVI) -> None:
+        self._qvi, self._system = qvi, qvi.equality_system
+        self._coordinates = trace_coordinates(qvi.contact_rows, qvi.traces, self._system.interface)
+        S = self._coordinates.quadratic(self._system.factor)
+        diagonal = S.diagonal()
+        self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        self.stiffness: Matrix = S * self._scale * self._scale[:, None]
+        E = csr_matrix(self._coordinates.interpolation @ diags(self._scale))
+        self.E_N: Sparse = E[: qvi.m]
+        self.E_T: Sparse = E[qvi.m :]
+        A = self._coordinates.from_unknowns(self._system.A_interface.T)
+        self.A: Matrix = np.asarray(A).T.reshape(qvi.p, len(self._scale)) * self._scale
+
+    @property
+    def size(self) -> int:
+        """Number of trace coordinates k."""
+        return len(self._scale)
+
+    def base(self, z: Vector) -> Base:
+        """The reduced problem about z: one gradient and one forward elimination."""
+        qvi = self._qvi
+        gradient = qvi.gradient(z)
+        reduced, state = self._system.factor.reduce(-gradient)
+        c = -self._scale * self._coordinates.from_unknowns(reduced)
+        return Base(z, c, qvi.b - qvi.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, state)
+
+    def move(self, base: Base, y: Vector) -> Vector:
+        """The point z + dz whose trace coordinates are y, its interior in equilibrium."""
+        return np.asarray(base.z + self._system.factor.expand(base._state, self._unknowns(y)))
+
+    def bonded(self, base: Base) -> Vector:
+        """Trace coordinates (k,) of the bonded solution, on which no contact law acts."""
+        values, _ = self._system.solve_interface(-base.reduced, base.equality)
+        return self._coordinates.from_values(values) / self._scale
+
+    def tractions(self, base: Base, y: Vector) -> tuple[Vector, Vector]:
+        """(σ_N, σ_T) (m,) each."""
+        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
+
+    def defect(self, before: Base, y: Vector, after: Base) -> float:
+        """Energy norm of what the reduced problem missed on the way from one base to the next, y its step."""
+        predicted = before.reduced + self._system.schur @ self._unknowns(y)
+        missed = after.reduced - predicted
+        return float(np.sqrt(abs(missed @ self._system.solve_interface(missed)[0])))
+
+    def length(self, y: Vector) -> float:
+        """Energy norm √(yᵀ S_y y) of a step."""
+        return float(np.sqrt(abs(y @ (self.stiffness @ y))))
+
+    def _unknowns(self, y: Vector) -> Vector:
+        return np.asarray(self._coordinates.to_unknowns(self._scale * y))

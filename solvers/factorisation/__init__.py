@@ -1,0 +1,23 @@
+"""Sparse Cholesky factorisation with the dense Schur complement on a few unknowns, by whichever library is installed.
+
+    from solvers.factorisation import factorise
+    factor = factorise(K, interface)                 # S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ in factor.schur
+    reduced, state = factor.reduce(g)                # g_Γ − K_ΓI K_II⁻¹ g_I
+    x = factor.expand(state, values)                 # x_Γ = values, x_I = K_II⁻¹ (g_I − K_IΓ values)
+
+Back ends: Intel MKL's PARDISO (package mkl), CHOLMOD (package cvxopt), SuperLU (SciPy). None is imported before use.
+"""
+
+from solvers.factorisation.base import Factorisation
+from solvers.factorisation.errors import FactorisationError
+from solvers.factorisation.registry import BACKENDS, available_backends, factorise, resolve, set_default
+
+__all__ = [
+    "BACKENDS",
+    "Factorisation",
+    "FactorisationError",
+    "available_backends",
+    "factorise",
+    "resolve",
+    "set_default",
+]

@@ -1,0 +1,154 @@
+"""What every factorisation offers: K with its interior eliminated, and the dense Schur complement on the interface."""
+
+from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import ClassVar, Final, TypeAlias
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from solvers.errors import InputError
+from solvers.factorisation.errors import FactorisationError
+from solvers.types import IntVector, Matrix, Sparse, Vector
+
+State: TypeAlias = Matrix
+"""A right-hand side after elimination of the interior, (n,) or (n, j): the back end's own numbers on I, g̃ on Γ."""
+
+_ROUNDING: Final = 10.0 * np.finfo(np.float64).eps
+
+
+class Factorisation(ABC):
+    """K = [K_II K_IΓ; K_ΓI K_ΓΓ], symmetric positive definite, with the interior I eliminated.
+
+    S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ. Made by `factorise`; K itself may be changed or dropped afterwards.
+
+    Attributes
+    ----------
+    backend, version : str
+        Name in `BACKENDS`, and the library with its version.
+    interface : IntVector (k,)
+        Sorted indices Γ; k = 0 and k = n are allowed.
+    schur : Matrix (k, k)
+        S, dense and exactly symmetric.
+    seconds : dict
+        Wall time of "analysis" (ordering, symbolic) and "numeric" (with S), conversions included, and of the "check"
+        for a matrix that is singular up to rounding where that is a step of its own.
+
+    """
+
+    backend: ClassVar[str]
+    version: str
+    interface: IntVector
+    schur: Matrix
+    seconds: dict[str, float]
+
+    @abstractmethod
+    def _forward(self, right: Matrix) -> State:
+        """Eliminate I from right-hand sides (n, j): a new array, g_Γ − K_ΓI K_II⁻¹ g_I on Γ."""
+
+    @abstractmethod
+    def _backward(self, state: State) -> Matrix:
+        """Unknowns x (n, j) from a state (n, j) whose rows on Γ have been replaced by x_Γ; may overwrite it."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """Free the memory of the back end; solves are impossible afterwards. May be called again."""
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of unknowns n."""
+
+    def reduce(self, right: Vector | Matrix) -> tuple[Vector | Matrix, State]:
+        """(g_Γ − K_ΓI K_II⁻¹ g_I, state for `expand`) for right-hand sides g, (n,) or (n, j)."""
+        right = self._checked("right", right, self.size)
+        state = self._forward(_as_columns(right)).reshape(right.shape, order="F")
+        return state[self.interface], state
+
+    def expand(self, state: State, values: Vector | Matrix) -> Vector | Matrix:
+        """x, (n,) or (n, j), with x_Γ = values and x_I = K_II⁻¹ (g_I − K_IΓ values), g as it was given to `reduce`.
+
+        The state is left as it is and may be used again.
+        """
+        values = self._checked("values", values, self.interface.size)
+        if values.shape[1:] != state.shape[1:]:
+            raise InputError("values", values.shape, f"give as many columns as the right-hand side had: {state.shape}")
+        start = np.array(state, order="F")
+        start[self.interface] = values
+        x = self._backward(_as_columns(start)).reshape(state.shape, order="F")
+        x[self.interface] = values
+        return x
+
+    def solve(self, right: Vector | Matrix) -> Vector | Matrix:
+        """Unknowns x = K⁻¹ g for right-hand sides (n,) or (n, j); needs S positive definite, whose factor is kept."""
+        reduced, state = self.reduce(right)
+        return self.expand(state, cho_solve(self._schur_factor, reduced) if reduced.size else reduced)
+
+    @cached_property
+    def _schur_factor(self) -> tuple[Matrix, bool]:
+        try:
+            factor, lower = cho_factor(self.schur, lower=True)
+        except LinAlgError as error:
+            raise FactorisationError(
+                "singular", self.backend, "the Schur complement is not positive definite"
+            ) from error
+        check_pivots(np.diagonal(factor) ** 2, self._schur_scale(), self.backend, self.size)
+        return factor, bool(lower)
+
+    def _schur_scale(self) -> Vector:
+        """What pivots of S are compared with: the diagonal of K_ΓΓ, unless they have been checked before."""
+        return np.diagonal(self.schur)
+
+    def _checked(self, field: str, array: Vector | Matrix, rows: int) -> Vector | Matrix:
+        array = np.asarray(array, dtype=np.float64)
+        if array.ndim not in (1, 2) or array.shape[0] != rows:
+            raise InputError(field, array.shape, f"give an array ({rows},) or ({rows}, j)")
+        return array
+
+
+class NoInterior(Factorisation):
+    """k = n: nothing is eliminated, S = K; also the matrix without unknowns."""
+
+    backend = "none"
+
+    def __init__(self, K: Sparse, interface: IntVector) -> None:
+        self.version = "dense"
+        self.interface = interface
+        self.schur = symmetrised(K.toarray())
+        self.seconds = {"analysis": 0.0, "numeric": 0.0}
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns n."""
+        return int(self.interface.size)
+
+    def _forward(self, right: Matrix) -> State:
+        return np.array(right, order="F")
+
+    def _backward(self, state: State) -> Matrix:
+        return state
+
+    def release(self) -> None:
+        """Nothing to free."""
+
+
+def _as_columns(array: Vector | Matrix) -> Matrix:
+    return array if array.ndim == 2 else array[:, None]
+
+
+def symmetrised(matrix: Matrix) -> Matrix:
+    """(A + Aᵀ)/2, exactly symmetric."""
+    return np.asarray(0.5 * (matrix + matrix.T))
+
+
+def check_pivots(pivots: Vector, diagonal: Vector, backend: str, n: int | None = None) -> None:
+    """`FactorisationError` for a pivot dᵢ of K = L D Lᵀ, (n, n), that is not above rounding: dᵢ ≤ 10 ε √n Kᵢᵢ.
+
+    0 < dᵢ ≤ Kᵢᵢ holds for every positive definite K, and dᵢ/Kᵢᵢ does not depend on the scaling of the unknowns. `n`
+    has to be given with a part of the pivots.
+    """
+    bound = float(_ROUNDING * np.sqrt(pivots.size if n is None else n))
+    if not np.all(pivots > bound * diagonal):
+        worst = float(np.min(pivots / diagonal))
+        detail = f"a pivot is {worst:.1e} of its diagonal entry, where rounding alone makes {bound:.1e}"
+        raise FactorisationError("singular", backend, detail)

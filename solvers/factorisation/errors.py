@@ -1,0 +1,32 @@
+"""The error of a factorisation that cannot be done."""
+
+from typing import Final, Literal, TypeAlias
+
+from solvers.errors import QVIError
+
+Reason: TypeAlias = Literal["singular", "memory", "backend"]
+"""Why a factorisation failed: not positive definite, out of memory, or anything else the back end reports."""
+
+_REMEDY: Final[dict[Reason, str]] = {
+    "singular": "fix the free modes and give positive stiffnesses, so that K is positive definite",
+    "memory": "take fewer cells, or a machine with more memory",
+    "backend": "choose another back end with QVI_CONTACT_FACTORISATION or set_default",
+}
+
+
+class FactorisationError(QVIError):
+    """K could not be factorised, or a solve with the factors failed.
+
+    Attributes
+    ----------
+    reason : "singular", "memory" or "backend"
+        "singular" covers indefinite matrices too.
+    backend : str
+        Name of the back end.
+
+    """
+
+    def __init__(self, reason: Reason, backend: str, detail: str) -> None:
+        self.reason = reason
+        self.backend = backend
+        super().__init__(f"factorisation by {backend}: {detail}; {_REMEDY[reason]}")

@@ -1,0 +1,82 @@
+"""Intel MKL's run-time library, found in the `mkl` wheel and called through ctypes."""
+
+import ctypes
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from enum import IntEnum
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Final
+
+_PATTERNS: Final = ("libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll")
+_OPENMP: Final = ("libiomp5.so", "libiomp5.dylib", "libiomp5md.dll")
+
+
+class ThreadingLayer(IntEnum):
+    """Arguments of MKL_Set_Threading_Layer (mkl_service.h)."""
+
+    INTEL = 0
+    SEQUENTIAL = 1
+
+
+LP64: Final = 0
+"""Argument of MKL_Set_Interface_Layer: 32-bit integers."""
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL | None:
+    """MKL with its layers chosen, or None where it does not load.
+
+    Another user of MKL in the same process may have fixed the layers before; then they stay as they are.
+    """
+    for path in _candidates():
+        with suppress(OSError):
+            mkl = ctypes.CDLL(str(path))
+            mkl.MKL_Set_Interface_Layer(LP64)
+            mkl.MKL_Set_Threading_Layer(_threading_layer(path.parent))
+            return mkl
+    return None
+
+
+def version() -> str | None:
+    """Library and version, None if it does not load."""
+    if library() is None:
+        return None
+    try:
+        return f"mkl {distribution('mkl').version}"
+    except PackageNotFoundError:
+        return "mkl"
+
+
+@contextmanager
+def limited_threads(mkl: ctypes.CDLL, count: int) -> Iterator[None]:
+    """MKL with `count` threads in this Python thread, as before on exit."""
+    previous = mkl.MKL_Set_Num_Threads_Local(count)
+    try:
+        yield
+    finally:
+        mkl.MKL_Set_Num_Threads_Local(previous)
+
+
+def _candidates() -> Iterator[Path]:
+    """Places of the run-time library: the wheel's own list of files, then the environment's library folders."""
+    with suppress(PackageNotFoundError):
+        package = distribution("mkl")
+        for file in package.files or ():
+            if any(file.match(pattern) for pattern in _PATTERNS):
+                yield Path(str(package.locate_file(file))).resolve()
+    for folder in (Path(sys.prefix, "lib"), Path(sys.prefix, "Library", "bin")):
+        for pattern in _PATTERNS:
+            yield from sorted(folder.glob(pattern), reverse=True)
+
+
+def _threading_layer(folder: Path) -> ThreadingLayer:
+    """Intel's OpenMP if its library loads, else no threads."""
+    for name in _OPENMP:
+        for path in (str(folder / name), name):
+            with suppress(OSError):
+                ctypes.CDLL(path)
+                return ThreadingLayer.INTEL
+    return ThreadingLayer.SEQUENTIAL

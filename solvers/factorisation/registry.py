@@ -1,0 +1,128 @@
+"""Names of the back ends, the one taken by default, and `factorise`."""
+
+import os
+from typing import Final
+
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from solvers.errors import InputError, SolverUnavailableError
+from solvers.factorisation.base import Factorisation, NoInterior
+from solvers.factorisation.errors import FactorisationError
+from solvers.types import IntVector, Module, Sparse, load
+
+BACKENDS: Final = ("pardiso", "cholmod", "superlu")
+"""Names of the back ends, the fastest first."""
+
+VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
+"""Environment variable with the name of the default back end."""
+
+_INSTALL: Final = {"pardiso": "pip install mkl", "cholmod": "pip install cvxopt"}
+_default: str | None = None
+
+
+def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: int | None = None) -> Factorisation:
+    """Factorise K and form the dense Schur complement S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ.
+
+    Parameters
+    ----------
+    K : Sparse (n, n)
+        Symmetric positive definite, both triangles stored; the symmetry is not checked.
+    interface : IntVector (k,)
+        Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation, and nothing more.
+    backend : str
+        A name in `BACKENDS`, or "auto": the name given to `set_default`, else the one in the environment variable
+        QVI_CONTACT_FACTORISATION, else the first that is installed.
+    threads : int, optional
+        Threads to use; all cores this process may run on, or OMP_NUM_THREADS, or MKL_NUM_THREADS if not given.
+        "superlu" always has one.
+
+    Raises
+    ------
+    InputError
+        K is not square, holds numbers that are not finite, or the interface is not increasing or out of range.
+    SolverUnavailableError
+        The back end does not exist or is not installed.
+    FactorisationError
+        K_II is not positive definite, memory is lacking, or the back end fails. An indefinite S is found by `solve`.
+
+    """
+    K, interface = _checked(K, interface)
+    if threads is not None and threads < 1:
+        raise InputError("threads", threads, "give 1 or more, or None for all cores")
+    name = resolve(backend)
+    if interface.size == K.shape[0]:
+        return NoInterior(K, interface)
+    diagonal = K.diagonal()
+    if not np.all(diagonal > 0.0):
+        row = int(np.argmin(diagonal > 0.0))
+        raise FactorisationError("singular", name, f"diagonal entry {row} of K is {diagonal[row]:.3g}")
+    try:
+        return _module(name).factorise(K, interface, threads)  # type: ignore[no-any-return]
+    except MemoryError as error:
+        raise FactorisationError("memory", name, "out of memory") from error
+
+
+def available_backends() -> dict[str, str]:
+    """Back ends that load here, with their library and version, e.g. ``{"pardiso": "mkl 2026.2.0", …}``."""
+    found = {name: _module(name).version() for name in BACKENDS}
+    return {name: version for name, version in found.items() if version is not None}
+
+
+def set_default(name: str | None) -> None:
+    """Choose the back end that "auto" means; None: by the environment variable, or the first available."""
+    global _default
+    _default = None if name is None else _usable("backend", name)
+
+
+def resolve(backend: str = "auto") -> str:
+    """Name of the back end that `backend` means; `SolverUnavailableError` if it cannot be used."""
+    if backend != "auto":
+        return _usable("backend", backend)
+    if _default is not None:
+        return _default
+    chosen = os.environ.get(VARIABLE, "").strip().lower()
+    if chosen not in ("", "auto"):
+        return _usable(VARIABLE, chosen)
+    return next(name for name in BACKENDS if _module(name).version() is not None)
+
+
+def _usable(field: str, name: str) -> str:
+    """The name if it is that of a back end that loads here."""
+    if name not in BACKENDS:
+        raise SolverUnavailableError(field, name, f"choose one of {', '.join(BACKENDS)}, or auto")
+    if _module(name).version() is None:
+        remedy = f"its library does not load ({_INSTALL.get(name, 'reinstall scipy')}); choose one of"
+        raise SolverUnavailableError(field, name, f"{remedy} {', '.join(available_backends())}")
+    return name
+
+
+def _module(name: str) -> Module:
+    """Module of a back end: `version()`, and `factorise(K, interface, threads)`."""
+    return load(f"solvers.factorisation.{name}")
+
+
+def _checked(K: Sparse, interface: IntVector) -> tuple[Sparse, IntVector]:
+    """K in compressed columns with sorted indices, and the interface as int64."""
+    if len(K.shape) != 2 or K.shape[0] != K.shape[1]:
+        raise InputError("K", K.shape, "give a square matrix")
+    K = csc_matrix(K, dtype=np.float64)  # no copy if it is one
+    if not K.has_canonical_format:
+        K = K.copy()
+        K.sum_duplicates()
+    if not np.isfinite(K.data).all():
+        raise InputError("K", "not finite", "give finite entries")
+    return K, _checked_interface(interface, K.shape[0])
+
+
+def _checked_interface(interface: IntVector, n: int) -> IntVector:
+    indices = np.asarray(interface)
+    if indices.size == 0:
+        return np.zeros(0, dtype=np.int64)
+    if indices.ndim != 1 or indices.dtype.kind not in "iu":
+        raise InputError("interface", indices.shape, "give a one-dimensional array of indices")
+    if np.any(np.diff(indices) <= 0):
+        raise InputError("interface", indices, "give the indices in increasing order, none twice: np.unique(indices)")
+    if indices[0] < 0 or indices[-1] >= n:
+        raise InputError("interface", indices, f"give indices from 0 to {n - 1}")
+    return indices.astype(np.int64)
