@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from qvi_contact.problem import ContactProblem
     from qvi_contact.problem_file import ProblemFile, load_problem
     from qvi_contact.problem_writer import save_problem
+    from qvi_contact.refinement import Refinement, RefinementStatus, refine
     from qvi_contact.result import ContactResult
     from qvi_contact.solver import solve
     from qvi_contact.stress import principal_stresses
@@ -44,6 +45,8 @@ _HOME = {
     "ProblemFile": "problem_file",
     "QVIError": "errors",
     "RectilinearMesh": "mesh",
+    "Refinement": "refinement",
+    "RefinementStatus": "refinement",
     "Region": "material",
     "RigidPlate": "conditions",
     "SolveError": "errors",
@@ -56,6 +59,7 @@ _HOME = {
     "load_problem": "problem_file",
     "loop_area": "history",
     "principal_stresses": "stress",
+    "refine": "refinement",
     "save_problem": "problem_writer",
     "solve": "solver",
     "solve_history": "history",
@@ -77,6 +81,8 @@ __all__ = [
     "ProblemFile",
     "QVIError",
     "RectilinearMesh",
+    "Refinement",
+    "RefinementStatus",
     "Region",
     "RigidPlate",
     "SolveError",
@@ -89,6 +95,7 @@ __all__ = [
     "load_problem",
     "loop_area",
     "principal_stresses",
+    "refine",
     "save_problem",
     "solve",
     "solve_history",

@@ -37,6 +37,8 @@ def group() -> None:
 @_FILE
 @click.option("--method", help="Outer method, see: qvi-contact methods")
 @click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
+@click.option("--factorisation", help="Sparse factorisation, see: qvi-contact methods")
+@click.option("--threads", type=int, help="Threads of the linear algebra.  [default: one; all if it pays]")
 @click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
 @_JSON
 @click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
@@ -47,6 +49,8 @@ def solve(
     file: str,
     method: str | None,
     inner: str | None,
+    factorisation: str | None,
+    threads: int | None,
     tolerance: float | None,
     as_json: bool,
     plot: str | None,
@@ -77,7 +81,9 @@ def solve(
 
     targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json)
     problem_file = load_problem(file)
-    given = {"method": method, "inner": inner, "tolerance": tolerance}
+    given = {
+        "method": method, "inner": inner, "tolerance": tolerance, "factorisation": factorisation, "threads": threads,
+    }  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options = _options(problem_file, {name: value for name, value in given.items() if value is not None})
         history, steps = _solved(problem_file, options)
@@ -163,28 +169,35 @@ def limit(file: str, loads: tuple[str, ...], as_json: bool) -> int:
 @group.command()
 @_JSON
 def methods(as_json: bool) -> None:
-    """List the methods and inner solvers that can be used here.
+    """List the methods, inner solvers and factorisations that can be used here.
 
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
     qpsolvers, "direct:…" solvers kept alive between outer iterations, "socp:…" second-order cone programs through
     cvxpy. More back ends come with: python -m pip install 'qvi-contact[solvers]'
     """
     from solvers import available
+    from solvers.factorisation import available_backends
+    from solvers.factorisation.choice import SHARED
     from solvers.solve import METHODS
 
+    factorisations = {SHARED: "uniform rectangles of one material", **available_backends()}
     if as_json:
-        click.echo(_json({"methods": list(METHODS), "inner": list(available())}))
+        document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
+        click.echo(_json(document))
         return
-    click.echo("methods\n  " + "\n  ".join(METHODS) + "\ninner solvers\n  " + "\n  ".join(available()))
+    listed = tuple(f"{name}  ({what})" for name, what in factorisations.items())
+    for title, names in (("methods", METHODS), ("inner solvers", available()), ("factorisations", listed)):
+        click.echo("\n  ".join([title, *names]))
 
 
 def _options(file: "ProblemFile", given: dict[str, Any]) -> dict[str, Any]:
     """Arguments of `solve`: those of the file, less the options of a method that is not taken, and those given."""
-    from solvers.solve import METHODS
+    from solvers.solve import default_method
 
     options = dict(file.solve_options)
-    if given.get("method", options.get("method", METHODS[0])) != options.get("method", METHODS[0]):
-        options = {name: value for name, value in options.items() if name in ("inner", "tolerance")}
+    if "method" in given and given["method"] != default_method(options):
+        kept = ("inner", "tolerance", "factorisation", "threads")
+        options = {name: value for name, value in options.items() if name in kept}
     return options | given
 
 

@@ -111,8 +111,8 @@ def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: Edg
 def trace_rows(contacts: Sequence[ContactRows], grid: Grid) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Tractions at the contact points from the parameters of their traces: (Y, E) with [N; T] = E Y.
 
-    Parameters are σ_N at the outer two Gauss points of each edge, since it is linear there, and σ_xy at nodes and σ_T at
-    midpoints, since σ_T is quadratic on an edge and continuous; Y (r, all degrees of freedom), E (2m, r).
+    Parameters are σ_N at the outer two Gauss points of each edge, since it is linear there, and σ_xy at nodes and σ_T
+    at midpoints, since σ_T is quadratic on an edge and continuous; Y (r, all degrees of freedom), E (2m, r).
     """
     points = [rows.points for rows in contacts]
     if not points:
@@ -138,7 +138,9 @@ def trace_rows(contacts: Sequence[ContactRows], grid: Grid) -> tuple[sparse.csr_
     columns_T = np.column_stack([2 * edges + local, first_T + number])
     shapes_T = quadratic[None] * np.column_stack([signs, signs, np.ones(edges)])[:, None, :]
     shape = (edges * GAUSS_COUNT, Y.shape[0])
-    E_N = _interpolation(np.column_stack([2 * number, 2 * number + 1]), np.broadcast_to(linear, (edges, *linear.shape)), shape)
+    E_N = _interpolation(
+        np.column_stack([2 * number, 2 * number + 1]), np.broadcast_to(linear, (edges, *linear.shape)), shape
+    )
     return Y, stacked([E_N, _interpolation(columns_T, shapes_T, shape)], Y.shape[0])
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy import sparse
@@ -25,6 +25,7 @@ from qvi_contact.loads import (
 from qvi_contact.plates import PlateRows, plate_rows
 from qvi_contact.problem import ContactProblem
 from qvi_contact.scaling import Scales
+from qvi_contact.substructures import substructures
 from solvers import FrictionQVI, Traces
 
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
@@ -255,9 +256,10 @@ def _reduce(
             _potential_in_cells(problem, grid, scales),
         ),
         load=basis.T @ load,
-        A=plates.A if plates.rows else None,
-        b=plates.b if plates.rows else None,
+        A=plates.A,
+        b=plates.b,
         traces=Traces(Y @ basis, interpolation),
+        structure=partial(substructures, problem, grid, scales, elimination),
     )
 
 

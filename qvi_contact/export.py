@@ -70,6 +70,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         "iterations": result.iterations,
         "method": solution.method,
         "inner": solution.inner,
+        "factorisation": solution.factorisation,
         "form": solution.form,
         "seconds": dict(solution.timings),
         "versions": dict(solution.versions),

@@ -27,6 +27,7 @@ from qvi_contact.result import ContactResult
 from qvi_contact.scaling import Scales
 from qvi_contact.solver import solve
 from solvers import Status
+from solvers.solve import default_method
 
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
 
@@ -171,7 +172,8 @@ def _follow(
         discretization = discretize(problem, scales=scales, freed=freed)
         if results:
             discretization = discretization.slipped(_slip_after(results[-1]))
-        initial = {"initial": results[-1]} if results and options.get("method", "fixed-point") == "fixed-point" else {}
+            discretization.qvi.adopt(results[-1].discretization.qvi)
+        initial = {"initial": results[-1]} if results and default_method(options) == "fixed-point" else {}
         results.append(solve(discretization, **{**options, **initial}))
         if callback is not None:
             callback(number, results[-1])

@@ -378,8 +378,36 @@ class RectilinearMesh:
             subdivided(lines, np.unique(self.coordinates[critical, axis]), largest, smallest, -float(np.log(ratio)))
             for axis, lines in ((0, self.x), (1, self.y))
         )
-        rows, columns = (np.searchsorted(old, new[:-1], "right") - 1 for old, new in ((self.y, y), (self.x, x)))
-        return replace(self, x=x, y=y, active=self.active[np.ix_(rows, columns)])
+        return self.on_lines(x, y)
+
+    def on_lines(self, x: ArrayLike, y: ArrayLike) -> "RectilinearMesh":
+        """The same body and edge sets on other grid lines.
+
+        Parameters
+        ----------
+        x, y : array_like
+            Grid lines [length], finer or coarser than the present ones. They must hold every line on which the outline
+            of the body or the end of an edge set lies.
+
+        Raises
+        ------
+        InputError
+            If they do not.
+
+        """
+        found = []
+        for name, old, given in (("x", self.x, x), ("y", self.y, y)):
+            new = checked_lines(f"on_lines: {name}", given)
+            if new[0] != old[0] or new[-1] != old[-1]:
+                raise InputError(f"on_lines: {name}", (new[0], new[-1]), f"must reach from {old[0]:g} to {old[-1]:g}")
+            found.append(new)
+        columns, rows = _holding(self.x, found[0]), _holding(self.y, found[1])
+        moved = replace(self, x=found[0], y=found[1], active=self.active[np.ix_(rows, columns)])
+        back = np.ix_(_holding(moved.y, self.y), _holding(moved.x, self.x))
+        if not np.array_equal(moved.active[back], self.active):
+            raise InputError("on_lines", moved.shape, "the outline of the body must lie on grid lines")
+        _ = moved._sets  # refuses edge sets that end off the lines
+        return moved
 
     def _critical_nodes(self, towards: Sequence[str]) -> IntArray:
         """Nodes in re-entrant corners, and at the ends of the named edge sets (nodes of one of their edges only)."""
@@ -395,6 +423,11 @@ class RectilinearMesh:
 
 def _joined(parts: Sequence[Edges]) -> Edges:
     return Edges(*(np.concatenate([getattr(part, name) for part in parts]) for name in Edges.__annotations__))
+
+
+def _holding(lines: FloatArray, others: FloatArray) -> IntArray:
+    """The interval of `lines` that holds the middle of each interval of `others`."""
+    return np.searchsorted(lines, (others[1:] + others[:-1]) / 2.0) - 1
 
 
 def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:

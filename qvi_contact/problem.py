@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from qvi_contact.checks import Field, FloatArray, IntArray, check_field
 from qvi_contact.conditions import Condition, Contact, Displacement, Symmetry, Traction
@@ -120,6 +121,10 @@ class ContactProblem:
         """
         towards = [contact.edges for contact in self.contacts]
         return replace(self, mesh=self.mesh.refined(largest, towards, smallest, ratio))
+
+    def on_lines(self, x: ArrayLike, y: ArrayLike) -> "ContactProblem":
+        """The same problem on other grid lines x, y [length]; see `RectilinearMesh.on_lines`."""
+        return replace(self, mesh=self.mesh.on_lines(x, y))
 
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> Iterator[tuple[int, IntArray, Field]]:
         """Prescribed data of one kind as (component, boundary edges, values), symmetry lines included."""

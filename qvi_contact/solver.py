@@ -12,13 +12,14 @@ from qvi_contact.problem import ContactProblem
 from qvi_contact.result import ContactResult
 from solvers import Status, solve_qvi
 
+_CONDENSED_ONLY = ("gap",)  # options
 _CANNOT_CARRY = (Status.INFEASIBLE, Status.INNER_INFEASIBLE, Status.BACKEND_FAILED)
 
 
 def solve(
     problem: ContactProblem | Discretization,
-    method: str = "fixed-point",
-    inner: str = "qp:clarabel",
+    method: str | None = None,
+    inner: str | None = None,
     tolerance: float = 1e-8,
     **options: Any,  # checked by the method that takes them
 ) -> ContactResult:
@@ -28,18 +29,19 @@ def solve(
     ----------
     problem : ContactProblem or Discretization
         The problem; a discretisation is used as it is, so that several methods can share one.
-    method : str
-        "fixed-point" (outer iteration on the friction bound, convex inner problems) or "uzawa" (the paper's
-        iteration (4.1)-(4.4)).
-    inner : str
+    method : str, optional
+        "condensed" (the inequality solved directly on what the contact feels, by an interior point method),
+        "fixed-point" (outer iteration on the friction bound, convex inner problems) or "uzawa" (the paper's iteration
+        (4.1)-(4.4)). By default "condensed"; "fixed-point" if an inner solver or an option of the fixed point is given.
+    inner : str, optional
         How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel", "direct:osqp" or
-        "socp:<cvxpy name>"; `solvers.available()` lists what is installed.
+        "socp:<cvxpy name>"; `solvers.available()` lists what is installed. By default "qp:clarabel".
     tolerance : float
         Accuracy that the certificate must confirm, dimensionless.
     **options
-        Options of the method, see `solvers.solve_qvi`. ``initial``, the pressure the fixed point starts from, is an
-        earlier `ContactResult` on the same contact points, such as that of a smaller load, or an array over all
-        contact points [stress]; negative values count as zero.
+        ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`. ``initial``, the
+        pressure the fixed point starts from, is an earlier `ContactResult` on the same contact points, such as that of
+        a smaller load, or an array over all contact points [stress]; negative values count as zero.
 
     Returns
     -------
@@ -86,14 +88,17 @@ def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> Conta
     if result.status is not Status.SOLVED:
         corners_only = failed.status is Status.INFEASIBLE and result.status is not Status.INFEASIBLE
         return result if corners_only else None
-    if settings["method"] == "fixed-point":
-        settings = {**settings, "initial": result.solution.problem.pressure(result.solution.z)}
-        exact = _solved(known, settings) if failed.status is not Status.INFEASIBLE else None
+    again = settings
+    if settings["method"] in (None, "fixed-point"):
+        pressure = result.solution.problem.pressure(result.solution.z)
+        options = {name: value for name, value in settings.items() if name not in _CONDENSED_ONLY}
+        again = {**options, "method": "fixed-point", "initial": pressure}
+        exact = _solved(known, again) if failed.status is not Status.INFEASIBLE else None
         if exact is not None:
             return exact
-        for node in freed if len(freed) > 1 else ():
-            fewer = result.discretization.freed[result.discretization.freed != node]
-            result = _solved(known.freeing(fewer), settings) or result
+    for node in freed if len(freed) > 1 else ():
+        fewer = result.discretization.freed[result.discretization.freed != node]
+        result = _solved(known.freeing(fewer), again) or result
     return result if failed.status in _CANNOT_CARRY else None
 
 

@@ -9,7 +9,8 @@ strain energy E_b = ½|r(z)|² (without a root ½ zᵀKz) and the scales
 
 the measures are
 
-    equality                    max over rows of |A z − b| / B,  B_i = b_i' + 1e-3 max b',  b' = |b| + 1e-4 |A||z|
+    equality                    max over rows of (|A z − b| − ε |A| max |z|)⁺ / B,  ε = 1e-15,
+                                B_i = b_i' + 1e-3 max b',  b' = |b| + 1e-4 |A||z|
     normal                      max (σ_N)⁺ / S, unilateral points
     friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
@@ -56,11 +57,13 @@ from solvers.problem import FrictionQVI
 from solvers.types import Vector
 
 _CANCELS = 1e-4  # share of the terms of A z that an error is measured by where b is small
+_ROUNDED = 1e-15  # share of the largest z in the unknowns of a row that is no error
 _BESIDE = 1e-3  # the same, of the largest other row
 _ROUNDING_FREE = 1e-9  # error of z above which one asks whether it is rounding
 _ROUNDING_LIMIT = 1e-6  # error of z that rounding may explain
 _NEAR = 10.0  # gaps count up to this many D
-_NOTHING = 1e-6  # share of the stress in the body below which a contact carries nothing, and of unit stress
+_LITTLE = 1e-7  # share of the stress in the body below which a contact carries nothing
+_NOTHING = 1e-6  # share of unit stress, or of the bonded state's, below which the whole body carries nothing
 
 EXPONENTS: Mapping[str, float] = MappingProxyType(
     {
@@ -230,12 +233,14 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     stiffness = _nonzero(qvi.contact_stiffness)  # without contact, or with tractions that nothing can change, any does
     reference = length / stiffness  # energy of unit stress
     body = qvi.strain_energy(z) if body is None else body
+    least = _LITTLE
     if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
         reference = min(reference, qvi.bonded_energy or reference)
-        body = body if body > _NOTHING**2 * reference else reference
+        if body <= _NOTHING**2 * reference:
+            body, least = reference, _NOTHING
     in_body = float(np.sqrt(body * stiffness / length))
     stress = max(_largest(qvi.normal(z)), _largest(qvi.tangential(z)))
-    if stress <= _NOTHING * in_body:
+    if stress <= least * in_body:
         stress = in_body
     stress = _nonzero(stress)
     displacement = stress / stiffness
@@ -273,7 +278,9 @@ def _energy_gap(square: float, near_N: Vector, sigma_N: Vector, slack_T: Vector)
 
 def _equality(qvi: FrictionQVI, z: Vector) -> float:
     sizes = _row_sizes(qvi, z)
-    return _largest((qvi.A @ z - qvi.b) / np.where(sizes > 0.0, sizes, 1.0))
+    rounding = _ROUNDED * np.asarray(abs(qvi.A).sum(axis=1)).ravel() * _largest(z)
+    error = np.maximum(np.abs(qvi.A @ z - qvi.b) - rounding, 0.0)
+    return _largest(error / np.where(sizes > 0.0, sizes, 1.0))
 
 
 def _row_sizes(qvi: FrictionQVI, z: Vector) -> Vector:

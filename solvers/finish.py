@@ -36,6 +36,11 @@ class Outcome:
     check_feasible: bool = True
     corrections: tuple[float, ...] = ()
 
+    def discard(self, qvi: FrictionQVI) -> None:
+        """Forget the point."""
+        self.z, self.m_N, self.nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
+        self.m_T = self.threshold = self.m_N
+
 
 def no_outcome(qvi: FrictionQVI, reason: Status, message: str) -> Outcome:
     """Nothing but the reason why there is no result."""
@@ -57,11 +62,15 @@ def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, toleranc
     elif status is Status.INFEASIBLE:
         status = Status.INNER_INFEASIBLE
     farkas = feasibility.farkas if feasibility is not None and status is Status.INFEASIBLE else None
+    if status is Status.INFEASIBLE:  # where an iteration stopped means nothing then
+        outcome.discard(qvi)
+        certificate = certify(qvi, outcome.z, None, None, None, tolerance)
     outcome.timings["certificate"] = time.perf_counter() - began
     return QVISolution(
         qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, outcome.threshold, certificate,
         tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
         _sentence(status, outcome, certificate, feasibility), dict(outcome.versions), farkas, outcome.form,
+        qvi.factorisation, outcome.corrections,
     )  # fmt: skip
 
 

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 from scipy.sparse import csc_matrix
 
-from solvers.factorisation import Factorisation, FactorisationError, factorise
+from solvers.factorisation import Factorisation, FactorisationError
+from solvers.factorisation.choice import Structure, make
 from solvers.types import IntVector, Matrix, Sparse, Vector
 
 _REFINEMENTS = 2  # of the dense system, where there are equality rows
@@ -30,14 +31,22 @@ class EqualitySystem:
     K, A : as in `FrictionQVI`
     contact_rows : B (2m, n)
     factor : an earlier factorisation of the same K, used if its interface covers this one
+    structure : K as a tree of subdomains, see `solvers.factorisation.choice`
 
     """
 
-    def __init__(self, K: Sparse, A: Sparse, contact_rows: Sparse, factor: Factorisation | None = None) -> None:
+    def __init__(
+        self,
+        K: Sparse,
+        A: Sparse,
+        contact_rows: Sparse,
+        factor: Factorisation | None = None,
+        structure: Structure | None = None,
+    ) -> None:
         self.A = A
         touched = interface_of(contact_rows, A)
         usable = factor is not None and np.isin(touched, factor.interface, assume_unique=True).all()
-        self.factor = factor if factor is not None and usable else factorise(K, touched)
+        self.factor = factor if factor is not None and usable else make(K, touched, structure)
         self.interface: IntVector = self.factor.interface
         self.A_interface: Matrix = A[:, self.interface].toarray()
 

@@ -10,6 +10,7 @@ from scipy.sparse import csc_matrix, issparse, vstack
 from solvers.errors import InputError
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.augmented import ORTHOGONAL, factorise_root
+from solvers.factorisation.choice import Structure, fits
 from solvers.linear import EqualitySystem, interface_of
 from solvers.traces import Traces
 from solvers.types import BoolVector, Matrix, Sparse, Vector
@@ -18,6 +19,8 @@ _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
 _POWER_STEPS = 10
 _ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
 _CORRECTIONS = 7  # defect corrections of the bonded solution at most
+
+_BY_FACTOR = ("contact_stiffness", "_bonded_and_error", "bonded", "bonded_energy")  # cached, computed with the factors
 
 SLOW_CONTRACTION = 1e-3
 """Contraction of defect corrections above which K has lost too much to rounding, and R is factorised instead."""
@@ -73,6 +76,7 @@ class FrictionQVI:
     cohesion, cap : (m,) ≥ 0, optional; 0 and infinity when not given
     bilateral : (m,) bool, optional; nowhere when not given
     traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
+    structure : function of the interface, optional; K as a tree of subdomains, see `factorisation.choice`
     root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
         gradient of the energy more accurately than K and f, whose entries may be large and cancel
 
@@ -98,6 +102,7 @@ class FrictionQVI:
     cap: Vector = None  # type: ignore[assignment]
     bilateral: BoolVector = None  # type: ignore[assignment]
     traces: Traces | None = None
+    structure: Structure | None = None
 
     def __post_init__(self) -> None:
         if (self.A is None) != (self.b is None):
@@ -226,7 +231,7 @@ class FrictionQVI:
         Where K is not positive definite to working precision, R is factored instead, if there is a root.
         """
         try:
-            return EqualitySystem(self.K, self.A, self.contact_rows, self.__dict__.get("_factor"))
+            return EqualitySystem(self.K, self.A, self.contact_rows, self.__dict__.get("_factor"), self.structure)
         except FactorisationError as error:
             if error.reason != "singular" or self.root is None:
                 raise
@@ -237,12 +242,33 @@ class FrictionQVI:
         factor = factorise_root(R, interface_of(self.contact_rows, self.A), places)
         return EqualitySystem(self.K, self.A, self.contact_rows, factor)
 
+    def adopt(self, other: "FrictionQVI") -> None:
+        """Use the factorisation of another problem if its K is the same."""
+        K, L = self.K, other.K
+        same = K.shape == L.shape and np.array_equal(K.indices, L.indices) and np.array_equal(K.data, L.data)
+        system = other.__dict__.get("equality_system")
+        if same and system is not None and "equality_system" not in self.__dict__:
+            object.__setattr__(self, "_factor", system.factor)
+
+    def refit(self) -> None:
+        """Forget a factorisation that is not the one asked for now."""
+        system = self.__dict__.get("equality_system")
+        if system is not None and not fits(system.factor):
+            for name in ("equality_system", "_factor", *_BY_FACTOR):
+                self.__dict__.pop(name, None)
+
+    @property
+    def factorisation(self) -> str:
+        """Back end and version of the factorisation made, empty if none was needed."""
+        system = self.__dict__.get("equality_system")
+        return f"{system.factor.backend}, {system.factor.version}" if system is not None else ""
+
     def use_root(self) -> bool:
         """Factorise R instead of K from now on; False if there is no root, or it was done before."""
         if self.root is None or self.equality_system.factor.backend == ORTHOGONAL:
             return False
         self.__dict__["equality_system"] = self._orthogonal_system(self.root)
-        for name in ("contact_stiffness", "_bonded_and_error", "bonded", "bonded_energy"):
+        for name in _BY_FACTOR:
             self.__dict__.pop(name, None)
         return True
 

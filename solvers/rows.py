@@ -73,11 +73,11 @@ def echelon(Y: csr_matrix) -> Echelon:
 
 def _reduce(row: dict[int, float], pivots: dict[int, dict[int, float]]) -> tuple[dict[int, float], float]:
     """The row with every pivot column replaced by its expression, and the size of the terms that may cancel."""
-    size = 0.0
+    size = max(map(abs, row.values()), default=0.0)
     while True:
         held = [column for column in row if column in pivots]
         if not held:
-            return row, max([size, *map(abs, row.values())])
+            return row, size
         for column in held:
             value = row.pop(column)
             for other, factor in pivots[column].items():

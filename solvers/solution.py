@@ -58,6 +58,9 @@ class QVISolution:
     versions : package → version of what was used
     farkas : (rows of G, of A) multipliers proving infeasibility, else None; see `feasibility`
     form : unknowns of the inner problems, "full" or "condensed"
+    factorisation : back end and version of the factorisation of K; empty if none was made
+    corrections : of the condensed method, sizes of the defect corrections in the energy norm, relative: what the
+        rounding inside K had spoilt; they end where the next one would be rounding
 
     """
 
@@ -78,6 +81,8 @@ class QVISolution:
     versions: Mapping[str, str] = field(default_factory=dict)
     farkas: tuple[Vector, Vector] | None = None
     form: str = "full"
+    factorisation: str = ""
+    corrections: tuple[float, ...] = ()
 
     @property
     def solved(self) -> bool:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import time
+from collections.abc import Mapping
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -9,8 +10,10 @@ import numpy as np
 from solvers.condensed.method import CondensedOptions, solve_condensed
 from solvers.errors import InputError, SolveError, SolverUnavailableError
 from solvers.factorisation import FactorisationError
+from solvers.factorisation.choice import using
 from solvers.finish import Outcome, finish, no_outcome
 from solvers.fixed_point import FixedPointOptions, solve_fixed_point
+from solvers.forms import CONDENSED_LIMIT
 from solvers.inner.registry import check_name, versions
 from solvers.problem import FrictionQVI
 from solvers.solution import QVISolution
@@ -19,6 +22,12 @@ from solvers.uzawa import UzawaOptions, solve_uzawa
 
 Method = Literal["condensed", "fixed-point", "uzawa"]
 METHODS: tuple[str, ...] = ("condensed", "fixed-point", "uzawa")
+
+_WORTH_A_RETRY = (
+    Status.INACCURATE, Status.STALLED, Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
+)  # fmt: skip
+_GENERAL = ("method", "inner", "tolerance", "throw", "factorisation", "threads")
+DEFAULT_INNER = "qp:clarabel"
 
 _HOPELESS = 1e-4
 """Relative error of the solution without inequalities, in the energy norm, above which nothing is attempted."""
@@ -34,10 +43,12 @@ _Options = TypeVar("_Options", CondensedOptions, FixedPointOptions, UzawaOptions
 
 def solve_qvi(
     qvi: FrictionQVI,
-    method: str = "fixed-point",
-    inner: str = "qp:clarabel",
+    method: str | None = None,
+    inner: str | None = None,
     tolerance: float = 1e-8,
     throw: bool = False,
+    factorisation: str = "auto",
+    threads: int | None = None,
     **options: Any,
 ) -> QVISolution:
     """Solve the quasi-variational inequality (D2).
@@ -46,16 +57,22 @@ def solve_qvi(
     ----------
     qvi : FrictionQVI
         The problem, dimensionless.
-    method : str
-        "fixed-point" or "uzawa".
-    inner : str
-        Inner solver of the fixed point, one of `available()`; not used by Uzawa.
+    method : str, optional
+        "condensed", "fixed-point" or "uzawa". By default "condensed", and "fixed-point" where that fails and the contact
+        is not large; "fixed-point" at once if an inner solver or an option of the fixed point is given.
+    inner : str, optional
+        Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
     tolerance : float
         Of the certificate, relative (see `certificate`).
     throw : bool
         Raise `SolveError` instead of returning a result whose status is not "solved".
+    factorisation : str
+        "pardiso", "cholmod", "superlu" or "shared-subdomains"; "auto" takes subdomains that are shared where there are
+        some and enough unknowns, else the first of the others that is installed.
+    threads : int, optional
+        For factorisation and dense linear algebra; by default one for small problems, else all cores.
     **options : object
-        Fields of `FixedPointOptions` or `UzawaOptions`.
+        Fields of `CondensedOptions`, `FixedPointOptions` or `UzawaOptions`.
 
     Returns
     -------
@@ -71,34 +88,49 @@ def solve_qvi(
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
-    try:
-        solution = _solve(qvi, method, inner, tolerance, options)
-    except FactorisationError as error:
-        outcome = no_outcome(qvi, _FAILURES[error.reason], str(error))
-        outcome.check_feasible = False
-        solution = finish(qvi, outcome, method, inner if method == "fixed-point" else "", tolerance)
+    chosen = default_method({"method": method, "inner": inner, **options})
+    retry = method is None and chosen == "condensed" and 2 * qvi.m <= CONDENSED_LIMIT
+    method = chosen
+    inner = inner or DEFAULT_INNER
+    with using(factorisation, threads, qvi.n):
+        qvi.refit()
+        try:
+            solution = _solve(qvi, method, inner, tolerance, options)
+            if retry and solution.status in _WORTH_A_RETRY:
+                second = _solve(qvi, "fixed-point", inner, tolerance, {})
+                solution = second if second.status in (Status.SOLVED, Status.INACCURATE) else solution
+        except FactorisationError as error:
+            outcome = no_outcome(qvi, _FAILURES[error.reason], str(error))
+            outcome.check_feasible = False
+            solution = finish(qvi, outcome, method, inner if method == "fixed-point" else "", tolerance)
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
+
+
+def default_method(settings: Mapping[str, Any]) -> str:
+    """The method that keyword arguments of `solve_qvi` ask for, by name or by an inner solver or option they hold."""
+    if settings.get("method"):
+        return str(settings["method"])
+    names = {field.name for field in dataclasses.fields(CondensedOptions)}.union(_GENERAL)
+    return "condensed" if settings.get("inner") is None and names.issuperset(settings) else "fixed-point"
 
 
 def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
     """By method."""
     if method == "condensed":
         condensed = _options(CondensedOptions, method, options)
-        solution = _linear(qvi, method, "", tolerance) or solve_condensed(qvi, tolerance, condensed)
-    elif method in METHODS and not qvi.bonded_error <= _HOPELESS:
-        solution = _give_up(qvi, method, inner, tolerance)
-    elif method == "fixed-point":
+        return _linear(qvi, method, "", tolerance) or solve_condensed(qvi, tolerance, condensed)
+    if method not in METHODS:
+        raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
+    if not qvi.bonded_error <= _HOPELESS:
+        return _give_up(qvi, method, inner, tolerance)
+    if method == "fixed-point":
         name = check_name(inner)
         fixed_point = _options(FixedPointOptions, method, options)
-        solution = _linear(qvi, method, name, tolerance) or solve_fixed_point(qvi, name, tolerance, fixed_point)
-    elif method == "uzawa":
-        uzawa = _options(UzawaOptions, method, options)
-        solution = _linear(qvi, method, "", tolerance) or solve_uzawa(qvi, tolerance, uzawa)
-    else:
-        raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
-    return solution
+        return _linear(qvi, method, name, tolerance) or solve_fixed_point(qvi, name, tolerance, fixed_point)
+    uzawa = _options(UzawaOptions, method, options)
+    return _linear(qvi, method, "", tolerance) or solve_uzawa(qvi, tolerance, uzawa)
 
 
 def _give_up(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVISolution:

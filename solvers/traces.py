@@ -1,6 +1,7 @@
 """Coordinates in which the contact rows [N; T] are sparse, well scaled and independent: the tractions themselves."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, issparse
@@ -34,10 +35,10 @@ class Traces:
 
     def __post_init__(self) -> None:
         for name in ("rows", "interpolation"):
-            value = getattr(self, name)
+            value: Any = getattr(self, name)
             if not issparse(value):
                 raise InputError(f"traces.{name}", type(value).__name__, "give a sparse matrix")
-            object.__setattr__(self, name, csc_matrix(value, dtype=np.float64))
+            object.__setattr__(self, name, value.tocsc().astype(np.float64))
 
     def check(self, contact_rows: Sparse) -> None:
         """`InputError` unless E Y is [N; T] (2m, n), tried on a random vector."""
@@ -66,16 +67,16 @@ class TraceCoordinates:
 
     interpolation: csr_matrix
     _matrix: Sparse
-    _factor: object
+    _factor: Any
     _identity: bool
 
     def from_unknowns(self, matrix: Matrix | Vector) -> Matrix | Vector:
         """P⁻ᵀ times a vector (k,) or matrix (k, j): gradients in x become gradients in y."""
-        return matrix if self._identity else np.asarray(self._factor.solve(matrix, "T"))  # type: ignore[attr-defined]
+        return matrix if self._identity else np.asarray(self._factor.solve(matrix, "T"))
 
     def to_unknowns(self, y: Vector) -> Vector:
         """Unknowns x = P⁻¹ y (k,)."""
-        return y if self._identity else np.asarray(self._factor.solve(y))  # type: ignore[attr-defined]
+        return y if self._identity else np.asarray(self._factor.solve(y))
 
     def from_values(self, x: Vector) -> Vector:
         """Y = P x (k,)."""
@@ -109,9 +110,9 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
         (np.ones(len(found.free)), found.free, np.arange(len(found.free) + 1)), (len(found.free), k)
     )
     P = csc_matrix(_stacked(Y[found.rows], completion))
-    factor = splu(P) if k else None
-    E = csc_matrix(traces.interpolation)
-    full = csc_matrix((E.data, E.indices, E.indptr), E.shape)[:, found.rows]
+    factor: Any = splu(P) if k else None
+    E = traces.interpolation
+    full: Any = csc_matrix((E.data, E.indices, E.indptr), E.shape)[:, found.rows]
     full = csc_matrix(
         (full.data, full.indices, np.append(full.indptr, np.full(len(found.free), full.nnz))), (E.shape[0], k)
     )

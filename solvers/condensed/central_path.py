@@ -1,8 +1,8 @@
 """Following the central path of `interior_point` by its arc length, where it turns back.
 
 The points with s λ = τ ω form a curve. For a monotone problem τ falls along it all the way; with the moving threshold
-of Coulomb friction it may rise for a while, and a method that forces τ down stalls at the turn. Here log τ is an unknown
-like the others, and the step goes along the tangent
+of Coulomb friction it may rise for a while, and a method that forces τ down stalls at the turn. Here log τ is an
+unknown like the others, and the step goes along the tangent
 
     T ∝ (dlog τ, ds/s, dλ/λ),   norm² = (dlog τ)² + Σ W ((ds/s)² + (dλ/λ)²) / Σ W,
 
@@ -19,6 +19,8 @@ _FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01
 _GROWTH = 1.5
 _NEAR = 0.5  # Newton corrections, relative to s and λ, up to which a point counts as on the curve
 _REACH = 0.8  # relative change of any s or λ in one step at most
+_RISE = 7.0  # of log τ, after which the curve is given up
+_LONGEST = 150  # steps along one curve
 _BEYOND = 3.0  # the turn is passed when log τ has fallen by this much
 
 
@@ -34,15 +36,22 @@ class CentralPath:
         self._start = self._log
         self._tangent: Vector | None = None
         self._length = _FIRST_STEP
+        self._steps = 0
 
     @property
     def passed(self) -> bool:
         """Whether the turn is behind: τ is well below its value at the start, and falling."""
         return self._tangent is not None and self._tangent[0] < 0.0 and self._log < self._start - _BEYOND
 
+    @property
+    def lost(self) -> bool:
+        """Whether τ has risen so far, or the curve is so long, that no turn back is to be hoped for."""
+        return self._log > self._start + _RISE or self._steps > _LONGEST
+
     def advance(self) -> float:
         """Correct, and step along the curve if it is near; returns the change of log τ."""
         method = self._method
+        self._steps += 1
         point, residuals = method.point, method.residuals()
         target = np.exp(self._log) * method.problem.shares
         newton = Newton.at(method.problem, point, residuals)

@@ -1,6 +1,6 @@
 """Contact and friction as one mixed complementarity problem in trace coordinates y.
 
-With the pressure p = −σ_N (|σ_N| at bilateral points, smoothed as √(σ_N² + δ²)) every condition is a slack
+With the pressure p = −σ_N (|σ_N| at bilateral points, smoothed as √(σ_N² + δ²) with δ → 0) every condition is a slack
 
     normal      s = −σ_N                            at unilateral points
     friction    s = cohesion + mu p − σ_T,          multiplier λ₊
@@ -13,13 +13,15 @@ no outer iteration; the problem is not symmetric, since the pressure in the thre
     S y + c + Bᵀ W λ + Aᵀ ν = 0,    s = slack(y),    A y = b,
 
 rows of B the tractions on which λ works, C(y) = −∂slack/∂y. Points whose bound is always zero give equations σ_T = 0.
+Equations are solved for some of the coordinates (`equations`).
 """
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags, vstack
 
+from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
 from solvers.condensed.reduction import Base, Reduction
 from solvers.problem import FrictionQVI
@@ -32,33 +34,33 @@ FRICTION_SHARE = 1000.0
 """s λ of friction bounds over s λ of normal bounds on the central path: with 1 the path often turns back where contact
 opens and friction is large."""
 
+_UNLOADED = 1e-7  # tractions smaller than this share of the stress in the body are none
+_FIRST = 1e-3  # the same of the stress at the start, before the first correction
 _DENSE = 2e6  # multiplications of a weighted product of rows up to which they are kept dense
-_SMOOTHING = 1e-14  # δ over the scale of stress
+_SMOOTHEST, _SHARPEST, _SHARPER = 1.0, 1e-14, 0.1  # δ over the scale of stress, and its reduction
 
 
 class Complementarity:
-    """The problem about a base point, which `rebase` exchanges.
+    """The problem about a base point, which `rebase` exchanges, in the coordinates u that equations leave free.
 
     Attributes
     ----------
-    S : (k, k); c : (k,); A, b : (p, k) and (p,), equations of points without friction included
+    S : (k, k); c : (k,)
     B : (q, k) rows
     weights : (q,) W of each bound
     shares : (q,) what s λ is on the central path, relative
+    sizes : (q,) what s may be relative to the tractions: 1 + mu for friction, else 1
     stress : scale of the tractions
 
     """
 
     def __init__(self, qvi: FrictionQVI, reduction: Reduction, base: Base, stress: float) -> None:
         self._qvi, self._reduction, self.stress = qvi, reduction, stress
-        self._frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), reduction.E_T, qvi.W)
-        fixed = self._frictionless.fixed
-        self._free: IntVector = np.setdiff1d(np.arange(reduction.size), fixed)
+        self._smoothing = _SMOOTHEST * stress
+        frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), reduction.E_T, qvi.W)
+        self._equations = Equations.of(reduction.A, frictionless, reduction.size)
         self._lay_out()
-        free = self._free
-        self.S: Matrix = reduction.stiffness[np.ix_(free, free)] if len(fixed) else reduction.stiffness
-        self._coupling: Matrix = reduction.stiffness[np.ix_(free, fixed)]
-        self.A: Matrix = np.vstack([reduction.A, self._frictionless.equations])[:, free]
+        self.S: Matrix = self._equations.quadratic(reduction.stiffness)
         self.rebase(base)
 
     def _lay_out(self) -> None:
@@ -71,15 +73,15 @@ class Complementarity:
         self._points: IntVector = np.concatenate(parts)
         self._sign: Vector = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], lengths)
         self._is_cap = np.repeat([False, False, False, True, True], lengths)
-        self._bounded: IntVector = friction
         self.weights: Vector = qvi.W[self._points]
+        self.sizes: Vector = np.where(self._is_cap | (self._sign == 0.0), 1.0, 1.0 + qvi.mu[self._points])
         self.shares: Vector = np.where(self._sign == 0.0, 1.0, FRICTION_SHARE)
-        self._all_N = csr_matrix(E_N[:, self._free])
-        self._all_T = csr_matrix(E_T[:, self._free])
+        self._all_N = csr_matrix(E_N @ self._equations.map)
+        self._all_T = csr_matrix(E_T @ self._equations.map)
         rows = csr_matrix(
             vstack([self._all_N[normal], diags(self._sign[len(normal) :]) @ self._all_T[self._points[len(normal) :]]])
         )
-        self._is_dense = len(self._points) * len(self._free) ** 2 <= _DENSE
+        self._is_dense = len(self._points) * len(self._equations.free) ** 2 <= _DENSE
         self.B: Rows = self._stored(rows)
         self._B_transposed: Rows = self.B.T if self._is_dense else csr_matrix(rows.T)
         self._constant: Rows | None = None
@@ -90,37 +92,53 @@ class Complementarity:
         return rows.toarray() if self._is_dense else csr_matrix(rows)
 
     def rebase(self, base: Base) -> None:
-        """Pose the problem about another point; y = 0 there, up to coordinates that are known."""
+        """Pose the problem about another point; u = 0 there, up to what equations had missed."""
+        reduction = self._reduction
+        self._in_body = float(np.sqrt(2.0 * base.strain_energy * reduction.contact_stiffness / self._qvi.W.sum()))
         self._base = base
-        self._fixed_values: Vector = self._frictionless.values(base.tangential)
-        fixed = self._frictionless.fixed
-        self.c: Vector = base.c[self._free] + self._coupling @ self._fixed_values
-        kept = -(base.tangential[self._frictionless.kept])
-        known = self._reduction.A[:, fixed] @ self._fixed_values
-        self.b: Vector = np.concatenate([base.equality - known, kept])
-        self._normal = base.normal + self._reduction.E_N[:, fixed] @ self._fixed_values
-        self._tangential = base.tangential + self._reduction.E_T[:, fixed] @ self._fixed_values
+        self._offset: Vector = self._equations.offset(base.equality, base.tangential)
+        half = base.c + 0.5 * (reduction.stiffness @ self._offset)
+        self._energy = self._qvi.energy(base.z) + float(half @ self._offset)
+        self.c: Vector = self._equations.map.T @ (base.c + reduction.stiffness @ self._offset)
+        self._normal, self._tangential = reduction.tractions(base, self._offset)
+
+    @property
+    def is_sharp(self) -> bool:
+        """Whether |σ_N| is no longer smoothed, or need not be."""
+        return self._constant is not None or self._smoothing <= _SHARPEST * self.stress
+
+    def sharpen(self) -> None:
+        """Smooth |σ_N| less."""
+        self._smoothing = max(_SHARPER * self._smoothing, _SHARPEST * self.stress)
+
+    def full(self, u: Vector) -> Vector:
+        """All trace coordinates y."""
+        return np.asarray(self._offset + self._equations.map @ u)
 
     def restricted(self, y: Vector) -> Vector:
-        """Those of all trace coordinates that are unknown."""
-        return y[self._free]
-
-    def full(self, y: Vector) -> Vector:
-        """All trace coordinates, those known included."""
-        values = np.zeros(self._reduction.size)
-        values[self._free] = y
-        values[self._frictionless.fixed] = self._fixed_values
-        return values
+        """The free ones of all trace coordinates."""
+        return y[self._equations.free]
 
     def tractions(self, y: Vector) -> tuple[Vector, Vector]:
         """(σ_N, σ_T) (m,) each."""
         return self._normal + self._all_N @ y, self._tangential + self._all_T @ y
 
+    def contradiction(self) -> float:
+        """Largest shear at points without friction, over the scale of stress: what equations cannot make zero."""
+        return float(np.abs(self._tangential[self._qvi.frictionless]).max(initial=0.0)) / self.stress
+
+    def stress_at(self, y: Vector) -> float:
+        """Max |σ_N|, |σ_T|; where the contact carries nothing that of the body, as `certificate` does."""
+        largest = max(float(np.abs(part).max(initial=0.0)) for part in self.tractions(y))
+        if self._in_body == 0.0:  # nothing is known of the body yet
+            return max(largest, _FIRST * self.stress)
+        return largest if largest > _UNLOADED * self._in_body else self._in_body
+
     def slack(self, y: Vector) -> Vector:
         """s(y) (q,)."""
         qvi, points = self._qvi, self._points
         normal, tangential = self.tractions(y)
-        pressure = np.where(qvi.bilateral, np.hypot(normal, _SMOOTHING * self.stress), -normal)
+        pressure = np.where(qvi.bilateral, np.hypot(normal, self._smoothing), -normal)
         cap = np.where(qvi.mu > 0.0, np.inf, qvi.cap)
         bound = np.minimum(qvi.cohesion + qvi.mu * pressure, cap)[points]
         bound = np.where(self._is_cap, qvi.cap[points], bound)
@@ -132,15 +150,14 @@ class Complementarity:
 
     def _slack_rows(self, normal: Vector) -> Rows:
         qvi, points = self._qvi, self._points
-        smooth = np.hypot(normal, _SMOOTHING * self.stress)
+        smooth = np.hypot(normal, self._smoothing)
         change = np.where(qvi.bilateral, normal / np.where(smooth > 0.0, smooth, 1.0), -1.0)  # of the pressure
         factor = np.where(self._is_cap | (self._sign == 0.0), 0.0, (qvi.mu * change)[points])
-        rows = diags(-factor) @ self._all_N[points] + csr_matrix(vstack([self.B]) if not self._is_dense else self.B)
-        return self._stored(csr_matrix(rows))
+        return self._stored(csr_matrix(diags(-factor) @ self._all_N[points] + csr_matrix(self.B)))
 
     def energy(self, y: Vector) -> float:
-        """½ yᵀSy + cᵀy, the energy but for a constant."""
-        return float(0.5 * y @ (self.S @ y) + self.c @ y)
+        """Of (D2), with what the base lacks in accuracy."""
+        return self._energy + float(0.5 * y @ (self.S @ y) + self.c @ y)
 
     def force(self, multipliers: Vector) -> Vector:
         """BᵀWλ (k,)."""
@@ -152,19 +169,18 @@ class Complementarity:
         if self._is_dense:
             target += self._B_transposed @ (scaled[:, None] * slack_rows)
             return
-        product = (self._B_transposed @ (diags(scaled) @ slack_rows)).tocoo()
+        product: Any = csr_matrix(self._B_transposed @ (diags(scaled) @ slack_rows)).tocoo()
         target[product.row, product.col] += product.data
 
-    def multipliers(self, y: Vector, lam: Vector, nu: Vector) -> tuple[Vector, Vector, Vector]:
+    def multipliers(self, u: Vector, lam: Vector) -> tuple[Vector, Vector, Vector]:
         """Row multipliers (m_N, m_T, ν) of (D2)."""
-        qvi, p = self._qvi, len(self._reduction.A)
+        qvi, reduction = self._qvi, self._reduction
         scaled = self.weights * lam
         normal = self._sign == 0.0
-        m_N = np.bincount(self._points[normal], scaled[normal], qvi.m)
-        m_T = np.bincount(self._points[~normal], (self._sign * scaled)[~normal], qvi.m)
-        reduction = self._reduction
+        m_N: Vector = np.zeros(qvi.m) + np.bincount(self._points[normal], scaled[normal], qvi.m)
+        m_T: Vector = np.zeros(qvi.m) + np.bincount(self._points[~normal], (self._sign * scaled)[~normal], qvi.m)
         residual = (
-            reduction.stiffness @ self.full(y) + self._base.c + reduction.E_N.T @ m_N + reduction.E_T.T @ m_T
-            + reduction.A.T @ nu[:p]
+            self._base.c + reduction.stiffness @ self.full(u) + reduction.E_N.T @ m_N + reduction.E_T.T @ m_T
         )  # fmt: skip
-        return m_N, m_T + self._frictionless.multipliers(residual, nu[p:], qvi.m), nu[:p]
+        nu, frictionless = self._equations.multipliers(residual, qvi.m, qvi.p)
+        return m_N, m_T + frictionless, nu

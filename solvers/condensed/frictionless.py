@@ -5,6 +5,7 @@ without friction, those coordinates are known; otherwise independent ones of the
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, diags
@@ -63,7 +64,7 @@ class Frictionless:
             m_T[self.points] = -self._weights * (G @ factor.solve(residual[self.fixed]))
         return m_T
 
-    def _normal_equations(self) -> tuple[Sparse, object]:
+    def _normal_equations(self) -> tuple[Sparse, Any]:
         """G, the rows by fixed coordinates, and the factor of GᵀWG."""
         G = csc_matrix(self._rows[:, self.fixed])
         return G, splu(csc_matrix(G.T @ diags(self._weights) @ G))

@@ -2,8 +2,7 @@
 
 Each iteration factorises, once, the Newton matrix of the conditions with s λ = τ ω, ω the shares of the bounds:
 
-    [S + BᵀW diag(λ/s) C(y)   Aᵀ] (dy)     ds = slack(y) − s − C dy,   dλ = (target − s λ − λ ds) / s.
-    [A                         0] (dν),
+    (S + BᵀW diag(λ/s) C(y)) dy = …,    ds = slack(y) − s − C dy,    dλ = (target − s λ − λ ds) / s.
 
 One step length is taken for everything, since the threshold couples slacks and multipliers. Sources: S. Mehrotra, SIAM
 J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex problems; nothing is proved for this one,
@@ -11,10 +10,11 @@ which is not monotone, hence `central_path`, and the certificate.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
+from numpy.linalg import LinAlgError
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from solvers.condensed.complementarity import Complementarity, Rows
 from solvers.types import Matrix, Vector
@@ -23,41 +23,38 @@ _STEP = 0.99  # of the way to the nearest bound
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
 _SHORT = 0.1  # predictor steps shorter than this count little
 _CORRECTORS = 2
+_REFINEMENTS = 1
 _GAIN = 0.02  # by which a corrector has to lengthen the step
 _START = 0.1  # least slack and multiplier at the start, of the scales
+_FINEST = 1e-17  # gap below which slacks and multipliers lose their digits
 _LEAST = 1e-300
 
 
 @dataclass(eq=False)
 class Point:
-    """An iterate: y (k,), ν (p,), slacks s > 0 and multipliers λ > 0 (q,)."""
+    """An iterate: y (k,), slacks s > 0 and multipliers λ > 0 (q,)."""
 
     y: Vector
-    nu: Vector
     s: Vector
     lam: Vector
 
     def moved(self, step: "Step", length: float) -> "Point":
         """The point a step further."""
-        return Point(
-            self.y + length * step.y, self.nu + length * step.nu, self.s + length * step.s, self.lam + length * step.lam
-        )
+        return Point(self.y + length * step.y, self.s + length * step.s, self.lam + length * step.lam)
 
 
 class Step(NamedTuple):
-    """Changes of y, ν, s and λ."""
+    """Changes of y, s and λ."""
 
     y: Vector
-    nu: Vector
     s: Vector
     lam: Vector
 
 
 class Residuals(NamedTuple):
-    """What is left of the linear conditions: of y (k,), of A y = b (p,), and s − slack(y) (q,)."""
+    """What is left of S y + c + BᵀWλ = 0 (k,), and s − slack(y) (q,)."""
 
     force: Vector
-    equality: Vector
     slack: Vector
 
 
@@ -67,8 +64,8 @@ class Measures:
 
     Attributes
     ----------
-    gap : Σ W s λ over stress × displacement × Σ W
-    slack : largest |s − slack(y)| over the stress
+    gap : Σ W s λ over stress × displacement × Σ W, both as large as they are at the iterate
+    slack : largest |s − slack(y)| over the stress, of friction bounds over 1 + mu times the stress
     force : largest residual of y, of its largest term or of what the scale of displacement would cause
 
     """
@@ -83,34 +80,33 @@ class InteriorPoint:
 
     def __init__(self, problem: Complementarity, displacement: float) -> None:
         self.problem, self.displacement = problem, displacement
-        k, p = problem.S.shape[0], len(problem.A)
-        stress = problem.stress
-        y = np.zeros(k)
-        self.point = Point(
-            y, np.zeros(p), np.maximum(problem.slack(y), _START * stress),
-            _START * displacement * problem.shares,
-        )  # fmt: skip
+        self.least = 0.0  # τ is not made smaller
+        y = np.zeros(problem.S.shape[0])
+        self.point = Point(y, problem.sizes, _START * displacement * problem.shares / problem.sizes)
+        self.start_at(y)
         self._force_scale = displacement * float(np.abs(problem.force(np.ones(len(problem.weights)))).max(initial=0.0))
 
     def start_at(self, y: Vector) -> None:
         """Start from trace coordinates, with slacks away from zero."""
-        least = _START * self.problem.stress
-        self.point = Point(y, self.point.nu, np.maximum(self.problem.slack(y), least), self.point.lam)
+        least = _START * self.problem.stress * self.problem.sizes
+        self.point = Point(y, np.maximum(self.problem.slack(y), least), self.point.lam)
 
     def residuals(self) -> Residuals:
         """At the current point."""
         problem, point = self.problem, self.point
-        force = problem.S @ point.y + problem.c + problem.force(point.lam) + problem.A.T @ point.nu
-        return Residuals(force, problem.A @ point.y - problem.b, point.s - problem.slack(point.y))
+        force = problem.S @ point.y + problem.c + problem.force(point.lam)
+        return Residuals(force, point.s - problem.slack(point.y))
 
     def measures(self, residuals: Residuals) -> Measures:
         """At the current point."""
         problem = self.problem
-        unit = problem.stress * self.displacement * float(problem.weights.sum())
+        stress = problem.stress_at(self.point.y)
+        unit = stress * (stress / problem.stress * self.displacement) * float(problem.weights.sum())
         gap = float(problem.weights @ (self.point.s * self.point.lam)) / max(unit, _LEAST)
-        slack = float(np.abs(residuals.slack).max(initial=0.0)) / problem.stress
+        slack = float(np.abs(residuals.slack / problem.sizes).max(initial=0.0)) / stress
         terms = (problem.S @ self.point.y, problem.c, problem.force(self.point.lam))
         size = max(self._force_scale, *(float(np.abs(term).max(initial=0.0)) for term in terms), _LEAST)
+        self.least = _FINEST * unit / max(float(problem.weights @ problem.shares), _LEAST)
         return Measures(gap, slack, float(np.abs(residuals.force).max(initial=0.0)) / size)
 
     def iterate(self, residuals: Residuals) -> float:
@@ -121,10 +117,10 @@ class InteriorPoint:
         affine = newton.step(-products)
         reach = min(1.0, _longest(point, affine))
         ahead = float(self.problem.weights @ (point.moved(affine, reach).s * point.moved(affine, reach).lam))
-        now = float(self.problem.weights @ products)
+        now = max(float(self.problem.weights @ products), _LEAST)
         centring = min(1.0, max((max(ahead, 0.0) / now) ** 3, 1e-6, (1.0 - reach) ** 3))
         damping = 1.0 if reach >= _SHORT else reach**2
-        target = centring * tau * self.problem.shares
+        target = max(centring * tau, self.least) * self.problem.shares
         comp = target - products - damping * affine.s * affine.lam
         step, length = _corrected(newton, point, comp, target)
         length = self._in_neighbourhood(step, min(1.0, _STEP * length))
@@ -132,20 +128,21 @@ class InteriorPoint:
         return length
 
     def parameter(self) -> float:
-        """τ of the current point: Σ W s λ / Σ W ω."""
+        """τ of the current point: Σ W s λ / Σ W ω; 0 without bounds."""
         problem = self.problem
-        return float(problem.weights @ (self.point.s * self.point.lam) / (problem.weights @ problem.shares))
+        total = float(problem.weights @ problem.shares)
+        return float(problem.weights @ (self.point.s * self.point.lam)) / total if total > 0.0 else 0.0
 
     def _in_neighbourhood(self, step: Step, length: float) -> float:
         """Shorten the step until no product s λ is far below the others."""
         shares, weights = self.problem.shares, self.problem.weights
         total = float(weights @ shares)
         products = self.point.s * self.point.lam
-        least = min(_NEIGHBOURHOOD, float((products / shares).min(initial=np.inf)) / self.parameter())
+        least = min(_NEIGHBOURHOOD, float((products / shares).min(initial=np.inf)) / max(self.parameter(), _LEAST))
         for _ in range(20):
             new = self.point.moved(step, length)
             products = new.s * new.lam
-            if float((products / shares).min(initial=np.inf)) >= 0.9 * least * float(weights @ products) / total:
+            if not total or float((products / shares).min()) >= 0.9 * least * float(weights @ products) / total:
                 break
             length *= 0.8
         return length
@@ -160,42 +157,43 @@ class Newton:
     residuals: Residuals
     rows: Rows
     scale: Vector
-    factor: tuple[Matrix, Vector]
+    factor: Matrix
+    pivots: Any
 
     @classmethod
     def at(cls, problem: Complementarity, point: Point, residuals: Residuals) -> "Newton":
         """Assemble and factorise, scaled to a diagonal of 1."""
-        k, p = problem.S.shape[0], len(problem.A)
         rows = problem.slack_rows(point.y)
-        H = np.zeros((k + p, k + p), order="F")
-        H[:k, :k] = problem.S
-        problem.add_stiffness(H[:k, :k], point.lam / point.s, rows)
-        H[:k, k:], H[k:, :k] = problem.A.T, problem.A
-        diagonal = H.diagonal()[:k]
-        scale = np.concatenate([1.0 / np.sqrt(np.maximum(diagonal, 1.0)), _row_scale(problem.A)])
+        H = np.array(problem.S, order="F")
+        problem.add_stiffness(H, point.lam / point.s, rows)
+        scale = 1.0 / np.sqrt(np.maximum(H.diagonal(), 1.0))
         H *= scale
         H *= scale[:, None]
-        factor = lu_factor(H, overwrite_a=True, check_finite=False) if k else (H, np.zeros(0))
-        return cls(point, problem, residuals, rows, scale, factor)
+        factor, pivots, info = dgetrf(H, overwrite_a=1) if len(H) else (H, np.zeros(0, dtype=np.int32), 0)
+        if info > 0 or not np.isfinite(factor).all():
+            raise LinAlgError("it is singular")
+        return cls(point, problem, residuals, rows, scale, factor, pivots)
 
     def step(self, comp: Vector, *, only: bool = False) -> Step:
         """The change that makes s λ grow by comp; `only`: without reducing the residuals."""
-        point, problem = self.point, self.problem
-        k = problem.S.shape[0]
-        force, equality, slack = self.residuals
+        force, slack = self.residuals
         if only:
-            force, equality, slack = 0.0 * force, 0.0 * equality, 0.0 * slack
-        lam = (comp + point.lam * slack) / point.s
-        right = self.scale * np.concatenate([-force - problem.force(lam), -equality])
-        solution = self.scale * lu_solve(self.factor, right, check_finite=False) if k else right
-        y = solution[:k]
+            force, slack = 0.0 * force, 0.0 * slack
+        problem = self.problem
+        lam = (comp + self.point.lam * slack) / self.point.s
+        step = self._completed(self._solve(-force - problem.force(lam)), comp, slack)
+        for _ in range(_REFINEMENTS):  # the elimination of s and λ loses digits where s is small
+            left = -force - problem.S @ step.y - problem.force(step.lam)
+            step = self._completed(step.y + self._solve(left), comp, slack)
+        return step
+
+    def _solve(self, right: Vector) -> Vector:
+        return np.asarray(self.scale * dgetrs(self.factor, self.pivots, self.scale * right)[0]) if len(right) else right
+
+    def _completed(self, y: Vector, comp: Vector, slack: Vector) -> Step:
+        """The changes of s and λ that belong to y."""
         s = -slack - self.rows @ y
-        return Step(y, solution[k:], s, (comp - point.lam * s) / point.s)
-
-
-def _row_scale(A: Matrix) -> Vector:
-    lengths = np.linalg.norm(A, axis=1)
-    return np.asarray(1.0 / np.where(lengths > 0.0, lengths, 1.0))
+        return Step(y, s, (comp - self.point.lam * s) / self.point.s)
 
 
 def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector) -> tuple[Step, float]:

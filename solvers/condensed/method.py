@@ -9,7 +9,8 @@
 | stops when                                                    | status before the certificate |
 |---------------------------------------------------------------|-------------------------------|
 | gap ≤ `gap` and the defect correction no longer shrinks       | solved                        |
-| no progress, and no turn of the path to follow                | stalled                       |
+| no progress, and bounds that are not met                      | inner_infeasible              |
+| no progress, and too many turns of the path                   | stalled                       |
 | the corrections grow, or never reach 0.1                      | ill_conditioned               |
 | `max_iterations` done                                         | max_iterations                |
 """
@@ -19,11 +20,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import LinAlgError
+from numpy.linalg import LinAlgError
 
 from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.interior_point import InteriorPoint, Measures
+from solvers.condensed.interior_point import InteriorPoint, Measures, Residuals
 from solvers.condensed.reduction import Base, Reduction
 from solvers.errors import InputError
 from solvers.finish import Outcome, finish
@@ -33,11 +34,14 @@ from solvers.status import Status
 
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
 _SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measures`
+_SHARPENED = 1e-2  # slack residual at which the smoothing of |σ_N| is reduced
+_FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
 _PATIENCE = 6  # iterations without progress
 _PROGRESS = 0.7
 _ENOUGH = 1e-12  # relative defect correction that is not worth another one
 _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
 _HALVED = 0.5
+_CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _HOPELESS = 0.3  # of the defect corrections' contraction
 _TURNS = 12
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
@@ -56,7 +60,7 @@ class CondensedOptions:
     """
 
     gap: float = 1e-14
-    max_iterations: int = 500
+    max_iterations: int = 400
     callback: Callable[[Iteration], object] | None = None
 
     def __post_init__(self) -> None:
@@ -80,6 +84,8 @@ class _Run:
     reason: Status | None = None
     message: str = ""
     best: tuple[float, int] = (np.inf, 0)
+    path: CentralPath | None = None
+    force: float = np.inf  # residual of the iteration before
     turns: int = 0
     began: float = 0.0
     scale: float = 0.0  # energy norm of the first step
@@ -97,10 +103,11 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     began = time.perf_counter()
     run = _start(qvi, options)
     set_up = time.perf_counter()
-    _iterate(run)
-    if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.use_root():
-        run = _start(qvi, options)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a diverging iteration is judged by its gap
         _iterate(run)
+        if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.use_root():
+            run = _start(qvi, options)
+            _iterate(run)
     outcome = _outcome(run)
     outcome.form = "condensed"
     outcome.corrections = tuple(run.sizes)
@@ -131,7 +138,7 @@ def _iterate(run: _Run) -> None:
         contraction = run.sizes[-1] / run.steps[-1] if run.sizes and run.steps[-1] > 0.0 else 1.0
         step = run.relative(run.reduction.length(run.problem.full(run.interior.point.y)))
         if gap == final and run.sizes and contraction * step <= _ENOUGH:
-            run.reason = Status.SOLVED
+            run.reason = Status.SOLVED if run.problem.contradiction() <= _CONTRADICTION else Status.INNER_INFEASIBLE
             return
         _correct(run, step)
         gap = final
@@ -159,31 +166,33 @@ def _correct(run: _Run, step: float) -> None:
 
 def _reach(run: _Run, gap: float) -> None:
     """Iterate to a gap, around turns of the central path."""
-    path: CentralPath | None = None
+    run.path, run.force = None, np.inf
     while True:
         residuals = run.interior.residuals()
         measures = run.interior.measures(residuals)
-        if measures.gap <= gap and measures.slack <= _SLACK and measures.force <= _FORCE:
+        stalled = run.path is None and _stalled(run, measures)
+        if _reached(run, measures, gap, stalled):
             return
-        if not np.isfinite(measures.gap) or len(run.history) >= run.options.max_iterations:
-            run.reason = Status.MAX_ITERATIONS if np.isfinite(measures.gap) else Status.DIVERGED
+        run.force = measures.force
+        if measures.slack <= _SHARPENED:
+            run.problem.sharpen()
+        if stalled:
+            _turn(run, measures)
+        if not np.isfinite(measures.gap):
+            run.reason = Status.DIVERGED
+        elif len(run.history) >= run.options.max_iterations:
+            run.reason = Status.MAX_ITERATIONS
+        if run.reason is None:
+            _advance(run, residuals)
+        if run.reason is not None:
             return
-        if path is None and _stalled(run, measures):
-            if measures.slack > _ON_PATH or run.turns >= _TURNS:
-                run.reason = Status.STALLED
-                return
-            path, run.turns = CentralPath(run.interior), run.turns + 1
-        try:
-            if path is None:
-                run.interior.iterate(residuals)
-            else:
-                path.advance()
-        except (LinAlgError, ValueError) as error:
-            run.reason, run.message = Status.STALLED, f"Newton's matrix: {error}"
-            return
-        if path is not None and path.passed:
-            path, run.best = None, (np.inf, len(run.history))
         _record(run, measures)
+
+
+def _reached(run: _Run, measures: Measures, gap: float, stalled: bool) -> bool:
+    """Whether the gap is reached and no residual is left but what rounding makes."""
+    balanced = measures.force <= _FORCE or (measures.force <= _FORCE_FLOOR and measures.force > _HALVED * run.force)
+    return measures.gap <= gap and measures.slack <= _SLACK and run.problem.is_sharp and (balanced or stalled)
 
 
 def _stalled(run: _Run, measures: Measures) -> bool:
@@ -192,6 +201,32 @@ def _stalled(run: _Run, measures: Measures) -> bool:
     if worst < _PROGRESS * run.best[0]:
         run.best = (worst, len(run.history))
     return len(run.history) - run.best[1] >= _PATIENCE
+
+
+def _turn(run: _Run, measures: Measures) -> None:
+    """Follow the central path from here on, if there is one."""
+    if measures.slack > _ON_PATH:
+        run.reason, run.message = Status.INNER_INFEASIBLE, f"bounds are missed by {measures.slack:.1e}"
+    elif run.turns >= _TURNS or not run.interior.parameter() > 0.0:
+        run.reason = Status.STALLED
+    else:
+        run.path, run.turns = CentralPath(run.interior), run.turns + 1
+
+
+def _advance(run: _Run, residuals: Residuals) -> None:
+    """One iteration of the interior point method, or one step along the central path."""
+    try:
+        if run.path is None:
+            run.interior.iterate(residuals)
+            return
+        run.path.advance()
+    except LinAlgError as error:
+        run.reason, run.message = Status.STALLED, f"Newton's matrix: {error}"
+        return
+    if run.path.lost:
+        run.reason, run.message = Status.STALLED, "the central path does not turn back"
+    elif run.path.passed:
+        run.path, run.best = None, (np.inf, len(run.history))
 
 
 def _record(run: _Run, measures: Measures) -> None:
@@ -212,7 +247,7 @@ def _outcome(run: _Run) -> Outcome:
     """The last point in the unknowns of (D2)."""
     point = run.interior.point
     z = run.reduction.move(run.base, run.problem.full(point.y))
-    m_N, m_T, nu = run.problem.multipliers(point.y, point.lam, point.nu)
+    m_N, m_T, nu = run.problem.multipliers(point.y, point.lam)
     threshold = run.qvi.threshold(run.qvi.pressure(z))
     count = len(run.history)
     return Outcome(run.reason or Status.STALLED, z, m_N, m_T, nu, threshold, run.history, count, run.message)

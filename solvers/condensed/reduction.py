@@ -31,6 +31,7 @@ class Base:
     equality : (p,) b − A z
     normal, tangential : (m,) tractions at z
     reduced : (k,) reduced gradient by the unknowns Γ themselves
+    strain_energy : at z
 
     """
 
@@ -40,6 +41,7 @@ class Base:
     normal: Vector
     tangential: Vector
     reduced: Vector
+    strain_energy: float
     _state: State
 
 
@@ -68,6 +70,11 @@ class Reduction:
         self.A: Matrix = np.asarray(A).T.reshape(qvi.p, len(self._scale)) * self._scale
 
     @property
+    def contact_stiffness(self) -> float:
+        """See `FrictionQVI`."""
+        return self._qvi.contact_stiffness
+
+    @property
     def size(self) -> int:
         """Number of trace coordinates k."""
         return len(self._scale)
@@ -75,10 +82,10 @@ class Reduction:
     def base(self, z: Vector) -> Base:
         """The reduced problem about z: one gradient and one forward elimination."""
         qvi = self._qvi
-        gradient = qvi.gradient(z)
+        energy, gradient = qvi.state(z)
         reduced, state = self._system.factor.reduce(-gradient)
         c = -self._scale * self._coordinates.from_unknowns(reduced)
-        return Base(z, c, qvi.b - qvi.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, state)
+        return Base(z, c, qvi.b - qvi.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, energy, state)
 
     def move(self, base: Base, y: Vector) -> Vector:
         """The point z + dz whose trace coordinates are y, its interior in equilibrium."""

@@ -79,12 +79,15 @@ def resolve(backend: str = "auto") -> str:
     """Name of the back end that `backend` means; `SolverUnavailableError` if it cannot be used."""
     if backend != "auto":
         return _usable("backend", backend)
+    return chosen() or next(name for name in BACKENDS if _module(name).version() is not None)
+
+
+def chosen() -> str | None:
+    """Name given to `set_default`, else the one in the environment variable, None if neither is given."""
     if _default is not None:
         return _default
-    chosen = os.environ.get(VARIABLE, "").strip().lower()
-    if chosen not in ("", "auto"):
-        return _usable(VARIABLE, chosen)
-    return next(name for name in BACKENDS if _module(name).version() is not None)
+    name = os.environ.get(VARIABLE, "").strip().lower()
+    return None if name in ("", "auto") else _usable(VARIABLE, name)
 
 
 def _usable(field: str, name: str) -> str:

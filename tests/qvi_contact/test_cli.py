@@ -19,6 +19,8 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from solvers import available
+from solvers.factorisation import available_backends
+from solvers.factorisation.choice import SHARED
 from solvers.solve import METHODS
 from tests.qvi_contact.broken_files import RICH, mutated
 
@@ -80,13 +82,15 @@ def test_no_command_shows_the_commands_and_fails():
 def test_methods_as_one_json_document():
     done = command("methods", "--json")
     assert (done.returncode, done.stderr) == (0, "")
-    assert json.loads(done.stdout) == {"methods": list(METHODS), "inner": list(available())}
+    factorisations = {SHARED: "uniform rectangles of one material", **available_backends()}
+    expected = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
+    assert json.loads(done.stdout) == expected
 
 
 def test_methods_as_a_list():
     done = command("methods")
     assert done.returncode == 0
-    assert set(METHODS) | set(available()) <= set(done.stdout.split())
+    assert set(METHODS) | set(available()) | set(available_backends()) <= set(done.stdout.split())
 
 
 def ending(capsys, raised):

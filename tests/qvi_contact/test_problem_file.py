@@ -31,6 +31,7 @@ from qvi_contact.problem_document import SolveTable
 from qvi_contact.problem_file import problem_from_toml
 from qvi_contact.problem_writer import problem_to_toml
 from qvi_contact.units import Units
+from solvers.condensed.method import CondensedOptions
 from solvers.fixed_point import FixedPointOptions
 from solvers.uzawa import UzawaOptions
 from tests.qvi_contact.broken_files import RICH
@@ -309,8 +310,10 @@ def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):
 
 
 def test_solve_takes_all_options_a_file_can_hold():
-    options = {f.name for kind in (FixedPointOptions, UzawaOptions) for f in dataclasses.fields(kind)}
-    assert set(SolveTable.model_fields) - {"method", "inner", "tolerance"} == options - {"initial", "callback"}
+    kinds = (CondensedOptions, FixedPointOptions, UzawaOptions)
+    options = {f.name for kind in kinds for f in dataclasses.fields(kind)}
+    general = {"method", "inner", "tolerance", "factorisation", "threads"}
+    assert set(SolveTable.model_fields) - general == options - {"initial", "callback"}
 
 
 def test_a_joint_that_no_contact_uses_is_named():

@@ -87,12 +87,14 @@ def test_reduce_expand_and_solve(backend, interface, columns):
     factor = factorise(K, interface, backend)
     reduced, state = factor.reduce(right)
     np.testing.assert_allclose(reduced, right[interface] - coupling.T @ inverse @ right[interior], atol=1e-11)
+    start = state.copy()
     for scale in (1.0, -2.0):  # a state serves more than once
         x = factor.expand(state, scale * values)
         np.testing.assert_array_equal(x[interface], scale * values)
         np.testing.assert_allclose(x[interior], inverse @ (right[interior] - coupling @ (scale * values)), atol=1e-11)
     np.testing.assert_allclose(factor.solve(right), np.linalg.solve(K.toarray(), right), atol=1e-11)
     np.testing.assert_array_equal(right, kept)
+    np.testing.assert_array_equal(state, start)
 
 
 @BACKEND
@@ -157,6 +159,12 @@ def test_singular_interior_of_a_regular_matrix(backend):
     with pytest.raises(FactorisationError) as caught:
         factorise(K, np.array([2]), backend)
     assert caught.value.reason == "singular"
+
+
+@BACKEND
+def test_diagonal_entry_that_is_not_stored(backend):
+    with pytest.raises(FactorisationError, match="diagonal entry 1 of K is 0"):
+        factorise(csc_matrix([[1.0, 0.1, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([2]), backend)
 
 
 @BACKEND

@@ -1,0 +1,127 @@
+"""What an adaptive refinement ends with."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from qvi_contact.checks import FloatArray
+from qvi_contact.problem import ContactProblem
+from qvi_contact.result import ContactResult
+
+
+class RefinementStatus(StrEnum):
+    """How a refinement ended. The value is a word for files and tables, `advice` a sentence for the user."""
+
+    REACHED = "reached"
+    UNKNOWNS = "unknowns"
+    ROUNDS = "rounds"
+    THIN_CELLS = "thin_cells"
+    UNSOLVED = "unsolved"
+
+    @property
+    def advice(self) -> str:
+        """What to do about it, in one sentence."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    RefinementStatus.REACHED: "Nothing to do: the estimated error is within the target.",
+    RefinementStatus.UNKNOWNS: "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the "
+    "estimate.",
+    RefinementStatus.ROUNDS: "The rounds are used up: raise max_rounds, or accept the estimate.",
+    RefinementStatus.THIN_CELLS: "Cells where the error is are as thin as double precision, or `thinnest`, allows: "
+    "accept the estimate.",
+    RefinementStatus.UNSOLVED: "A problem of the refinement was not solved: read its message, and take another method "
+    "or inner solver.",
+}
+
+
+@dataclass(frozen=True)
+class RefinementRound:
+    """One round of a refinement.
+
+    Attributes
+    ----------
+    cells : (int, int)
+        Grid cells along x and y of the finest mesh, those left out included.
+    unknowns : int
+        Unknowns of the problem on it.
+    value : float
+        The quantity.
+    estimate : float
+        Its estimated relative error; infinity if there is none.
+
+    """
+
+    cells: tuple[int, int]
+    unknowns: int
+    value: float
+    estimate: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Refinement:
+    """A problem solved on a mesh refined for one quantity, with an estimate of the quantity's error.
+
+    Attributes
+    ----------
+    result : ContactResult
+        On the last mesh that was solved; if there is none, the failed one on the first.
+    status : RefinementStatus
+        Only `RefinementStatus.REACHED` means that the estimate is within the target.
+    quantity : str
+        Name of the quantity.
+    target : float
+        Relative error asked for.
+    value : float
+        The quantity, from `result`; NaN if that failed.
+    estimate : float
+        Estimated relative error of the value; infinity if there is none.
+    unit : float
+        What it is relative to, see `refine`.
+    indicator : (ny, nx) array
+        Contribution of each cell of the last mesh; they are ≥ 0 and add up to the estimate. Zero outside the body.
+    rounds : tuple of RefinementRound
+        One for each mesh solved.
+    reason : str
+        Why the refinement stopped before the target, if a solve or a mesh failed.
+
+    """
+
+    result: ContactResult
+    status: RefinementStatus
+    quantity: str
+    target: float
+    value: float
+    estimate: float
+    unit: float
+    indicator: FloatArray
+    rounds: tuple[RefinementRound, ...]
+    reason: str = ""
+
+    def __repr__(self) -> str:
+        return f"<Refinement {self.message}>"
+
+    @property
+    def problem(self) -> ContactProblem:
+        """The problem on the last mesh."""
+        return self.result.problem
+
+    @property
+    def error(self) -> float:
+        """Estimated error of the value, in its own unit."""
+        return self.estimate * self.unit
+
+    @property
+    def message(self) -> str:
+        """One sentence about the outcome."""
+        if not self.rounds:
+            return f"{self.status.value}: no mesh was solved; {self.reason or self.result.message}"
+        last = self.rounds[-1]
+        nx, ny = last.cells
+        sense = "within" if self.status is RefinementStatus.REACHED else "above"
+        text = (
+            f"{self.status.value}: {self.quantity} = {self.value:.9g}, estimated relative error {self.estimate:.1e}, "
+            f"{sense} the target {self.target:.1e}, with {last.unknowns} unknowns on {nx} × {ny} cells after "
+            f"{len(self.rounds)} {'round' if len(self.rounds) == 1 else 'rounds'}"
+        )
+        return f"{text}; {self.reason}" if self.reason else text
