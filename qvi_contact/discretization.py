@@ -123,9 +123,9 @@ class Discretization:
         `Scales` cannot foresee every load, such as an obstacle that drags the body along by friction. Stresses far
         below the unit would be lost in the tolerances of solvers and certificate.
         """
-        size = float(np.sqrt(2.0 * self.qvi.bonded_energy))
-        if not 0.0 < size < _TOO_SMALL or self.qvi.bonded_error > _UNRELIABLE:
+        if not 0.0 < self.qvi.rough_stress() < _TOO_SMALL or self.qvi.bonded_error > _UNRELIABLE:
             return self
+        size = float(np.sqrt(2.0 * self.qvi.bonded_energy))
         scales = replace(self.scales, stress=self.scales.stress * size)
         return discretize(self.problem, scales=scales, freed=self.freed)
 

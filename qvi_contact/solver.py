@@ -11,6 +11,8 @@ from qvi_contact.loads import shear_beside_contacts
 from qvi_contact.problem import ContactProblem
 from qvi_contact.result import ContactResult
 from solvers import Status, solve_qvi
+from solvers.factorisation import FactorisationError
+from solvers.factorisation.choice import using
 
 _CONDENSED_ONLY = ("gap",)  # options
 _CANNOT_CARRY = (Status.INFEASIBLE, Status.INNER_INFEASIBLE, Status.BACKEND_FAILED)
@@ -58,7 +60,11 @@ def solve(
     """
     if not isinstance(problem, (ContactProblem, Discretization)):
         raise InputError("problem", problem, "give a ContactProblem or a Discretization")
-    discretization = problem if isinstance(problem, Discretization) else discretize(problem).fitted()
+    discretization = problem if isinstance(problem, Discretization) else discretize(problem)
+    if discretization is not problem:
+        name, threads = options.get("factorisation", "auto"), options.get("threads")
+        with using(name, threads, discretization.qvi.n):
+            discretization = _fitted(discretization)
     throw = bool(options.pop("throw", False))
     if options.get("initial") is not None:
         options["initial"] = _initial_pressure(options["initial"], discretization)
@@ -69,6 +75,14 @@ def solve(
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
+
+
+def _fitted(discretization: Discretization) -> Discretization:
+    """In fitting units; where K cannot be factorised the solve will say so."""
+    try:
+        return discretization.fitted()
+    except FactorisationError:
+        return discretization
 
 
 def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> ContactResult | None:

@@ -322,6 +322,12 @@ class FrictionQVI:
         """
         return self._bonded_and_error[1]
 
+    def rough_stress(self) -> float:
+        """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
+        z, _ = self.equality_system.solve(-self.gradient(np.zeros(self.n)), self.b)
+        energy, nothing = self.strain_energy(z), _ROUNDING * self.strain_energy(np.zeros(self.n))
+        return float(np.sqrt(2.0 * energy)) if energy > nothing else 0.0
+
     @cached_property
     def bonded_energy(self) -> float:
         """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""

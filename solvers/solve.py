@@ -58,8 +58,8 @@ def solve_qvi(
     qvi : FrictionQVI
         The problem, dimensionless.
     method : str, optional
-        "condensed", "fixed-point" or "uzawa". By default "condensed", and "fixed-point" where that fails and the contact
-        is not large; "fixed-point" at once if an inner solver or an option of the fixed point is given.
+        "condensed", "fixed-point" or "uzawa". By default "condensed", and "fixed-point" where that fails and the
+        contact is not large; "fixed-point" at once if an inner solver or an option of the fixed point is given.
     inner : str, optional
         Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
     tolerance : float

@@ -35,10 +35,11 @@ class Traces:
 
     def __post_init__(self) -> None:
         for name in ("rows", "interpolation"):
-            value: Any = getattr(self, name)
+            value: object = getattr(self, name)
             if not issparse(value):
                 raise InputError(f"traces.{name}", type(value).__name__, "give a sparse matrix")
-            object.__setattr__(self, name, value.tocsc().astype(np.float64))
+            matrix: Any = value
+            object.__setattr__(self, name, csc_matrix(matrix, dtype=np.float64))
 
     def check(self, contact_rows: Sparse) -> None:
         """`InputError` unless E Y is [N; T] (2m, n), tried on a random vector."""

@@ -30,6 +30,7 @@ _SMALL_FORCE = 1e-6  # of the problem's unit: forces below count as this for rel
 
 def refine(
     problem: ContactProblem,
+    result: ContactResult | None = None,
     target: float = 1e-3,
     quantity: Quantity = "energy",
     *,
@@ -51,6 +52,9 @@ def refine(
     problem : ContactProblem
         The problem. Its mesh is where the refinement starts: lines it has are kept, so let it be coarse, but fine
         enough to show the loads.
+    result : ContactResult, optional
+        An earlier result of the problem, on its mesh or another: the refinement starts from about every second line of
+        that mesh, so that its first answer is about as fine.
     target : float
         Relative error asked for.
     quantity : str or function of a ContactResult
@@ -93,6 +97,8 @@ def refine(
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
+    if result is not None:
+        problem = _start(problem, result)
     for name in ("initial", "throw"):
         if name in options:
             raise InputError(name, options[name], "is not for refine: meshes change, and failures are in the status")
@@ -107,6 +113,14 @@ def refine(
         remedy = f"the first mesh has about {least} unknowns with every interval bisected: allow more, or start coarser"
         raise InputError("max_unknowns", max_unknowns, remedy)
     return _Loop(_Measure.of(problem, quantity), limits, options, callback).run(problem)
+
+
+def _start(problem: ContactProblem, result: ContactResult) -> ContactProblem:
+    """The problem on about every second line of the mesh of a result."""
+    if not isinstance(result, ContactResult):
+        raise InputError("result", result, "give an earlier ContactResult of the problem, or None")
+    mesh = coarser(result.problem).mesh
+    return problem.on_lines(mesh.x, mesh.y)
 
 
 @dataclass(frozen=True)

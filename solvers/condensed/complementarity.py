@@ -16,19 +16,14 @@ rows of B the tractions on which λ works, C(y) = −∂slack/∂y. Points whose
 Equations are solved for some of the coordinates (`equations`).
 """
 
-from typing import Any, TypeAlias
-
 import numpy as np
-from scipy.sparse import csr_matrix, diags, vstack
 
+from solvers.condensed.blocks import Rows, add_product, mapped, scaled, stacked, transposed
 from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
 from solvers.condensed.reduction import Base, Reduction
 from solvers.problem import FrictionQVI
-from solvers.types import IntVector, Matrix, Sparse, Vector
-
-Rows: TypeAlias = Sparse | Matrix
-"""Rows by trace coordinates: sparse where there are many, dense where there are few."""
+from solvers.types import IntVector, Matrix, Vector
 
 FRICTION_SHARE = 1000.0
 """s λ of friction bounds over s λ of normal bounds on the central path: with 1 the path often turns back where contact
@@ -36,7 +31,6 @@ opens and friction is large."""
 
 _UNLOADED = 1e-7  # tractions smaller than this share of the stress in the body are none
 _FIRST = 1e-3  # the same of the stress at the start, before the first correction
-_DENSE = 2e6  # multiplications of a weighted product of rows up to which they are kept dense
 _SMOOTHEST, _SHARPEST, _SHARPER = 1.0, 1e-14, 0.1  # δ over the scale of stress, and its reduction
 
 
@@ -76,20 +70,15 @@ class Complementarity:
         self.weights: Vector = qvi.W[self._points]
         self.sizes: Vector = np.where(self._is_cap | (self._sign == 0.0), 1.0, 1.0 + qvi.mu[self._points])
         self.shares: Vector = np.where(self._sign == 0.0, 1.0, FRICTION_SHARE)
-        self._all_N = csr_matrix(E_N @ self._equations.map)
-        self._all_T = csr_matrix(E_T @ self._equations.map)
-        rows = csr_matrix(
-            vstack([self._all_N[normal], diags(self._sign[len(normal) :]) @ self._all_T[self._points[len(normal) :]]])
-        )
-        self._is_dense = len(self._points) * len(self._equations.free) ** 2 <= _DENSE
-        self.B: Rows = self._stored(rows)
-        self._B_transposed: Rows = self.B.T if self._is_dense else csr_matrix(rows.T)
+        whole = len(self._equations.free) == self._reduction.size
+        self._all_N: Rows = E_N if whole else mapped(E_N, self._equations.map)
+        self._all_T: Rows = E_T if whole else mapped(E_T, self._equations.map)
+        tangential = scaled(self._sign[len(normal) :], self._all_T[self._points[len(normal) :]])
+        self.B: Rows = stacked([self._all_N[normal], tangential])
+        self._B_transposed: Rows = transposed(self.B)
         self._constant: Rows | None = None
         if not (qvi.bilateral & (qvi.mu > 0.0)).any():
             self._constant = self._slack_rows(np.zeros(qvi.m))
-
-    def _stored(self, rows: Sparse) -> Rows:
-        return rows.toarray() if self._is_dense else csr_matrix(rows)
 
     def rebase(self, base: Base) -> None:
         """Pose the problem about another point; u = 0 there, up to what equations had missed."""
@@ -153,7 +142,7 @@ class Complementarity:
         smooth = np.hypot(normal, self._smoothing)
         change = np.where(qvi.bilateral, normal / np.where(smooth > 0.0, smooth, 1.0), -1.0)  # of the pressure
         factor = np.where(self._is_cap | (self._sign == 0.0), 0.0, (qvi.mu * change)[points])
-        return self._stored(csr_matrix(diags(-factor) @ self._all_N[points] + csr_matrix(self.B)))
+        return scaled(-factor, self._all_N[points]) + self.B
 
     def energy(self, y: Vector) -> float:
         """Of (D2), with what the base lacks in accuracy."""
@@ -165,20 +154,15 @@ class Complementarity:
 
     def add_stiffness(self, target: Matrix, factors: Vector, slack_rows: Rows) -> None:
         """Add BᵀW diag(factors) C to target (k, k)."""
-        scaled = self.weights * factors
-        if self._is_dense:
-            target += self._B_transposed @ (scaled[:, None] * slack_rows)
-            return
-        product: Any = csr_matrix(self._B_transposed @ (diags(scaled) @ slack_rows)).tocoo()
-        target[product.row, product.col] += product.data
+        add_product(target, self._B_transposed, scaled(self.weights * factors, slack_rows))
 
     def multipliers(self, u: Vector, lam: Vector) -> tuple[Vector, Vector, Vector]:
         """Row multipliers (m_N, m_T, ν) of (D2)."""
         qvi, reduction = self._qvi, self._reduction
-        scaled = self.weights * lam
+        rows = self.weights * lam
         normal = self._sign == 0.0
-        m_N: Vector = np.zeros(qvi.m) + np.bincount(self._points[normal], scaled[normal], qvi.m)
-        m_T: Vector = np.zeros(qvi.m) + np.bincount(self._points[~normal], (self._sign * scaled)[~normal], qvi.m)
+        m_N: Vector = np.zeros(qvi.m) + np.bincount(self._points[normal], rows[normal], qvi.m)
+        m_T: Vector = np.zeros(qvi.m) + np.bincount(self._points[~normal], (self._sign * rows)[~normal], qvi.m)
         residual = (
             self._base.c + reduction.stiffness @ self.full(u) + reduction.E_N.T @ m_N + reduction.E_T.T @ m_T
         )  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, diags
 from scipy.sparse.linalg import splu
 
+from solvers.condensed.blocks import Rows
 from solvers.rows import echelon
 from solvers.types import IntVector, Matrix, Sparse, Vector
 
@@ -36,9 +37,12 @@ class Frictionless:
     _weights: Vector
 
     @classmethod
-    def of(cls, points: IntVector, E_T: Sparse, weights: Vector) -> "Frictionless":
+    def of(cls, points: IntVector, E_T: Rows, weights: Vector) -> "Frictionless":
         """Sort the rows E_T (m, k) of the given points; weights W (m,)."""
         rows = csr_matrix(E_T[points])
+        if not len(points):
+            none = np.zeros(0, dtype=np.int64)
+            return cls(points, none, np.zeros((0, E_T.shape[1])), none, rows, weights[points])
         rows.data[np.abs(rows.data) < 1e-14 * np.abs(rows.data).max(initial=0.0)] = 0.0
         rows.eliminate_zeros()
         touched = np.unique(rows.indices).astype(np.int64)

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from solvers.condensed.complementarity import Complementarity, Rows
+from solvers.condensed.blocks import Rows
+from solvers.condensed.complementarity import Complementarity
 from solvers.types import Matrix, Vector
 
 _STEP = 0.99  # of the way to the nearest bound

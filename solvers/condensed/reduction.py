@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix, diags
 
+from solvers.condensed.blocks import Rows, stored
 from solvers.factorisation.base import State
 from solvers.problem import FrictionQVI
 from solvers.traces import trace_coordinates
-from solvers.types import Matrix, Sparse, Vector
+from solvers.types import Matrix, Vector
 
 
 @dataclass(eq=False)
@@ -51,7 +52,7 @@ class Reduction:
     Attributes
     ----------
     stiffness : S_y (k, k)
-    E_N, E_T : (m, k) csr, tractions by trace coordinates
+    E_N, E_T : (m, k) rows, tractions by trace coordinates
     A : A_y (p, k)
 
     """
@@ -63,9 +64,9 @@ class Reduction:
         diagonal = S.diagonal()
         self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         self.stiffness: Matrix = S * self._scale * self._scale[:, None]
-        E = csr_matrix(self._coordinates.interpolation @ diags(self._scale))
-        self.E_N: Sparse = E[: qvi.m]
-        self.E_T: Sparse = E[qvi.m :]
+        E = stored(csr_matrix(self._coordinates.interpolation @ diags(self._scale)))
+        self.E_N: Rows = E[: qvi.m]
+        self.E_T: Rows = E[qvi.m :]
         A = self._coordinates.from_unknowns(self._system.A_interface.T)
         self.A: Matrix = np.asarray(A).T.reshape(qvi.p, len(self._scale)) * self._scale
 

@@ -51,7 +51,7 @@ def using(name: str, threads: int | None, unknowns: int) -> Iterator[None]:
         resolve(canonical)
     if threads is not None and not (isinstance(threads, int) and threads >= 1):
         raise InputError("threads", threads, "give a whole number ≥ 1, or None")
-    count = threads or (1 if unknowns < _WORTH_THREADS else thread_count(None))
+    count = threads or _sensible_threads(unknowns)
     token = _request.set(_Request(canonical, count))
     try:
         with limited_blas(count):
@@ -77,4 +77,8 @@ def make(K: Sparse, interface: IntVector, structure: Structure | None) -> Factor
         if wanted == SHARED:
             remedy = "takes a rectangle of equal cells and one material, contact on its sides; choose another one"
             raise SolverUnavailableError("factorisation", SHARED, remedy)
-    return factorise(K, interface, name, threads)
+    return factorise(K, interface, name, threads or _sensible_threads(K.shape[0]))
+
+
+def _sensible_threads(unknowns: int) -> int:
+    return 1 if unknowns < _WORTH_THREADS else thread_count(None)

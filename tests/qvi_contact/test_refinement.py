@@ -70,7 +70,7 @@ FACTOR = 3.0
 def case(request):
     problem, quantity, settled, unit, target = request.param
     seen = []
-    outcome = refine(problem, target, quantity, callback=seen.append)
+    outcome = refine(problem, None, target, quantity, callback=seen.append)
     return SimpleNamespace(problem=problem, outcome=outcome, settled=settled, unit=unit, target=target, seen=seen)
 
 
@@ -116,7 +116,7 @@ class TestSettledValues:
 
 def test_few_unknowns_do_on_the_plate():
     """Grading by hand needs 1024 unknowns for 5.8e-5; this takes no more for twice that."""
-    outcome = refine(compressed_plate(0.2), 2.1e-4, "plate.normal_force")
+    outcome = refine(compressed_plate(0.2), None, 2.1e-4, "plate.normal_force")
     assert outcome.rounds[-1].unknowns <= 1024
     assert abs(outcome.value / 214.23323 - 1.0) < 2.5e-4
     uniform = solve(compressed_plate(0.2, (16, 16))).contacts["plate"].normal_force
@@ -124,7 +124,7 @@ def test_few_unknowns_do_on_the_plate():
 
 
 def test_lines_gather_in_the_corner_and_grade_smoothly():
-    problem = refine(compressed_plate(0.2), 3e-4, "plate.normal_force").problem
+    problem = refine(compressed_plate(0.2), None, 3e-4, "plate.normal_force").problem
     for lines in (problem.mesh.x, problem.mesh.y):
         sizes = np.diff(lines)
         ratio = sizes[1:] / sizes[:-1]
@@ -144,7 +144,7 @@ def test_a_mirrored_plate_gets_the_mirrored_mesh():
             Contact("top", friction=0.2, gap=-1e-3, name="plate"),
         ],
     )
-    one, other = (refine(problem, 1e-3, "plate.normal_force") for problem in (plate, mirrored))
+    one, other = (refine(problem, None, 1e-3, "plate.normal_force") for problem in (plate, mirrored))
     assert other.problem.mesh.x == pytest.approx(1.0 - one.problem.mesh.x[::-1], abs=1e-12)
     assert other.problem.mesh.y == pytest.approx(one.problem.mesh.y, abs=1e-12)
     assert other.value == pytest.approx(one.value, rel=1e-7)
@@ -155,7 +155,7 @@ def test_a_mirrored_plate_gets_the_mirrored_mesh():
 def test_units_do_not_matter():
     small = compressed_plate(0.2)
     large = compressed_plate(0.2, width=1e3, height=1e3, young=2.09e11, displacement=1.0)
-    one, other = (refine(problem, 1e-3) for problem in (small, large))
+    one, other = (refine(problem, None, 1e-3) for problem in (small, large))
     assert other.estimate == pytest.approx(one.estimate, rel=1e-3)
     assert other.problem.mesh.x == pytest.approx(1e3 * one.problem.mesh.x)
     assert other.value == pytest.approx(1e12 * one.value, rel=1e-6)
@@ -163,14 +163,14 @@ def test_units_do_not_matter():
 
 def test_an_exact_solution_is_recognised_at_once():
     """Without friction the plate is under uniform stress, which one cell holds."""
-    outcome = refine(compressed_plate(0.0, (1, 1)), 1e-6)
+    outcome = refine(compressed_plate(0.0, (1, 1)), None, 1e-6)
     assert outcome.status is RefinementStatus.REACHED
     assert len(outcome.rounds) == 1
     assert outcome.value == pytest.approx(-2.09e5 * 1e-6 / 2, rel=1e-9)
 
 
 def test_a_force_that_vanishes_counts_as_such():
-    outcome = refine(compressed_plate(0.0, (1, 1)), 1e-3, "plate.tangential_force")
+    outcome = refine(compressed_plate(0.0, (1, 1)), None, 1e-3, "plate.tangential_force")
     assert outcome.status is RefinementStatus.REACHED
     assert outcome.value == pytest.approx(0.0, abs=1e-6)
 
@@ -179,7 +179,7 @@ def test_a_quantity_of_ones_own():
     def corner_pressure(result):
         return -float(result.stress(0.0, 1.0)[1])
 
-    outcome = refine(compressed_plate(1.0), 1e-3, corner_pressure)
+    outcome = refine(compressed_plate(1.0), None, 1e-3, corner_pressure)
     assert outcome.quantity == "corner_pressure"
     assert outcome.value == corner_pressure(outcome.result)
     assert outcome.status is RefinementStatus.REACHED
@@ -201,7 +201,7 @@ def test_everything_of_a_problem_is_carried_over():
         body_potential=lambda x, y: 0.1 * y + 0 * x,
         regions=[Region(Material(3e4, 0.2), y=(0.0, 1.0))],
     )
-    outcome = refine(problem, 1.2e-2, max_unknowns=2000)
+    outcome = refine(problem, None, 1.2e-2, max_unknowns=2000)
     assert outcome.rounds[-1].unknowns > outcome.rounds[0].unknowns
     for name in ("material", "conditions", "body_potential", "regions"):
         assert getattr(outcome.problem, name) == getattr(problem, name)
@@ -213,18 +213,18 @@ class TestEnds:
     """What happens where the target is out of reach."""
 
     def test_unknowns(self):
-        outcome = refine(compressed_plate(0.2), 1e-9, max_unknowns=500)
+        outcome = refine(compressed_plate(0.2), None, 1e-9, max_unknowns=500)
         assert outcome.status is RefinementStatus.UNKNOWNS
         assert all(each.unknowns <= 500 for each in outcome.rounds)
         assert "above the target" in outcome.message
         assert "max_unknowns" in outcome.status.advice
 
     def test_rounds(self):
-        outcome = refine(compressed_plate(0.2), 1e-9, max_rounds=2)
+        outcome = refine(compressed_plate(0.2), None, 1e-9, max_rounds=2)
         assert (outcome.status, len(outcome.rounds)) == (RefinementStatus.ROUNDS, 2)
 
     def test_thin_cells(self):
-        outcome = refine(compressed_plate(1.0), 1e-9, thinnest=0.1)
+        outcome = refine(compressed_plate(1.0), None, 1e-9, thinnest=0.1)
         assert outcome.status is RefinementStatus.THIN_CELLS
         assert np.diff(outcome.problem.mesh.x).min() >= 0.1
 
@@ -239,7 +239,7 @@ class TestEnds:
                 Traction("right", x=0.0, y=6.0),
             ],
         )
-        outcome = refine(block, 1e-2)
+        outcome = refine(block, None, 1e-2)
         assert outcome.status is RefinementStatus.UNSOLVED
         assert outcome.result.status is Status.INFEASIBLE
         assert outcome.rounds == ()
@@ -250,10 +250,14 @@ class TestEnds:
         """The answer of the round before stays, and the reason is given."""
 
         def impatient(problem, **options):
-            return solve(problem, **options, **({"method": "condensed", "max_iterations": 1} if problem.mesh.active.sum() > 64 else {}))
+            return solve(
+                problem,
+                **options,
+                **({"method": "condensed", "max_iterations": 1} if problem.mesh.active.sum() > 64 else {}),
+            )
 
         monkeypatch.setattr(adaptive, "solve", impatient)
-        outcome = refine(compressed_plate(0.2), 1e-6)
+        outcome = refine(compressed_plate(0.2), None, 1e-6)
         assert outcome.status is RefinementStatus.UNSOLVED
         assert outcome.result.status is Status.SOLVED
         assert outcome.estimate == outcome.rounds[-1].estimate > 1e-6
@@ -264,10 +268,14 @@ class TestEnds:
         """Without the middle mesh there is no estimate, without the coarsest no rates; both times it goes on."""
 
         def impatient(problem, **options):
-            return solve(problem, **options, **({"method": "condensed", "max_iterations": 1} if problem.mesh.active.sum() < 5 else {}))
+            return solve(
+                problem,
+                **options,
+                **({"method": "condensed", "max_iterations": 1} if problem.mesh.active.sum() < 5 else {}),
+            )
 
         monkeypatch.setattr(adaptive, "solve", impatient)
-        outcome = refine(compressed_plate(0.2), 1e-3)
+        outcome = refine(compressed_plate(0.2), None, 1e-3)
         assert outcome.rounds[0].estimate == np.inf
         assert outcome.status is RefinementStatus.REACHED
         assert outcome.estimate < 1e-3
@@ -438,3 +446,13 @@ class TestDifferences:
         x, y = marked_lines(problem, CellErrors(along, along, 0 * along, factor, factor), 1e-3, 1e6, 1e-6)
         assert np.diff(x).min() == pytest.approx(1 / 32)
         assert np.diff(y)[-1] == pytest.approx(1 / 16)
+
+
+def test_an_earlier_result_sets_the_first_mesh():
+    plate = compressed_plate(0.2, (8, 8))
+    earlier = solve(plate)
+    outcome = refine(compressed_plate(0.2, (2, 2)), earlier, 3e-3)
+    assert outcome.rounds[0].cells == (8, 8)
+    assert outcome.rounds[0].value == pytest.approx(earlier.energies.complementary, rel=1e-8)
+    with pytest.raises(InputError, match="result"):
+        refine(plate, 1e-3)

@@ -1,0 +1,68 @@
+"""What a run was measured on, without names of hosts, users or folders."""
+
+import os
+import platform
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Final
+
+PACKAGES: Final = ("qvi-contact", "numpy", "scipy", "mkl", "cvxopt", "cvxpy", "clarabel", "qpsolvers", "threadpoolctl")
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores this process may use, memory [bytes], system, Python, load when the run began."""
+    return {
+        "processor": _processor(),
+        "cores": _cores(),
+        "memory_bytes": _memory(),
+        "system": _system(),
+        "python": f"{platform.python_implementation()} {platform.python_version()}",
+        "load_average": _load(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Package → version of those that are installed and may matter for a time."""
+    found = {}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+def _processor() -> str:
+    """Name of the processor's model."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            name, _, value = line.partition(":")
+            if name.strip() == "model name":
+                return value.strip()
+    return platform.processor() or platform.machine()
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _memory() -> int | None:
+    with suppress(AttributeError, ValueError, OSError):
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return None
+
+
+def _system() -> str:
+    """Distribution or system, and the architecture."""
+    name = f"{platform.system()} {platform.release()}"
+    with suppress(OSError):
+        name = platform.freedesktop_os_release().get("PRETTY_NAME", name)
+    return f"{name}, {platform.machine()}"
+
+
+def _load() -> float | None:
+    """Processes that wanted to run in the last minute, before this run."""
+    with suppress(AttributeError, OSError):
+        return round(os.getloadavg()[0], 2)
+    return None

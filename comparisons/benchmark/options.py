@@ -1,0 +1,35 @@
+"""Options that take several values at once."""
+
+from collections.abc import Iterator, Sequence
+
+import click
+
+
+class ListCommand(click.Command):
+    """A command whose repeatable options take lists: ``--cells 4 8`` means ``--cells 4 --cells 8``.
+
+    For commands without arguments, where nothing else can follow a value.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Repeat the options' names, then parse as always."""
+        names = {
+            name
+            for parameter in self.params
+            if isinstance(parameter, click.Option) and parameter.multiple
+            for name in parameter.opts
+        }
+        return super().parse_args(ctx, list(_spread(args, names)))
+
+
+def _spread(words: Sequence[str], names: set[str]) -> Iterator[str]:
+    """The words, with the name of a repeatable option before each of its values."""
+    current, values = "", 0
+    for word in words:
+        if word[:1] == "-" and not word[1:2].isdigit():  # an option, not a negative number
+            current, values = (word if word in names else ""), 0
+        elif current:
+            values += 1
+            if values > 1:
+                yield current
+        yield word
