@@ -126,6 +126,8 @@ class Discretization:
         if not 0.0 < self.qvi.rough_stress() < _TOO_SMALL or self.qvi.bonded_error > _UNRELIABLE:
             return self
         size = float(np.sqrt(2.0 * self.qvi.bonded_energy))
+        if size == 0.0:
+            return self
         scales = replace(self.scales, stress=self.scales.stress * size)
         return discretize(self.problem, scales=scales, freed=self.freed)
 

@@ -30,9 +30,9 @@ and 1, the unit of the dimensionless problem, if that is zero or larger.
 An obstacle farther away than 10 D from the body may as well stand there: the solution is the same, and round-off in
 σ_N times a gap of any size is no error.
 
-Where cells are strongly graded the rounding of z itself, ε|R||z| in stresses, exceeds the tolerance. Up to 1e-6 of
-√(2 E_b) it is subtracted from |ρ|/√(2 E_b), and reported as the scale "rounding": the energy is then accurate to its
-square, and single stresses in the smallest cells are not.
+Where cells are strongly graded the rounding of z itself, ε|R||z| in stresses, may exceed the tolerance. Where |ρ| is
+above 1e-9 √(2 E_b) it is subtracted from |ρ|, up to 1e-6 √(2 E_b), and reported as the scale "rounding" in units of
+√(2 E_b): the energy is then accurate to its square, and single stresses in the smallest cells are not.
 
 Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
 energy is that of max(m_N, 0): primal − dual = Σ (thr |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
@@ -91,7 +91,7 @@ class Certificate:
     ----------
     measures : name → value, ≥ 0; ``inf`` where it could not be computed, so that nothing missing passes
     tolerance : the tolerance asked for
-    scales : the scales "stress", "displacement", "energy" and "body_energy"
+    scales : the scales "stress", "displacement", "energy" and "body_energy", and "rounding" where that counted
 
     """
 

@@ -98,7 +98,8 @@ def solve_qvi(
             solution = _solve(qvi, method, inner, tolerance, options)
             if retry and solution.status in _WORTH_A_RETRY:
                 second = _solve(qvi, "fixed-point", inner, tolerance, {})
-                solution = second if second.status in (Status.SOLVED, Status.INACCURATE) else solution
+                better = second.certificate.accuracy < solution.certificate.accuracy
+                solution = second if second.solved or (second.status is Status.INACCURATE and better) else solution
         except FactorisationError as error:
             outcome = no_outcome(qvi, _FAILURES[error.reason], str(error))
             outcome.check_feasible = False

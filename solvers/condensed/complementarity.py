@@ -25,9 +25,9 @@ from solvers.condensed.reduction import Base, Reduction
 from solvers.problem import FrictionQVI
 from solvers.types import IntVector, Matrix, Vector
 
-FRICTION_SHARE = 1000.0
-"""s λ of friction bounds over s λ of normal bounds on the central path: with 1 the path often turns back where contact
-opens and friction is large."""
+FRICTION_SHARES = (1000.0, 100.0, 1e4, 10.0)
+"""s λ of friction bounds and caps over s λ of normal bounds on the central path, one after the other if need be: with 1
+the path often turns back where contact opens and friction is large."""
 
 _UNLOADED = 1e-7  # tractions smaller than this share of the stress in the body are none
 _FIRST = 1e-3  # the same of the stress at the start, before the first correction
@@ -48,7 +48,10 @@ class Complementarity:
 
     """
 
-    def __init__(self, qvi: FrictionQVI, reduction: Reduction, base: Base, stress: float) -> None:
+    def __init__(
+        self, qvi: FrictionQVI, reduction: Reduction, base: Base, stress: float, share: float = FRICTION_SHARES[0]
+    ) -> None:
+        self._share = share
         self._qvi, self._reduction, self.stress = qvi, reduction, stress
         self._smoothing = _SMOOTHEST * stress
         frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), reduction.E_T, qvi.W)
@@ -69,7 +72,7 @@ class Complementarity:
         self._is_cap = np.repeat([False, False, False, True, True], lengths)
         self.weights: Vector = qvi.W[self._points]
         self.sizes: Vector = np.where(self._is_cap | (self._sign == 0.0), 1.0, 1.0 + qvi.mu[self._points])
-        self.shares: Vector = np.where(self._sign == 0.0, 1.0, FRICTION_SHARE)
+        self.shares: Vector = np.where(self._sign == 0.0, 1.0, self._share)
         whole = len(self._equations.free) == self._reduction.size
         self._all_N: Rows = E_N if whole else mapped(E_N, self._equations.map)
         self._all_T: Rows = E_T if whole else mapped(E_T, self._equations.map)
@@ -117,7 +120,7 @@ class Complementarity:
         return float(np.abs(self._tangential[self._qvi.frictionless]).max(initial=0.0)) / self.stress
 
     def stress_at(self, y: Vector) -> float:
-        """Max |σ_N|, |σ_T|; where the contact carries nothing that of the body, as `certificate` does."""
+        """Max |σ_N|, |σ_T|; where the contact carries nothing that of the body, much as `certificate` does."""
         largest = max(float(np.abs(part).max(initial=0.0)) for part in self.tractions(y))
         if self._in_body == 0.0:  # nothing is known of the body yet
             return max(largest, _FIRST * self.stress)

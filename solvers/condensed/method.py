@@ -6,13 +6,18 @@
     3  move z, compute the gradient without the rounding inside K, and go on from there: a defect correction, repeated
        until the linear residual has reached its round-off floor
 
-| stops when                                                    | status before the certificate |
-|---------------------------------------------------------------|-------------------------------|
-| gap ≤ `gap` and the defect correction no longer shrinks       | solved                        |
-| no progress, and bounds that are not met                      | inner_infeasible              |
-| no progress, and too many turns of the path                   | stalled                       |
-| the corrections grow, or never reach 0.1                      | ill_conditioned               |
-| `max_iterations` done                                         | max_iterations                |
+| stops when                                                             | status before the certificate |
+|------------------------------------------------------------------------|-------------------------------|
+| gap ≤ `gap`, the next correction is foreseen below 1e-12               | solved                        |
+| gap ≤ `gap`, corrections below 1e-6 that no longer shrink              | solved                        |
+| no progress, and bounds or equations that are not met                  | inner_infeasible              |
+| no progress, too many turns or no end of the path, a singular matrix   | stalled                       |
+| the first correction is above 1e-3, even with R factorised, or larger  | ill_conditioned               |
+| ones do not shrink                                                     |                               |
+| the gap overflows                                                      | diverged                      |
+| `max_iterations` done                                                  | max_iterations                |
+
+After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path.
 """
 
 import time
@@ -23,7 +28,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from solvers.condensed.central_path import CentralPath
-from solvers.condensed.complementarity import Complementarity
+from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Residuals
 from solvers.condensed.reduction import Base, Reduction
 from solvers.errors import InputError
@@ -44,6 +49,7 @@ _HALVED = 0.5
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _HOPELESS = 0.3  # of the defect corrections' contraction
 _TURNS = 12
+_ONE_START = 300  # iterations of one start
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
 
@@ -60,7 +66,7 @@ class CondensedOptions:
     """
 
     gap: float = 1e-14
-    max_iterations: int = 400
+    max_iterations: int = 600
     callback: Callable[[Iteration], object] | None = None
 
     def __post_init__(self) -> None:
@@ -86,6 +92,7 @@ class _Run:
     best: tuple[float, int] = (np.inf, 0)
     path: CentralPath | None = None
     force: float = np.inf  # residual of the iteration before
+    before: int = 0  # iterations of earlier starts
     turns: int = 0
     began: float = 0.0
     scale: float = 0.0  # energy norm of the first step
@@ -101,13 +108,16 @@ class _Run:
 def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOptions) -> QVISolution:
     """Solve the QVI by the method of this module."""
     began = time.perf_counter()
-    run = _start(qvi, options)
+    reduction = Reduction(qvi)
     set_up = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a diverging iteration is judged by its gap
+        run = _start(qvi, reduction, options)
         _iterate(run)
         if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.use_root():
-            run = _start(qvi, options)
+            reduction = Reduction(qvi)
+            run = _start(qvi, reduction, options)
             _iterate(run)
+        run = _restarted(run)
     outcome = _outcome(run)
     outcome.form = "condensed"
     outcome.corrections = tuple(run.sizes)
@@ -115,13 +125,29 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     return finish(qvi, outcome, "condensed", "", tolerance)
 
 
-def _start(qvi: FrictionQVI, options: CondensedOptions) -> _Run:
+def _restarted(first: _Run) -> _Run:
+    """Other central paths where the first led nowhere; the first again if none leads anywhere."""
+    for share in FRICTION_SHARES[1:]:
+        if first.reason in (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS):
+            break
+        run = _start(first.qvi, first.reduction, first.options, share)
+        run.history = first.history
+        run.before = len(run.history)
+        run.best = (np.inf, run.before)
+        _iterate(run)
+        if run.reason is Status.SOLVED:
+            return run
+    return first
+
+
+def _start(
+    qvi: FrictionQVI, reduction: Reduction, options: CondensedOptions, share: float = FRICTION_SHARES[0]
+) -> _Run:
     """Reduce about z = 0, and begin where the contact would be bonded."""
-    reduction = Reduction(qvi)
     base = reduction.base(np.zeros(qvi.n))
     bonded = reduction.bonded(base)
     stress = max(1e-300, *(float(np.abs(part).max(initial=0.0)) for part in reduction.tractions(base, bonded)))
-    problem = Complementarity(qvi, reduction, base, stress)
+    problem = Complementarity(qvi, reduction, base, stress, share)
     stiffness = qvi.contact_stiffness
     interior = InteriorPoint(problem, stress / stiffness if stiffness > 0.0 else 1.0)
     interior.start_at(problem.restricted(bonded))
@@ -182,6 +208,8 @@ def _reach(run: _Run, gap: float) -> None:
             run.reason = Status.DIVERGED
         elif len(run.history) >= run.options.max_iterations:
             run.reason = Status.MAX_ITERATIONS
+        elif len(run.history) - run.before >= _ONE_START:
+            run.reason = Status.STALLED
         if run.reason is None:
             _advance(run, residuals)
         if run.reason is not None:

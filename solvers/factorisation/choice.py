@@ -34,7 +34,9 @@ _request: ContextVar[_Request] = ContextVar("factorisation", default=_AUTOMATIC)
 
 @contextmanager
 def using(name: str, threads: int | None, unknowns: int) -> Iterator[None]:
-    """Take this factorisation, and so many threads (as many as pay if None), BLAS included, within the context.
+    """Take this factorisation, and so many threads within the context, by default one, and all cores for a large K.
+
+    BLAS has the threads given, one by default: on busy machines more are slower by far.
 
     Raises
     ------
@@ -54,7 +56,7 @@ def using(name: str, threads: int | None, unknowns: int) -> Iterator[None]:
     count = threads or _sensible_threads(unknowns)
     token = _request.set(_Request(canonical, count))
     try:
-        with limited_blas(count):
+        with limited_blas(threads or 1):
             yield
     finally:
         _request.reset(token)
