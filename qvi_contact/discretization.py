@@ -230,7 +230,7 @@ def _reduce(
     coupling = slave_rows[:, kept]
     inner = slave_rows[:, elimination.slaves]
     mixed = Q.T @ coupling
-    K = K + (mixed + mixed.T + Q.T @ (inner @ Q))
+    K = _narrow(K + (mixed + mixed.T + Q.T @ (inner @ Q)))
     particular_load = slave_rows.T @ particular[elimination.slaves] - body_load(problem, grid, scales)
     least = float(K.diagonal().min(initial=np.inf))
     if least <= 0.0:
@@ -263,6 +263,13 @@ def _reduce(
         traces=Traces(Y @ basis, interpolation),
         structure=partial(substructures, problem, grid, scales, elimination),
     )
+
+
+def _narrow(K: sparse.csr_array) -> sparse.csr_array:
+    """K with 32-bit indices, where they suffice: a third less memory."""
+    if K.nnz > np.iinfo(np.int32).max:
+        return K
+    return sparse.csr_array((K.data, K.indices.astype(np.int32), K.indptr.astype(np.int32)), shape=K.shape)
 
 
 def _potential_in_cells(problem: ContactProblem, grid: Grid, scales: Scales) -> FloatArray:
