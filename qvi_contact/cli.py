@@ -21,7 +21,7 @@ def group() -> None:
     """Frictional contact computed from the stress side.
 
     An elastic body is described by an Airy stress function, so every computed stress is in equilibrium; contact with
-    Coulomb friction becomes a sequence of convex programs, and every answer carries a certificate.
+    Coulomb friction is a complementarity problem on the contact, and every answer carries a certificate.
 
     \b
     Problems are TOML files; the folder examples has commented ones:

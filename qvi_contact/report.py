@@ -24,6 +24,8 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     yield from (f"remark: {remark}" for remark in result.remarks)
     if not result.has_state:
         return
+    if result.solution.factorisation:
+        yield f"factorisation: {result.solution.factorisation}"
     summary = result.certificate.summary()
     if summary not in result.message:
         yield summary

@@ -34,7 +34,8 @@ def solve(
     method : str, optional
         "condensed" (the inequality solved directly on what the contact feels, by an interior point method),
         "fixed-point" (outer iteration on the friction bound, convex inner problems) or "uzawa" (the paper's iteration
-        (4.1)-(4.4)). By default "condensed"; "fixed-point" if an inner solver or an option of the fixed point is given.
+        (4.1)-(4.4)). By default "condensed", and "fixed-point" where that fails and the contact is not large; another
+        one if an inner solver or options are given that only that one takes.
     inner : str, optional
         How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel", "direct:osqp" or
         "socp:<cvxpy name>"; `solvers.available()` lists what is installed. By default "qp:clarabel".

@@ -13,12 +13,13 @@ from solvers.types import Vector
 
 
 class Iteration(NamedTuple):
-    """One outer iteration, dimensionless.
+    """One outer iteration, or one of the interior point method, dimensionless.
 
     Attributes
     ----------
     number : from 1
-    residual : fixed point: |s_new − s| / |s_new|, norm weighted by W; Uzawa: relative change of λ
+    residual : fixed point: |s_new − s| / |s_new|, norm weighted by W; Uzawa: relative change of λ; condensed: the
+        largest of gap and residuals, see `condensed.interior_point.Measures`
     energy : ½ zᵀKz − fᵀz
     normal_resultant : Σ W (N z + n0), negative in compression
     inner_status : how the inner problem ended; ``None`` where there is none
@@ -47,13 +48,13 @@ class QVISolution:
     z : (n,) unknowns; NaN if there is no result
     normal_multiplier, tangential_multiplier : (m,) row multipliers m = W λ, signs as in `FrictionQVI`
     equality_multiplier : (p,)
-    threshold : (m,) bound mu s of |σ_T| in the last inner problem
+    threshold : (m,) bound of |σ_T| in the last inner problem, condensed: at z
     certificate : computed on `problem`
     history : one `Iteration` each (thinned out for long Uzawa runs: the first thousand, then every tenth,
         hundredth, … and the last)
     iterations : number of outer iterations done
     timings : seconds by name: "setup", "solve", "certificate"
-    method, inner : what was asked for; `inner` is empty for Uzawa
+    method, inner : what was used; `inner` is the fixed point's, else empty
     message : one readable sentence
     versions : package → version of what was used
     farkas : (rows of G, of A) multipliers proving infeasibility, else None; see `feasibility`

@@ -38,6 +38,8 @@ _FAILURES = {
     "backend": Status.BACKEND_FAILED,
 }
 
+_OPTIONS = {"condensed": CondensedOptions, "fixed-point": FixedPointOptions, "uzawa": UzawaOptions}
+
 _Options = TypeVar("_Options", CondensedOptions, FixedPointOptions, UzawaOptions)
 
 
@@ -59,7 +61,7 @@ def solve_qvi(
         The problem, dimensionless.
     method : str, optional
         "condensed", "fixed-point" or "uzawa". By default "condensed", and "fixed-point" where that fails and the
-        contact is not large; "fixed-point" at once if an inner solver or an option of the fixed point is given.
+        contact is not large; another one if an inner solver or options are given that only that one takes.
     inner : str, optional
         Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
     tolerance : float
@@ -113,8 +115,12 @@ def default_method(settings: Mapping[str, Any]) -> str:
     """The method that keyword arguments of `solve_qvi` ask for, by name or by an inner solver or option they hold."""
     if settings.get("method"):
         return str(settings["method"])
-    names = {field.name for field in dataclasses.fields(CondensedOptions)}.union(_GENERAL)
-    return "condensed" if settings.get("inner") is None and names.issuperset(settings) else "fixed-point"
+    given = set(settings).difference(_GENERAL)
+    if settings.get("inner") is None:
+        for method, kind in _OPTIONS.items():
+            if given <= {field.name for field in dataclasses.fields(kind)}:
+                return method
+    return "fixed-point"
 
 
 def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
