@@ -161,7 +161,8 @@ def test_frictionless():
         ({"variant": "fancy"}, "variant"), ({"damping": 0.0}, "damping"), ({"memory": 0}, "memory"),
         ({"max_iterations": 2.5}, "max_iterations"), ({"initial": [-1.0]}, "initial"),
         ({"initial": [1.0, 2.0]}, "initial"), ({"inner_tolerance": 2.0}, "inner_tolerance"),
-        ({"omega_T": 0.1}, "omega_T"), ({"tolerance": 0.0}, "tolerance"), ({"inner": "qp:abacus"}, "inner"),
+        ({"method": "fixed-point", "omega_T": 0.1}, "omega_T"), ({"tolerance": 0.0}, "tolerance"),
+        ({"inner": "qp:abacus"}, "inner"),
         ({"inner": "strict:clarabel"}, "inner"), ({"method": "newton"}, "method"),
     ],
 )  # fmt: skip
