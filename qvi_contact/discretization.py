@@ -29,6 +29,7 @@ from qvi_contact.substructures import substructures
 from solvers import FrictionQVI, Traces
 
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
+_NOISE = 1e-12  # mean stress in units of the problem below which there is none
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
 
 
@@ -126,7 +127,7 @@ class Discretization:
         if not 0.0 < self.qvi.rough_stress() < _TOO_SMALL or self.qvi.bonded_error > _UNRELIABLE:
             return self
         size = float(np.sqrt(2.0 * self.qvi.bonded_energy))
-        if size == 0.0:
+        if not _NOISE < size < _TOO_SMALL:
             return self
         scales = replace(self.scales, stress=self.scales.stress * size)
         return discretize(self.problem, scales=scales, freed=self.freed)

@@ -24,7 +24,8 @@ Method = Literal["condensed", "fixed-point", "uzawa"]
 METHODS: tuple[str, ...] = ("condensed", "fixed-point", "uzawa")
 
 _WORTH_A_RETRY = (
-    Status.INACCURATE, Status.STALLED, Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
+    Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
+    Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
 )  # fmt: skip
 _GENERAL = ("method", "inner", "tolerance", "throw", "factorisation", "threads")
 DEFAULT_INNER = "qp:clarabel"
@@ -102,8 +103,9 @@ def solve_qvi(
                 second = _solve(qvi, "fixed-point", inner, tolerance, {})
                 better = second.certificate.accuracy < solution.certificate.accuracy
                 solution = second if second.solved or (second.status is Status.INACCURATE and better) else solution
-        except FactorisationError as error:
-            outcome = no_outcome(qvi, _FAILURES[error.reason], str(error))
+        except (FactorisationError, MemoryError) as error:
+            reason = error.reason if isinstance(error, FactorisationError) else "memory"
+            outcome = no_outcome(qvi, _FAILURES[reason], str(error) or "out of memory")
             outcome.check_feasible = False
             solution = finish(qvi, outcome, method, inner if method == "fixed-point" else "", tolerance)
     if throw and not solution.solved:

@@ -11,6 +11,7 @@ H. B. Keller, 1977).
 """
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from solvers.condensed.interior_point import InteriorPoint, Newton, Step
 from solvers.types import Vector
@@ -63,7 +64,10 @@ class CentralPath:
         if self._metric @ (before * tangent_unit) < 0.0:
             tangent_unit = -tangent_unit
         # The Newton step with log τ free, normal to the tangent.
-        shift = -float(self._metric @ (tangent_unit * change)) / float(self._metric @ (tangent_unit * tangent))
+        slope = float(self._metric @ (tangent_unit * tangent))
+        if not np.isfinite(slope) or slope == 0.0:
+            raise LinAlgError("the central path has no tangent")
+        shift = -float(self._metric @ (tangent_unit * change)) / slope
         correction = change + shift * tangent
         size = float(np.abs(correction[1:]).max(initial=0.0))
         fraction = 1.0

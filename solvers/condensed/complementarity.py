@@ -90,7 +90,8 @@ class Complementarity:
         self._base = base
         self._offset: Vector = self._equations.offset(base.equality, base.tangential)
         half = base.c + 0.5 * (reduction.stiffness @ self._offset)
-        self._energy = self._qvi.energy(base.z) + float(half @ self._offset)
+        z = base.z if base.z.any() else reduction.move(base, np.zeros(reduction.size))  # interior in equilibrium
+        self._energy = self._qvi.energy(z) + float(half @ self._offset)
         self.c: Vector = self._equations.map.T @ (base.c + reduction.stiffness @ self._offset)
         self._normal, self._tangential = reduction.tractions(base, self._offset)
 

@@ -18,6 +18,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from solvers.condensed.blocks import Rows
 from solvers.condensed.complementarity import Complementarity
+from solvers.condensed.saddle import Saddle
 from solvers.types import Matrix, Vector
 
 _STEP = 0.99  # of the way to the nearest bound
@@ -27,6 +28,7 @@ _CORRECTORS = 2
 _REFINEMENTS = 1
 _GAIN = 0.02  # by which a corrector has to lengthen the step
 _START = 0.1  # least slack and multiplier at the start, of the scales
+_ROUNDING = 1e-14  # of slacks, relative to the tractions
 _FINEST = 1e-17  # gap below which slacks and multipliers lose their digits
 _LEAST = 1e-300
 
@@ -82,6 +84,7 @@ class InteriorPoint:
     def __init__(self, problem: Complementarity, displacement: float) -> None:
         self.problem, self.displacement = problem, displacement
         self.least = 0.0  # τ is not made smaller
+        self.accurate = False  # whether Newton steps are those of `saddle`
         y = np.zeros(problem.S.shape[0])
         self.point = Point(y, problem.sizes, _START * displacement * problem.shares / problem.sizes)
         self.start_at(y)
@@ -96,7 +99,9 @@ class InteriorPoint:
         """At the current point."""
         problem, point = self.problem, self.point
         force = problem.S @ point.y + problem.c + problem.force(point.lam)
-        return Residuals(force, point.s - problem.slack(point.y))
+        slack = point.s - problem.slack(point.y)
+        slack[np.abs(slack) <= _ROUNDING * problem.stress * problem.sizes] = 0.0  # λ/s would make much of it
+        return Residuals(force, slack)
 
     def measures(self, residuals: Residuals) -> Measures:
         """At the current point."""
@@ -112,7 +117,8 @@ class InteriorPoint:
 
     def iterate(self, residuals: Residuals) -> float:
         """One iteration; returns the length of its step."""
-        point, newton = self.point, Newton.at(self.problem, self.point, residuals)
+        point = self.point
+        newton = Newton.at(self.problem, point, residuals, accurate=self.accurate)
         products = point.s * point.lam
         tau = self.parameter()
         affine = newton.step(-products)
@@ -160,11 +166,16 @@ class Newton:
     scale: Vector
     factor: Matrix
     pivots: Any
+    saddle: Saddle | None = None
 
     @classmethod
-    def at(cls, problem: Complementarity, point: Point, residuals: Residuals) -> "Newton":
-        """Assemble and factorise, scaled to a diagonal of 1."""
+    def at(cls, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> "Newton":
+        """Assemble and factorise, scaled to a diagonal of 1; `accurate`: as in `saddle`."""
         rows = problem.slack_rows(point.y)
+        if accurate:
+            nothing = np.zeros(0)
+            saddle = Saddle.at(problem, point.s, point.lam, rows)
+            return cls(point, problem, residuals, rows, nothing, np.zeros((0, 0)), nothing, saddle)
         H = np.array(problem.S, order="F")
         problem.add_stiffness(H, point.lam / point.s, rows)
         scale = 1.0 / np.sqrt(np.maximum(H.diagonal(), 1.0))
@@ -180,6 +191,8 @@ class Newton:
         force, slack = self.residuals
         if only:
             force, slack = 0.0 * force, 0.0 * slack
+        if self.saddle is not None:
+            return Step(*self.saddle.solve(force, slack, comp))
         problem = self.problem
         lam = (comp + self.point.lam * slack) / self.point.s
         step = self._completed(self._solve(-force - problem.force(lam)), comp, slack)

@@ -29,7 +29,7 @@ from numpy.linalg import LinAlgError
 
 from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
-from solvers.condensed.interior_point import InteriorPoint, Measures, Residuals
+from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
 from solvers.condensed.reduction import Base, Reduction
 from solvers.errors import InputError
 from solvers.finish import Outcome, finish
@@ -39,6 +39,9 @@ from solvers.status import Status
 
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
 _SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measures`
+_COARSEST_GAP = 1e-11  # that will do if it does not shrink any more
+_SPOILT, _LATE = 1e-11, 1e-4  # force residual, below this gap, from which on Newton steps are those of `saddle`
+_LARGEST_SADDLE = 2500  # unknowns of them
 _SHARPENED = 1e-2  # slack residual at which the smoothing of |σ_N| is reduced
 _FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
 _PATIENCE = 6  # iterations without progress
@@ -92,6 +95,7 @@ class _Run:
     best: tuple[float, int] = (np.inf, 0)
     path: CentralPath | None = None
     force: float = np.inf  # residual of the iteration before
+    kept: tuple[float, Point | None] = (np.inf, None)  # the best point, by its largest measure
     before: int = 0  # iterations of earlier starts
     turns: int = 0
     began: float = 0.0
@@ -191,17 +195,23 @@ def _correct(run: _Run, step: float) -> None:
 
 
 def _reach(run: _Run, gap: float) -> None:
-    """Iterate to a gap, around turns of the central path."""
-    run.path, run.force = None, np.inf
+    """Iterate to a gap, around turns of the central path; ends at the best point on the way."""
+    run.path, run.force, run.kept = None, np.inf, (np.inf, run.interior.point)
+    _iterate_to(run, gap)
+    run.interior.point = run.kept[1] or run.interior.point
+
+
+def _iterate_to(run: _Run, gap: float) -> None:
     while True:
         residuals = run.interior.residuals()
         measures = run.interior.measures(residuals)
+        worst = max(measures.gap, measures.slack, measures.force)
+        if worst < run.kept[0] or not run.problem.is_sharp:
+            run.kept = (worst, run.interior.point)
         stalled = run.path is None and _stalled(run, measures)
         if _reached(run, measures, gap, stalled):
             return
-        run.force = measures.force
-        if measures.slack <= _SHARPENED:
-            run.problem.sharpen()
+        _prepare(run, measures)
         if stalled:
             _turn(run, measures)
         if not np.isfinite(measures.gap):
@@ -217,9 +227,21 @@ def _reach(run: _Run, gap: float) -> None:
         _record(run, measures)
 
 
+def _prepare(run: _Run, measures: Measures) -> None:
+    """Smooth less; and take the larger Newton matrix once the smaller one spoils the multipliers."""
+    run.force = measures.force
+    if measures.slack <= _SHARPENED:
+        run.problem.sharpen()
+    problem, interior = run.problem, run.interior
+    affordable = problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
+    interior.accurate = affordable and (interior.accurate or (measures.force > _SPOILT and measures.gap < _LATE))
+
+
 def _reached(run: _Run, measures: Measures, gap: float, stalled: bool) -> bool:
     """Whether the gap is reached and no residual is left but what rounding makes."""
     balanced = measures.force <= _FORCE or (measures.force <= _FORCE_FLOOR and measures.force > _HALVED * run.force)
+    if stalled and measures.force <= _FORCE_FLOOR:  # where points touch without load the last digits do not come
+        gap = max(gap, _COARSEST_GAP)
     return measures.gap <= gap and measures.slack <= _SLACK and run.problem.is_sharp and (balanced or stalled)
 
 

@@ -5,6 +5,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Final, NamedTuple, TypeAlias
 
+import numpy as np
+
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.dissection import SharedSubdomains, SubdomainTree
@@ -51,8 +53,10 @@ def using(name: str, threads: int | None, unknowns: int) -> Iterator[None]:
         raise SolverUnavailableError("factorisation", name, f"choose one of {', '.join(CHOICES)}")
     if canonical in BACKENDS:
         resolve(canonical)
-    if threads is not None and not (isinstance(threads, int) and threads >= 1):
+    number: object = threads
+    if number is not None and (isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1):
         raise InputError("threads", threads, "give a whole number ≥ 1, or None")
+    threads = int(threads) if threads is not None else None
     count = threads or _sensible_threads(unknowns)
     token = _request.set(_Request(canonical, count))
     try:

@@ -1,0 +1,33 @@
+"""The whole suite on one factorisation back end: ``python -m pytest --factorisation superlu``."""
+
+import os
+
+import pytest
+
+from solvers import InputError
+from solvers.factorisation import set_default
+from solvers.factorisation.registry import VARIABLE
+
+
+def pytest_addoption(parser):
+    parser.addoption("--factorisation", metavar="NAME", help="back end that 'auto' means in all tests")
+
+
+def pytest_configure(config):
+    try:
+        set_default(config.getoption("factorisation"))
+    except InputError as error:
+        raise pytest.UsageError(str(error)) from error
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _forced_factorisation(request):
+    """Again for each file, since some of them change it, and for the processes they start."""
+    name = request.config.getoption("factorisation")
+    if name is None:
+        yield
+        return
+    set_default(name)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(os.environ, VARIABLE, name)
+        yield

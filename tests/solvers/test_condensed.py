@@ -1,0 +1,356 @@
+"""The condensed method on algebraic problems: what it solves, how accurately, and the equations inside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_matrix, identity, random_array
+
+from solvers import FrictionQVI, Status, solve_qvi
+from solvers.condensed.complementarity import Complementarity
+from solvers.condensed.interior_point import InteriorPoint, Newton, Residuals
+from solvers.condensed.reduction import Reduction
+from tests.solvers.conftest import dragged_block, one_contact, random_problem, two_contacts
+from tests.solvers.test_laws import mixed_problem, violations
+
+EDGES = 5
+GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
+LAWS = {
+    "coulomb": {"mu": 0.3},
+    "opening": {"mu": 0.4, "pull": 1.5},
+    "frictionless": {"mu": 0.0, "pull": 0.5},
+    "tresca": {"mu": 0.0, "cohesion": 0.2},
+    "cohesion": {"mu": 0.2, "cohesion": 0.15, "pull": 0.8},
+    "cap": {"mu": 0.5, "cohesion": 0.02, "cap": 0.25},
+    "bilateral": {"mu": 0.25, "bilateral": True, "pull": 1.0},
+    "equations": {"mu": 0.3, "equalities": 3},
+}
+
+
+def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equalities=0):
+    """A contact line: σ_N linear on each edge, σ_T continuous and quadratic, four points an edge, dependent rows.
+
+    `pull` lowers the pressure towards one end, where it becomes tension if nothing opens.
+    """
+    random = np.random.default_rng(seed)
+    t, points = GAUSS, 4 * EDGES
+    E = np.zeros((2 * points, 4 * EDGES + 1))
+    for e in range(EDGES):
+        rows = slice(4 * e, 4 * e + 4)
+        E[rows, [2 * e, 2 * e + 1]] = np.column_stack([1 - t, t])
+        quadratic = np.column_stack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
+        E[points + 4 * e : points + 4 * e + 4, 2 * EDGES + 2 * e : 2 * EDGES + 2 * e + 3] = quadratic
+    r = E.shape[1]
+    n = 3 * r
+    Y = (random_array((r, n), density=0.05, rng=random) + identity(n).tocsr()[:r]).toarray()
+    root = random_array((n, n), density=0.1, rng=random).toarray() + 2.0 * np.eye(n)
+    start = np.concatenate([np.linspace(-1.0, pull - 1.0, 2 * EDGES), 0.1 * random.normal(size=2 * EDGES + 1)])
+    rows, shift = E @ Y, E @ start
+    A = random.normal(size=(equalities, n)) if equalities else None
+    return FrictionQVI(
+        K=root.T @ root, f=0.6 * random.normal(size=n), N=rows[:points], n0=shift[:points], T=rows[points:],
+        t0=shift[points:], mu=np.full(points, mu), W=np.full(points, 1.0 / points), A=A,
+        b=0.1 * random.normal(size=equalities) if equalities else None, cohesion=np.full(points, cohesion),
+        cap=np.full(points, cap), bilateral=np.full(points, bilateral),
+    )  # fmt: skip
+
+
+def difference(qvi, one, other):
+    """Largest difference of tractions, relative to the largest traction."""
+    first, second = (np.concatenate([qvi.normal(s.z), qvi.tangential(s.z)]) for s in (one, other))
+    return np.abs(first - second).max() / np.abs(second).max()
+
+
+def condensed(qvi, **options):
+    solution = solve_qvi(qvi, method="condensed", **options)
+    assert solution.status is Status.SOLVED, solution.message
+    assert solution.method == solution.form == "condensed"
+    return solution
+
+
+@pytest.mark.parametrize("inner", ["direct:clarabel", "qp:daqp"])
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("seed", range(4))
+def test_lines_of_contact_agree_with_the_fixed_point(law, seed, inner):
+    qvi = chain(seed, **LAWS[law])
+    found = condensed(qvi)
+    reference = solve_qvi(qvi, inner=inner, tolerance=1e-9)
+    assert reference.solved
+    assert found.iterations <= (50 if law != "bilateral" else 100)  # one of them turns on its path
+    assert difference(qvi, found, reference) < 1e-7
+    for name, values in violations(qvi, found).items():
+        assert values.max(initial=0.0) < 1e-8, name
+
+
+def test_the_lines_show_every_state():
+    seen = set()
+    for law, data in LAWS.items():
+        for seed in range(4):
+            qvi = chain(seed, **data)
+            found = condensed(qvi)
+            slips = np.abs(found.tangential_multiplier) > 1e-6
+            states = {
+                "open": found.normal_multiplier > 1e-6,
+                "slip": slips & (qvi.mu > 0.0),
+                "stick": ~slips & (qvi.pressure(found.z) > 1e-3) & (qvi.mu > 0.0),
+                "pulled": qvi.bilateral & (qvi.normal(found.z) > 1e-3),
+                "capped": slips & (qvi.cap < qvi.cohesion + qvi.mu * qvi.pressure(found.z)),
+            }
+            seen |= {name for name, where in states.items() if where.any()}
+            assert law != "opening" or "open" in seen
+    assert seen == {"open", "slip", "stick", "pulled", "capped"}
+
+
+@pytest.mark.parametrize("equalities", [0, 2])
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("seed", [0, 1, 7, 11, 20])
+def test_dense_rows_that_cancel(seed, friction, equalities):
+    """More rows than unknowns, all of them dense: nearly every unknown is held by active bounds."""
+    qvi = random_problem(seed, friction, equalities)
+    reference = solve_qvi(qvi, inner="direct:clarabel", tolerance=1e-9)
+    assert reference.solved
+    assert difference(qvi, condensed(qvi), reference) < 1e-7
+
+
+@pytest.mark.parametrize(("seed", "equalities"), [(0, 0), (0, 1), (2, 2), (7, 0), (11, 3), (22, 1), (33, 0)])
+def test_dense_rows_with_every_law(seed, equalities):
+    qvi = mixed_problem(seed, equalities)
+    reference = solve_qvi(qvi, inner="direct:clarabel", tolerance=1e-9)
+    assert reference.solved
+    assert difference(qvi, condensed(qvi), reference) < 1e-7
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_default_solves_them_by_whatever_it_takes(seed):
+    for qvi in (random_problem(seed, 0.05), random_problem(seed, 0.3, 2), mixed_problem(seed)):
+        solution = solve_qvi(qvi)
+        assert solution.status is Status.SOLVED, solution.message
+
+
+def test_two_contacts_by_hand():
+    solution = condensed(two_contacts())
+    assert solution.z == pytest.approx([2.0, 0.4, 1.0, -0.3], abs=1e-9)
+    assert solution.tangential_multiplier == pytest.approx([0.0, -1.7], abs=1e-9)
+
+
+def test_not_unique_returns_one_of_the_three(nonunique):
+    solution = condensed(nonunique)
+    known = [(0.0, 0.0), (1.8888888888888889, -3.6111111111111111), (5.0 / 3.0, -10.0 / 3.0)]
+    assert min(np.abs(solution.z - point).max() for point in known) < 1e-8
+    assert "unique" not in solution.message
+
+
+@pytest.mark.parametrize("load", [(1.0, 2.1), (1.0, 3.0), (0.5, -2.0), (-1.0, -2.0), (-1.0, 0.3)])
+@pytest.mark.parametrize("friction", [0.0, 0.5, 1.0, 2.0, 5.0])
+def test_one_contact_always_has_a_certified_answer(friction, load):
+    """|coupling| < 1 and mu of any size: a solution exists, since a stuck, slipping or open one always does."""
+    condensed(one_contact(friction, load))
+
+
+@pytest.mark.parametrize("method", [None, "condensed"])
+@pytest.mark.parametrize("factor", [1.0001, 1.01, 3.0])
+def test_dragged_beyond_friction_is_infeasible(method, factor):
+    solution = solve_qvi(dragged_block(0.3 * factor), method=method)
+    assert solution.status is Status.INFEASIBLE, solution.message
+    assert "cannot be carried" in solution.message
+    assert solution.farkas is not None
+    assert np.isnan(solution.z).all()
+
+
+@pytest.mark.parametrize("factor", [1.0 + 1e-5, 1.0 + 1e-7])
+def test_slightly_beyond_the_limit_is_not_solved(factor):
+    assert not solve_qvi(dragged_block(0.3 * factor), tolerance=1e-10).solved
+
+
+@pytest.mark.parametrize("factor", [1.0 - 1e-6, 0.99, -0.99, 0.0])
+def test_dragged_within_friction_is_carried(factor):
+    assert condensed(dragged_block(0.3 * factor)).z == pytest.approx([1.0, 0.3 * factor], abs=1e-9)
+
+
+def test_bounds_of_zero_that_contradict_the_equations():
+    """No friction, but an equation that wants shear."""
+    solution = solve_qvi(dragged_block(0.1, friction=0.0), method="condensed")
+    assert solution.status is Status.INFEASIBLE, solution.message
+
+
+class Root:
+    """R z + r₀ with dense R, as an `EnergyRoot`."""
+
+    def __init__(self, R, r0):
+        self.R, self.r0 = R, r0
+
+    def apply(self, z):
+        return self.R @ z + self.r0
+
+    def adjoint(self, r):
+        return self.R.T @ r
+
+    def matrix(self):
+        return csc_matrix(self.R), np.zeros((len(self.R), 1))
+
+    def rounding(self, z):
+        return float(np.finfo(float).eps * (np.abs(self.R) @ np.abs(z)).max())
+
+
+def rooted(seed, spoilt, **law):
+    """A line of contact with a root; K and f wrong by the relative size `spoilt`, root and load exact."""
+    qvi = chain(seed, **law)
+    random = np.random.default_rng(1000 + seed)
+    R = np.linalg.cholesky(qvi.K.toarray()).T
+    r0 = 0.1 * random.normal(size=len(R))
+    error = np.triu(random.uniform(-spoilt, spoilt, R.shape))
+    wrong = qvi.K.toarray() * (1.0 + error + np.triu(error, 1).T)
+    f = qvi.f * (1.0 + random.uniform(-spoilt, spoilt, len(qvi.f)))
+    return replace(qvi, K=csc_matrix(wrong), f=f, root=Root(R, r0), load=qvi.f + R.T @ r0)
+
+
+@pytest.mark.parametrize("law", ["coulomb", "opening", "cap", "bilateral", "equations"])
+@pytest.mark.parametrize("spoilt", [1e-6, 1e-4])
+def test_defect_corrections_remove_errors_of_the_matrix(law, spoilt):
+    exact = condensed(chain(3, **LAWS[law]), gap=1e-15)
+    found = condensed(rooted(3, spoilt, **LAWS[law]), gap=1e-15)
+    assert np.linalg.norm(found.z - exact.z) < 1e-10 * np.linalg.norm(exact.z)
+    assert 1e-3 * spoilt < found.corrections[0] < 100.0 * spoilt
+    assert all(later < 0.1 * former for former, later in zip(found.corrections, found.corrections[1:], strict=False))
+    assert len(found.corrections) >= 2
+    assert condensed(rooted(3, 0.0, **LAWS[law])).corrections[0] < 1e-12
+
+
+def test_without_a_root_nothing_is_gained():
+    """The same wrong matrix, and no root that knows better: the answer is wrong by as much."""
+    exact = condensed(chain(3))
+    wrong = condensed(replace(rooted(3, 1e-6), root=None, load=None))
+    assert np.linalg.norm(wrong.z - exact.z) > 1e-9 * np.linalg.norm(exact.z)
+
+
+@pytest.mark.parametrize("method", ["condensed", "fixed-point", None])
+def test_a_matrix_too_wrong_is_no_answer(method):
+    """Errors of a third in K: solved with the root's own factors, or a status; never wrong."""
+    exact = condensed(chain(3))
+    solution = solve_qvi(rooted(3, 0.3), method=method)
+    if solution.status is Status.SOLVED:
+        assert np.linalg.norm(solution.z - exact.z) < 1e-6 * np.linalg.norm(exact.z)
+    else:
+        assert solution.status in (Status.ILL_CONDITIONED, Status.STALLED, Status.INACCURATE)
+
+
+def posed(qvi):
+    """The complementarity problem about z = 0, with an interior point in general position."""
+    reduction = Reduction(qvi)
+    problem = Complementarity(qvi, reduction, reduction.base(np.zeros(qvi.n)), 1.0)
+    method = InteriorPoint(problem, 0.7)
+    random = np.random.default_rng(3)
+    method.point.y = 0.5 * random.normal(size=len(method.point.y))
+    method.point.s = random.uniform(0.1, 2.0, len(method.point.s))
+    method.point.lam = random.uniform(0.1, 2.0, len(method.point.lam))
+    return problem, method
+
+
+PROBLEMS = {
+    "dense": lambda: random_problem(3, 0.4),
+    "laws": lambda: mixed_problem(1, 2),
+    "line": lambda: chain(1, **LAWS["cap"]),
+    "bilateral": lambda: chain(1, **LAWS["bilateral"]),
+    "equations": lambda: chain(1, **LAWS["equations"]),
+    "frictionless": lambda: chain(1, mu=0.0),
+}
+POSED = pytest.mark.parametrize("name", PROBLEMS)
+
+
+@POSED
+def test_slack_rows_are_minus_the_derivative_of_the_slack(name):
+    problem, method = posed(PROBLEMS[name]())
+    y = method.point.y
+    rows = problem.slack_rows(y)
+    for direction in np.random.default_rng(4).normal(size=(3, len(y))):
+        h = 1e-6
+        change = (problem.slack(y + h * direction) - problem.slack(y - h * direction)) / (2 * h)
+        assert rows @ direction == pytest.approx(-change, abs=1e-8 * np.abs(change).max())
+
+
+@POSED
+def test_slacks_are_the_law_at_the_moved_point(name):
+    """Written out again from z: pressures, bounds and caps at the points."""
+    qvi = PROBLEMS[name]()
+    reduction = Reduction(qvi)
+    base = reduction.base(0.1 * np.random.default_rng(0).normal(size=qvi.n))
+    problem = Complementarity(qvi, reduction, base, 1.0)
+    for _ in range(20):
+        problem.sharpen()
+    u = 0.3 * np.random.default_rng(1).normal(size=problem.S.shape[0])
+    z = reduction.move(base, problem.full(u))
+    normal, shear = qvi.normal(z), qvi.tangential(z)
+    unilateral, rubs = ~qvi.bilateral, ~qvi.frictionless
+    pressure = np.where(qvi.bilateral, np.abs(normal), -normal)
+    bound = np.where(qvi.mu > 0.0, qvi.cohesion + qvi.mu * pressure, np.minimum(qvi.cohesion, qvi.cap))
+    capped = rubs & np.isfinite(qvi.cap) & (qvi.mu > 0.0)
+    expected = [-normal[unilateral], (bound - shear)[rubs], (bound + shear)[rubs]]
+    expected += [(qvi.cap - shear)[capped], (qvi.cap + shear)[capped]]
+    assert problem.slack(u) == pytest.approx(np.concatenate(expected), abs=1e-11)
+    assert qvi.A @ z == pytest.approx(qvi.b, abs=1e-10)
+    assert shear[qvi.frictionless] == pytest.approx(0.0, abs=1e-10)
+
+
+@POSED
+def test_newton_directions_satisfy_the_linearised_equations(name):
+    problem, method = posed(PROBLEMS[name]())
+    point, residuals = method.point, method.residuals()
+    comp = np.random.default_rng(5).normal(size=len(point.s))
+    newton = Newton.at(problem, point, residuals)
+    for only in (False, True):
+        step = newton.step(comp, only=only)
+        force, slack = Residuals(*(0.0 * r for r in residuals)) if only else residuals
+        size = np.abs(problem.force(np.abs(step.lam))).max(initial=1.0)
+        assert problem.S @ step.y + problem.force(step.lam) == pytest.approx(-force, abs=1e-10 * size)
+        assert step.s + problem.slack_rows(point.y) @ step.y == pytest.approx(-slack, abs=1e-10)
+        assert point.s * step.lam + point.lam * step.s == pytest.approx(comp, abs=1e-10)
+
+
+@POSED
+def test_newton_steps_have_errors_of_second_order(name):
+    """What a step of length t leaves of the equations, beyond (1 − t) of them, shrinks like t²."""
+    problem, method = posed(PROBLEMS[name]())
+    start = method.point
+    step = Newton.at(problem, start, method.residuals()).step(-start.s * start.lam)
+
+    def equations(point):
+        method.point = point
+        force, slack = method.residuals()
+        return np.concatenate([force, slack, point.s * point.lam])
+
+    at_start = equations(start)
+    left = [np.abs(equations(start.moved(step, t)) - (1.0 - t) * at_start).max() for t in (1e-2, 1e-3)]
+    assert left[1] < 0.02 * left[0]
+
+
+@POSED
+def test_energy_and_multipliers_are_those_of_the_full_problem(name):
+    """S y + c is the gradient of the energy, and a residual of y alone is one of the contact's unknowns alone."""
+    qvi = PROBLEMS[name]()
+    reduction = Reduction(qvi)
+    base = reduction.base(0.1 * np.random.default_rng(0).normal(size=qvi.n))
+    base = reduction.base(reduction.move(base, np.zeros(reduction.size)))
+    problem = Complementarity(qvi, reduction, base, 1.0)
+    random = np.random.default_rng(1)
+    u, lam = random.normal(size=problem.S.shape[0]), random.uniform(size=len(problem.weights))
+    z = reduction.move(base, problem.full(u))
+    assert problem.energy(u) == pytest.approx(qvi.energy(z), rel=1e-10)
+    m_N, m_T, nu = problem.multipliers(u, lam)
+    residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
+    size = np.abs(qvi.K @ z).max()
+    interior = np.setdiff1d(np.arange(qvi.n), qvi.equality_system.interface)
+    assert residual[interior] == pytest.approx(0.0, abs=1e-11 * size)
+    force = problem.S @ u + problem.c + problem.force(lam)
+    moved = reduction.move(base, problem.full(u + 1e-3 * force)) - z  # in the directions that equations leave free
+    assert moved @ residual == pytest.approx(1e-3 * force @ force, rel=1e-8)
+
+
+def test_energies_of_the_history_are_those_of_the_problem():
+    """From the first iteration on: S y + c = 0 has its minimum where the energy has it."""
+    qvi = chain(3)
+    solution = condensed(qvi)
+    energies = np.array([entry.energy for entry in solution.history])
+    assert energies[-1] == pytest.approx(qvi.energy(solution.z), rel=1e-8)
+    near = int(np.argmax([entry.residual < 1e-4 for entry in solution.history]))
+    assert near < len(energies) - 3
+    assert energies[near] == pytest.approx(energies[-1], rel=1e-2)

@@ -1,0 +1,152 @@
+"""Trace coordinates: E Y is [N; T], and a change of unknowns is one."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import csc_matrix, csr_matrix, random_array
+
+from qvi_contact import discretize
+from qvi_contact.gallery import compressed_plate
+from solvers import InputError
+from solvers.factorisation import factorise
+from solvers.factorisation.augmented import factorise_root
+from solvers.linear import interface_of
+from solvers.rows import echelon
+from solvers.traces import Traces, trace_coordinates
+
+
+@st.composite
+def planted(draw):
+    """Sparse rows of which some are combinations of others, in any order, of any lengths; and their rank."""
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    columns, rank = draw(st.integers(1, 30)), draw(st.integers(0, 12))
+    rank = min(rank, columns)
+    independent = random_array((rank, columns), density=draw(st.floats(0.05, 0.6)), rng=random).toarray()
+    independent[np.arange(rank), random.permutation(columns)[:rank]] += 2.0 + random.uniform(size=rank)
+    more = draw(st.integers(0, 8))
+    mixing = random.integers(-2, 3, size=(more, rank)).astype(float)
+    rows = np.vstack([independent, mixing @ independent])[random.permutation(rank + more)]
+    return csr_matrix(rows * 10.0 ** random.uniform(-3, 3, len(rows))[:, None])
+
+
+@settings(max_examples=150, deadline=None)
+@given(planted())
+def test_echelon_finds_the_rank_and_a_basis(Y):
+    dense = Y.toarray()
+    scale = np.linalg.norm(dense, axis=1)
+    unit = dense / np.where(scale > 0.0, scale, 1.0)[:, None]
+    rank = np.linalg.matrix_rank(unit, tol=1e-9) if unit.size else 0
+    found = echelon(Y)
+    assert len(found.rows) == rank
+    assert len(found.free) == Y.shape[1] - rank
+    basis = np.vstack([unit[found.rows], np.eye(Y.shape[1])[found.free]])
+    assert np.linalg.matrix_rank(basis, tol=1e-9) == Y.shape[1]
+    if rank:
+        left = unit - unit @ np.linalg.pinv(unit[found.rows]) @ unit[found.rows]
+        assert np.abs(left).max(initial=0.0) < 1e-8
+    assert list(found.rows) == sorted(set(found.rows.tolist()))
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 4), (3, 4), (3, 0)])
+def test_echelon_of_nothing(shape):
+    found = echelon(csr_matrix(shape))
+    assert len(found.rows) == 0
+    assert found.free.tolist() == list(range(shape[1]))
+
+
+def test_echelon_takes_the_first_of_equal_rows_and_ignores_stored_zeros():
+    Y = csr_matrix((np.array([0.0, 1.0, 2.0, 1.0]), np.array([0, 1, 1, 2]), np.array([0, 2, 3, 4])), shape=(3, 3))
+    found = echelon(Y)
+    assert found.rows.tolist() == [0, 2]
+    assert found.free.tolist() == [0]
+
+
+def test_echelon_on_a_long_line_stays_sparse_and_quick():
+    """Rows of neighbouring differences, closed to a ring: the last one depends on all others."""
+    n = 4000
+    rows = csr_matrix(np.eye(1, n)) * 0.0
+    data = np.tile([1.0, -1.0], n)
+    columns = np.column_stack([np.arange(n), (np.arange(n) + 1) % n]).ravel()
+    rows = csr_matrix((data, columns, 2 * np.arange(n + 1)), shape=(n, n))
+    found = echelon(rows)
+    assert found.rows.tolist() == list(range(n - 1))
+    assert len(found.free) == 1
+
+
+def random_traces(seed, dependent=0, zero=0):
+    """Rows [N; T] = E Y of m = 9 points in n = 30 unknowns."""
+    random = np.random.default_rng(seed)
+    Y = random_array((7, 30), density=0.15, rng=random).toarray() + np.eye(7, 30)
+    Y = np.vstack([Y, random.normal(size=(dependent, 7)) @ Y, np.zeros((zero, 30))])
+    E = random_array((18, len(Y)), density=0.5, rng=random).toarray()
+    return Traces(csc_matrix(Y), csc_matrix(E)), csc_matrix(E @ Y)
+
+
+COORDINATES = pytest.mark.parametrize(
+    ("dependent", "zero", "given"), [(0, 0, True), (2, 0, True), (0, 1, True), (3, 2, True), (2, 0, False)]
+)
+
+
+@COORDINATES
+@pytest.mark.parametrize("seed", range(3))
+def test_coordinates_reproduce_the_tractions(seed, dependent, zero, given):
+    traces, rows = random_traces(seed, dependent, zero)
+    interface = np.union1d(interface_of(rows, csc_matrix((0, 30))), [29])
+    coordinates = trace_coordinates(rows, traces if given else None, interface)
+    k = len(interface)
+    assert coordinates.interpolation.shape == (18, k)
+    x = np.random.default_rng(9).normal(size=k)
+    y = coordinates.from_values(x)
+    assert coordinates.interpolation @ y == pytest.approx(rows[:, interface] @ x, abs=1e-10)
+    assert coordinates.to_unknowns(y) == pytest.approx(x, abs=1e-10)
+    g = np.random.default_rng(8).normal(size=k)
+    assert coordinates.from_unknowns(g) @ y == pytest.approx(g @ x, rel=1e-9)  # gradients are dual to values
+    both = coordinates.from_unknowns(np.asfortranarray(np.column_stack([g, 2.0 * g])))
+    assert both[:, 1] == pytest.approx(2.0 * coordinates.from_unknowns(g), abs=1e-10)
+
+
+def test_energy_in_trace_coordinates_by_both_factorisations():
+    """P⁻ᵀ S P⁻¹ by S and by its root, and xᵀ S x = yᵀ (P⁻ᵀ S P⁻¹) y."""
+    traces, rows = random_traces(4, dependent=1)
+    random = np.random.default_rng(5)
+    R = random.normal(size=(45, 30))
+    interface = interface_of(rows, csc_matrix((0, 30)))
+    coordinates = trace_coordinates(rows, traces, interface)
+    plain = factorise(csc_matrix(R.T @ R), interface)
+    rooted = factorise_root(csc_matrix(R), interface, np.zeros((45, 1)))
+    found = coordinates.quadratic(plain)
+    assert np.array_equal(found, found.T)
+    assert coordinates.quadratic(rooted) == pytest.approx(found, abs=1e-9 * np.abs(found).max())
+    x = random.normal(size=len(interface))
+    y = coordinates.from_values(x)
+    assert y @ (found @ y) == pytest.approx(x @ (plain.schur @ x), rel=1e-10)
+
+
+def test_nothing_touches_the_contact():
+    coordinates = trace_coordinates(csc_matrix((4, 6)), None, np.zeros(0, dtype=np.int64))
+    assert coordinates.interpolation.shape == (4, 0)
+    assert coordinates.to_unknowns(np.zeros(0)).shape == (0,)
+
+
+def test_wrong_traces_are_refused():
+    traces, rows = random_traces(0)
+    traces.check(rows)
+    wrong = rows.toarray()
+    wrong[3, 5] += 1e-5
+    with pytest.raises(InputError, match="E Y"):
+        traces.check(csc_matrix(wrong))
+    with pytest.raises(InputError, match="shapes"):
+        traces.check(csc_matrix(wrong[:-2]))
+    with pytest.raises(InputError, match="sparse"):
+        Traces(np.eye(3), csc_matrix(np.eye(3)))
+
+
+@pytest.mark.parametrize("cells", [(1, 1), (3, 2), (8, 8)])
+def test_traces_of_the_plate_are_well_scaled(cells):
+    """The condition of S on the traces, scaled to a diagonal of one, is that of a first-order operator."""
+    from solvers.condensed.reduction import Reduction
+
+    stiffness = Reduction(discretize(compressed_plate(0.2, cells)).qvi).stiffness
+    assert stiffness.diagonal() == pytest.approx(1.0)
+    assert np.linalg.cond(stiffness) < 60.0 * max(cells)
