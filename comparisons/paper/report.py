@@ -51,6 +51,7 @@ def table_rows(study: PaperStudy) -> list[dict[str, float]]:
             "uzawa_converged": half_force(row.uzawa_converged),
             "fixed_point_qp": half_force(row.best_qp),
             "fixed_point_socp": half_force(row.best_socp),
+            "condensed": half_force(row.condensed),
             "paper_minus_solution_percent": percent(row.printed, half_force(row.reference)),
         }
         for row in study.rows

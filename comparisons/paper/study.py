@@ -43,6 +43,8 @@ class Row:
         Inner solver to its fixed point.
     plain : ContactResult
         Fixed point without acceleration, for the convergence picture.
+    condensed : ContactResult
+        The inequality solved directly.
 
     """
 
@@ -54,6 +56,7 @@ class Row:
     reference: ContactResult
     back_ends: dict[str, ContactResult]
     plain: ContactResult
+    condensed: ContactResult
 
     @property
     def best_qp(self) -> ContactResult:
@@ -151,9 +154,13 @@ def _row(reference: Reference, friction: float, printed: float, advance: Advance
     decay = SHRINKING if friction == 0.0 else None
     converged = solve(problem, method="uzawa", tolerance=TOLERANCE, omega_T=step, step_decay=decay)
     plain = solve(problem, inner=REFERENCE_INNER, tolerance=TOLERANCE, variant="plain")
+    condensed = solve(problem, method="condensed", tolerance=TOLERANCE)
     advance(f"μ = {friction:.2f}")
     back_ends = dict(_back_ends(problem, friction, advance))
-    return Row(friction, printed, accumulating, as_printed, converged, back_ends[REFERENCE_INNER], back_ends, plain)
+    reference_run = back_ends[REFERENCE_INNER]
+    return Row(
+        friction, printed, accumulating, as_printed, converged, reference_run, back_ends, plain, condensed
+    )  # fmt: skip
 
 
 def _back_ends(problem: Discretization, friction: float, advance: Advance) -> Iterator[tuple[str, ContactResult]]:

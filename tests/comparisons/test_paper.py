@@ -133,11 +133,12 @@ class TestNumbers:
         for row in report.table_rows(paper):
             solution = row["fixed_point_qp"]
             assert row["fixed_point_socp"] == pytest.approx(solution, rel=1e-7)
+            assert row["condensed"] == pytest.approx(solution, rel=1e-9)
             assert row["uzawa_converged"] == pytest.approx(solution, rel=1e-7)
 
     def test_without_friction_the_force_is_exact(self, paper):
         row = report.table_rows(paper)[0]
-        for name in ("uzawa_converged", "fixed_point_qp", "fixed_point_socp"):
+        for name in ("uzawa_converged", "fixed_point_qp", "fixed_point_socp", "condensed"):
             assert f"{row[name]:.6f}" == "209.000000"
 
     def test_constant_step_without_friction_cycles(self, paper):
@@ -182,7 +183,15 @@ class TestDocument:
 
     def test_keys(self, paper):
         document = report.as_document(paper)
-        required = {"friction", "paper", "uzawa_30", "uzawa_converged", "fixed_point_qp", "fixed_point_socp"}
+        required = {
+            "friction",
+            "paper",
+            "uzawa_30",
+            "uzawa_converged",
+            "fixed_point_qp",
+            "fixed_point_socp",
+            "condensed",
+        }
         assert all(required <= row.keys() for row in document["rows"])
         assert all({"friction", "paper", "uzawa_30", "converged"} <= row.keys() for row in document["figures"])
         assert [row["friction"] for row in document["rows"]] == list(TABLE_1)
