@@ -95,6 +95,7 @@ class _Run:
     best: tuple[float, int] = (np.inf, 0)
     path: CentralPath | None = None
     force: float = np.inf  # residual of the iteration before
+    last_gap: float = np.inf  # gap of the iteration before
     kept: tuple[float, Point | None] = (np.inf, None)  # the best point, by its largest measure
     before: int = 0  # iterations of earlier starts
     turns: int = 0
@@ -196,6 +197,7 @@ def _correct(run: _Run, step: float) -> None:
 
 def _reach(run: _Run, gap: float) -> None:
     """Iterate to a gap, around turns of the central path; ends at the best point on the way."""
+    run.last_gap = np.inf
     run.path, run.force, run.kept = None, np.inf, (np.inf, run.interior.point)
     _iterate_to(run, gap)
     run.interior.point = run.kept[1] or run.interior.point
@@ -229,7 +231,7 @@ def _iterate_to(run: _Run, gap: float) -> None:
 
 def _prepare(run: _Run, measures: Measures) -> None:
     """Smooth less; and take the larger Newton matrix once the smaller one spoils the multipliers."""
-    run.force = measures.force
+    run.force, run.last_gap = measures.force, measures.gap
     if measures.slack <= _SHARPENED:
         run.problem.sharpen()
     problem, interior = run.problem, run.interior
@@ -240,6 +242,8 @@ def _prepare(run: _Run, measures: Measures) -> None:
 def _reached(run: _Run, measures: Measures, gap: float, stalled: bool) -> bool:
     """Whether the gap is reached and no residual is left but what rounding makes."""
     balanced = measures.force <= _FORCE or (measures.force <= _FORCE_FLOOR and measures.force > _HALVED * run.force)
+    if run.last_gap < 10.0 * gap and measures.gap > _HALVED * run.last_gap:
+        gap = 10.0 * gap  # at its floor
     if stalled and measures.force <= _FORCE_FLOOR:  # where points touch without load the last digits do not come
         gap = max(gap, _COARSEST_GAP)
     return measures.gap <= gap and measures.slack <= _SLACK and run.problem.is_sharp and (balanced or stalled)
