@@ -339,8 +339,7 @@ class FrictionQVI:
         """Defect corrections about z = 0; with R factorised instead of K if they shrink too slowly."""
         z, sizes = self._corrected()
         slow = len(sizes) > 1 and sizes[1] > SLOW_CONTRACTION * sizes[0]
-        if self.root is not None and slow and self.equality_system.factor.backend != ORTHOGONAL:
-            self.__dict__["equality_system"] = self._orthogonal_system(self.root)
+        if slow and self.use_root():
             z, sizes = self._corrected()
         if self.root is None:
             return z, 0.0

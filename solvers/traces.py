@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, issparse
+from scipy.sparse import csc_matrix, csr_matrix, issparse, vstack
 from scipy.sparse.linalg import splu
 
 from solvers.errors import InputError
@@ -110,7 +110,7 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
     completion = csr_matrix(
         (np.ones(len(found.free)), found.free, np.arange(len(found.free) + 1)), (len(found.free), k)
     )
-    P = csc_matrix(_stacked(Y[found.rows], completion))
+    P = csc_matrix(vstack([Y[found.rows], completion]))
     factor: Any = splu(P) if k else None
     E = traces.interpolation
     full: Any = csc_matrix((E.data, E.indices, E.indptr), E.shape)[:, found.rows]
@@ -123,14 +123,3 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
         combination = factor.solve(Y[dependent].toarray().T, "T").T
         full = full + E[:, dependent] @ csc_matrix(combination)
     return TraceCoordinates(csr_matrix(full), P, factor, k == 0)
-
-
-def _stacked(first: csr_matrix, second: csr_matrix) -> csr_matrix:
-    return csr_matrix(
-        (
-            np.concatenate([first.data, second.data]),
-            np.concatenate([first.indices, second.indices]),
-            np.concatenate([first.indptr, first.nnz + second.indptr[1:]]),
-        ),
-        (first.shape[0] + second.shape[0], first.shape[1]),
-    )

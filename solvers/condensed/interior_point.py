@@ -123,7 +123,8 @@ class InteriorPoint:
         tau = self.parameter()
         affine = newton.step(-products)
         reach = min(1.0, _longest(point, affine))
-        ahead = float(self.problem.weights @ (point.moved(affine, reach).s * point.moved(affine, reach).lam))
+        trial = point.moved(affine, reach)
+        ahead = float(self.problem.weights @ (trial.s * trial.lam))
         now = max(float(self.problem.weights @ products), _LEAST)
         centring = min(1.0, max((max(ahead, 0.0) / now) ** 3, 1e-6, (1.0 - reach) ** 3))
         damping = 1.0 if reach >= _SHORT else reach**2
