@@ -1,0 +1,73 @@
+"""Polynomials on [0, 1] by Bernstein coefficients: values, data as coefficients, and integrals.
+
+    p(t) = Σ c_i B_i(t),   B_i(t) = C(p, i) tⁱ (1 − t)^(p − i),   i = 0 … p
+
+A polynomial lies between the smallest and the largest of its coefficients, and |Σ c_i B_i| ≤ Σ |c_i| B_i. Coefficients
+of a linear function are its values at i/p.
+"""
+
+from math import comb
+
+import numpy as np
+
+from qvi_contact.checks import FloatArray
+from qvi_contact.hermite import gauss_legendre
+
+_LEADING = 1e-13  # of a polynomial's largest coefficient: below, its degree is lower
+
+
+def basis(degree: int, t: FloatArray) -> FloatArray:
+    """Values B_i(t_j), shape (j, degree + 1)."""
+    i = np.arange(degree + 1)
+    binomial = np.array([comb(degree, int(k)) for k in i], dtype=float)
+    t = np.asarray(t, dtype=float)[:, None]
+    return np.asarray(binomial * t**i * (1.0 - t) ** (degree - i))
+
+
+def nodes(degree: int) -> FloatArray:
+    """Chebyshev-Lobatto points (degree + 1,), the ends included: where data are interpolated."""
+    return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree)))
+
+
+def samples(degree: int) -> FloatArray:
+    """Points between `nodes` at which an interpolant is compared with its data."""
+    return gauss_legendre(2 * degree + 3)[0]
+
+
+def from_values(degree: int) -> FloatArray:
+    """Matrix (degree + 1, degree + 1) from values at `nodes` to coefficients."""
+    return np.asarray(np.linalg.inv(basis(degree, nodes(degree))))
+
+
+def product_integrals(first: int, second: int) -> FloatArray:
+    """∫₀¹ B_i B_j dt of the degrees `first` and `second`, shape (first + 1, second + 1)."""
+    i, j = range(first + 1), range(second + 1)
+    total = first + second
+    table = [[comb(first, a) * comb(second, b) / (comb(total, a + b) * (total + 1)) for b in j] for a in i]
+    return np.array(table)
+
+
+def absolute_integrals(weight: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """∫₀¹ s |v| dt for s (e, q + 1) ≥ 0 and v (e, p + 1), by coefficients: exact, split where v changes sign."""
+    q, p = weight.shape[1] - 1, coefficients.shape[1] - 1
+    signed = np.einsum("eq,qp,ep->e", weight, product_integrals(q, p), coefficients)
+    total = np.abs(signed)
+    mixed = (coefficients.max(axis=1, initial=0.0) > 0.0) & (coefficients.min(axis=1, initial=0.0) < 0.0)
+    t, w = gauss_legendre((q + p) // 2 + 1)
+    for edge in np.flatnonzero(mixed):
+        breaks = np.concatenate([[0.0], _roots(coefficients[edge]), [1.0]])
+        points = breaks[:-1, None] + np.diff(breaks)[:, None] * t
+        values = basis(p, points.ravel()) @ coefficients[edge] * (basis(q, points.ravel()) @ weight[edge])
+        total[edge] = float(np.abs(values.reshape(points.shape) @ w) @ np.diff(breaks))
+    return np.asarray(total)
+
+
+def _roots(coefficients: FloatArray) -> FloatArray:
+    """Real roots inside (0, 1), ascending: those of Σ c_i C(p, i) rⁱ with r = t/(1 − t)."""
+    p = len(coefficients) - 1
+    powers = coefficients * np.array([comb(p, i) for i in range(p + 1)])
+    size = np.abs(powers).max()
+    significant = np.flatnonzero(np.abs(powers) > _LEADING * size)
+    found = np.roots(powers[: significant[-1] + 1][::-1])
+    real = found.real[(np.abs(found.imag) <= 1e-9 * (1.0 + np.abs(found.real))) & (found.real > 0.0)]
+    return np.sort(real / (1.0 + real))

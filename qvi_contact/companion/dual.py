@@ -1,0 +1,256 @@
+"""The companion's contact problem in its forces: a `FrictionQVI` in the mean tractions τ = z / W.
+
+With c = c_D + B v_Γ + B_q q the relative displacements (c_D from supports, q motions of plates), and all the maps of
+`condensation`, forces that are in equilibrium minimise
+
+    ½ τᵀ C τ − τᵀ W (g̃ − c_D − B G r),   C = W B G Bᵀ W,   g̃ = (g, w)
+
+over the tractions that the laws admit, subject to
+
+    Rᵀ Bᵀ W τ = −Rᵀ r        equilibrium of what floats, with the rigid motions a as multiplier
+    Mᵀ W τ = F               resultants of plates, with −q as multiplier; M is what c of the plate itself does.
+
+The multipliers of its rows are W (g − c_N) ≥ 0 and −W (c_T − w): the conditions of (D2) are then those of the
+displacement model. Unknowns come as all normal tractions, then all tangential ones. Those whose c nothing can change
+(supports prescribe it, or the tip of a joint) get a compliance of their own and stay zero; so do those whose c follows
+from others: in a corner where two contact lines end, or where joints cross, several forces act on one displacement, and
+friction there is left to the other line.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.companion.condensation import CondensedBody
+from qvi_contact.companion.traces import Trace
+from qvi_contact.errors import InputError
+from solvers import FrictionQVI, QVISolution
+
+_DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
+_BALANCED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """All contacts together; arrays over the n coefficients of all traces, or over 2 n with the normal ones first.
+
+    Attributes
+    ----------
+    traces : tuple of Trace
+        The contacts.
+    rows : (2 n, size) sparse array
+        c from the degrees of freedom of the body.
+    weights : (2 n,) array
+        W.
+    obstacle : (2 n,) array
+        g̃ = (g, w).
+    motions : (2 n, q) array
+        What c of the plates themselves does under each motion.
+    resultants : (q,) array
+        The force or moment that goes with it.
+
+    """
+
+    traces: tuple[Trace, ...]
+    rows: sparse.csr_array
+    weights: FloatArray
+    obstacle: FloatArray
+    motions: FloatArray
+    resultants: FloatArray
+
+    @classmethod
+    def of(cls, traces: tuple[Trace, ...], size: int) -> "Contacts":
+        """Stack the traces."""
+        n = sum(trace.count for trace in traces)
+        empty = sparse.csr_array((0, size))
+        rows = sparse.vstack([empty, *(t.normal for t in traces), *(t.tangential for t in traces)])
+        obstacle = np.concatenate([np.empty(0), *(t.gap for t in traces), *(t.offset for t in traces)])
+        weights = np.concatenate([np.empty(0), *(t.weights for t in traces)])
+        columns, resultants = [np.zeros((2 * n, 0))], list[float]()
+        start = 0
+        for trace in traces:
+            chosen = slice(start, start + trace.count)
+            for _, normal, tangential, resultant in trace.motions:
+                column = np.zeros((2, n))
+                column[0, chosen], column[1, chosen] = normal, tangential
+                columns.append(column.reshape(-1, 1))
+                resultants.append(resultant)
+            start += trace.count
+        return cls(
+            traces,
+            sparse.csr_array(rows),
+            np.tile(weights, 2),
+            obstacle,
+            np.hstack(columns),
+            np.array(resultants),
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients n."""
+        return len(self.weights) // 2
+
+    def gathered(self, field: str) -> FloatArray:
+        """An array of the traces, one after the other (n,)."""
+        return np.concatenate([np.empty(0), *(getattr(trace, field) for trace in self.traces)])
+
+    @property
+    def touched(self) -> IntArray:
+        """Degrees of freedom of the body that the rows touch."""
+        return np.unique(self.rows.indices).astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class DualProblem:
+    """The algebraic problem and the way back.
+
+    Attributes
+    ----------
+    contacts : Contacts
+        The contacts.
+    body : CondensedBody
+        The body.
+    B : (2 n, k) array
+        c from v_Γ.
+    constant : (2 n,) array
+        c_D.
+    movable : (2 n,) bool array
+        Where c can change.
+    live : (2 n,) bool array
+        Where there is a force: c can change, and does not follow from others.
+    limited : (n,) bool array
+        Coefficients that rows of the QVI belong to: those of contacts that are not tied.
+    equalities : int array
+        Which of the rigid motions, then plate motions, have a row of their own.
+    qvi : FrictionQVI
+        The problem.
+
+    """
+
+    contacts: Contacts
+    body: CondensedBody
+    B: FloatArray
+    constant: FloatArray
+    movable: BoolArray
+    live: BoolArray
+    limited: BoolArray
+    equalities: IntArray
+    qvi: FrictionQVI
+
+    def displacements(self, solution: QVISolution) -> tuple[FloatArray, FloatArray]:
+        """(v_Γ, motions q of the plates) of a solution."""
+        body, W = self.body, self.contacts.weights
+        motion = np.zeros(body.R.shape[1] + self.contacts.motions.shape[1])
+        motion[self.equalities] = solution.equality_multiplier
+        rigid, plates = np.split(motion, [body.R.shape[1]])
+        forces = self.B.T @ np.where(self.live, W * solution.z, 0.0) if len(W) else np.zeros(len(body.r))
+        return body.relieve(body.r + forces) + body.R @ rigid, -plates
+
+
+def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
+    """Pose the problem.
+
+    Raises
+    ------
+    InputError
+        If loads, or resultants of plates, contradict equilibrium.
+
+    """
+    size, W = body.body.space.size, contacts.weights
+    fixed = np.zeros(size)
+    fixed[body.supports.index] = body.supports.values
+    constant = contacts.rows @ fixed
+    B = contacts.rows[:, body.interface].toarray()
+    movable = np.abs(B).sum(axis=1) > 0.0
+    live = movable.copy()
+    live[_determined(B, contacts)] = False
+    compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
+    C = compliance * W * W[:, None]
+    C = (C + C.T) / 2.0
+    diagonal = np.diag(C).copy()
+    C[~live], C[:, ~live] = 0.0, 0.0
+    diagonal[~live] = np.median(diagonal[live]) if live.any() else 1.0
+    np.fill_diagonal(C, diagonal)
+    f = np.where(live, W * (contacts.obstacle - constant - B @ body.relieve(body.r)), 0.0)
+    A = np.where(live, np.vstack([body.R.T @ B.T, contacts.motions.T]), 0.0) * W
+    b = np.concatenate([-body.R.T @ body.r, contacts.resultants])
+    kept = _independent(A, b, body.R.shape[1])
+    limited = ~contacts.gathered("tied").astype(bool)
+    qvi = _qvi(contacts, C, f, A[kept], b[kept], limited)
+    return DualProblem(contacts, body, B, constant, movable, live, limited, kept, qvi)
+
+
+def _qvi(
+    contacts: Contacts, C: FloatArray, f: FloatArray, A: FloatArray, b: FloatArray, limited: BoolArray
+) -> FrictionQVI:
+    n, rows = contacts.count, np.flatnonzero(limited)
+    m = len(rows)
+
+    def selection(columns: IntArray) -> sparse.csr_array:
+        return sparse.csr_array((np.ones(m), (np.arange(m), columns)), shape=(m, 2 * n))
+
+    return FrictionQVI(
+        K=sparse.csc_matrix(C),
+        f=f,
+        N=selection(rows),
+        n0=np.zeros(m),
+        T=selection(n + rows),
+        t0=np.zeros(m),
+        mu=contacts.gathered("friction")[rows],
+        W=contacts.weights[rows],
+        cohesion=contacts.gathered("cohesion")[rows],
+        cap=contacts.gathered("shear_limit")[rows],
+        bilateral=contacts.gathered("bilateral").astype(bool)[rows],
+        A=sparse.csc_matrix(A.reshape(len(b), 2 * n)),
+        b=b,
+    )
+
+
+def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
+    """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
+    n = contacts.count
+    used = (B != 0.0).sum(axis=0)
+    rows = np.flatnonzero((B[:, used > 1] != 0.0).any(axis=1))
+    tied = np.tile(contacts.gathered("tied").astype(bool), 2)
+    rank = np.where(tied[rows], 0, np.where(rows < n, 1, 2))
+    columns = np.flatnonzero((B[rows] != 0.0).any(axis=0))
+    base, found = np.zeros((0, len(columns))), []
+    for row in rows[np.argsort(rank, kind="stable")]:
+        rest = B[row, columns]
+        for _ in range(2):  # once more for orthogonality to rounding
+            rest = rest - (base @ rest) @ base
+        length = float(np.linalg.norm(rest))
+        if length > _DEPENDENT:
+            base = np.vstack([base, rest / length])
+        else:
+            found.append(int(row))
+    return np.array(found, dtype=np.int64)
+
+
+def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
+    """Equality rows that those before them do not determine; a contradiction raises."""
+    kept: list[int] = []
+    sizes = np.linalg.norm(A, axis=1)
+    for index in range(len(A)):
+        combination = np.linalg.lstsq(A[kept].T, A[index], rcond=None)[0] if kept else np.zeros(0)
+        rest = A[index] - combination @ A[kept]
+        if np.linalg.norm(rest) > _DEPENDENT * max(float(sizes[index]), _DEPENDENT * float(sizes.max())):
+            kept.append(index)
+            continue
+        contradiction = float(b[index] - combination @ b[kept])
+        if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
+            _refuse(contradiction, index >= rigid)
+    return np.array(kept, dtype=np.int64)
+
+
+def _refuse(contradiction: float, plate: bool) -> None:
+    if plate:
+        remedy = "contradicts equilibrium with the other loads by this, dimensionless: correct it, or leave it out"
+        raise InputError("RigidPlate", contradiction, remedy)
+    remedy = (
+        "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, or support "
+        "the body by a Displacement or Contact"
+    )
+    raise InputError("ContactProblem.conditions", contradiction, remedy)

@@ -1,0 +1,281 @@
+"""The answer of the displacement model: displacements, strains, contact traces and forces, and the energy."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.companion import bernstein
+from qvi_contact.companion.elasticity import Elasticity, tensor_values
+from qvi_contact.companion.points import cells_around
+from qvi_contact.companion.space import Space
+from qvi_contact.companion.state import CompanionContact, CompanionParts, CompanionState
+from qvi_contact.companion.traces import Trace, plate_centre
+from qvi_contact.contact import contact_states
+from qvi_contact.errors import InputError
+from qvi_contact.problem import ContactProblem
+from qvi_contact.result import PlateMotion
+from qvi_contact.scaling import Scales
+from solvers import Certificate, QVISolution, Status
+
+_InCells: TypeAlias = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CompanionResult:
+    """A displacement model solved, or not: check `status`.
+
+    Without a state (loads that cannot be carried, failed back end) everything but status, certificate, message, problem
+    and `unknowns` raises `InputError`.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        The problem.
+    degree : int
+        Degree p of the displacements.
+    scales : Scales
+        Units of the dimensionless model.
+    space, body
+        The displacement space and the body, dimensionless.
+    status : Status
+        How the solve ended; ``status.advice`` says what to do.
+    certificate : Certificate
+        Residuals of the contact problem in its forces.
+    message : str
+        One sentence about the outcome.
+    state : CompanionState or None
+        The displacement.
+    reasons : tuple of str
+        Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound.
+    solution : QVISolution or None
+        The algebraic answer.
+
+    """
+
+    problem: ContactProblem
+    degree: int
+    scales: Scales
+    space: Space
+    body: Elasticity
+    status: Status
+    certificate: Certificate
+    message: str
+    state: CompanionState | None
+    reasons: tuple[str, ...]
+    solution: QVISolution | None
+
+    def __repr__(self) -> str:
+        return f"<CompanionResult {self.message}>"
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement unknowns, prescribed ones included."""
+        return self.space.size
+
+    @property
+    def has_state(self) -> bool:
+        """Whether there is a displacement to evaluate."""
+        return self.state is not None
+
+    def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Displacement (u_x, u_y) at points of the body, (...) to (..., 2) [length]; on joints the mean of all sides.
+
+        Raises
+        ------
+        InputError
+            If a point lies outside the body.
+
+        """
+        return np.asarray(self._mean(x, y, self._displacement_in) * self.scales.displacement)
+
+    def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Stress (σ_xx, σ_yy, σ_xy) = C ε at points of the body, (...) to (..., 3) [stress].
+
+        On grid lines the mean of the adjacent cells.
+        """
+        return self._mean(x, y, self._stress_in) * self.scales.stress
+
+    def cell_strain(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
+        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every active cell, row by row, (cells, k, 3)."""
+        tx, ty = np.atleast_1d(np.asarray(tx, dtype=float)), np.atleast_1d(np.asarray(ty, dtype=float))
+        strain = self.body.strain(self._v, slice(None), tx, ty)
+        return np.asarray(strain * (self.scales.displacement / self.scales.length))
+
+    def cell_displacement(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
+        """Displacements at reference points (k,) of every active cell, row by row, (cells, k, 2) [length]."""
+        tx, ty = np.atleast_1d(np.asarray(tx, dtype=float)), np.atleast_1d(np.asarray(ty, dtype=float))
+        return np.asarray(self._displacement_in(slice(None), tx, ty) * self.scales.displacement)
+
+    def cell_stress(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
+        """Stresses (σ_xx, σ_yy, σ_xy) at reference points (k,) of every active cell, row by row, (cells, k, 3)."""
+        tx, ty = np.atleast_1d(np.asarray(tx, dtype=float)), np.atleast_1d(np.asarray(ty, dtype=float))
+        return self._stress_in(slice(None), tx, ty) * self.scales.stress
+
+    def cell_points(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
+        """Coordinates x, y of reference points (k,) of every active cell, row by row, (cells, k, 2) [length]."""
+        t = np.stack([np.atleast_1d(np.asarray(part, dtype=float)) for part in (tx, ty)], axis=-1)
+        mesh, space = self.problem.mesh, self.space
+        place = space.corners[:, None, :] + space.sizes[:, None, :] * t
+        return np.asarray(np.array([mesh.x[0], mesh.y[0]]) + self.scales.length * place)
+
+    def obstacle(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Where a contact's obstacle stands: g and w, with the motion of a plate, as `trace` gives v_N and v_T."""
+        trace, chosen = self._trace(name)
+        state, contacts = self._state, self._state.contacts
+        moved = contacts.motions @ state.plates
+        shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
+        normal, tangential = trace.gap + moved[: contacts.count][chosen], trace.offset + moved[contacts.count :][chosen]
+        return normal[trace.columns] @ shape.T, tangential[trace.columns] @ shape.T
+
+    def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
+
+        Edges are in the order of ``problem.mesh.edges(contact.edges)``, t runs along +x or +y. On a joint these are
+        the jumps, on a plate driven by force what the body moves beyond it.
+        """
+        trace, chosen = self._trace(name)
+        state = self._state
+        n = state.contacts.count
+        shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
+        normal, tangential = state.c[:n][chosen], state.c[n:][chosen]
+        return normal[trace.columns] @ shape.T, tangential[trace.columns] @ shape.T
+
+    @cached_property
+    def parts(self) -> CompanionParts:
+        """The parts of the energy [stress × length²]."""
+        state, unit = self._state, self.scales.energy
+        load = float(state.load @ state.v + state.contacts.resultants @ state.plates)
+        friction = sum(self._friction(trace) for trace in state.contacts.traces)
+        return CompanionParts(self.body.energy(state.v) * unit, load * unit, friction * unit)
+
+    @property
+    def energy(self) -> float:
+        """J(v) for the bound s that was used [stress × length²]: an upper bound if `reasons` is empty."""
+        parts = self.parts
+        return parts.strain - parts.load + parts.friction
+
+    @cached_property
+    def contacts(self) -> Mapping[str, CompanionContact]:
+        """Results on each contact by name."""
+        return MappingProxyType({trace.name: self._contact(trace) for trace in self._state.contacts.traces})
+
+    @cached_property
+    def plates(self) -> Mapping[str, PlateMotion]:
+        """How far each plate driven by force has moved, by the name of its contact."""
+        scales, found, start = self.scales, {}, 0
+        for trace, contact in zip(self._state.contacts.traces, self.problem.contacts, strict=True):
+            plate = contact.plate
+            if plate is None:
+                continue
+            moved = dict.fromkeys(("force_x", "force_y", "moment"), 0.0)
+            for component, *_ in trace.motions:
+                unit = scales.displacement / (scales.length if component == "moment" else 1.0)
+                moved[component] = float(self._state.plates[start]) * unit
+                start += 1
+            place = plate.reference(*plate_centre(self.problem, trace.edges))
+            turn = moved["moment"]
+            x = moved["force_x"] - turn * (plate.pivot[1] - place[1])
+            y = moved["force_y"] + turn * (plate.pivot[0] - place[0])
+            found[trace.name] = PlateMotion(x, y, turn)
+        return MappingProxyType(found)
+
+    @cached_property
+    def nodal_displacements(self) -> FloatArray:
+        """Displacements of the four corners of every active cell, row by row, (cells, 4, 2) [length].
+
+        Counterclockwise from the bottom left; cells on the two sides of a joint have corners of their own.
+        """
+        p, table = self.degree, self.space.table
+        corners = np.stack([table[:, 0, 0], table[:, 0, p], table[:, p, p], table[:, p, 0]], axis=1)
+        return np.asarray(self._v.reshape(-1, 2)[corners] * self.scales.displacement)
+
+    @property
+    def _state(self) -> CompanionState:
+        if self.state is None:
+            raise InputError("companion", self.status.value, f"there is no displacement to evaluate: {self.message}")
+        return self.state
+
+    @property
+    def _v(self) -> FloatArray:
+        return self._state.v
+
+    def _trace(self, name: str) -> tuple[Trace, slice]:
+        start = 0
+        traces = self._state.contacts.traces
+        for trace in traces:
+            if trace.name == name:
+                return trace, slice(start, start + trace.count)
+            start += trace.count
+        known = ", ".join(trace.name for trace in traces) or "there is none"
+        raise InputError("name", name, f"name one of the contacts: {known}")
+
+    def _friction(self, trace: Trace) -> float:
+        """∫ s |v_T − w| ds, dimensionless; under Coulomb's law the sum over coefficients that was minimised."""
+        _, chosen = self._trace(trace.name)
+        state, n = self._state, self._state.contacts.count
+        if trace.law == "tied":
+            return 0.0
+        slip = state.c[n:][chosen] - trace.offset
+        if trace.bound is None:
+            return float(np.sum(trace.weights * state.bound[chosen] * np.abs(slip)))
+        return float(trace.lengths @ bernstein.absolute_integrals(trace.bound, slip[trace.columns]))
+
+    def _contact(self, trace: Trace) -> CompanionContact:
+        _, chosen = self._trace(trace.name)
+        state, scales, mesh = self._state, self.scales, self.problem.mesh
+        n = state.contacts.count
+        normal, tangential, bound = state.tractions[:n][chosen], state.tractions[n:][chosen], state.bound[chosen]
+        gap, slip = trace.gap - state.c[:n][chosen], state.c[n:][chosen] - trace.offset
+        unit = max(self.certificate.scales.get("stress", 1.0), 1e-300)
+        may_open = trace.law == "unilateral"
+        states = contact_states(normal, tangential, bound, gap, slip, unit, unit, may_open=may_open)
+        return CompanionContact(
+            trace.name,
+            mesh.x[0] + scales.length * trace.places[:, 0],
+            mesh.y[0] + scales.length * trace.places[:, 1],
+            trace.weights * scales.length,
+            normal * scales.stress,
+            tangential * scales.stress,
+            bound * scales.stress,
+            gap * scales.displacement,
+            slip * scales.displacement,
+            states,
+        )
+
+    def _displacement_in(self, cells: IntArray | slice, tx: FloatArray, ty: FloatArray) -> FloatArray:
+        local, p = self._v.reshape(-1, 2)[self.space.table[cells]], self.degree
+        return np.stack([tensor_values(local[..., a], p, p, tx, ty) for a in (0, 1)], axis=-1)
+
+    def _stress_in(self, cells: IntArray | slice, tx: FloatArray, ty: FloatArray) -> FloatArray:
+        strain = self.body.strain(self._v, cells, tx, ty)
+        return np.asarray(np.einsum("ckl,cql->cqk", self.body.moduli[cells], strain))
+
+    def _mean(self, x: ArrayLike, y: ArrayLike, values: _InCells) -> FloatArray:
+        """Mean of what the cells that hold a point say."""
+        try:
+            px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        except (TypeError, ValueError) as error:
+            raise InputError("x, y", (x, y), "give numbers or arrays whose shapes go together") from error
+        _ = self._state
+        mesh, flat_x, flat_y = self.problem.mesh, px.ravel(), py.ravel()
+        total, count = None, np.zeros(len(flat_x))
+        for column, row in cells_around(mesh, flat_x, flat_y):
+            cell = np.where((column >= 0) & (row >= 0), self.space.number[row, column], -1)
+            hit = np.flatnonzero(cell >= 0)
+            tx = (flat_x[hit] - mesh.x[column[hit]]) / np.diff(mesh.x)[column[hit]]
+            ty = (flat_y[hit] - mesh.y[row[hit]]) / np.diff(mesh.y)[row[hit]]
+            found = values(cell[hit], np.clip(tx, 0, 1)[:, None], np.clip(ty, 0, 1)[:, None])[:, 0]
+            total = np.zeros((len(flat_x), found.shape[-1])) if total is None else total
+            total[hit] += found
+            count[hit] += 1.0
+        if (count == 0.0).any():
+            where = int(np.argmin(count))
+            raise InputError("x, y", (float(flat_x[where]), float(flat_y[where])), "give points of the body")
+        assert total is not None
+        return np.asarray((total / count[:, None]).reshape(*px.shape, -1))

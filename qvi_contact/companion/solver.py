@@ -1,0 +1,136 @@
+"""Solve the displacement model: assemble, condense, solve for the contact forces, return to displacements."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from qvi_contact.checks import FloatArray
+from qvi_contact.companion.admissible import admissible
+from qvi_contact.companion.condensation import CondensedBody
+from qvi_contact.companion.data import load_vector, supports
+from qvi_contact.companion.dual import Contacts, DualProblem, dual_problem
+from qvi_contact.companion.elasticity import Elasticity
+from qvi_contact.companion.result import CompanionResult
+from qvi_contact.companion.space import Space
+from qvi_contact.companion.state import CompanionState
+from qvi_contact.companion.traces import traces
+from qvi_contact.errors import InputError
+from qvi_contact.problem import ContactProblem
+from qvi_contact.scaling import Scales
+from solvers import Certificate, QVISolution, Status, solve_qvi
+from solvers.certificate import EXPONENTS
+from solvers.factorisation import FactorisationError
+from solvers.factorisation.choice import using
+
+DEGREES = (2, 3, 4)
+
+_FAILURES = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY}
+
+_INDICATOR = "The friction bound follows from this model's own contact forces: the energy is that of a moving bound."
+
+
+def solve_companion(
+    problem: ContactProblem,
+    *,
+    bounds: Mapping[str, ArrayLike] | None = None,
+    degree: int = 2,
+    tolerance: float = 1e-8,
+) -> CompanionResult:
+    """Displacements of a contact problem, by conforming elements Q_p on the problem's grid.
+
+    Minimises, over the displacements v of degree p that meet supports and contacts on whole edges,
+
+        J(v) = ½ ∫ ε:C:ε − ∫ b·v − ∫_{Γσ} T·v + Σ ∫ s |v_T − w| − Σ F·q       v_N ≤ g  (= g, and v_T = w where tied)
+
+    with q the motions of plates under F, relative to which v_N and v_T count on their contacts. J(v) is an upper bound
+    of the exact minimum for the same s.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    bounds : mapping, optional
+        For every contact that is not tied the friction bound s ≥ 0 [stress] as Bernstein coefficients (edges, 3),
+        edges in the order of ``problem.mesh.edges(contact.edges)`` and along +x or +y (Tresca's law). By default the
+        contacts' own laws, with the pressure of this model's contact forces.
+    degree : 2, 3 or 4
+        p.
+    tolerance : float
+        Accuracy that the certificate of the contact forces must confirm.
+
+    Returns
+    -------
+    CompanionResult
+        With a status; a failure to solve does not raise.
+
+    Raises
+    ------
+    InputError
+        If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance.
+
+    Notes
+    -----
+    In the minimisation ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i; the energy of the result has the
+    integral itself. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points.
+
+    """
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
+    if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or degree not in DEGREES:
+        raise InputError("degree", degree, f"give one of {', '.join(map(str, DEGREES))}")
+    if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float)) and 0.0 < tolerance < 1.0):
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    scales = Scales.of(problem)
+    space = Space.of(problem, int(degree), scales.length)
+    body = Elasticity(space, moduli(problem, scales))
+    lines, reasons = traces(problem, space, scales, bounds)
+    held = supports(problem, space, scales)
+    load, remarks = load_vector(problem, body, scales)
+    contacts = Contacts.of(lines, space.size)
+    reasons = held.reasons + remarks + reasons
+    if bounds is None and any(np.any(trace.friction > 0.0) for trace in lines):
+        reasons += (_INDICATOR,)
+    with using("auto", None, space.size):
+        try:
+            condensed = CondensedBody.of(body, load, held, contacts.touched)
+            dual = dual_problem(contacts, condensed)
+        except (FactorisationError, MemoryError) as error:
+            return _failed(problem, space, scales, error, tolerance)
+        solution = solve_qvi(dual.qvi, tolerance=tolerance)
+        state = _state(dual, solution, load) if _usable(solution) else None
+    return CompanionResult(
+        problem, int(degree), scales, space, body, solution.status, solution.certificate, solution.message,
+        state, reasons + (state.reasons if state else ()), solution,
+    )  # fmt: skip
+
+
+def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
+    """C = c⁻¹ of every active cell, dimensionless, (cells, 3, 3)."""
+    return np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)
+
+
+def _usable(solution: QVISolution) -> bool:
+    return solution.status is not Status.INFEASIBLE and bool(np.isfinite(solution.z).all())
+
+
+def _state(dual: DualProblem, solution: QVISolution, load: FloatArray) -> CompanionState:
+    contacts, n = dual.contacts, dual.contacts.count
+    bound = np.full(n, np.inf)
+    bound[dual.limited] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
+    values, plates = dual.displacements(solution)
+    v, c, reasons = admissible(dual, values, plates, solution.z, bound)
+    return CompanionState(contacts, v, c, plates, np.where(dual.live, solution.z, 0.0), bound, load, reasons)
+
+
+def _failed(
+    problem: ContactProblem, space: Space, scales: Scales, error: FactorisationError | MemoryError, tolerance: float
+) -> CompanionResult:
+    reason = error.reason if isinstance(error, FactorisationError) else "memory"
+    status = _FAILURES.get(reason, Status.BACKEND_FAILED)
+    certificate = Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
+    message = f"{status}: {error or 'out of memory'}"
+    body = Elasticity(space, moduli(problem, scales))
+    return CompanionResult(
+        problem, space.degree, scales, space, body, status, certificate, message, None, (message,), None
+    )

@@ -1,0 +1,305 @@
+"""Contact traces in the displacement model: Bernstein coefficients of v_N and v_T, and the laws at each of them.
+
+On an edge the relative displacement is Σ c_i B_i; c is a difference of two degrees of freedom on a joint, and one of
+them with the sign of the normal elsewhere. A plate driven by force adds its motion: then c is what the body moves
+beyond it. Forces z conjugate to c are
+
+    z_i = ∫ σ B_i ds = W_i τ_i,   W_i = ∫ B_i ds,
+
+mean tractions τ_i [stress] weighted by the positive B_i. The laws hold for them: c_N ≤ g, τ_N ≤ 0 and |τ_T| ≤ s_i with
+s_i = ∫ s B_i ds / W_i, under Coulomb's law min(cohesion + μ_i |τ_N|, cap), μ_i at the coefficient's own point.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import sparse
+
+from qvi_contact.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.companion import bernstein
+from qvi_contact.companion.data import MISFIT, edge_data, load_points
+from qvi_contact.companion.space import Space
+from qvi_contact.conditions import Contact, Law
+from qvi_contact.errors import InputError
+from qvi_contact.hermite import gauss_legendre
+from qvi_contact.mesh import HORIZONTAL, Edges
+from qvi_contact.plates import COMPONENTS
+from qvi_contact.problem import ContactProblem
+from qvi_contact.scaling import Scales
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One contact; dimensionless, arrays over its n coefficients unless said otherwise.
+
+    Attributes
+    ----------
+    name, law
+        Of the contact.
+    edges : Edges
+        In the mesh's order.
+    columns : (e, p + 1) int array
+        Coefficients on each edge, numbers below n.
+    places : (n, 2) array
+        Where the coefficients sit.
+    weights : (n,) array
+        W = ∫ B_i ds.
+    normal, tangential : (n, size) sparse arrays
+        c_N and c_T from the degrees of freedom of the body.
+    friction, cohesion, shear_limit : (n,) arrays
+        μ_i, c_i and the cap; cohesion is the whole bound, and μ zero, where the bound is given.
+    gap, offset : (n,) arrays
+        Coefficients of g and w.
+    bound : (e, 3) array or None
+        The given bound s on each edge.
+    motions : tuple of (component, normal (n,), tangential (n,), resultant)
+        For each given component of a plate what c of the plate itself is when it moves by 1, and the force or moment.
+
+    """
+
+    name: str
+    law: Law
+    edges: Edges
+    columns: IntArray
+    places: FloatArray
+    weights: FloatArray
+    normal: sparse.csr_array
+    tangential: sparse.csr_array
+    friction: FloatArray
+    cohesion: FloatArray
+    shear_limit: FloatArray
+    gap: FloatArray
+    offset: FloatArray
+    bound: FloatArray | None
+    motions: tuple[tuple[str, FloatArray, FloatArray, float], ...]
+    lengths: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients n."""
+        return len(self.weights)
+
+    @property
+    def tied(self) -> BoolArray:
+        """Whether the contact is tied, at each coefficient."""
+        return np.full(self.count, self.law == "tied")
+
+    @property
+    def bilateral(self) -> BoolArray:
+        """Whether it keeps its distance, at each coefficient."""
+        return np.full(self.count, self.law != "unilateral")
+
+
+def traces(
+    problem: ContactProblem, space: Space, scales: Scales, bounds: Mapping[str, ArrayLike] | None
+) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
+    """The traces of all contacts in the order of the problem, and why their laws are not met exactly."""
+    given = checked_bounds(problem, bounds)
+    found, reasons = [], list[str]()
+    for contact in problem.contacts:
+        bound = given.get(contact.name)
+        trace, remarks = _trace(problem, space, scales, contact, None if bound is None else bound / scales.stress)
+        found.append(trace)
+        reasons += remarks
+    return tuple(found), tuple(reasons)
+
+
+def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | None) -> dict[str, FloatArray]:
+    """Given friction bounds (edges, 3) by contact [stress]; those of tied contacts are left out.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or missing, a shape is another one, or a bound is not a number or negative somewhere.
+
+    """
+    if bounds is None:
+        return {}
+    if not isinstance(bounds, Mapping):
+        raise InputError("bounds", bounds, "give a mapping from names of contacts to arrays (edges, 3), or nothing")
+    known = [contact.name for contact in problem.contacts]
+    for name in bounds:
+        if name not in known:
+            raise InputError("bounds", name, f"name contacts of the problem: {', '.join(known) or 'there is none'}")
+    found = {}
+    for contact in problem.contacts:
+        if contact.law == "tied":
+            continue
+        if contact.name not in bounds:
+            raise InputError("bounds", contact.name, "give a bound for every contact that is not tied")
+        found[contact.name] = _checked_bound(problem, contact, bounds[contact.name])
+    return found
+
+
+def _checked_bound(problem: ContactProblem, contact: Contact, bound: ArrayLike) -> FloatArray:
+    field = f"bounds[{contact.name!r}]"
+    try:
+        values = np.array(bound, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(field, bound, "give an array of numbers") from error
+    shape = (len(problem.mesh.edges(contact.edges)), 3)
+    if values.shape != shape:
+        raise InputError(field, f"shape {values.shape}", f"give Bernstein coefficients of shape {shape}")
+    if not np.isfinite(values).all():
+        raise InputError(field, "NaN or infinity", "give finite numbers")
+    low = values[:, 1] + np.sqrt(np.maximum(values[:, 0] * values[:, 2], 0.0))
+    size = np.abs(values).max(initial=0.0)
+    if min(values[:, [0, 2]].min(initial=0.0), low.min(initial=0.0)) < -1e-12 * size:
+        raise InputError(field, float(values.min()), "give a bound that is ≥ 0 all along each edge")
+    return values
+
+
+def _trace(
+    problem: ContactProblem, space: Space, scales: Scales, contact: Contact, bound: FloatArray | None
+) -> tuple[Trace, list[str]]:
+    mesh, p = problem.mesh, space.degree
+    edges = mesh.edges(contact.edges)
+    joint = contact in problem.joints
+    near = space.along(edges)
+    far = space.along(edges, other=True) if joint else near
+    pairs, columns = np.unique(np.stack([near.ravel(), far.ravel()], axis=1), axis=0, return_inverse=True)
+    columns = columns.reshape(near.shape)
+    n, lengths = len(pairs), mesh.edge_lengths(edges) / scales.length
+    axis, sign = _by_coefficient(columns, n, edges.axis), _by_coefficient(columns, n, edges.sign)
+    tangent = np.where(axis == HORIZONTAL, 0, 1)
+    normal, tangential = (
+        _rows(pairs, component, factor, space.size, joint)
+        for component, factor in ((1 - tangent, sign), (tangent, np.ones(n)))
+    )
+    weights = _sums(columns, n, np.repeat(lengths[:, None] / (p + 1), p + 1, axis=1))
+    reasons: list[str] = []
+    gap = _obstacle(problem, space, scales, contact, edges, columns, n, "gap", reasons)
+    offset = _obstacle(problem, space, scales, contact, edges, columns, n, "offset", reasons)
+    places = space.places[pairs[:, 0]]
+    friction, cohesion, limit = _law(problem, scales, contact, edges, columns, places, weights, lengths, p, bound)
+    motions = _motions(problem, scales, contact, edges, places, axis, sign)
+    trace = Trace(
+        contact.name, contact.law, edges, columns, places, weights, normal, tangential,
+        friction, cohesion, limit, gap, offset, bound, motions, lengths,
+    )  # fmt: skip
+    return trace, reasons
+
+
+def _by_coefficient(columns: IntArray, n: int, values: FloatArray | IntArray) -> FloatArray:
+    """Values of edges (e,) at the coefficients (n,) that lie on them."""
+    found = np.zeros(n)
+    found[columns] = values[:, None]
+    return found
+
+
+def _sums(columns: IntArray, n: int, values: FloatArray) -> FloatArray:
+    return np.asarray(np.bincount(columns.ravel(), values.ravel(), minlength=n), dtype=np.float64)
+
+
+def _rows(pairs: IntArray, component: IntArray, factor: FloatArray, size: int, joint: bool) -> sparse.csr_array:
+    """(n, size): factor × component of the first of each pair, on a joint less that of the second."""
+    number = np.arange(len(pairs))
+    rows = sparse.csr_array((factor, (number, 2 * pairs[:, 0] + component)), shape=(len(pairs), size))
+    if joint:
+        rows = rows - sparse.csr_array((factor, (number, 2 * pairs[:, 1] + component)), shape=rows.shape)
+        rows.eliminate_zeros()
+    return sparse.csr_array(rows)
+
+
+def _obstacle(
+    problem: ContactProblem,
+    space: Space,
+    scales: Scales,
+    contact: Contact,
+    edges: Edges,
+    columns: IntArray,
+    n: int,
+    kind: str,
+    reasons: list[str],
+) -> FloatArray:
+    """Coefficients (n,) of the gap or offset; at a jump between edges the smaller one."""
+    field: Field = getattr(contact, kind)
+    data = edge_data(problem, edges, f"Contact.{kind}", field, space.degree, scales.displacement)
+    least = np.full(n, np.inf)
+    np.minimum.at(least, columns, data.coefficients)
+    size = max(1.0, float(np.abs(least).max(initial=0.0)))
+    misfit = data.misfit
+    if contact.law != "unilateral" or kind == "offset":
+        misfit = max(misfit, float(np.abs(least[columns] - data.coefficients).max(initial=0.0)))
+    if misfit > MISFIT * size:
+        reasons.append(
+            f"The {kind} of {contact.name!r} is no continuous polynomial of degree {space.degree} on each edge: it is "
+            f"interpolated, and differs by up to {misfit * scales.displacement:.2g} [length]."
+        )
+    return least
+
+
+def _law(
+    problem: ContactProblem,
+    scales: Scales,
+    contact: Contact,
+    edges: Edges,
+    columns: IntArray,
+    places: FloatArray,
+    weights: FloatArray,
+    lengths: FloatArray,
+    degree: int,
+    bound: FloatArray | None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """μ, cohesion and cap at the coefficients; a given bound takes the place of all three."""
+    n, mesh = len(weights), problem.mesh
+    none = np.full(n, np.inf)
+    if bound is not None:
+        mean = bound @ bernstein.product_integrals(2, degree) * lengths[:, None]
+        return np.zeros(n), np.maximum(_sums(columns, n, mean) / weights, 0.0), none
+    x, y = mesh.x[0] + scales.length * places[:, 0], mesh.y[0] + scales.length * places[:, 1]
+    friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
+    t, w = gauss_legendre(load_points(degree))
+    shape = bernstein.basis(degree, t) * w[:, None]
+
+    def mean_of(name: str, field: Field) -> FloatArray:
+        if not callable(field):
+            return np.full(n, float(field) / scales.stress)
+        values = evaluate(name, field, *mesh.points_along(edges, t), minimum=0.0) / scales.stress
+        return _sums(columns, n, lengths[:, None] * (values @ shape)) / weights
+
+    cohesion = mean_of("Contact.cohesion", contact.cohesion)
+    limit = none if contact.shear_limit is None else mean_of("Contact.shear_limit", contact.shear_limit)
+    return friction, cohesion, limit
+
+
+def _motions(
+    problem: ContactProblem,
+    scales: Scales,
+    contact: Contact,
+    edges: Edges,
+    places: FloatArray,
+    axis: FloatArray,
+    sign: FloatArray,
+) -> tuple[tuple[str, FloatArray, FloatArray, float], ...]:
+    """What each given component of a plate does; moments count from `RigidPlate.reference`."""
+    plate = contact.plate
+    if plate is None:
+        return ()
+    centre = plate_centre(problem, edges)
+    reference = plate.reference(*centre)
+    origin = np.array([problem.mesh.x[0], problem.mesh.y[0]])
+    arm_x, arm_y = (places - (np.array(reference) - origin) / scales.length).T
+    one, zero = np.ones(len(places)), np.zeros(len(places))
+    fields = {"force_x": (one, zero), "force_y": (zero, one), "moment": (-arm_y, arm_x)}
+    flat = axis == HORIZONTAL
+    found = []
+    for component in COMPONENTS:
+        if getattr(plate, component) is None:
+            continue
+        along_x, along_y = fields[component]
+        moment = component == "moment"
+        given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
+        size = scales.stress * scales.length ** (2 if moment else 1)
+        normal, tangential = sign * np.where(flat, along_y, along_x), np.where(flat, along_x, along_y)
+        found.append((component, normal, tangential, given / size))
+    return tuple(found)
+
+
+def plate_centre(problem: ContactProblem, edges: Edges) -> tuple[float, float]:
+    """Centre of a contact's line [length]."""
+    lengths = problem.mesh.edge_lengths(edges)
+    x, y = problem.mesh.points_along(edges, np.array([0.5]))
+    return float(np.average(x[:, 0], weights=lengths)), float(np.average(y[:, 0], weights=lengths))

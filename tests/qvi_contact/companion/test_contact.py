@@ -1,0 +1,430 @@
+"""Contact in the displacement model: admissible on whole edges, energies from above, values of other codes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    ContactState,
+    Displacement,
+    Material,
+    RectilinearMesh,
+    Region,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    exact,
+    solve,
+)
+from qvi_contact.companion import bernstein, solve_companion
+from qvi_contact.companion.dual import DualProblem
+from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
+from solvers import Status
+
+OPEN, STICK, SLIP = ContactState
+STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
+MESH = RectilinearMesh([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
+INSIDE = np.linspace(0.0, 1.0, 101)
+HALF_FORCES = {0.05: 210.60643, 0.1: 212.24243, 0.15: 213.55884, 0.2: 214.23323, 0.25: 214.36766, 0.4: 214.36766}
+"""GetFEM and NGSolve on graded meshes, each within 3e-5."""
+
+
+def companion_of(problem, **options):
+    """A companion that must be solved."""
+    found = solve_companion(problem, **options)
+    assert found.status is Status.SOLVED, found.message
+    return found
+
+
+def plate(contact, cells=(4, 4), **options):
+    """The compressed plate with another contact on its top."""
+    problem = compressed_plate(0.0, cells, **options)
+    return replace(problem, conditions=[*problem.conditions[:3], contact])
+
+
+class TestCompressedPlate:
+    """The paper's plate."""
+
+    @pytest.mark.parametrize("friction", HALF_FORCES)
+    def test_other_codes(self, friction):
+        """Largest error 3.4e-6 with 12 × 12 cells."""
+        companion = companion_of(compressed_plate(friction, (12, 12), grading=0.85), degree=4)
+        assert companion.contacts["plate"].normal_force == pytest.approx(HALF_FORCES[friction], rel=5e-6)
+
+    @pytest.mark.parametrize(("degree", "rate"), [(2, 1.42), (3, 1.42)])
+    def test_bonded_energy_falls_at_the_rate_of_the_corner(self, degree, rate):
+        """Williams: σ ~ r^(λ − 1) with λ = 0.711 at a right angle, bonded and free, ν = 0.3: energy error ~ h^(2λ)."""
+        energies = [
+            companion_of(plate(Contact.tied("top", gap=-1e-3), (n, n)), degree=degree).energy for n in (3, 6, 12, 24)
+        ]
+        steps = -np.diff(energies)
+        assert (steps > 0.0).all()
+        assert np.log2(steps[:-1] / steps[1:]) == pytest.approx(rate, abs=0.12)
+
+    @pytest.mark.parametrize("degree", [2, 3, 4])
+    @pytest.mark.parametrize(
+        "contact",
+        [
+            Contact.tied("top", gap=-1e-3),
+            Contact.tresca("top", 20.0, gap=-1e-3),
+            Contact("top", 0.0, gap=-1e-3, cohesion=15.0, law="bilateral"),
+            Contact.tresca("top", 20.0, gap=lambda x, _: -1e-3 * (1.0 - 1.3 * x**2)),
+        ],
+        ids=["tied", "Tresca", "bilateral", "curved"],
+    )
+    def test_energy_from_above(self, contact, degree):
+        """Never below the equilibrium model's, and falling on nested meshes."""
+        upper, lower = [], []
+        for n in (2, 4, 8):
+            problem = plate(contact, (n, n))
+            companion = companion_of(problem, degree=degree)
+            assert companion.reasons == ()
+            upper.append(companion.energy)
+            lower.append(-solve(problem).energies.complementary)
+        assert (np.diff(upper) < 0.0).all()
+        assert (np.array(upper) > np.array(lower)).all()
+        assert upper[-1] - lower[-1] < 0.4 * (upper[0] - lower[0])
+
+    def test_frictionless_closes_the_gap(self):
+        problem = plate(Contact.frictionless("top", gap=-1e-3), (3, 2))
+        upper, lower = companion_of(problem).energy, -solve(problem).energies.complementary
+        assert upper == pytest.approx(lower, rel=1e-12)
+
+    def test_higher_degree_is_lower(self):
+        problem = plate(Contact.tresca("top", 20.0, gap=-1e-3), (4, 4))
+        energies = [companion_of(problem, degree=degree).energy for degree in (2, 3, 4)]
+        assert energies[0] > energies[1] > energies[2]
+
+
+def edge_values(problem, contact, field):
+    return field(*problem.mesh.points_along(problem.mesh.edges(contact.edges), INSIDE))
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_no_penetration_between_nodes(degree):
+    """A curved obstacle, touched in its middle only: v_N ≤ g at 101 points of every edge, to rounding."""
+
+    def gap(x, _):
+        return -2e-3 + 6e-3 * (x - 0.9) ** 2
+
+    problem = ContactProblem(
+        MESH,
+        STEEL,
+        [Contact("top", 0.3, gap), Displacement("bottom", 0.0, 0.0), Traction("left", 0.0, 0.0),
+         Traction("right", 0.0, 0.0)],
+    )  # fmt: skip
+    companion = companion_of(problem, degree=degree)
+    normal, _ = companion.trace("top", INSIDE)
+    opening = edge_values(problem, problem.contacts[0], gap) - normal
+    assert opening.min() > -1e-15
+    assert opening.max() > 1e-4
+    assert {OPEN, STICK} <= set(companion.contacts["top"].state)
+
+
+def test_given_bound():
+    """Tresca by `bounds` is Tresca by cohesion; the energy's friction is ∫ s |v_T − w| by quadrature."""
+    problem = ssnv128((6, 6))
+    t = np.linspace(0.0, 1.0, 3)
+    x, _ = problem.mesh.points_along(problem.mesh.edges("bottom"), t)
+    s = 2e7 * (1.0 + 30.0 * x)  # linear: Bernstein coefficients are values
+    base = Contact("bottom", 0.0, cohesion=lambda px, _: 2e7 * (1.0 + 30.0 * px), name="base")
+    tresca = replace(problem, conditions=[base, *problem.conditions[1:]])
+    one, other = companion_of(problem, bounds={"base": s}), companion_of(tresca)
+    assert one.contacts["base"].slip == pytest.approx(other.contacts["base"].slip, abs=1e-9 * 4e-5)
+    assert one.contacts["base"].tangential_force == pytest.approx(other.contacts["base"].tangential_force, rel=1e-9)
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    _, slip = one.trace("base", (1 + nodes) / 2)
+    bound = s @ bernstein.basis(2, (1 + nodes) / 2).T
+    expected = float(((bound * np.abs(slip)) @ weights).sum() / 2 * 0.04 / 6)
+    assert one.parts.friction == pytest.approx(expected, rel=1e-3)
+    assert one.energy == pytest.approx(one.parts.strain - one.parts.load + one.parts.friction, rel=1e-14)
+
+
+def test_friction_where_slip_changes_sign():
+    """The integral itself is in the energy, not the sum over coefficients that bounds it from above."""
+    mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+    ground = Contact.tresca("bottom", 0.1, offset=lambda x, _: 1e-2 * (x - 0.9), name="ground")
+    conditions = [ground, Displacement("top", 0.0, -1e-3), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    s = np.tile([0.05, 0.1, 0.2], (3, 1))
+    companion = companion_of(ContactProblem(mesh, STEEL, conditions), bounds={"ground": s})
+    t = (np.arange(20000) + 0.5) / 20000
+    x, _ = mesh.points_along(mesh.edges("bottom"), t)
+    slip = np.abs(companion.trace("ground", t)[1] - 1e-2 * (x - 0.9))
+    expected = float((slip * (s @ bernstein.basis(2, t).T)).mean(axis=1).sum() * 2.0 / 3.0)
+    line = companion.contacts["ground"]
+    above = float(line.weights @ (line.friction_bound * np.abs(line.slip)))
+    assert companion.parts.friction == pytest.approx(expected, rel=1e-7)
+    assert above > 1.01 * expected
+
+
+@pytest.mark.parametrize("law", ["unilateral", "bilateral", "tied"])
+def test_a_rough_solution_becomes_admissible(law, monkeypatch):
+    """Contact displacements 1e-9 off are moved back to the obstacle before the energy is computed."""
+    exact_values = DualProblem.displacements
+    noise = np.random.default_rng(0)
+
+    def rough(self, solution):
+        values, plates = exact_values(self, solution)
+        return values + 1e-9 * noise.normal(size=len(values)), plates
+
+    friction = 0.0 if law == "tied" else 1.0
+    problem = plate(Contact("top", friction, -1e-3, law=law, name="plate"))
+    best = companion_of(problem)
+    monkeypatch.setattr(DualProblem, "displacements", rough)
+    companion = companion_of(problem)
+    normal, tangential = companion.trace("plate", INSIDE)
+    assert (best.contacts["plate"].state == STICK).all()  # so that every coefficient has its place
+    assert normal == pytest.approx(-1e-3, abs=1e-17)
+    assert tangential == pytest.approx(0.0, abs=1e-17)
+    assert companion.reasons == best.reasons
+    assert companion.energy == pytest.approx(best.energy, rel=1e-8)
+
+
+def test_it_is_the_minimum():
+    """Half the work of the loads: J(v) = −½ a(v, v) where g = w = 0 and slip has one sign."""
+    companion = companion_of(ssnv128((8, 8)), bounds={"base": np.full((8, 3), 3e7)})
+    assert companion.energy == pytest.approx(-companion.parts.strain, rel=1e-9)
+
+
+def test_full_slip_exactly():
+    """The sliding block: a uniform state that Q_2 contains, with the bound given; both energies agree."""
+    problem, state = sliding_block()
+    companion = companion_of(problem, bounds={"base": np.full((3, 3), 30.0)})
+    x, y = np.random.default_rng(0).uniform(size=(2, 30)) * [[2.0], [1.0]]
+    expected = np.moveaxis(state.displacement(x, y), 0, -1)
+    assert companion.displacement(x, y) == pytest.approx(expected, abs=1e-12)
+    assert companion.reasons == ()
+    assert companion.energy == pytest.approx(-solve(problem).energies.complementary, rel=1e-10)
+
+
+class TestSsnv128:
+    """Code_Aster's plate on a rigid plane, against published and settled values."""
+
+    X = np.array([0.0, 1.25e-3, 5e-3, 7.5e-3, 11.25e-3])
+
+    def test_it(self):
+        companion = companion_of(ssnv128((24, 24)), degree=3)
+        line = companion.contacts["base"]
+        assert line.normal_force == pytest.approx(2e6, rel=1e-10)
+        assert line.tangential_force == pytest.approx(-1.40535e6, rel=5e-4)
+        settled = np.array([2.8603e-5, 2.7226e-5, 2.2868e-5, 1.9808e-5, 1.5414e-5])
+        assert companion.displacement(self.X, 0 * self.X)[:, 0] == pytest.approx(settled, abs=3e-9)
+        assert line.x[line.state == OPEN].max() < 3.3e-3
+        assert line.x[line.state == SLIP].min() < 4.2e-3
+        assert line.x[line.state == STICK].min() == pytest.approx(29.8e-3, abs=1e-3)
+        assert -line.normal_stress[-1] == pytest.approx(8.388e7, rel=2e-3)
+
+    def test_without_friction(self):
+        companion = companion_of(ssnv128((3, 2), friction=0.0))
+        assert companion.displacement(0.0, 0.0)[0] == pytest.approx(4.061538461538e-5, rel=1e-11)
+
+
+def block(shear, friction=0.3):
+    """A block under pressure 5, dragged along by a uniform shear on its top, by a plate of no mass."""
+    mesh = RectilinearMesh.rectangle((6, 3), 2.0, 1.0)
+    conditions = [
+        Contact("bottom", friction, name="ground"),
+        Traction("top", shear, -5.0),
+        Traction("left", 0.0, lambda x, _: -shear + 0 * x),
+        Traction("right", 0.0, lambda x, _: shear + 0 * x),
+    ]
+    return ContactProblem(mesh, STEEL, conditions)
+
+
+class TestDraggedBlock:
+    """What friction can carry, exactly up to μ p."""
+
+    @pytest.mark.parametrize("shear", [1.0, 1.499])
+    def test_carried(self, shear):
+        companion = companion_of(block(shear))
+        ground = companion.contacts["ground"]
+        assert ground.normal_force == pytest.approx(10.0, rel=1e-9)
+        assert ground.tangential_force == pytest.approx(-2 * shear, rel=1e-9)
+
+    def test_beyond_the_limit(self):
+        companion = solve_companion(block(1.501))
+        assert companion.status is Status.INFEASIBLE
+        assert not companion.has_state
+        assert "reduce" in companion.status.advice
+
+
+def squeezed(mesh, joints=()):
+    """Pressed from all sides by loads that shear it as well; two materials."""
+    conditions = [
+        Symmetry("bottom"),
+        Displacement("left", x=lambda _, y: 1e-3 * y),
+        Traction("left", y=0.0),
+        Traction("right", x=lambda _, y: -10.0 - 3.0 * y, y=lambda _, y: 4.0 * y * (1.0 - y)),
+        Traction("top", x=lambda x, _: 3.0 * x * (2.0 - x), y=lambda x, _: -12.0 + x),
+    ]
+    regions = [Region(FOAM, x=(0.3, 1.5), y=(0.4, 0.7))]
+    return ContactProblem(mesh, STEEL, [*conditions, *joints], regions=regions)
+
+
+JOINTS = {
+    "parallel": [("a", "horizontal", 0.4), ("b", "horizontal", 0.7)],
+    "ending inside": [("a", "horizontal", 0.4, 0.3, 1.5)],
+    "crossing": [("a", "horizontal", 0.4), ("b", "vertical", 0.8)],
+    "wall": [
+        ("a", "horizontal", 0.4), ("b", "horizontal", 0.7), ("c", "vertical", 0.8, 0.0, 0.4),
+        ("d", "vertical", 1.5, 0.4, 0.7), ("e", "vertical", 0.3, 0.7, 1.0),
+    ],
+}  # fmt: skip
+LAWS = {
+    "rough": {"friction": 20.0},
+    "glued": {"friction": 0.0, "cohesion": 1e4, "law": "bilateral"},
+    "tied": {"friction": 0.0, "law": "tied"},
+}
+
+
+@pytest.mark.parametrize("joints", JOINTS.values(), ids=JOINTS)
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_closed_joints_are_not_there(joints, law):
+    mesh = MESH
+    for joint in joints:
+        mesh = mesh.with_joint(*joint)
+    body = companion_of(squeezed(MESH))
+    companion = companion_of(squeezed(mesh, [Contact(name, **law) for name, *_ in joints]))
+    x, y = np.random.default_rng(3).uniform(size=(2, 50)) * [[2.0], [1.0]]
+    stress = body.stress(x, y)
+    assert companion.stress(x, y) == pytest.approx(stress, abs=1e-8 * np.abs(stress).max())
+    assert companion.energy == pytest.approx(body.energy, rel=1e-10)
+    for line in companion.contacts.values():
+        assert line.gap == pytest.approx(0.0, abs=1e-10)
+        assert line.slip == pytest.approx(0.0, abs=1e-10)
+
+
+def test_a_joint_that_slips():
+    """Forces across the joint are those of the equilibrium model, energies on both sides of the truth."""
+    mesh = MESH.with_joint("a", "horizontal", 0.4)
+    problem = squeezed(mesh, [Contact.tresca("a", 0.2)]).refined(0.12)
+    companion, result = companion_of(problem), solve(problem)
+    ours, theirs = companion.contacts["a"], result.contacts["a"]
+    assert (ours.state == SLIP).any()
+    assert ours.normal_force == pytest.approx(theirs.normal_force, rel=1e-9)
+    assert ours.tangential_force == pytest.approx(theirs.tangential_force, rel=0.05)
+    gap = companion.energy + result.energies.complementary
+    assert 0.0 < gap < 0.02 * abs(companion.energy)
+
+
+class TestPlates:
+    """Plates driven by force are the same as displacements they cause."""
+
+    PLATE = RigidPlate(force_x=0.5, force_y=-8.0, moment=-5.0, pivot=(0.7, -0.3))
+    GUIDED = RigidPlate(force_y=-8.0, moment=-5.0, pivot=(0.7, -0.3))  # turns about its pivot, far below the contact
+
+    def problem(self, contact):
+        conditions = [Contact.tied("bottom", name="ground"), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        return ContactProblem(MESH, STEEL, [*conditions, contact])
+
+    @pytest.mark.parametrize("plate", [PLATE, GUIDED], ids=["free", "guided"])
+    @pytest.mark.parametrize("law", [{"friction": 0.4}, {"friction": 0.0, "law": "tied"}])
+    def test_motion_imposed_instead(self, law, plate):
+        driven = companion_of(self.problem(Contact("top", name="plate", plate=plate, **law)))
+        line, motion = driven.contacts["plate"], driven.plates["plate"]
+        force_x, force_y = line.weights * line.tangential_stress, line.weights * line.normal_stress
+        assert plate.force_x is None or force_x.sum() == pytest.approx(0.5, rel=1e-9)
+        assert plate.force_x is not None or motion.x == 0.0
+        assert force_y.sum() == pytest.approx(-8.0, rel=1e-9)
+        moment = (line.x - 0.7) @ force_y - (line.y + 0.3) @ force_x
+        assert moment == pytest.approx(-5.0, rel=1e-9)
+        imposed = Contact(
+            "top",
+            gap=lambda x, y: motion.y + motion.rotation * (x - 0.7) + 0 * y,
+            offset=lambda x, y: motion.x - motion.rotation * (y + 0.3) + 0 * x,
+            name="plate",
+            **law,
+        )
+        held = companion_of(self.problem(imposed))
+        x, y = np.random.default_rng(3).uniform(size=(2, 50)) * [[2.0], [1.0]]
+        assert held.stress(x, y) == pytest.approx(driven.stress(x, y), abs=1e-7 * 8)
+        normal, tangential = driven.obstacle("plate", [0.0, 0.5])
+        assert normal == pytest.approx(edge_normal(motion, driven, [0.0, 0.5]), abs=1e-12)
+        work = (plate.force_x or 0.0) * motion.x - 8.0 * motion.y - 5.0 * motion.rotation
+        assert driven.energy == pytest.approx(held.energy - work, rel=1e-8)
+        assert driven.parts.load == pytest.approx(work, rel=1e-12)
+        assert tangential.shape == (4, 2)
+
+    def test_against_the_equilibrium_model(self):
+        problem = self.problem(Contact("top", 0.4, name="plate", plate=self.PLATE)).refined(0.3, 0.01)
+        companion, result = companion_of(problem), solve(problem)
+        for name in ("x", "y", "rotation"):
+            theirs = getattr(result.plates["plate"], name)
+            assert getattr(companion.plates["plate"], name) == pytest.approx(theirs, rel=2e-3)
+
+    def test_between_two_plates(self):
+        """The second resultant follows from the first; the body floats between them."""
+        conditions = [
+            Contact("top", 0.3, plate=RigidPlate(force_y=-5.0)),
+            Contact("bottom", 0.3, plate=RigidPlate(force_y=5.0)),
+            Symmetry("left"),
+            Traction("right", 0.0, 0.0),
+        ]
+        companion = companion_of(ContactProblem(MESH, STEEL, conditions))
+        assert companion.contacts["bottom"].normal_force == pytest.approx(5.0, rel=1e-9)
+        assert companion.plates["bottom"].y == 0.0
+        assert companion.plates["top"].y == pytest.approx(-2.3e-3, rel=0.1)
+
+
+def edge_normal(motion, companion, t):
+    x, _ = companion.problem.mesh.points_along(companion.problem.mesh.edges("top"), np.array(t))
+    return motion.y + motion.rotation * (x - 0.7)
+
+
+def box(gap, law="unilateral"):
+    """Two contact lines that end in one corner, tied ground, symmetry."""
+    conditions = [
+        Contact("top", 0.3, gap=-1e-3),
+        Contact("right", 0.2, gap=gap, law=law),
+        Symmetry("left"),
+        Contact.tied("bottom"),
+    ]
+    return ContactProblem(MESH, STEEL, conditions)
+
+
+def test_corner_between_two_contacts():
+    problem = box(1e-4).refined(0.25, 0.03)
+    companion, result = companion_of(problem, degree=3), solve(problem)
+    for name, accuracy in (("top", 2e-3), ("right", 0.02)):
+        ours, theirs = companion.contacts[name], result.contacts[name]
+        assert ours.normal_force == pytest.approx(theirs.normal_force, rel=accuracy)
+        assert ours.gap.min() > -1e-16
+
+
+def test_contradictions_are_named():
+    """The right side keeps a distance that the ground below it does not let it have."""
+    companion = solve_companion(box(1e-4, "bilateral"))
+    assert any("passes the obstacle" in reason for reason in companion.reasons)
+    assert not any("passes the obstacle" in reason for reason in companion_of(box(0.0, "bilateral")).reasons)
+
+
+def test_weight_on_both_sides_of_a_joint():
+    """A column under its own weight, cut and tied again: the exact state, whose potential acts on both faces."""
+    state = exact.gravity_column(STEEL, 4.0, 0.5)
+    mesh = RectilinearMesh([0.0, 0.5, 2.0], [-0.5, -0.1, 0.5]).with_joint("cut", "horizontal", -0.1)
+    sides = {"bottom": "uu", "right": "tt", "top": "tt", "left": "tt"}
+    whole = exact.problem_from_state(state, RectilinearMesh(mesh.x, mesh.y), STEEL, sides)
+    problem = replace(whole, mesh=mesh, conditions=[*whole.conditions, Contact.tied("cut")])
+    companion = companion_of(problem)
+    assert companion.displacement(0.7, 0.3) == pytest.approx(state.displacement(0.7, 0.3), abs=1e-14)
+    assert companion.contacts["cut"].normal_force == pytest.approx(4.0 * 0.6 * 2.0, rel=1e-10)
+
+
+def test_loads_alone():
+    """A body that nothing holds, in balance: stresses are there, and some displacement."""
+    conditions = [Traction("top", 0.0, -5.0), Traction("bottom", 0.0, 5.0)]
+    conditions += [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+    companion = companion_of(ContactProblem(MESH, STEEL, conditions))
+    assert companion.stress(0.7, 0.5) == pytest.approx([0.0, -5.0, 0.0], abs=1e-12)
+    assert companion.energy == pytest.approx(-0.5 * 25.0 / 1000.0 * 2.0, rel=1e-12)
+
+
+def test_nothing_happens_without_loads():
+    conditions = [Contact("bottom", 0.3), Contact.tied("left")]
+    conditions += [Traction(side, 0.0, 0.0) for side in ("top", "right")]
+    companion = companion_of(ContactProblem(MESH, STEEL, conditions))
+    assert companion.energy == pytest.approx(0.0, abs=1e-20)
+    assert companion.contacts["bottom"].normal_force == pytest.approx(0.0, abs=1e-9)

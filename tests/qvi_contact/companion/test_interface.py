@@ -1,0 +1,213 @@
+"""What the companion refuses, what it says of data it cannot meet, and its files and pictures."""
+
+import re
+
+import meshio
+import numpy as np
+import pytest
+
+from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, RectilinearMesh, Symmetry, Traction
+from qvi_contact.companion import solve_companion
+from qvi_contact.companion.export import write_vtu
+from qvi_contact.companion.plots import deformed_figure
+from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.plots import save_figure
+from qvi_contact.sampling import von_mises
+from qvi_contact.units import Units
+from solvers import Status
+
+STEEL = Material(1000.0, 0.3)
+PLATE = compressed_plate(0.1, (3, 2))
+FREE = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+
+
+def block(contact, top=None):
+    mesh = RectilinearMesh([0.0, 0.5, 1.0], [0.0, 0.4, 1.0])
+    return ContactProblem(mesh, STEEL, [contact, top or Traction("top", 0.0, -1.0), *FREE])
+
+
+class TestBadInput:
+    """Every mistake is an InputError that names the field."""
+
+    @pytest.mark.parametrize("degree", [1, 5, 2.5, "2", True, None, np.array([2, 3])])
+    def test_degree(self, degree):
+        with pytest.raises(InputError, match="degree"):
+            solve_companion(PLATE, degree=degree)
+
+    @pytest.mark.parametrize("tolerance", [0.0, 1.0, -1e-8, "small", None, True])
+    def test_tolerance(self, tolerance):
+        with pytest.raises(InputError, match="tolerance"):
+            solve_companion(PLATE, tolerance=tolerance)
+
+    def test_problem(self):
+        with pytest.raises(InputError, match="problem"):
+            solve_companion("plate")
+
+    @pytest.mark.parametrize(
+        ("bounds", "message"),
+        [
+            ({"roof": np.zeros((3, 3))}, "name contacts"),
+            ({}, "every contact"),
+            ([1.0], "mapping"),
+            ({"plate": np.zeros((2, 3))}, "shape"),
+            ({"plate": np.zeros((3, 2))}, "shape"),
+            ({"plate": "rough"}, "numbers"),
+            ({"plate": np.full((3, 3), np.nan)}, "finite"),
+            ({"plate": np.full((3, 3), np.inf)}, "finite"),
+            ({"plate": np.array([[1.0, 1.0, 1.0], [1.0, -1.01, 1.0], [1.0, 1.0, 1.0]])}, "≥ 0"),
+            ({"plate": np.array([[1.0, 1.0, 1.0], [-1e-3, 1.0, 1.0], [1.0, 1.0, 1.0]])}, "≥ 0"),
+        ],
+    )
+    def test_bounds(self, bounds, message):
+        with pytest.raises(InputError, match=re.escape(message)):
+            solve_companion(PLATE, bounds=bounds)
+
+    def test_a_bound_that_touches_zero_is_one(self):
+        """Coefficients (1, −1, 1) are (1 − 2t)² ≥ 0."""
+        companion = solve_companion(PLATE, bounds={"plate": np.tile([1.0, -1.0, 1.0], (3, 1))})
+        assert companion.status is Status.SOLVED
+
+    def test_loads_out_of_balance(self):
+        mesh = RectilinearMesh.rectangle((2, 2))
+        conditions = [Traction("top", 0.0, -1.0), Traction("bottom", 0.0, 0.9), *FREE]
+        with pytest.raises(InputError, match="balance"):
+            solve_companion(ContactProblem(mesh, STEEL, conditions))
+
+    def test_unknown_contact(self):
+        with pytest.raises(InputError, match="plate"):
+            solve_companion(PLATE).trace("roof", [0.5])
+
+
+class TestReasons:
+    """Data that polynomials do not meet are named; what they meet is not."""
+
+    def test_coulomb_has_a_moving_bound(self):
+        assert len(solve_companion(PLATE).reasons) == 1
+        assert solve_companion(PLATE, bounds={"plate": np.ones((3, 3))}).reasons == ()
+
+    @pytest.mark.parametrize("power", [2, 3, 5])
+    @pytest.mark.parametrize("degree", [2, 3])
+    @pytest.mark.parametrize("kind", ["gap", "offset", "support"])
+    def test_degree_of_the_data(self, kind, degree, power):
+        def field(x, y):
+            return 1e-3 * (x**power + 0 * y)
+
+        if kind == "support":
+            problem = block(Contact.frictionless("bottom"), Displacement("top", 0.0, lambda x, y: -0.1 + field(x, y)))
+        else:
+            problem = block(Contact("bottom", 0.0, cohesion=0.1, **{kind: field}))
+        reasons = solve_companion(problem, degree=degree).reasons
+        assert bool(reasons) == (power > degree)
+        assert all("interpolated" in reason for reason in reasons)
+
+    def test_loads_that_no_quadrature_integrates(self):
+        smooth = block(Contact.frictionless("bottom"), Traction("top", 0.0, lambda x, y: -1.0 - x**9 + 0 * y))
+        rough = block(Contact.frictionless("bottom"), Traction("top", 0.0, lambda x, y: -np.sqrt(x) + 0 * y))
+        assert solve_companion(smooth).reasons == ()
+        assert any("quadrature" in reason for reason in solve_companion(rough).reasons)
+
+    def test_supports_that_disagree_in_a_corner(self):
+        conditions = [Displacement("left", 0.0, 0.0), Displacement("top", 0.01, 0.0)]
+        conditions += [Traction(side, 0.0, 0.0) for side in ("right", "bottom")]
+        reasons = solve_companion(ContactProblem(RectilinearMesh.rectangle((2, 2)), STEEL, conditions)).reasons
+        assert any("disagree" in reason for reason in reasons)
+
+    def test_a_support_that_passes_the_obstacle(self):
+        mesh = RectilinearMesh.rectangle((2, 2))
+        conditions = [
+            Contact.frictionless("bottom", gap=-1e-3),
+            Displacement("left", 0.0, 0.0),
+            Traction("right", 0.0, 0.0),
+            Traction("top", 0.0, -1.0),
+        ]
+        reasons = solve_companion(ContactProblem(mesh, STEEL, conditions)).reasons
+        assert any("passes the obstacle" in reason for reason in reasons)
+
+
+@pytest.fixture(scope="module")
+def base():
+    return solve_companion(ssnv128((6, 5)))
+
+
+@pytest.fixture(scope="module")
+def lifted():
+    companion = solve_companion(block(Contact("bottom", 0.3), Traction("top", 0.0, 1.0)))
+    assert companion.status is Status.INFEASIBLE
+    return companion
+
+
+class TestOutput:
+    """Files and pictures hold the numbers of the result."""
+
+    def test_vtu(self, base, tmp_path):
+        path = tmp_path / "a.vtu"
+        write_vtu(path, base, Units("m", "Pa"))
+        grid = meshio.read(path)
+        x, y, _ = grid.points.T
+        found = grid.point_data["displacement [m]"]
+        inside = np.abs(x / 0.04 * 6 % 1 - 0.5) < 0.4
+        inside &= np.abs(y / 0.04 * 5 % 1 - 0.5) < 0.4
+        assert inside.sum() == 30 * 9
+        assert found[inside, :2] == pytest.approx(base.displacement(x[inside], y[inside]), abs=1e-15)
+        assert (found[:, 2] == 0.0).all()
+        stress = grid.point_data["stress [Pa]"][inside]
+        expected = base.stress(x[inside], y[inside])
+        assert stress[:, [0, 1, 3]] == pytest.approx(expected, abs=1e-5)
+        assert stress[:, 2] == pytest.approx(0.2 * (stress[:, 0] + stress[:, 1]))
+        assert grid.point_data["von Mises [Pa]"][inside] == pytest.approx(von_mises(expected, 0.2))
+        (quads,) = (block.data for block in grid.cells)
+        corners = grid.points[quads][..., :2]
+        edges = np.roll(corners, -1, axis=1) - corners
+        area = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
+        assert area.min() > 0.0
+        assert area.sum() == pytest.approx(0.04**2)
+
+    def test_suffix(self, base, tmp_path):
+        with pytest.raises(InputError, match="vtu"):
+            write_vtu(tmp_path / "a.txt", base)
+
+    def test_deformed_shape(self, base, tmp_path):
+        figure = deformed_figure(base, scale=50.0, units=Units("m", "Pa"))
+        axes = figure.axes[0]
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
+        assert "× 50" in axes.get_legend().get_title().get_text()
+        fills = axes.collections[1].get_paths()
+        first = fills[0].vertices[0]
+        assert first == pytest.approx(50.0 * base.displacement(0.0, 0.0), abs=1e-9)
+        save_figure(tmp_path / "a.png", figure)
+        assert (tmp_path / "a.png").stat().st_size > 5000
+
+    def test_automatic_scale(self, base):
+        """The largest displacement spans at most 8 % of the body, and more than 3 %."""
+        title = deformed_figure(base).axes[0].get_legend().get_title().get_text()
+        drawn = float(title.split("×")[1]) * np.abs(base.nodal_displacements).max() / 0.04
+        assert 0.03 < drawn <= 0.08
+
+    @pytest.mark.parametrize("scale", [0.0, -1.0, "big"])
+    def test_bad_scale(self, base, scale):
+        with pytest.raises(InputError, match="scale"):
+            deformed_figure(base, scale=scale)
+
+    def test_nothing_to_show(self, lifted, tmp_path):
+        for use in (
+            lambda: lifted.energy,
+            lambda: lifted.contacts,
+            lambda: lifted.plates,
+            lambda: lifted.stress(0.5, 0.5),
+            lambda: lifted.cell_strain([0.5], [0.5]),
+            lambda: lifted.nodal_displacements,
+            lambda: deformed_figure(lifted),
+            lambda: write_vtu(tmp_path / "a.vtu", lifted),
+        ):
+            with pytest.raises(InputError, match="infeasible"):
+                use()
+        assert not (tmp_path / "a.vtu").exists()
+        assert lifted.unknowns == 50
+
+    def test_symmetry_is_a_support(self):
+        """A line of symmetry holds its normal component exactly."""
+        mesh = RectilinearMesh.rectangle((2, 2))
+        conditions = [Symmetry("left"), Symmetry("bottom"), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)]
+        companion = solve_companion(ContactProblem(mesh, STEEL, conditions))
+        y = np.linspace(0.0, 1.0, 11)
+        assert (companion.displacement(0 * y, y)[:, 0] == 0.0).all()
