@@ -14,6 +14,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import linalg
 
+from qvi_contact.between_points import between_points
 from qvi_contact.checks import FloatArray, IntArray
 from qvi_contact.contact_rows import ContactRows
 from qvi_contact.discretization import Discretization
@@ -60,6 +61,11 @@ class ContactLine:
         projection as well, on continuous quadratic functions.
     state : (m,) int array
         `ContactState`: 0 open, 1 stick, 2 slip; see `contact_states` for the rule and its tolerance.
+    excess_between_points : float
+        Largest (|σ_T| − bound)⁺ anywhere on the contact [stress], with the bound of the pressure there: 0 at the points
+        up to the certificate's tolerance, and between them only where the inner solver is a "strict" one.
+    pull_between_points : float
+        Largest (σ_N)⁺ anywhere on a unilateral contact [stress]. Both are exact, see `between_points`.
 
     Notes
     -----
@@ -80,6 +86,8 @@ class ContactLine:
     gap: FloatArray
     slip: FloatArray
     state: IntArray
+    excess_between_points: float = 0.0
+    pull_between_points: float = 0.0
 
     @property
     def normal_force(self) -> float:
@@ -153,6 +161,7 @@ def contact_line(
     slip = -_project_tangential(rows, tangential_multiplier, _blind_nodes(discretization))
     bound = rows.bound(normal)
     may_open = rows.law == "unilateral"
+    violations = between_points(rows, normal, tangential)
     return ContactLine(
         name=rows.name,
         x=x,
@@ -165,6 +174,8 @@ def contact_line(
         gap=gap * scales.displacement,
         slip=slip * scales.displacement,
         state=contact_states(normal, tangential, bound, gap, slip, unit, unit, may_open=may_open),
+        excess_between_points=float(violations.excess.max(initial=0.0)) * scales.stress,
+        pull_between_points=float(violations.pull.max(initial=0.0)) * scales.stress,
     )
 
 

@@ -10,10 +10,11 @@ from scipy import sparse
 from qvi_contact.assembly import energy_matrix
 from qvi_contact.checks import FloatArray, IntArray
 from qvi_contact.contact_rows import ContactRows, contact_rows, joined, stacked, trace_rows
-from qvi_contact.element import Grid
+from qvi_contact.element import GAUSS_COUNT, Grid
 from qvi_contact.elimination import Elimination, UnbalancedLoadError, eliminate
 from qvi_contact.energy_root import StressRoot
 from qvi_contact.errors import InputError
+from qvi_contact.hermite import gauss_legendre
 from qvi_contact.loads import (
     body_load,
     cell_points,
@@ -26,7 +27,7 @@ from qvi_contact.plates import PlateRows, plate_rows
 from qvi_contact.problem import ContactProblem
 from qvi_contact.scaling import Scales
 from qvi_contact.substructures import substructures
-from solvers import FrictionQVI, Traces
+from solvers import EdgeRows, FrictionQVI, Traces
 
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
@@ -262,6 +263,7 @@ def _reduce(
         A=plates.A,
         b=plates.b,
         traces=Traces(Y @ basis, interpolation),
+        edges=EdgeRows(gauss_legendre(GAUSS_COUNT)[0]),
         structure=partial(substructures, problem, grid, scales, elimination),
     )
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,10 @@ from qvi_contact.stress import cell_stress, stress_at
 from qvi_contact.traces import EdgePoints
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.feasibility import AdmissibleRows
+from solvers.strict.threshold import strict_bound
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Bracket
 
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
@@ -156,7 +161,23 @@ class ContactResult:
                 f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
                 "single points; every edge keeps their resultant force and moment. Refine there for less.",
             )
-        return remarks
+        return remarks + self._inexact_bounds() if self.has_state else remarks
+
+    def _inexact_bounds(self) -> tuple[str, ...]:
+        """Contacts where a strict solve has used less than the law's own bound."""
+        qvi, found = self.solution.problem, []
+        if not qvi.strict or qvi.edges is None:
+            return ()
+        exact = strict_bound(qvi, qvi.normal(self.solution.z)).exact
+        for rows in self.discretization.contacts:
+            count = int((~exact[rows.rows.start // qvi.edges.count : rows.rows.stop // qvi.edges.count]).sum())
+            if count:
+                found.append(
+                    f"On {count} edge{'s' if count > 1 else ''} of {rows.name!r} the friction bound is no quadratic "
+                    "function: a smaller one is used there, and the stresses are admissible, but friction is "
+                    "underestimated. Refine there for less."
+                )
+        return tuple(found)
 
     @cached_property
     def traction_misfit(self) -> float:
@@ -292,6 +313,17 @@ class ContactResult:
             load += float(line.weights @ (gap * line.normal_stress + offset * line.tangential_stress))
             dissipation -= float(line.weights @ (line.tangential_stress * line.slip))
         return Energies(strain, load, strain - load, dissipation)
+
+    @cached_property
+    def bracket(self) -> "Bracket":
+        """Bounds of the energy and an error indicator for each cell, computed on first use; see `bracket.bracket`.
+
+        Displacement elements of degree 2 on the same grid are solved for it. Raises `InputError` without a stress
+        state, and for a step of a history.
+        """
+        from qvi_contact.bracket import bracket  # builds on this module
+
+        return bracket(self)
 
     def _multipliers(self, kind: str) -> FloatArray:
         """Row multipliers "normal", "tangential" or "equality"; says what is wrong if there are none."""

@@ -37,7 +37,8 @@ def solve(
         (4.1)-(4.4)). By default "condensed", and "fixed-point" where that fails and the contact is not large; another
         one if an inner solver or options are given that only that one takes.
     inner : str, optional
-        How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel", "direct:osqp" or
+        How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel", "direct:osqp",
+        "strict:<cvxpy name>" or "strict-direct:clarabel" (the contact law on whole edges, by cones), or
         "socp:<cvxpy name>"; `solvers.available()` lists what is installed. By default "qp:clarabel".
     tolerance : float
         Accuracy that the certificate must confirm, dimensionless.

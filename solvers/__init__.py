@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from solvers.certificate import Certificate, certify
+    from solvers.edges import EdgeRows
     from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError
     from solvers.feasibility import Feasibility, check_feasibility
     from solvers.inner.registry import available
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Certificate": "certificate",
+    "EdgeRows": "edges",
     "EnergyRoot": "problem",
     "Feasibility": "feasibility",
     "FrictionQVI": "problem",
@@ -42,6 +44,7 @@ _HOME = {
 
 __all__ = [
     "Certificate",
+    "EdgeRows",
     "EnergyRoot",
     "Feasibility",
     "FrictionQVI",

@@ -12,7 +12,7 @@ from solvers.solution import Iteration, QVISolution
 from solvers.status import Status
 from solvers.types import Vector
 
-_LOOSEST = 1e-4
+LOOSEST = 1e-4
 """A result whose accuracy is worse is not called inaccurate but by the reason why the iteration ended."""
 
 
@@ -78,7 +78,7 @@ def _status(reason: Status, certificate: Certificate) -> Status:
     """Solved only by certificate; a stop short of it is inaccurate if the result can be used."""
     if certificate.passed:
         return Status.SOLVED
-    if reason in (Status.SOLVED, Status.STALLED) and certificate.accuracy <= _LOOSEST:
+    if reason in (Status.SOLVED, Status.STALLED) and certificate.accuracy <= LOOSEST:
         return Status.INACCURATE
     return Status.STALLED if reason is Status.SOLVED else reason
 

@@ -8,6 +8,11 @@
 | `max_iterations` done                                              | max_iterations                |
 | the inner problem fails, or stays infeasible after restarts        | that of the inner problem     |
 
+With strict bounds (`strict`) s and g are affine on every edge, and g differs from |N z + n0| where that is no such
+function, see `strict.threshold`. From residuals below 1e-2 on Newton's method on the whole problem (`strict.newton`) is
+tried, whose result ends the iteration if its certificate passes; it is the last entry of the history then, with the
+certificate's accuracy as residual.
+
 residual = |g − s| / max(|g|, S) in the norm weighted by W, g = |N z(s) + n0| and S the certificate's scale of stress.
 The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so the residual is the error.
 """
@@ -15,7 +20,7 @@ The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -31,6 +36,10 @@ from solvers.inner.registry import make_inner, versions
 from solvers.problem import FrictionQVI
 from solvers.solution import Iteration, QVISolution
 from solvers.status import Status
+from solvers.strict.cones import strict_contradiction
+from solvers.strict.names import STRICT_DEFAULT
+from solvers.strict.newton import Newton
+from solvers.strict.threshold import affine_pressure, edge_rows, strict_pressure, strict_threshold
 from solvers.types import Vector
 
 Variant = Literal["plain", "damped", "anderson"]
@@ -44,6 +53,7 @@ _CYCLE_MATCH = 1e-4  # of the residual
 _PROGRESS = 0.9
 _ROUND_OFF = 1e-13  # of the bonded pressure
 _BREAKS = 6
+_CLOSE, _CLOSER = 1e-2, 0.2  # residual at which Newton's method is tried for strict bounds, and share for another try
 _NOISE = 1e-4  # a cycle smaller than this is the inner solver's noise, not the map's
 
 
@@ -105,6 +115,8 @@ class _State:
     progress: tuple[float, int] = (np.inf, 0)  # residual and number at the last substantial progress
     past: deque[Vector] = field(default_factory=lambda: deque(maxlen=_CYCLE_LENGTHS.stop))
     history: list[Iteration] = field(default_factory=list)
+    newton: Newton | None = None  # of strict problems
+    close: float = _CLOSE  # residual at which Newton's method is tried next
     recoveries: int = 0
     breaks: int = 0
     feasibility: Any = None
@@ -139,11 +151,12 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
 def _init(qvi: FrictionQVI, options: FixedPointOptions) -> _State:
     """Start: the given pressure or that of the bonded solution."""
     if options.initial is None:
-        s = qvi.pressure(qvi.bonded)
+        s = _start(qvi, qvi.bonded)
     else:
         s = np.array(options.initial, dtype=np.float64)
         if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:
             raise InputError("initial", options.initial, f"give a finite pressure ≥ 0 of shape ({qvi.m},)")
+        s = affine_pressure(qvi, s) if qvi.strict else s
     accelerate = options.variant == "anderson"
     accelerator = Anderson(qvi.W, options.memory, options.damping) if accelerate else None
     return _State(s, accelerator, 1.0 if options.variant == "plain" else options.damping)
@@ -168,7 +181,7 @@ def _step(
         _recover(qvi, form, solver, state, result)
     else:
         state.inner = inner
-        g = np.abs(qvi.normal(result.z))
+        g = _pressure(qvi, result.z)
         residual = _residual(qvi, result.z, g, state.s)
         _record(qvi, state, result, residual, began, options)
         if residual < state.best_residual:
@@ -176,6 +189,8 @@ def _step(
         state.previous, state.feasible = result, state.s
         if residual <= tolerance and certify(qvi, result.z, result.m_N, result.m_T, result.nu, tolerance).passed:
             state.best, state.best_s, state.reason = result, state.s, Status.SOLVED
+            return
+        if qvi.strict and residual <= state.close and _refine(qvi, state, result, options, tolerance):
             return
         _check_progress(qvi, state, residual, number, options, tolerance)
         state.past.append(state.s)
@@ -186,9 +201,11 @@ def _step(
 
 def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _State) -> InnerSolution:
     """The inner problem about the last result; a back end that fails there gets one more try about the start."""
-    threshold = form.threshold(qvi.threshold(state.s))
+    threshold = form.threshold(_bound(qvi, state.s))
     centre = form.centre(state.inner, state.previous)
-    inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, state.inner)
+    inner = (strict_contradiction if qvi.strict else contradiction)(form.problem, threshold, centre) or solver.solve(
+        threshold, centre, state.inner
+    )
     if not _is_usable(inner) and state.inner is not None:
         inner = solver.solve(threshold, form.centre(None, None), None)
     return _checked_claim(inner, form, threshold) if inner.status is Status.INFEASIBLE else inner
@@ -196,7 +213,8 @@ def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state
 
 def _checked_claim(inner: InnerSolution, form: ProblemForm, threshold: Vector) -> InnerSolution:
     """A back end's "infeasible", or a failure if Clarabel finds the solution that is said not to exist."""
-    witness = make_inner("direct:clarabel", form.problem, _CLAIM_TOLERANCE)
+    name = STRICT_DEFAULT if form.problem.strict else "direct:clarabel"
+    witness = make_inner(name, form.problem, _CLAIM_TOLERANCE)
     if not _is_usable(witness.solve(threshold, form.centre(None, None), None)):
         return inner
     message = f"{inner.message}; but Clarabel solves this problem"
@@ -205,6 +223,35 @@ def _checked_claim(inner: InnerSolution, form: ProblemForm, threshold: Vector) -
 
 def _is_usable(inner: InnerSolution) -> bool:
     return inner.status.usable and inner.finite
+
+
+def _refine(
+    qvi: FrictionQVI, state: _State, result: InnerSolution, options: FixedPointOptions, tolerance: float
+) -> bool:
+    """Newton's method from an inner result, see `strict.newton`; whether it ends in a solution."""
+    began = time.perf_counter()
+    state.newton, state.close = state.newton or Newton(qvi), _CLOSER * state.close
+    if not state.newton.affordable:
+        return False
+    scales = scales_at(qvi, result.z)
+    stiffness = scales["stress"] / scales["displacement"]
+    refined = state.newton.refine(result.z, result.m_N, result.m_T, stiffness)
+    if refined is None:
+        return False
+    z, nu = state.newton.compliance.unknowns(np.concatenate([refined.m_N, refined.m_T]))
+    certificate = certify(qvi, z, refined.m_N, refined.m_T, nu, tolerance)
+    if not certificate.passed:
+        return False
+    state.best = replace(result, z=z, m_N=refined.m_N, m_T=refined.m_T, nu=nu)
+    state.best_s, state.reason = _pressure(qvi, z), Status.SOLVED
+    entry = Iteration(
+        len(state.history) + 1, certificate.accuracy, qvi.energy(z), qvi.resultant(z), None, refined.steps,
+        time.perf_counter() - began,
+    )  # fmt: skip
+    state.history.append(entry)
+    if options.callback is not None:
+        options.callback(entry)
+    return True
 
 
 def _residual(qvi: FrictionQVI, z: Vector, g: Vector, s: Vector) -> float:
@@ -240,7 +287,29 @@ def _next(qvi: FrictionQVI, state: _State, g: Vector) -> Vector:
     else:
         s = (1.0 - state.damping) * state.s + state.damping * g
     scale = float(np.abs(qvi.normal(qvi.bonded)).max(initial=0.0))
-    return np.where(s > _ROUND_OFF * scale, s, 0.0)
+    s = np.where(s > _ROUND_OFF * scale, s, 0.0)
+    return affine_pressure(qvi, s) if qvi.strict else s
+
+
+def _pressure(qvi: FrictionQVI, z: Vector) -> Vector:
+    """The pressure at z (m,) that the next bound comes from, strict an affine function of each edge."""
+    return strict_pressure(qvi, qvi.normal(z)) if qvi.strict else np.abs(qvi.normal(z))
+
+
+def _start(qvi: FrictionQVI, z: Vector) -> Vector:
+    """The pressure at a z whose normal tractions may pull."""
+    return strict_pressure(qvi, qvi.normal(z)) if qvi.strict else qvi.pressure(z)
+
+
+def _bound(qvi: FrictionQVI, pressure: Vector) -> Vector:
+    """The bound of |σ_T| from a pressure (m,): (m,), strict its Bernstein coefficients (3e,)."""
+    return strict_threshold(qvi, pressure).coefficients.ravel() if qvi.strict else qvi.threshold(pressure)
+
+
+def _bound_at_points(qvi: FrictionQVI, pressure: Vector) -> Vector:
+    if not qvi.strict:
+        return qvi.threshold(pressure)
+    return edge_rows(qvi).at_points(strict_threshold(qvi, pressure).coefficients)
 
 
 def _check_progress(
@@ -295,9 +364,10 @@ def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _S
     """
     state.recoveries += 1
     if state.recoveries == 1 and state.feasible is None:
-        smooth = solver.solve(form.threshold(np.zeros(qvi.m)), form.centre(None, None), None)
+        nothing = np.zeros_like(_bound(qvi, state.s))
+        smooth = solver.solve(form.threshold(nothing), form.centre(None, None), None)
         if _is_usable(smooth):
-            state.s = qvi.pressure(form.expand(smooth).z)
+            state.s = _start(qvi, form.expand(smooth).z)
             return
     if state.feasibility is None:
         state.feasibility = check_feasibility(qvi)
@@ -307,7 +377,7 @@ def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _S
     if not curable or state.recoveries > _RECOVERIES:
         state.reason, state.message = result.status, f"inner problem: {result.message}"
     elif state.feasible is None:
-        state.s = state.feasible = np.abs(qvi.normal(start))
+        state.s = state.feasible = _pressure(qvi, start)
     else:
         state.s = 0.5 * (state.s + state.feasible)
     if state.accelerator is not None:
@@ -320,6 +390,6 @@ def _outcome(qvi: FrictionQVI, state: _State) -> Outcome:
     s = state.best_s if state.best_s is not None else state.s
     reason = state.reason or Status.STALLED
     return Outcome(
-        reason, result.z, result.m_N, result.m_T, result.nu, qvi.threshold(s), state.history,
+        reason, result.z, result.m_N, result.m_T, result.nu, _bound_at_points(qvi, s), state.history,
         len(state.history), state.message, feasibility=state.feasibility,
     )  # fmt: skip

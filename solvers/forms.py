@@ -10,7 +10,8 @@ the unknowns; "auto" takes it up to `CONDENSED_LIMIT` rows.
 
 In either form rows without friction, whose bound is always 0, are equations T z + t0 = 0. As inequalities
 |T z + t0| ≤ 0 they would have no interior, and several of them that depend on each other contradict one another in
-rounding. Rows of N that are bilateral are no inequalities at all; they become 0 ≤ 1.
+rounding. Rows of N that are bilateral are no inequalities at all; they become 0 ≤ 1. With strict bounds (`strict`) an
+edge without friction counts as a whole.
 """
 
 from dataclasses import dataclass, replace
@@ -23,6 +24,7 @@ from solvers.compliance import Compliance
 from solvers.inner.problem import Centre, InnerSolution
 from solvers.problem import FrictionQVI
 from solvers.rows import independent_rows
+from solvers.strict.threshold import edge_rows, frictionless_edges
 from solvers.types import Matrix, Sparse, Vector
 
 Form = Literal["auto", "full", "condensed"]
@@ -41,7 +43,7 @@ class ProblemForm(Protocol):
     problem: FrictionQVI
 
     def threshold(self, threshold: Vector) -> Vector:
-        """The friction bound (m,) as the inner problem takes it."""
+        """The friction bound as the inner problem takes it: (m,), strict (3e,), Bernstein coefficients of e edges."""
         ...
 
     def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:
@@ -77,7 +79,7 @@ class Simplified:
             N = csc_matrix(diags(np.where(held, 0.0, 1.0)) @ qvi.N)
             N.eliminate_zeros()
             qvi = qvi.changed(N=N, n0=np.where(held, -1.0, qvi.n0), traces=None)
-        rows = qvi.frictionless
+        rows = np.repeat(frictionless_edges(qvi), edge_rows(qvi).count) if qvi.strict else qvi.frictionless
         if not rows.any():
             return cls(qvi, rows, np.zeros((0, 0)))
         E, Y = independent_rows(csc_matrix(qvi.T[rows]))
@@ -93,7 +95,10 @@ class Simplified:
 
     def threshold(self, threshold: Vector) -> Vector:
         """1 where the row is empty: a bound that is never reached."""
-        return np.where(self.rows, 1.0, threshold)
+        rows = self.rows
+        if self.problem.strict:
+            rows = np.repeat(rows[:: edge_rows(self.problem).count], 3)
+        return np.where(rows, 1.0, threshold)
 
     def restore(self, result: InnerSolution) -> InnerSolution:
         """Row multipliers of the original T from those of the equations: Eᵀ m_T = ν, of least norm."""
@@ -141,7 +146,8 @@ class CondensedForm:
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI(
             K=np.eye(r), f=np.zeros(r), N=self._V[:m], n0=bonded[:m],
-            T=self._V[m:], t0=bonded[m:], mu=qvi.mu, W=qvi.W,
+            T=self._V[m:], t0=bonded[m:], mu=qvi.mu, W=qvi.W, bilateral=qvi.bilateral,
+            edges=qvi.edges, strict=qvi.strict,
         )  # fmt: skip
         self.threshold = simplified.threshold
 

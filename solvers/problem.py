@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.sparse import csc_matrix, issparse, vstack
 
+from solvers.edges import EdgeRows
 from solvers.errors import InputError
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.augmented import ORTHOGONAL, factorise_root
@@ -18,6 +19,7 @@ from solvers.types import BoolVector, Matrix, Sparse, Vector
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
 _POWER_STEPS = 10
 _ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
+_NOT_POLYNOMIAL = 1e-8  # of the largest traction: what a row may differ from a polynomial on its edge
 _CORRECTIONS = 7  # defect corrections of the bonded solution at most
 
 _BY_FACTOR = ("contact_stiffness", "_bonded_and_error", "bonded", "bonded_energy")  # cached, computed with the factors
@@ -77,6 +79,8 @@ class FrictionQVI:
     bilateral : (m,) bool, optional; nowhere when not given
     traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
     structure : function of the interface, optional; K as a tree of subdomains, see `factorisation.choice`
+    edges : `EdgeRows`, optional; says that rows are points of edges, with σ_N affine and σ_T quadratic on each
+    strict : whether the bounds hold on whole edges instead of at their points, see `solvers.strict`
     root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
         gradient of the energy more accurately than K and f, whose entries may be large and cancel
 
@@ -103,6 +107,8 @@ class FrictionQVI:
     bilateral: BoolVector = None  # type: ignore[assignment]
     traces: Traces | None = None
     structure: Structure | None = None
+    edges: EdgeRows | None = None
+    strict: bool = False
 
     def __post_init__(self) -> None:
         if (self.A is None) != (self.b is None):
@@ -123,6 +129,32 @@ class FrictionQVI:
         self._check_values()
         if self.traces is not None:
             self.traces.check(self.contact_rows)
+        if self.edges is not None:
+            self.edges.grouped(self.W)
+        if self.strict:
+            self._check_edges()
+
+    def _check_edges(self) -> None:
+        """`InputError` unless tractions are polynomials on edges, tried at z = 0 and with a random vector."""
+        if self.edges is None:
+            raise InputError("edges", None, "strict admissibility needs EdgeRows, which say what points make an edge")
+        v = np.random.default_rng(0).normal(size=self.n)
+        for name, fitted, rows, fixed in (
+            ("N", self.edges.ends, self.N, self.n0),
+            ("T", self.edges.bernstein, self.T, self.t0),
+        ):
+            values = rows @ v
+            size = max(float((abs(rows) @ np.abs(v)).max(initial=0.0)), float(np.abs(fixed).max(initial=0.0)))
+            for part in (values, fixed):
+                error = float(np.abs(self.edges.at_points(fitted(part)) - part).max(initial=0.0))
+                if error > _NOT_POLYNOMIAL * size:
+                    remedy = "strict admissibility needs σ_N affine and σ_T quadratic on each edge (a body force whose "
+                    remedy += "potential is not affine along a contact spoils that): leave it to the contact points"
+                    raise InputError(name, f"error {error:.1e}", remedy)
+
+    def strictly(self) -> "FrictionQVI":
+        """The same problem with the bounds on whole edges; `InputError` if `edges` do not fit the rows."""
+        return self if self.strict else self.changed(strict=True)
 
     def _columns(self, name: str) -> int:
         """Columns of the empty matrix that stands for a missing A."""

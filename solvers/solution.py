@@ -2,14 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from solvers.certificate import Certificate
+from solvers.contraction import observed_contraction
 from solvers.problem import FrictionQVI
 from solvers.status import Status
 from solvers.types import Vector
+from solvers.uniqueness import UniquenessBound, uniqueness_bound
 
 
 class Iteration(NamedTuple):
@@ -99,3 +102,13 @@ class QVISolution:
     def tangential_displacement(self) -> Vector:
         """u_T − w = −λ_T at the contact points (m,); one of many if rows of T are dependent."""
         return np.asarray(-self.tangential_multiplier / self.problem.W)
+
+    @property
+    def contraction(self) -> float | None:
+        """Observed contraction of the fixed point, see `contraction`; None for methods without an outer loop."""
+        return observed_contraction(self.history) if self.method == "fixed-point" else None
+
+    @cached_property
+    def uniqueness(self) -> UniquenessBound:
+        """The sufficient bound of friction for uniqueness, computed when it is asked for; see `uniqueness`."""
+        return uniqueness_bound(self.problem)

@@ -18,6 +18,9 @@ from solvers.inner.registry import check_name, versions
 from solvers.problem import FrictionQVI
 from solvers.solution import QVISolution
 from solvers.status import Status
+from solvers.strict.names import STRICT_DEFAULT, is_strict
+from solvers.strict.threshold import strict_pressure
+from solvers.types import Vector
 from solvers.uzawa import UzawaOptions, solve_uzawa
 
 Method = Literal["condensed", "fixed-point", "uzawa"]
@@ -65,6 +68,7 @@ def solve_qvi(
         contact is not large; another one if an inner solver or options are given that only that one takes.
     inner : str, optional
         Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
+        "strict:<cvxpy name>" or "strict-direct:clarabel" solve `qvi.strictly()`, which is the solution's problem then.
     tolerance : float
         Of the certificate, relative (see `certificate`).
     throw : bool
@@ -91,6 +95,7 @@ def solve_qvi(
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    inner, qvi = _strict(qvi, method, inner)
     chosen = default_method({"method": method, "inner": inner, **options})
     retry = method is None and chosen == "condensed" and 2 * qvi.m <= CONDENSED_LIMIT
     method = chosen
@@ -111,6 +116,18 @@ def solve_qvi(
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
+
+
+def _strict(qvi: FrictionQVI, method: str | None, inner: str | None) -> tuple[str | None, FrictionQVI]:
+    """Inner solver and problem, the strict one if either says so; only the fixed point solves it."""
+    if not (qvi.strict or is_strict(inner)):
+        return inner, qvi
+    if method not in (None, "fixed-point"):
+        raise InputError("method", method, "strict admissibility needs 'fixed-point'")
+    name = check_name(STRICT_DEFAULT if inner is None else inner)
+    if not is_strict(name):
+        raise InputError("inner", inner, f"the problem is strict: give {STRICT_DEFAULT!r} or 'strict:<cvxpy name>'")
+    return name, qvi.strictly()
 
 
 def default_method(settings: Mapping[str, Any]) -> str:
@@ -137,9 +154,17 @@ def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options:
     if method == "fixed-point":
         name = check_name(inner)
         fixed_point = _options(FixedPointOptions, method, options)
+        if qvi.strict and fixed_point.initial is None and qvi.m > 0 and qvi.n > 0:
+            fixed_point = dataclasses.replace(fixed_point, initial=_pressure_at_points(qvi, tolerance))
         return _linear(qvi, method, name, tolerance) or solve_fixed_point(qvi, name, tolerance, fixed_point)
     uzawa = _options(UzawaOptions, method, options)
     return _linear(qvi, method, "", tolerance) or solve_uzawa(qvi, tolerance, uzawa)
+
+
+def _pressure_at_points(qvi: FrictionQVI, tolerance: float) -> Vector | None:
+    """The pressure where the law holds at the contact points only: a start close to that of whole edges, or nothing."""
+    pointwise = solve_condensed(qvi.changed(strict=False), tolerance, CondensedOptions())
+    return strict_pressure(qvi, qvi.normal(pointwise.z)) if pointwise.solved else None
 
 
 def _give_up(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVISolution:

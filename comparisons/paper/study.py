@@ -16,6 +16,7 @@ SHRINKING = 100.0
 """Iterations after which the shrinking step of the frictionless Uzawa run has halved."""
 
 REFERENCE_INNER = "direct:clarabel"
+STRICT_INNER = "strict:clarabel"
 TOLERANCE = 1e-8
 PATIENCE = 6
 """Outer iterations without progress after which a back end is taken at its word that it can do no better."""
@@ -45,6 +46,8 @@ class Row:
         Fixed point without acceleration, for the convergence picture.
     condensed : ContactResult
         The inequality solved directly.
+    strict : ContactResult
+        Friction bound and unilateral contact on whole edges, by a second-order cone program (Clarabel through cvxpy).
 
     """
 
@@ -57,6 +60,7 @@ class Row:
     back_ends: dict[str, ContactResult]
     plain: ContactResult
     condensed: ContactResult
+    strict: ContactResult
 
     @property
     def best_qp(self) -> ContactResult:
@@ -155,11 +159,12 @@ def _row(reference: Reference, friction: float, printed: float, advance: Advance
     converged = solve(problem, method="uzawa", tolerance=TOLERANCE, omega_T=step, step_decay=decay)
     plain = solve(problem, inner=REFERENCE_INNER, tolerance=TOLERANCE, variant="plain")
     condensed = solve(problem, method="condensed", tolerance=TOLERANCE)
+    strict = solve(problem, inner=STRICT_INNER, tolerance=TOLERANCE)
     advance(f"μ = {friction:.2f}")
     back_ends = dict(_back_ends(problem, friction, advance))
     reference_run = back_ends[REFERENCE_INNER]
     return Row(
-        friction, printed, accumulating, as_printed, converged, reference_run, back_ends, plain, condensed
+        friction, printed, accumulating, as_printed, converged, reference_run, back_ends, plain, condensed, strict
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from solvers.errors import SolverUnavailableError
 from solvers.inner import qp_backends, socp
 from solvers.inner.problem import InnerSolver
 from solvers.problem import FrictionQVI
+from solvers.strict.names import STRICT_DEFAULT, is_strict
 
 _DIRECT = ("clarabel", "osqp")
 _INSTALL = "pip install 'qvi-contact[solvers]'"
@@ -16,10 +17,11 @@ _INSTALL = "pip install 'qvi-contact[solvers]'"
 def available(kind: str | None = None) -> tuple[str, ...]:
     """Names of the inner solvers that can be used now, ``"kind:name"``, found without importing them.
 
-    `kind` restricts to "qp", "direct" or "socp". Sorted within each kind.
+    `kind` restricts to "qp", "direct", "socp", "strict" or "strict-direct"; the last two bound tractions on whole
+    edges, which is another problem (`FrictionQVI.strict`), and are listed when asked for only. Sorted within each kind.
     """
     names = tuple(name for name, modules in _catalogue().items() if all(map(_installed, modules)))
-    return tuple(name for name in names if kind is None or name.split(":")[0] == kind)
+    return tuple(name for name in names if (not is_strict(name) if kind is None else name.split(":")[0] == kind))
 
 
 def make_inner(name: str, qvi: FrictionQVI, tolerance: float) -> InnerSolver:
@@ -32,6 +34,8 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float) -> InnerSolver:
         return QPSolver(qvi, backend, tolerance)
     if kind == "socp":
         return socp.SOCPSolver(qvi, backend, tolerance)
+    if is_strict(kind):
+        return _make_strict(kind, backend, qvi, tolerance)
     if backend == "clarabel":
         from solvers.inner.direct_clarabel import DirectClarabel
 
@@ -41,11 +45,20 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float) -> InnerSolver:
     return DirectOSQP(qvi, tolerance)
 
 
+def _make_strict(kind: str, backend: str, qvi: FrictionQVI, tolerance: float) -> InnerSolver:
+    """Through cvxpy, or Clarabel itself."""
+    if kind == "strict":
+        from solvers.strict.cvxpy_cones import StrictSOCPSolver
+
+        return StrictSOCPSolver(qvi, backend, tolerance)
+    from solvers.strict.direct_clarabel import DirectStrictClarabel
+
+    return DirectStrictClarabel(qvi, tolerance)
+
+
 def check_name(name: str) -> str:
     """Return the name in lower case if it can be used now, else `SolverUnavailableError`."""
     canonical = str(name).lower()
-    if canonical.startswith("strict:"):
-        raise SolverUnavailableError("inner", name, f"strict admissibility is not built yet; {_choices()}")
     modules = _catalogue().get(canonical)
     if modules is None:
         raise SolverUnavailableError("inner", name, f"there is no such inner solver; {_choices()}")
@@ -68,7 +81,7 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 
 
 def _choices() -> str:
-    return f"choose one of {', '.join(available())}"
+    return f"choose one of {', '.join((*available(), *available('strict'), *available('strict-direct')))}"
 
 
 def _catalogue() -> dict[str, tuple[str, ...]]:
@@ -77,6 +90,8 @@ def _catalogue() -> dict[str, tuple[str, ...]]:
         **{f"qp:{name}": ("qpsolvers", entry.module) for name, entry in sorted(qp_backends.BACKENDS.items())},
         **{f"direct:{name}": (name,) for name in _DIRECT},
         **{f"socp:{name}": ("cvxpy", entry.module) for name, entry in sorted(socp.BACKENDS.items())},
+        **{f"strict:{name}": ("cvxpy", entry.module) for name, entry in sorted(socp.BACKENDS.items())},
+        STRICT_DEFAULT: ("clarabel",),
     }
 
 

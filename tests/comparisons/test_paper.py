@@ -141,6 +141,19 @@ class TestNumbers:
         for name in ("uzawa_converged", "fixed_point_qp", "fixed_point_socp", "condensed"):
             assert f"{row[name]:.6f}" == "209.000000"
 
+    def test_strict_bounds_change_little_and_nothing_without_slip(self, paper):
+        """Within a tenth of a percent; equal where nothing slips or nothing rubs; and kept between the points."""
+        rows = report.table_rows(paper)
+        for row, found in zip(rows, paper.rows, strict=True):
+            assert found.strict.status is Status.SOLVED
+            assert row["strict"] == pytest.approx(row["condensed"], rel=1e-3)
+            assert found.strict.contacts["plate"].excess_between_points <= 1e-8 * 209.0
+            assert found.strict.solution.problem.strict
+        assert rows[0]["strict"] == pytest.approx(209.0, rel=1e-9)
+        assert rows[-1]["strict"] == pytest.approx(rows[-1]["condensed"], rel=1e-9)
+        assert abs(rows[2]["strict"] - rows[2]["condensed"]) > 1e-5
+        assert any("strict bounds" in sentence for sentence in report.findings(paper))
+
     def test_constant_step_without_friction_cycles(self, paper):
         assert sorted(f"{force:.3f}" for force in paper.cycle) == ["208.981", "209.152"]
 
@@ -191,6 +204,7 @@ class TestDocument:
             "fixed_point_qp",
             "fixed_point_socp",
             "condensed",
+            "strict",
         }
         assert all(required <= row.keys() for row in document["rows"])
         assert all({"friction", "paper", "uzawa_30", "converged"} <= row.keys() for row in document["figures"])

@@ -99,7 +99,6 @@ def test_beyond_double_precision_there_is_no_wrong_number(cells, grading, fricti
         assert result.contacts["plate"].normal_force == pytest.approx(expected, rel=allowed)
 
 
-@pytest.mark.xfail(reason="the certificate's scale of energy follows the peak stress in the smallest cells")
 def test_inaccurate_results_are_nearly_right():
     """Whatever is called inaccurate has its force right to a hundred times the stated accuracy, and 1e-3 at worst."""
     for cells, grading in BONDED:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solvers import FrictionQVI, InputError, certify, solve_qvi
-from solvers.certificate import EXPONENTS
+from solvers.certificate import EXPONENTS, scales_at
 from tests.solvers.conftest import one_contact, random_problem, two_contacts
 
 EXACT = [  # state, load, friction, z, m_N, m_T of one contact, by hand
@@ -123,6 +123,29 @@ def test_measures_do_not_depend_on_units(stress, length):
     other = certify(scaled, z, energy / stress * m_N, energy / stress * m_T).measures
     for name in EXPONENTS:
         assert other[name] == pytest.approx(plain[name], rel=1e-6, abs=1e-14), name
+
+
+def peaked(share):
+    """Two contacts that press with 1 and with a peak, of weights 1 and `share`; σ_N = −z, no coupling."""
+    return FrictionQVI(
+        K=np.diag([1.0, share]), f=np.array([1.0, 100.0 * share]), N=-np.eye(2), n0=np.zeros(2), T=np.zeros((2, 2)),
+        t0=np.zeros(2), mu=np.zeros(2), W=np.array([1.0, share]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("share", [1.0, 1e-5])
+def test_a_peak_of_stress_in_a_small_place_does_not_hide_work_on_gaps(share):
+    """The unit of work is S D Σ W, but not more than the energy of the body: here ½ (1 + 100² share)."""
+    qvi, z = peaked(share), np.array([1.0, 100.0])
+    scales, body = scales_at(qvi, z), 0.5 * (1.0 + 1e4 * share)
+    unit = min(1e4 / qvi.contact_stiffness * (1.0 + share), body)
+    assert scales["body_energy"] == pytest.approx(body)
+    assert scales["energy"] == pytest.approx(unit)
+    pushed = np.array([1e-3, 0.0])  # on a point that is pressed: the load has to grow by as much
+    found = certify(qvi.changed(f=qvi.f - pushed), z, pushed, np.zeros(2)).measures
+    assert found["stationarity"] < 1e-12
+    assert found["complementarity_normal"] == pytest.approx(1e-3 / unit)
+    assert found["energy_gap"] == pytest.approx(1e-3 / body)
 
 
 def test_zero_problem_passes_at_zero():

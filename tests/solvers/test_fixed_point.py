@@ -163,7 +163,7 @@ def test_frictionless():
         ({"initial": [1.0, 2.0]}, "initial"), ({"inner_tolerance": 2.0}, "inner_tolerance"),
         ({"method": "fixed-point", "omega_T": 0.1}, "omega_T"), ({"tolerance": 0.0}, "tolerance"),
         ({"inner": "qp:abacus"}, "inner"),
-        ({"inner": "strict:clarabel"}, "inner"), ({"method": "newton"}, "method"),
+        ({"inner": "strict:clarabel"}, "edges"), ({"method": "newton"}, "method"),
     ],
 )  # fmt: skip
 def test_bad_options(nonunique, options, field):

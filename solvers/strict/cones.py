@@ -1,0 +1,115 @@
+"""The inner problem with strict bounds: a quadratic program over linear rows and second-order cones.
+
+    min ½ xᵀKx − fᵀx   s.t.  A x = b,   ends(N x + n0) ≤ 0,   θ ∓ τ ∈ C on every edge,   τ = bernstein(T x + t0)
+
+for the increment x about a `Centre`, θ given. c = θ ∓ τ is in C (`quadratics`) if and only if there is β ≥ 0 with
+
+    (c₀ + c₂,  c₀ − c₂,  2(c₁ − β))  in the second-order cone  y₀ ≥ |(y₁, y₂)|.
+
+A multiplier (y₀, y₁, y₂) of that cone, with 2y₂ ≥ 0 from β, is the functional q = (y₀ + y₁, 2y₂, y₀ − y₁) in the dual
+cone D, and m_T = rows(q₊ − q₋) as row multipliers, q₊ of the upper bound; those of σ_N at ends, π ≥ 0, give
+m_N = rows(π).
+"""
+
+from collections.abc import Mapping
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from scipy.sparse import csc_matrix, vstack
+
+from solvers.inner.problem import Centre, InnerSolution, no_result
+from solvers.problem import FrictionQVI
+from solvers.status import Status
+from solvers.strict.quadratics import largest
+from solvers.strict.threshold import bilateral_edges, edge_rows
+from solvers.types import BoolVector, Matrix, Sparse, Vector
+
+CLARABEL_SETTINGS: Mapping[str, float] = MappingProxyType(
+    {
+        **dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-16),
+        **dict.fromkeys(("reduced_tol_gap_abs", "reduced_tol_gap_rel", "reduced_tol_feas"), 1e-8),
+        **dict.fromkeys(("iterative_refinement_abstol", "iterative_refinement_reltol"), 1e-15),
+        "iterative_refinement_stop_ratio": 1.5,
+        "iterative_refinement_max_iter": 50,
+        "static_regularization_constant": 1e-12,
+    }
+)
+"""Clarabel goes on until it makes no progress, and then calls that almost solved.
+
+The error of σ_T is the root of the gap where a cone is touched along a line, so a gap of 1e-12 is no reason to stop;
+with the usual regularisation of its linear systems (1e-8) the last digits do not come.
+"""
+
+_EMPTY_ROW = 1e-9  # of the largest traction: violation on an edge without unknowns that counts
+
+
+class ConeProblem:
+    """Matrices and vectors of this module's problem.
+
+    Attributes
+    ----------
+    qvi : FrictionQVI
+        The problem, with `EdgeRows`.
+    N : (2k, n) sparse
+        End values of σ_N on the k unilateral edges.
+    T : three (e, n) sparse
+        Bernstein coefficients of σ_T, number 0, 1 and 2 of each edge.
+
+    """
+
+    def __init__(self, qvi: FrictionQVI) -> None:
+        self.qvi = qvi
+        self._edges = edge_rows(qvi)
+        self.count = qvi.m // self._edges.count
+        self._unilateral = np.flatnonzero(~bilateral_edges(qvi))
+        rows = (2 * self._unilateral[:, None] + np.arange(2)).ravel()
+        self.N: Sparse = csc_matrix((self._edges.matrix(self._edges.to_ends, self.count) @ qvi.N)[rows])
+        T = csc_matrix(self._edges.matrix(self._edges.to_bernstein, self.count) @ qvi.T).tocsr()
+        self.T: tuple[Sparse, Sparse, Sparse] = (csc_matrix(T[0::3]), csc_matrix(T[1::3]), csc_matrix(T[2::3]))
+
+    @cached_property
+    def cone_rows(self) -> Sparse:
+        """Rows (3e, n) of (τ₀ + τ₂, τ₀ − τ₂, 2τ₁), all first entries, then all second, then all third."""
+        first, middle, last = self.T
+        return csc_matrix(vstack([first + last, first - last, 2.0 * middle]))
+
+    def ends(self, centre: Centre) -> Vector:
+        """End values of σ_N at the centre (2k,)."""
+        return self._edges.ends(centre.n0)[self._unilateral].ravel()
+
+    def shear(self, centre: Centre) -> Matrix:
+        """Bernstein coefficients of σ_T at the centre (e, 3)."""
+        return self._edges.bernstein(centre.t0)
+
+    def multipliers(self, pushes: Vector, upper: Matrix, lower: Matrix) -> tuple[Vector, Vector]:
+        """(m_N, m_T) from the multipliers of the ends (2k,) and of the cones of the two bounds (e, 3) each."""
+        functional = np.zeros((self.count, 2))
+        functional[self._unilateral] = pushes.reshape(-1, 2)
+        return self._edges.rows(functional), self._edges.rows(_functional(upper) - _functional(lower))
+
+
+def cone_coordinates(b: Matrix) -> Matrix:
+    """(b₀ + b₂, b₀ − b₂, 2b₁) of Bernstein coefficients (e, 3)."""
+    return np.column_stack([b[:, 0] + b[:, 2], b[:, 0] - b[:, 2], 2.0 * b[:, 1]])
+
+
+def _functional(y: Matrix) -> Matrix:
+    """Q = (y₀ + y₁, 2y₂, y₀ − y₁) (e, 3)."""
+    return np.column_stack([y[:, 0] + y[:, 1], 2.0 * y[:, 2], y[:, 0] - y[:, 1]])
+
+
+def strict_contradiction(problem: FrictionQVI, threshold: Vector, centre: Centre) -> InnerSolution | None:
+    """An infeasible result if a traction that no unknown changes violates its bound on an edge."""
+    cones = ConeProblem(problem)
+    theta, shear, ends = threshold.reshape(-1, 3), cones.shear(centre), cones.ends(centre)
+    scale = float(max(np.abs(part).max(initial=0.0) for part in (theta, shear, ends)))
+    fixed = _is_empty(abs(cones.T[0]) + abs(cones.T[1]) + abs(cones.T[2]))
+    excess = np.maximum(largest(shear - theta), largest(-shear - theta))
+    if not ((_is_empty(cones.N) & (ends > _EMPTY_ROW * scale)).any() or (fixed & (excess > _EMPTY_ROW * scale)).any()):
+        return None
+    return no_result(problem, Status.INFEASIBLE, "a traction that no unknown can change violates its bound")
+
+
+def _is_empty(rows: Sparse) -> BoolVector:
+    return np.asarray(np.asarray(abs(rows).sum(axis=1)).ravel() == 0.0, dtype=np.bool_)

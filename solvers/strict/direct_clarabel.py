@@ -1,0 +1,90 @@
+"""Inner solver ``strict-direct:clarabel``: one Clarabel solver for the cones of `cones`, only the vectors updated.
+
+Unknowns (x, β₊, β₋). Settings and citation as in `inner.direct_clarabel`.
+"""
+
+import time
+
+import numpy as np
+from scipy.sparse import block_diag, csc_matrix, hstack, identity, triu, vstack
+
+from solvers.inner.direct_clarabel import DirectClarabel
+from solvers.inner.problem import Centre, InnerSolution, no_result
+from solvers.inner.qp_backends import CLARABEL_WORDS
+from solvers.problem import FrictionQVI
+from solvers.status import Status
+from solvers.strict.cones import CLARABEL_SETTINGS, ConeProblem, cone_coordinates
+from solvers.types import Sparse, Vector, load
+
+
+class DirectStrictClarabel:
+    """Clarabel on  A x + w = b (w = 0),  ends and −β + w = h (w ≥ 0),  cones + w = h (w in 2e cones)."""
+
+    packages: tuple[str, ...] = ("clarabel",)
+
+    def __init__(self, qvi: FrictionQVI, tolerance: float) -> None:
+        clarabel = load("clarabel")
+
+        self._cones = cones = ConeProblem(qvi)
+        e, self._linear = cones.count, cones.N.shape[0]
+        zeros = [clarabel.ZeroConeT(qvi.p)] if qvi.p else []
+        kinds = [*zeros, clarabel.NonnegativeConeT(self._linear + 2 * e), *([clarabel.SecondOrderConeT(3)] * (2 * e))]
+        rows = self._rows(qvi, cones)
+        upper = csc_matrix(block_diag([triu(qvi.K), csc_matrix((2 * e, 2 * e))], format="csc"))
+        settings = DirectClarabel._settings(clarabel, tolerance)
+        for name, value in CLARABEL_SETTINGS.items():
+            setattr(settings, name, value)
+        right = np.ones(rows.shape[0])  # of no meaning: every solve sets its own
+        self._solver = clarabel.DefaultSolver(upper, np.zeros(qvi.n + 2 * e), rows, right, kinds, settings)
+
+    @staticmethod
+    def _rows(qvi: FrictionQVI, cones: ConeProblem) -> Sparse:
+        """Equations, ends, −β, and the cones' rows ±(τ) + (0, 0, 2β), three together."""
+        e, n = cones.count, qvi.n
+        slack = csc_matrix((np.full(e, 2.0), (np.arange(2 * e, 3 * e), np.arange(e))), (3 * e, e))
+        nothing = csc_matrix((3 * e, e))
+        interleaved = np.arange(3 * e).reshape(3, e).T.ravel()
+        bounds = [
+            hstack([cones.cone_rows, slack, nothing], "csr")[interleaved],
+            hstack([-cones.cone_rows, nothing, slack], "csr")[interleaved],
+        ]
+        blocks = [
+            hstack([qvi.A, csc_matrix((qvi.p, 2 * e))]),
+            hstack([cones.N, csc_matrix((cones.N.shape[0], 2 * e))]),
+            hstack([csc_matrix((2 * e, n)), -identity(2 * e)]),
+            *bounds,
+        ]
+        return csc_matrix(vstack(blocks))
+
+    def _right(self, threshold: Vector, centre: Centre) -> Vector:
+        theta, shear = threshold.reshape(-1, 3), self._cones.shear(centre)
+        cones = [cone_coordinates(theta - shear).ravel(), cone_coordinates(theta + shear).ravel()]
+        return np.concatenate([centre.b, -self._cones.ends(centre), np.zeros(2 * len(theta)), *cones])
+
+    def solve(
+        self,
+        threshold: Vector,
+        centre: Centre,
+        start: InnerSolution | None,  # noqa: ARG002
+    ) -> InnerSolution:
+        """Solve for Bernstein coefficients of the bound (3e,), edge by edge; `start` is not used."""
+        began = time.perf_counter()
+        qvi, e = self._cones.qvi, self._cones.count
+        q = np.concatenate([-centre.f, np.zeros(2 * e)])
+        try:
+            self._solver.update(q=q, b=self._right(threshold, centre))
+            answer = self._solver.solve()
+        except BaseException as error:  # a Rust panic is not an Exception
+            if isinstance(error, KeyboardInterrupt | SystemExit):
+                raise
+            text = f"clarabel: {type(error).__name__}: {error}"
+            return no_result(qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
+        word = str(answer.status)
+        multipliers = np.array(answer.z)
+        upper, lower = multipliers[qvi.p + self._linear + 2 * e :].reshape(2, e, 3)
+        m_N, m_T = self._cones.multipliers(multipliers[qvi.p : qvi.p + self._linear], upper, lower)
+        return InnerSolution(
+            centre.z + np.array(answer.x)[: qvi.n], m_N, m_T, multipliers[: qvi.p],
+            CLARABEL_WORDS.get(word, Status.BACKEND_FAILED), int(answer.iterations),
+            time.perf_counter() - began, f"clarabel: {word}",
+        )  # fmt: skip

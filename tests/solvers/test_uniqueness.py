@@ -1,0 +1,151 @@
+"""The sufficient bound of friction: exact values, and never exceeded by the map it bounds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from qvi_contact import discretize
+from qvi_contact.gallery import compressed_plate
+from solvers import FrictionQVI, solve_qvi
+from solvers.uniqueness import LARGEST, uniqueness_bound
+from tests.solvers.conftest import one_contact, random_problem, two_contacts
+
+
+def independent_problem(seed, m=4, friction=0.3):
+    """2m unknowns, the tractions themselves, with random compliance, weights and loads."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(2 * m, 2 * m))
+    return FrictionQVI(
+        K=root @ root.T + np.eye(2 * m), f=4.0 * random.normal(size=2 * m), N=np.eye(2 * m)[:m], n0=np.full(m, -0.5),
+        T=np.eye(2 * m)[m:], t0=np.zeros(m), mu=np.full(m, friction), W=random.uniform(0.2, 2.0, m),
+    )  # fmt: skip
+
+
+def normal_traction(qvi, pressure):
+    """σ_N of the problem for a given bound mu s."""
+    given_bound = qvi.changed(mu=0.0 * qvi.mu, cohesion=qvi.mu * pressure, cap=np.full(qvi.m, np.inf))
+    solution = solve_qvi(given_bound, tolerance=1e-9)
+    assert solution.solved
+    return qvi.normal(solution.z)
+
+
+def test_one_contact_by_hand():
+    """W = [[1, c], [c, 1]]: κ = (1 + c)/(1 − c); λ_max(Ĉ_NN) = 1/(1 − c²), λ_max(𝒲_TT) = 1."""
+    found = uniqueness_bound(one_contact(2.0, coupling=0.8))
+    assert found.friction == 2.0
+    assert found.bound == pytest.approx(1.0 / 3.0, rel=1e-12)
+    assert found.sharper == pytest.approx(0.6, rel=1e-12)
+    assert found.independent
+    assert not found.satisfied
+    assert "proves nothing" in found.sentence()
+
+
+def test_normal_and_tangential_compliance_by_hand():
+    """𝒲 = [[1, 0.8], [0.8, 4]], det 3.36: λ_max(Ĉ_NN) = 4 / 3.36 and λ_max(𝒲_TT) = 4."""
+    found = uniqueness_bound(one_contact().changed(mu=np.array([0.1])))
+    soft = uniqueness_bound(replace(one_contact(), K=np.array([[1.0, 0.8], [0.8, 4.0]])))
+    assert soft.sharper == pytest.approx(np.sqrt(3.36) / 4.0, rel=1e-12)
+    assert soft.bound < soft.sharper < found.sharper
+
+
+def test_three_solutions_only_beyond_the_bound():
+    """The problem that has three at friction 2 has exactly one below 0.6."""
+    found = uniqueness_bound(one_contact(0.55, coupling=0.8))
+    assert found.proves
+    assert "only solution" in found.sentence()
+
+
+def test_uncoupled_contacts():
+    """K = 1, weights 0.5 and 2: Ĉ = W, so κ = 4 and γ² = λ_max(Ĉ) / λ_min(Ĉ)."""
+    found = uniqueness_bound(two_contacts())
+    assert found.bound == pytest.approx(0.5, rel=1e-12)
+    assert found.sharper == pytest.approx(0.5, rel=1e-12)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6), other=st.integers(0, 10**6), friction=st.floats(0.01, 2.0))
+def test_the_map_is_lipschitz_with_the_constant_claimed(seed, other, friction):
+    qvi, random = independent_problem(seed % 50, friction=friction), np.random.default_rng([seed, other])
+    found = uniqueness_bound(qvi)
+    assert found.bound <= found.sharper * (1.0 + 1e-12)
+    first, second = random.uniform(0.0, 3.0, (2, qvi.m))
+    moved = normal_traction(qvi, first) - normal_traction(qvi, second)
+    length = np.sqrt(qvi.W @ moved**2)
+    assert length <= friction / found.sharper * np.sqrt(qvi.W @ (first - second) ** 2) + 1e-5
+
+
+def test_one_sliding_contact():
+    """The map s → |σ_N| of one contact that slips has the slope μ c / W_NN = 0.8 μ, below the bound μ / 0.6."""
+    qvi = one_contact(0.5, (-1.0, -3.0), coupling=0.8)
+    moved = normal_traction(qvi, np.array([1.0])) - normal_traction(qvi, np.array([1.1]))
+    assert abs(moved[0]) == pytest.approx(0.1 * 0.5 * 0.8, rel=1e-6)
+    assert abs(moved[0]) < 0.1 * qvi.mu[0] / uniqueness_bound(qvi).sharper
+
+
+def test_invariant_to_units_and_unknowns():
+    qvi = independent_problem(3)
+    plain, random = uniqueness_bound(qvi), np.random.default_rng(0)
+    mixed = random.normal(size=(qvi.n, qvi.n))
+    other = FrictionQVI(
+        K=7.0 * mixed.T @ (qvi.K @ mixed), f=mixed.T @ qvi.f, N=1e3 * qvi.N @ mixed, n0=qvi.n0, T=1e3 * qvi.T @ mixed,
+        t0=qvi.t0, mu=qvi.mu, W=1e-4 * qvi.W,
+    )  # fmt: skip
+    found = uniqueness_bound(other)
+    assert found.bound == pytest.approx(plain.bound, rel=1e-8)
+    assert found.sharper == pytest.approx(plain.sharper, rel=1e-8)
+
+
+def test_equalities_restrict_the_compliance():
+    """A z = 0 on one unknown is the problem without it, and its trace is none."""
+    qvi = independent_problem(5, m=2)
+    row = np.zeros((1, qvi.n))
+    row[0, 0] = 1.0
+    found = uniqueness_bound(qvi.changed(A=row, b=np.zeros(1)))
+    weights = np.sqrt(np.concatenate([qvi.W, qvi.W]))[1:]
+    inner = np.linalg.inv(qvi.K.toarray()[1:, 1:]) * weights * weights[:, None]
+    values = np.linalg.eigvalsh(inner)
+    assert found.bound == pytest.approx(np.sqrt(values[0] / values[-1]), rel=1e-9)
+    assert not found.independent
+
+
+def test_dependent_rows_prove_nothing_at_points():
+    found = uniqueness_bound(discretize(compressed_plate(1e-3, (4, 4))).qvi)
+    assert found.satisfied
+    assert not found.proves
+    assert not found.independent
+    assert "indicator" in found.sentence()
+
+
+@pytest.mark.parametrize("cells", [4, 8, 16])
+def test_the_bound_falls_like_the_root_of_the_mesh_width(cells):
+    coarse, fine = (uniqueness_bound(discretize(compressed_plate(0.2, (n, n))).qvi) for n in (cells, 2 * cells))
+    assert coarse.bound / fine.bound == pytest.approx(np.sqrt(2.0), rel=0.06)
+
+
+def test_without_a_moving_bound_the_stress_is_unique():
+    for changes in ({"mu": np.zeros(8)}, {"cap": np.zeros(8)}):
+        found = uniqueness_bound(replace(random_problem(0), **changes))
+        assert found.proves
+        assert found.bound == np.inf
+        assert "unique" in found.sentence()
+
+
+def test_large_contacts_say_why_there_is_none(monkeypatch):
+    qvi = independent_problem(0)
+    assert 2 * qvi.m < LARGEST
+    monkeypatch.setattr("solvers.uniqueness.LARGEST", 2 * qvi.m - 1)
+    found = uniqueness_bound(qvi)
+    assert found.bound is found.sharper is None
+    assert not found.satisfied
+    assert "8 contact rows" in found.sentence()
+
+
+def test_solutions_compute_it_once_and_only_when_asked(monkeypatch):
+    solution = solve_qvi(one_contact(0.5, (-1.0, -3.0)))
+    assert "uniqueness" not in solution.__dict__
+    first = solution.uniqueness
+    monkeypatch.setattr("solvers.solution.uniqueness_bound", None)
+    assert solution.uniqueness is first
