@@ -7,9 +7,11 @@ import click
 from qvi_contact.terminal import progress, run
 
 if TYPE_CHECKING:
+    from qvi_contact.bracket import Bracket
     from qvi_contact.history import History
     from qvi_contact.problem_file import ProblemFile
     from qvi_contact.result import ContactResult
+    from qvi_contact.verification import Verification
 
 _FILE = click.argument("file", metavar="FILE")
 _JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
@@ -26,7 +28,8 @@ def group() -> None:
     \b
     Problems are TOML files; the folder examples has commented ones:
         qvi-contact check examples/punch.toml --plot punch.png
-        qvi-contact solve examples/punch.toml --plot answer.png
+        qvi-contact solve examples/punch.toml --plot answer.png --npz answer.npz
+        qvi-contact verify answer.npz
     \b
     The paper the method comes from:
         python -m comparisons paper
@@ -43,8 +46,9 @@ def group() -> None:
 @_JSON
 @click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
 @click.option("--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu).")
-@click.option("--npz", metavar="NPZ", help="Write the fields as NumPy arrays (.npz).")
+@click.option("--npz", metavar="NPZ", help="Write all as NumPy arrays (.npz), which qvi-contact verify can check.")
 @click.option("--save-json", metavar="JSON", help="Write what --json prints to a file.")
+@click.option("--certificate", is_flag=True, help="Check the result anew and print the table: numbers and meanings.")
 def solve(
     file: str,
     method: str | None,
@@ -57,11 +61,13 @@ def solve(
     vtk: str | None,
     npz: str | None,
     save_json: str | None,
+    certificate: bool,
 ) -> int:
     """Solve the problem in FILE and report forces and states of its contacts.
 
     Options override what [solve] says in the file. A file with a [history] is solved step by step; the picture is then
-    one of forces and loops, and fields are those of the last step.
+    one of forces and loops, and fields are those of the last step. With --certificate all that the result (of each
+    step) claims is computed anew: the exit status is 1 if anything disagrees, and --json has it as "verification".
 
     \b
     Exit status: 0 solved, with a passing certificate
@@ -72,6 +78,8 @@ def solve(
     Examples:
         qvi-contact solve examples/compressed_plate.toml
         qvi-contact solve examples/punch.toml --inner socp:clarabel --plot punch.png
+        qvi-contact solve examples/punch.toml --certificate
+        qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
     """  # noqa: D301
     import numpy as np
@@ -87,13 +95,49 @@ def solve(
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options = _options(problem_file, {name: value for name, value in given.items() if value is not None})
         history, steps = _solved(problem_file, options)
-        document = _as_document(problem_file, steps) if as_json or save_json else {}
+        checked = _verified(steps) if certificate else ()
+        document = _as_document(problem_file, steps, checked) if as_json or save_json else {}
         _write(problem_file, history, steps[-1], targets, document)
     if as_json:
         click.echo(_json(document))
     else:
-        _show(problem_file, history, steps)
-    return 0 if _all_solved(problem_file, steps) else 1
+        _show(problem_file, history, steps, checked)
+    return 0 if _all_solved(problem_file, steps) and all(found.passed for found in checked) else 1
+
+
+@group.command()
+@click.argument("result", metavar="RESULT")
+@click.option("--tolerance", type=float, help="Of the certificate.  [default: the one of the result]")
+@_JSON
+def verify(result: str, tolerance: float | None, as_json: bool) -> int:
+    """Check everything that the file RESULT claims, from the file alone.
+
+    RESULT is an archive written by "qvi-contact solve --npz" or qvi_contact.export.write_npz. The problem in it is
+    discretised anew, the certificate computed anew from unknowns and multipliers, and tractions, gaps, slips, states,
+    forces, energies and stresses are computed anew and compared with those in the file. Each row of the table says
+    what was found, what is allowed, and what it means.
+
+    A result that was not solved fails; where its certificate is good enough for you, say so by --tolerance. Files with
+    Python functions for loads or gaps cannot hold their problem and cannot be checked.
+
+    \b
+    Exit status: 0 everything holds
+                 1 something does not: the last line names it
+                 2 the file cannot be read, or is no result
+
+    \b
+    Examples:
+        qvi-contact verify answer.npz
+        qvi-contact verify answer.npz --tolerance 1e-6 --json
+    """  # noqa: D301
+    import numpy as np
+
+    from qvi_contact.verification import verify_file
+
+    with np.errstate(all="ignore"):  # what overflows fails
+        found = verify_file(result, tolerance)
+    click.echo(_json(found.document()) if as_json else found.table())
+    return 0 if found.passed else 1
 
 
 @group.command()
@@ -126,6 +170,53 @@ def check(file: str, plot: str | None, as_json: bool) -> None:
         return
     for line in (*heading_lines(problem_file), *outline_lines(found, problem_file.units)):
         click.echo(line)
+
+
+@group.command()
+@_FILE
+@click.option("--degree", type=int, default=2, show_default=True, help="Of the displacement elements, 2 to 4.")
+@click.option("--tolerance", type=float, default=1e-8, show_default=True, help="Of all solves, at most 1e-6.")
+@_JSON
+@click.option("--plot", metavar="PICTURE", help="Draw where the bounds are apart: .png, .svg or .pdf.")
+@click.option("--vtk", metavar="VTU", help="Write the displacements for ParaView (.vtu).")
+def bracket(file: str, degree: int, tolerance: float, as_json: bool, plot: str | None, vtk: str | None) -> int:
+    """Solve the problem in FILE from both sides, which says how far off the answer can be.
+
+    Beside the stress, displacement elements are solved on the same grid. The two energies enclose that of the exact
+    solution. For contacts without Coulomb friction, and where all of them stick, the bounds are guaranteed; where they
+    slip the friction bound is held fixed, and the gap is an indicator. Where one displacement drives the problem, its
+    force is enclosed too. The output names what is bracketed, and every reason why it is not guaranteed.
+
+    \b
+    Exit status: 0 solved, and both bounds found
+                 1 not so: the message says why
+                 2 something is wrong with the input
+
+    \b
+    Examples:
+        qvi-contact bracket examples/punch.toml --plot apart.png
+        qvi-contact bracket examples/compressed_plate.toml --degree 3 --json
+    """  # noqa: D301
+    import math
+
+    import numpy as np
+
+    from qvi_contact.bracket.bounds import bracket as bracketed
+    from qvi_contact.problem_file import load_problem
+    from qvi_contact.solver import solve as solve_one
+    from qvi_contact.targets import checked_targets
+
+    targets = checked_targets(file, plot=plot, vtk=vtk)
+    problem_file = load_problem(file)
+    _refuse_history(problem_file)
+    with problem_file.named_errors(), np.errstate(all="ignore"):
+        options = _options(problem_file, {"tolerance": tolerance})
+        result = solve_one(problem_file.problem, **options)
+        found = bracketed(result, degree, tolerance) if result.has_state else None
+        if found is not None:
+            _write_bracket(problem_file, found, targets)
+    _show_bracket(problem_file, result, found, as_json)
+    return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
 
 
 @group.command()
@@ -173,20 +264,28 @@ def methods(as_json: bool) -> None:
 
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
     qpsolvers, "direct:…" solvers kept alive between outer iterations, "socp:…" second-order cone programs through
-    cvxpy. More back ends come with: python -m pip install 'qvi-contact[solvers]'
+    cvxpy. "strict:…" and "strict-direct:…" hold the contact law on whole edges instead of at their Gauss points. More
+    back ends come with: python -m pip install 'qvi-contact[solvers]'
     """
     from solvers import available
     from solvers.factorisation import available_backends
     from solvers.factorisation.choice import SHARED
     from solvers.solve import METHODS
 
+    strict = available("strict") + available("strict-direct")
     factorisations = {SHARED: "uniform rectangles of one material", **available_backends()}
     if as_json:
-        document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
+        document = {
+            "methods": list(METHODS), "inner": list(available()), "strict": list(strict),
+            "factorisation": factorisations,
+        }  # fmt: skip
         click.echo(_json(document))
         return
     listed = tuple(f"{name}  ({what})" for name, what in factorisations.items())
-    for title, names in (("methods", METHODS), ("inner solvers", available()), ("factorisations", listed)):
+    groups = {
+        "methods": METHODS, "inner solvers": available(), "strict inner solvers": strict, "factorisations": listed,
+    }  # fmt: skip
+    for title, names in groups.items():
         click.echo("\n  ".join([title, *names]))
 
 
@@ -218,14 +317,67 @@ def _all_solved(file: "ProblemFile", steps: "tuple[ContactResult, ...]") -> bool
     return len(steps) == len(file.problems) and all(step.status == "solved" for step in steps)
 
 
-def _as_document(file: "ProblemFile", steps: "tuple[ContactResult, ...]") -> dict[str, Any]:
+def _verified(steps: "tuple[ContactResult, ...]") -> "tuple[Verification, ...]":
+    from qvi_contact.verification import verify_result
+
+    return tuple(verify_result(step) for step in steps)
+
+
+def _as_document(
+    file: "ProblemFile", steps: "tuple[ContactResult, ...]", checked: "tuple[Verification, ...]"
+) -> dict[str, Any]:
+    """Summaries, with what was verified, if it was."""
     from qvi_contact.export import summary
 
     found = [summary(step, file.units) for step in steps]
+    for step, verification in zip(found, checked, strict=False):
+        step["verification"] = verification.document()
     heading = {"title": file.title, "solved": _all_solved(file, steps)}
     if not file.times:
         return heading | found[0]
     return heading | {"times": list(file.times), "steps": found}
+
+
+def _refuse_history(file: "ProblemFile") -> None:
+    if file.times:
+        from qvi_contact.errors import InputError
+
+        raise InputError(
+            "history", f"{len(file.times)} steps", "a bracket is of one solve: give a file without [history]"
+        )
+
+
+def _write_bracket(file: "ProblemFile", found: "Bracket", targets: dict[str, str]) -> None:
+    """Write the files asked for, as far as there is a displacement."""
+    companion = found.companion
+    if targets and (companion is None or not companion.has_state):
+        click.echo(f"qvi-contact: there is no displacement to write to {', '.join(targets.values())}", err=True)
+        return
+    if "plot" in targets:
+        from qvi_contact.plots.bracket import bracket_figure
+        from qvi_contact.plots.style import save_figure
+
+        save_figure(targets["plot"], bracket_figure(found, file.units))
+    if "vtk" in targets and companion is not None:
+        from qvi_contact.companion.export import write_vtu
+
+        write_vtu(targets["vtk"], companion, file.units)
+
+
+def _show_bracket(file: "ProblemFile", result: "ContactResult", found: "Bracket | None", as_json: bool) -> None:
+    """Result and bracket for people, or as one JSON document."""
+    from qvi_contact.bracket.document import document, lines
+    from qvi_contact.export import summary
+    from qvi_contact.report import heading_lines, result_lines
+
+    if as_json:
+        bounds = None if found is None else document(found, file.units)
+        click.echo(_json({"title": file.title, **summary(result, file.units), "bracket": bounds}))
+        return
+    for line in (*heading_lines(file), *result_lines(result, file.units)):
+        click.echo(line)
+    for line in () if found is None else ("", *lines(found, file.units)):
+        click.echo(line)
 
 
 def _write(
@@ -257,15 +409,20 @@ def _write(
             if option == "vtk":
                 export.write_vtu(path, last, file.units)
             else:
-                export.write_npz(path, last)
+                export.write_npz(path, last, file.units, file.title)
 
 
-def _show(file: "ProblemFile", history: "History | None", steps: "tuple[ContactResult, ...]") -> None:
+def _show(
+    file: "ProblemFile",
+    history: "History | None",
+    steps: "tuple[ContactResult, ...]",
+    checked: "tuple[Verification, ...]",
+) -> None:
     """The report for people."""
-    from qvi_contact.report import heading_lines, history_lines, result_lines
+    from qvi_contact.report import heading_lines, history_lines, result_lines, verification_lines
 
     lines = result_lines(steps[0], file.units) if history is None else history_lines(history, file.times, file.units)
-    for line in (*heading_lines(file), *lines):
+    for line in (*heading_lines(file), *lines, *verification_lines(checked, file.times)):
         click.echo(line)
 
 

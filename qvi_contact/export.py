@@ -5,29 +5,28 @@ Every file is either written whole or not at all.
 
 import json
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from qvi_contact.archive import write_archive
 from qvi_contact.checks import FloatArray, IntArray, positive_number
 from qvi_contact.contact import ContactLine, ContactState
 from qvi_contact.errors import InputError
 from qvi_contact.files import check_suffix, replacing, write_text
 from qvi_contact.problem import ContactProblem
-from qvi_contact.result import ContactResult
+from qvi_contact.result import ContactResult, Energies
 from qvi_contact.sampling import out_of_plane_factor, sample_cells, von_mises
+from qvi_contact.stored import solution_arrays
 from qvi_contact.stress import principal_stresses
 from qvi_contact.units import Units
 from solvers.types import load
 
 SUMMARY_VERSION: Final = 1
 """Grows when an entry of `summary` changes its meaning or goes away; new entries may come at any time."""
-
-_CONTACT_ARRAYS: Final = (
-    "x", "y", "weights", "friction", "friction_bound", "normal_stress", "tangential_stress", "gap", "slip", "state",
-)  # fmt: skip
 
 
 def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]:
@@ -66,7 +65,9 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
             "worst": certificate.worst,
             "measures": dict(certificate.measures),
             "limits": certificate.limits,
+            "signed": dict(certificate.signed),
         },
+        "contraction": solution.contraction,
         "iterations": result.iterations,
         "method": solution.method,
         "inner": solution.inner,
@@ -101,8 +102,10 @@ def write_json(path: str | Path, result: ContactResult, units: Units | None = No
     write_text(path, json.dumps(summary(result, units), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def write_npz(path: str | Path, result: ContactResult) -> None:
-    """Write mesh, stresses and contacts as a NumPy archive that `numpy.load` reads without pickle.
+def write_npz(path: str | Path, result: ContactResult, units: Units | None = None, title: str = "") -> None:
+    """Write everything about a result as a NumPy archive that `numpy.load` reads without pickle.
+
+    `qvi_contact.stored.load_result` makes the result again, and `qvi-contact verify` checks all that the file claims.
 
     Parameters
     ----------
@@ -110,6 +113,10 @@ def write_npz(path: str | Path, result: ContactResult) -> None:
         The file, ending in .npz.
     result : ContactResult
         A result with a stress state.
+    units : Units, optional
+        Names of the units, kept with the problem.
+    title : str
+        What to call the problem.
 
     Raises
     ------
@@ -118,20 +125,37 @@ def write_npz(path: str | Path, result: ContactResult) -> None:
 
     Notes
     -----
-    The arrays are
+    The fields are
 
     * ``x_lines`` (nx + 1,), ``y_lines`` (ny + 1,) [length], ``active`` (ny, nx), ``material`` (ny, nx);
     * ``airy`` (ny + 1, nx + 1, 4): Φ, Φ_x, Φ_y, Φ_xy at the nodes [stress × length²; × length; × length; stress], up to
       an affine function; NaN at nodes outside the body;
     * ``gauss_x``, ``gauss_y`` (cells, 16) [length] and ``gauss_stress`` (cells, 16, 3): σ_xx, σ_yy, σ_xy [stress];
-    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: the arrays of `ContactLine`;
+    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has, forces included, and
+      with a plate ``<name>.motion``: x, y [length] and rotation [rad];
+    * ``energies``: strain, load, complementary, dissipation [stress × length²]; ``traction_misfit`` [stress];
     * ``status``, ``message``: texts.
+
+    What the fields are made from is there too:
+
+    * ``problem``: the text of a problem file; empty if functions are Python's, which no file can hold, and
+      ``problem_missing`` then says which. Such a file has all fields, but cannot be checked;
+    * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``; ``freed``: nodes
+      whose prescribed shear is given up; ``earlier_slip``: of load steps before this one, at all contact points;
+      ``strict``: whether bounds hold on whole edges;
+    * ``z``, ``normal_multiplier``, ``tangential_multiplier``, ``equality_multiplier``, ``threshold``: of `QVISolution`;
+    * ``certificate`` (JSON) and ``tolerance``; ``method``, ``inner``, ``form``, ``factorisation``, ``iterations``,
+      ``corrections``, ``history``, ``history_status``, ``timings``, ``versions``;
+    * ``format``, ``format_version`` and ``digest``, see `qvi_contact.archive`.
 
     """
     check_suffix("npz", path, ".npz")
-    arrays = {**_body_arrays(result), **_contact_arrays(result.contacts)}
-    with replacing(path) as temporary:
-        np.savez_compressed(temporary, **arrays)
+    write_archive(path, {**field_arrays(result), **solution_arrays(result, units, title)})
+
+
+def field_arrays(result: ContactResult) -> dict[str, Any]:
+    """Mesh, stresses, contacts and energies of a result, as `write_npz` describes them."""
+    return {**_body_arrays(result), **_contact_arrays(result.contacts), **_numbers(result)}
 
 
 def write_vtu(path: str | Path, result: ContactResult, units: Units | None = None, subdivisions: int = 4) -> None:
@@ -169,11 +193,11 @@ def write_vtu(path: str | Path, result: ContactResult, units: Units | None = Non
     if isinstance(subdivisions, bool) or subdivisions != int(positive_number("subdivisions", subdivisions)):
         raise InputError("subdivisions", subdivisions, "give a whole number of at least 1")
     r = int(subdivisions)
-    points, fields = _point_data(result, r, units)
+    points, point_data = _point_data(result, r, units)
     material = np.repeat(result.problem.material_numbers[result.problem.mesh.active], r * r)
     quads = _quads(int(result.problem.mesh.active.sum()), r)
     meshio = load("meshio")
-    mesh = meshio.Mesh(points, [("quad", quads)], point_data=fields, cell_data={"material": [material]})
+    mesh = meshio.Mesh(points, [("quad", quads)], point_data=point_data, cell_data={"material": [material]})
     with replacing(path) as temporary:
         mesh.write(temporary, file_format="vtu")
 
@@ -258,11 +282,16 @@ def _plain(value: object) -> object:
     return int(value) if isinstance(value, np.integer) else value
 
 
+def airy_units(result: ContactResult) -> FloatArray:
+    """Units (4,) of Φ, Φ_x, Φ_y, Φ_xy: S L², S L, S L, S of `Scales`."""
+    scales = result.discretization.scales
+    return np.asarray(scales.airy / np.array([1.0, scales.length, scales.length, scales.length**2]))
+
+
 def _body_arrays(result: ContactResult) -> dict[str, Any]:
-    mesh, scales = result.problem.mesh, result.discretization.scales
+    mesh = result.problem.mesh
     x, y, stress = result.gauss_stress()
-    slopes = np.array([1.0, scales.length, scales.length, scales.length**2])
-    airy = result.nodal * (scales.airy / slopes) / result.discretization.grid.dof_scales
+    airy = result.nodal * airy_units(result) / result.discretization.grid.dof_scales
     return {
         "x_lines": mesh.x,
         "y_lines": mesh.y,
@@ -272,13 +301,24 @@ def _body_arrays(result: ContactResult) -> dict[str, Any]:
         "gauss_x": x,
         "gauss_y": y,
         "gauss_stress": stress,
-        "status": np.array(str(result.status)),
-        "message": np.array(result.message),
     }
 
 
 def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
-    return {f"{name}.{field}": getattr(line, field) for name, line in contacts.items() for field in _CONTACT_ARRAYS}
+    """Fields of every `ContactLine`, with its resultant forces."""
+    names = [field.name for field in fields(ContactLine) if field.name != "name"]
+    names += ["normal_force", "tangential_force"]
+    return {f"{name}.{field}": getattr(line, field) for name, line in contacts.items() for field in names}
+
+
+def _numbers(result: ContactResult) -> dict[str, Any]:
+    """Energies, motion of plates, misfit of tractions."""
+    energies, motions = result.energies, result.plates
+    return {
+        "energies": np.array([getattr(energies, field.name) for field in fields(Energies)]),
+        "traction_misfit": result.traction_misfit,
+        **{f"{name}.motion": np.array([motion.x, motion.y, motion.rotation]) for name, motion in motions.items()},
+    }
 
 
 def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[FloatArray, dict[str, FloatArray]]:
@@ -292,12 +332,12 @@ def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[Flo
     zero = np.zeros_like(xx)
     first, second, _ = principal_stresses(stress)
     mises = von_mises(stress, factor)
-    fields = {"stress": np.column_stack([xx, yy, factor * (xx + yy), xy, zero, zero]), "von Mises": mises}
-    fields |= {"principal 1": first, "principal 2": second}
+    found = {"stress": np.column_stack([xx, yy, factor * (xx + yy), xy, zero, zero]), "von Mises": mises}
+    found |= {"principal 1": first, "principal 2": second}
     if units is not None:
-        fields = {f"{name} [{units.stress}]": values for name, values in fields.items()}
-    fields["Airy function" + (f" [{units.moment}]" if units else "")] = airy
-    return np.column_stack([x, y, zero]), fields
+        found = {f"{name} [{units.stress}]": values for name, values in found.items()}
+    found["Airy function" + (f" [{units.moment}]" if units else "")] = airy
+    return np.column_stack([x, y, zero]), found
 
 
 def _by_cell(values: FloatArray, problem: ContactProblem) -> FloatArray:

@@ -8,6 +8,7 @@ from qvi_contact.history import History
 from qvi_contact.problem_file import ProblemFile
 from qvi_contact.result import ContactResult
 from qvi_contact.units import Units
+from qvi_contact.verification import Verification
 
 _STATES = [state.name.lower() for state in ContactState]
 _HIDDEN = ("kind", "edges", "length", "joint")
@@ -58,6 +59,18 @@ def history_lines(history: History, times: Sequence[float], units: Units) -> Ite
     remarks = dict.fromkeys(remark for step in history.steps for remark in step.remarks)
     yield from (f"remark: {remark}" for remark in remarks)
     yield f"{history.status}: {history.message}"
+
+
+def verification_lines(checked: Sequence[Verification], times: Sequence[float]) -> Iterator[str]:
+    """The table of the one result; of several the verdict of each step, and the table of the first that fails."""
+    if len(checked) == 1:
+        yield from ("", checked[0].table())
+        return
+    failed = next((found for found in checked if not found.passed), None)
+    for number, (found, t) in enumerate(zip(checked, times, strict=False), 1):
+        yield f"step {number}, t = {t:.6g}: {found.summary()}"
+    if failed is not None:
+        yield from ("", failed.table())
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:

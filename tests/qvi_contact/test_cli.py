@@ -83,7 +83,11 @@ def test_methods_as_one_json_document():
     done = command("methods", "--json")
     assert (done.returncode, done.stderr) == (0, "")
     factorisations = {SHARED: "uniform rectangles of one material", **available_backends()}
-    expected = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
+    strict = [*available("strict"), *available("strict-direct")]
+    expected = {
+        "methods": list(METHODS), "inner": list(available()), "strict": strict, "factorisation": factorisations,
+    }  # fmt: skip
+    assert "strict-direct:clarabel" in strict
     assert json.loads(done.stdout) == expected
 
 

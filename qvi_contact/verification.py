@@ -1,0 +1,352 @@
+"""Is a result what it says? Everything it claims, checked against its own problem, unknowns and multipliers.
+
+The problem is discretised and the certificate computed anew; tractions, gaps, slips, states, forces, energies and the
+motion of plates are evaluated anew and compared; the status has to follow from the certificate. Nothing that the result
+says of itself counts, and nothing that a back end said.
+
+    from qvi_contact.verification import verify_file, verify_result
+    print(verify_result(solve(problem)).table())
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from qvi_contact.archive import Archive
+from qvi_contact.checks import finite_number
+from qvi_contact.claims import (
+    AGREEMENT,
+    Recomputed,
+    compared,
+    missed_tractions,
+    problem_difference,
+    recompute,
+    rediscretized,
+    worse_than_claimed,
+)
+from qvi_contact.errors import InputError
+from qvi_contact.export import field_arrays
+from qvi_contact.result import ContactResult
+from qvi_contact.stored import result_from_archive
+from solvers import Certificate, Status
+from solvers.feasibility import is_farkas
+from solvers.finish import LOOSEST
+
+DOCUMENT_VERSION: Final = 1
+"""Grows when an entry of `Verification.document` changes its meaning or goes away."""
+
+_CLAIMED: Final = 0.1  # of its limit, by which a measure may be larger than it was said to be: rounding
+
+_GROUPS: Final = {
+    "x_lines": "mesh", "y_lines": "mesh", "active": "mesh", "material": "mesh",
+    "airy": "Airy function",
+    "gauss_x": "stresses", "gauss_y": "stresses", "gauss_stress": "stresses",
+    "x": "points", "y": "points", "weights": "points", "friction": "points",
+    "gap": "gap and slip", "slip": "gap and slip", "state": "states", "motion": "motion",
+    "normal_force": "forces", "tangential_force": "forces",
+}  # fmt: skip
+
+_MEANINGS: Final = {
+    "mesh": "Grid lines, active cells and materials of the problem.",
+    "Airy function": "Nodal values of the stress function, from the unknowns.",
+    "stresses": "Stress at the Gauss points of all cells, from the stress function.",
+    "energies": "Strain energy, work of prescribed displacements, dissipation.",
+    "traction_misfit": "Pointwise difference of prescribed and computed tractions.",
+    "points": "Coordinates, weights and friction coefficients of the contact points.",
+    "tractions": "σ_N, σ_T and the bound of friction, from the unknowns.",
+    "gap and slip": "Displacements relative to the obstacle, from the multipliers.",
+    "states": "Number of points whose state (open, stick, slip) is another one.",
+    "motion": "Motion of the plate driven by force, from the multipliers of its balance.",
+    "forces": "Resultants of the tractions of the contact.",
+}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One row of a verification.
+
+    Attributes
+    ----------
+    name : str
+        What was checked.
+    value : float, str or None
+        What was found, relative; a word for the status; None if there is nothing to tell.
+    limit : float or None
+        Largest absolute value that passes.
+    passed : bool or None
+        None for a fact that cannot fail.
+    meaning : str
+        What the value means.
+    worry : str
+        When to worry, and what to do then.
+
+    """
+
+    name: str
+    value: float | str | None
+    limit: float | None
+    passed: bool | None
+    meaning: str
+    worry: str = ""
+
+    def line(self, width: int) -> str:
+        """The row as text, the name filled up to `width`."""
+        value = f"{self.value:.1e}" if isinstance(self.value, float) else str(self.value or "")
+        limit = "" if self.limit is None else f"{self.limit:.1e}"
+        verdict = "" if self.passed is None else "passed" if self.passed else "FAILED"
+        return f"{self.name:<{width}}  {value:>8}  {limit:>8}  {verdict}".rstrip()
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What became of a verification.
+
+    Attributes
+    ----------
+    rows : tuple of Check
+        All checks and facts.
+    status : Status
+        The status that the result claims.
+    tolerance : float
+        Of the certificate.
+
+    """
+
+    rows: tuple[Check, ...]
+    status: Status
+    tolerance: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed: the result is what it says, and its certificate passes at the tolerance."""
+        return not self.failures
+
+    @property
+    def failures(self) -> tuple[Check, ...]:
+        """The checks that failed."""
+        return tuple(row for row in self.rows if row.passed is not None and not row.passed)
+
+    def summary(self) -> str:
+        """One line: passed, or what failed."""
+        if self.passed:
+            return f"verified: {sum(bool(row.passed) for row in self.rows)} checks passed at {self.tolerance:.0e}"
+        return f"not verified: {', '.join(row.name for row in self.failures)}"
+
+    def table(self) -> str:
+        """All rows as text, with what they mean, and the summary."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        width = max(len(row.name) for row in self.rows)
+        yield f"{'check':<{width}}  {'value':>8}  {'limit':>8}"
+        for row in self.rows:
+            yield row.line(width)
+            yield f"    {row.meaning}"
+            if row in self.failures and row.worry:
+                yield f"    {row.worry}"
+        yield self.summary()
+
+    def document(self) -> dict[str, Any]:
+        """The same as a document that JSON can hold; numbers that are not finite are None."""
+        names = ("name", "value", "limit", "passed", "meaning", "worry")
+        return {
+            "format": "qvi_contact verification",
+            "version": DOCUMENT_VERSION,
+            "passed": self.passed,
+            "status": str(self.status),
+            "tolerance": self.tolerance,
+            "failures": [row.name for row in self.failures],
+            "checks": [{name: _plain(getattr(row, name)) for name in names} for row in self.rows],
+        }
+
+
+def verify_result(result: ContactResult, tolerance: float | None = None) -> Verification:
+    """Check everything that a result claims.
+
+    Parameters
+    ----------
+    result : ContactResult
+        The result. A proof that the load cannot be carried is checked too; any other result without stresses fails.
+    tolerance : float, optional
+        Of the certificate, in (0, 1); by default the one the result was solved with.
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    InputError
+        If the argument is no result, the tolerance is out of range, or multipliers have another shape than the problem.
+
+    Notes
+    -----
+    Numbers have to agree with those computed anew to `AGREEMENT` of their size, or of 1e-4 of the largest of their
+    kind, rounding of the unknowns aside. It costs one factorisation.
+
+    """
+    if not isinstance(result, ContactResult):
+        raise InputError("result", result, "give a ContactResult, such as solve returns")
+    chosen, claims = _tolerance(result, tolerance), field_arrays(result) if result.has_state else {}
+    found = recompute(result, rediscretized(result), chosen)
+    same = _limited(
+        "problem", problem_difference(result.solution.problem, found.result.solution.problem), AGREEMENT,
+        "The algebraic problem that was solved, beside the problem discretised anew.",
+    )  # fmt: skip
+    return Verification((same, *_rows(result, claims, found)), result.status, chosen)
+
+
+def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:
+    """Check everything that a file claims that `qvi_contact.export.write_npz` has written; from the file alone.
+
+    Parameters
+    ----------
+    path : str or Path
+        The archive.
+    tolerance : float, optional
+        Of the certificate; by default the one the result was solved with.
+
+    Raises
+    ------
+    InputError
+        If the file is no such archive, or has no problem, as `qvi_contact.stored.load_result` says.
+
+    """
+    archive = Archive(path)
+    result = result_from_archive(archive)
+    chosen = _tolerance(result, tolerance)
+    intact = Check(
+        "digest", "fits" if archive.intact else "does not", None, archive.intact,
+        "SHA-256 of all entries: whether the file is as it was written.",
+        "The file was changed after it was written; the other checks say whether what matters still holds.",
+    )  # fmt: skip
+    found = recompute(result, result.discretization, chosen)  # which was made from the file just now
+    return Verification((intact, *_rows(result, _Claims(archive), found)), result.status, chosen)
+
+
+class _Claims(Mapping[str, Any]):
+    """Entries of an archive; one that is missing is an `InputError`."""
+
+    def __init__(self, archive: Archive) -> None:
+        self._archive = archive
+
+    def __getitem__(self, name: str) -> Any:
+        return self._archive.array(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._archive.arrays)
+
+    def __len__(self) -> int:
+        return len(self._archive.arrays)
+
+
+def _tolerance(result: ContactResult, given: float | None) -> float:
+    tolerance = result.certificate.tolerance if given is None else finite_number("tolerance", given)
+    if not 0.0 < tolerance < 1.0:
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    return tolerance
+
+
+def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed) -> Iterator[Check]:
+    yield _status(result, found)
+    if result.status is Status.INFEASIBLE:
+        yield _proof(found)
+        return
+    for row in found.result.certificate.rows():
+        yield Check(row.name, row.value, row.limit, row.passed, row.meaning, row.worry)
+    yield _limited(
+        "claimed measures", worse_than_claimed(result.certificate, found.result.certificate), _CLAIMED,
+        "By how much the worst of these is larger than the result says, in units of its limit.",
+    )  # fmt: skip
+    if result.has_state:
+        yield from _agreements(claims, found)
+        yield _limited(
+            "prescribed resultants", missed_tractions(found.result), AGREEMENT,
+            "Forces of the prescribed tractions on their edges: equilibrium with the loads.",
+        )  # fmt: skip
+    yield from _facts(found)
+
+
+def _limited(name: str, value: float, limit: float, meaning: str) -> Check:
+    return Check(name, float(value), limit, bool(value <= limit), meaning)
+
+
+def _agreements(claims: Mapping[str, Any], found: Recomputed) -> Iterator[Check]:
+    """Claimed and computed fields, the worst of each group."""
+    worst: dict[str, tuple[float, float, str]] = {}
+    for name, value in compared(claims, found):
+        contact, _, field = name.rpartition(".")
+        group = _GROUPS.get(field, "tractions" if contact else field)
+        label = f"{contact}: {group}" if contact else group
+        limit = 0.0 if field in ("state", "active", "material") else AGREEMENT
+        worst[label] = max(worst.get(label, (-1.0, 0.0, "")), (value, limit, group))
+    for label, (value, limit, group) in worst.items():
+        yield _limited(label, value, limit, _MEANINGS[group])
+
+
+def _status(result: ContactResult, found: Recomputed) -> Check:
+    """Whether the status follows from the certificate at the tolerance that the result was solved with."""
+    again = found.result.certificate
+    certificate = Certificate(again.measures, result.certificate.tolerance, again.scales)
+    status = result.status
+    if status is Status.SOLVED:
+        honest = certificate.passed
+    elif status is Status.INACCURATE:
+        honest = not certificate.passed and certificate.accuracy <= LOOSEST
+    elif status is Status.INFEASIBLE:
+        honest = result.solution.farkas is not None
+    else:
+        honest = not certificate.passed
+    word = status.value.replace("_", " ")
+    return Check(
+        "status", word, None, honest and word in result.message,
+        "Solved if and only if the certificate passes at the tolerance asked for; inaccurate up to 1e-4.",
+        "The status or the message says something else than the numbers.",
+    )  # fmt: skip
+
+
+def _proof(found: Recomputed) -> Check:
+    solution = found.result.solution
+    proved = solution.farkas is not None and is_farkas(solution.problem, *solution.farkas)
+    return Check(
+        "proof", "holds" if proved else "does not", None, proved,
+        "Farkas' multipliers: no admissible traction carries the load.",
+        "That the load cannot be carried is not proved.",
+    )  # fmt: skip
+
+
+def _facts(found: Recomputed) -> Iterator[Check]:
+    """What cannot fail and is worth knowing."""
+    result, solution = found.result, found.result.solution
+    if result.has_state:
+        yield Check(
+            "pointwise tractions", result.traction_misfit / found.stress, None, None,
+            "Largest difference of prescribed and computed tractions at a point, over the largest on the contact: data "
+            "that stresses of this mesh cannot follow; every edge keeps its resultants. Refine where it matters.",
+        )  # fmt: skip
+        excess = max((line.excess_between_points for line in result.contacts.values()), default=0.0)
+        pull = max((line.pull_between_points for line in result.contacts.values()), default=0.0)
+        yield Check(
+            "between points", max(excess, pull) / found.stress, None, None,
+            "Largest |σ_T| beyond the bound, or pull, anywhere on the contacts, over the largest traction: the law "
+            "holds at points; inner solvers 'strict:…' make it hold everywhere.",
+        )  # fmt: skip
+    if solution.contraction is not None:
+        yield Check(
+            "contraction", solution.contraction, None, None,
+            "Factor by which the residual of the outer loop shrank in its last iterations; above 0.9 it is slow.",
+        )  # fmt: skip
+    if "rounding" in solution.certificate.scales:
+        yield Check(
+            "rounding", solution.certificate.scales["rounding"], None, None,
+            "What the rounding of the unknowns alone leaves, in the energy norm; the energy is accurate to its square.",
+        )  # fmt: skip
+    bound = solution.uniqueness
+    yield Check("uniqueness", bound.sharper, None, None, bound.sentence())
+
+
+def _plain(value: object) -> object:
+    return None if isinstance(value, float) and not np.isfinite(value) else value
