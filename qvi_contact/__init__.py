@@ -11,6 +11,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from qvi_contact.bracket import refined_where_apart
+    from qvi_contact.companion import solve_companion
     from qvi_contact.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
     from qvi_contact.contact import ContactLine, ContactState
     from qvi_contact.discretization import Discretization, discretize
@@ -27,7 +29,9 @@ if TYPE_CHECKING:
     from qvi_contact.refinement import Refinement, RefinementStatus, refine
     from qvi_contact.result import ContactResult
     from qvi_contact.solver import solve
+    from qvi_contact.stored import load_result
     from qvi_contact.stress import principal_stresses
+    from qvi_contact.verification import verify_result
 
 _HOME = {
     "Contact": "conditions",
@@ -57,12 +61,16 @@ _HOME = {
     "graded_lines": "lines",
     "limit_load_factor": "limit",
     "load_problem": "problem_file",
+    "load_result": "stored",
     "loop_area": "history",
     "principal_stresses": "stress",
     "refine": "refinement",
+    "refined_where_apart": "bracket",
     "save_problem": "problem_writer",
     "solve": "solver",
+    "solve_companion": "companion",
     "solve_history": "history",
+    "verify_result": "verification",
 }
 
 __all__ = [
@@ -93,12 +101,16 @@ __all__ = [
     "graded_lines",
     "limit_load_factor",
     "load_problem",
+    "load_result",
     "loop_area",
     "principal_stresses",
     "refine",
+    "refined_where_apart",
     "save_problem",
     "solve",
+    "solve_companion",
     "solve_history",
+    "verify_result",
 ]
 
 

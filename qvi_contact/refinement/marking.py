@@ -89,7 +89,7 @@ def marked_lines(
             remaining -= sum(strips[direction][index].gain for index in chosen[direction])
             strips[direction] = _with_halves(strips[direction], chosen[direction])
     x, y = (np.array([strip.start for strip in line] + [line[-1].stop]) for line in strips)
-    return _regular(problem, x, y)
+    return regular_lines(problem, x, y)
 
 
 def _strips(lines: FloatArray, error: FloatArray, reduced: FloatArray) -> list[_Interval]:
@@ -118,8 +118,8 @@ def _with_halves(line: list[_Interval], chosen: list[int]) -> list[_Interval]:
     return [part for i, strip in enumerate(line) for part in (strip.halves if i in chosen else (strip,))]
 
 
-def _regular(problem: ContactProblem, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lines added until neighbouring intervals and the cells on contacts have bounded ratios."""
+def regular_lines(problem: ContactProblem, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lines x, y [length] with intervals bisected until neighbours, and the cells on contacts, have bounded ratios."""
     while True:
         x, y = _graded(x), _graded(y)
         deep_x, deep_y = _too_deep(problem, x, y)

@@ -1,0 +1,7 @@
+"""How far off is the answer: bounds of the energy from an admissible stress and an admissible displacement."""
+
+from qvi_contact.bracket.bounds import bracket
+from qvi_contact.bracket.marking import refined_where_apart
+from qvi_contact.bracket.outcome import Bounds, Bracket, BracketKind, EdgeParts
+
+__all__ = ["Bounds", "Bracket", "BracketKind", "EdgeParts", "bracket", "refined_where_apart"]

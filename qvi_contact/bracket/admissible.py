@@ -1,0 +1,86 @@
+"""A stress that obeys the contact law on whole edges."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from qvi_contact.bracket.given import GivenProblem, contact_tractions
+from qvi_contact.checks import FloatArray
+from qvi_contact.errors import InputError
+from qvi_contact.result import ContactResult
+from solvers import Status, solve_qvi
+from solvers.strict.quadratics import largest
+
+LOOSEST: Final = 1e-6
+"""Largest violation of the contact law, relative to the largest stress, that counts as admissible."""
+
+INNER = "strict-direct:clarabel"
+
+
+@dataclass(frozen=True, eq=False)
+class AdmissibleStress:
+    """A stress of the given problem.
+
+    Attributes
+    ----------
+    result : ContactResult
+        It carries the stress; solved for the given bound if that of the bracketed result violates the law somewhere.
+    excess, pull : (e,) arrays
+        What is left of violations on each contact edge, largest (|τ_T| − s)⁺ and (τ_N)⁺, dimensionless.
+    found : bool
+        Whether there is such a stress at all.
+    message : str
+        If not, why.
+
+    """
+
+    result: ContactResult
+    excess: FloatArray
+    pull: FloatArray
+    found: bool = True
+    message: str = ""
+
+
+def admissible_stress(given: GivenProblem, result: ContactResult, tolerance: float) -> AdmissibleStress:
+    """The stress of the result where it is admissible for the given problem up to the tolerance, else the best that is.
+
+    The tolerance is relative to the largest contact traction.
+    """
+    excess, pull, size = _violations(given, result)
+    if max(excess.max(initial=0.0), pull.max(initial=0.0)) <= tolerance * size:
+        return AdmissibleStress(result, excess, pull)
+    try:
+        qvi = given.qvi
+    except InputError as error:
+        return AdmissibleStress(result, excess, pull, False, f"No strictly admissible stress can be sought: {error}")
+    solution = solve_qvi(qvi, inner=INNER, tolerance=tolerance)
+    strict = ContactResult(given.discretization, solution)
+    if not strict.has_state:
+        return AdmissibleStress(result, excess, pull, False, _why_not(solution.status, solution.message))
+    excess, pull, size = _violations(given, strict)
+    found = max(excess.max(initial=0.0), pull.max(initial=0.0)) <= LOOSEST * size
+    return AdmissibleStress(strict, excess, pull, found, "" if found else _why_not(solution.status, solution.message))
+
+
+def _why_not(status: Status, message: str) -> str:
+    if status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
+        return "No stress on this mesh obeys the contact law on whole edges for that bound: refine the mesh."
+    return f"No strictly admissible stress was found: {message}"
+
+
+def _violations(given: GivenProblem, result: ContactResult) -> tuple[FloatArray, FloatArray, float]:
+    """Largest (|τ_T| − s)⁺ and (τ_N)⁺ on each contact edge (e,), and the largest stress they are compared with.
+
+    That is the contact's largest traction, or the certificate's unit of stress where the contact is open.
+    """
+    qvi = given.discretization.qvi
+    if qvi.edges is None or not qvi.m:
+        return np.zeros(0), np.zeros(0), 1.0
+    normal, tangential = contact_tractions(given.discretization, result.nodal)
+    shear = qvi.edges.bernstein(tangential)
+    excess = np.maximum(largest(shear - given.threshold), largest(-shear - given.threshold))
+    unilateral = qvi.edges.ends((~qvi.bilateral).astype(float)) > 0.5
+    pull = np.where(unilateral, qvi.edges.ends(normal), 0.0).max(axis=1)
+    size = max(np.abs(normal).max(), np.abs(tangential).max(), result.certificate.scales.get("stress", 0.0))
+    return np.maximum(excess, 0.0), np.maximum(pull, 0.0), float(size) or 1.0

@@ -1,0 +1,169 @@
+"""Bounds of the energy of a contact problem, from its stress and a displacement computed beside it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible_stress
+from qvi_contact.bracket.data import data_reasons
+from qvi_contact.bracket.forces import force_bounds
+from qvi_contact.bracket.given import GivenProblem, contact_tractions, given_problem
+from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
+from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
+from qvi_contact.bracket.work import prescribed_work
+from qvi_contact.checks import finite_number
+from qvi_contact.companion import CompanionResult, solve_companion
+from qvi_contact.errors import InputError
+from qvi_contact.result import ContactResult
+from solvers.strict.threshold import strict_bound
+
+_MISFIT = 1e-9  # prescribed tractions missed, relative to the unit of stress, that count
+_BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
+_CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
+_OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
+
+
+def bracket(result: ContactResult, degree: int = 2, tolerance: float = 1e-8) -> Bracket:
+    """Bounds of the energy of the problem that a result belongs to, and an error indicator for each cell.
+
+    With the compliance c, the stiffness C, a friction bound s on the contacts and
+
+        J(v)  = ½ ∫ ε(v) : C : ε(v) − ∫ b·v − ∫_{Γ_σ} T·v + ∫_{Γ_μ} s |v_T − w|,      v_N ≤ g,  v = U on Γ_u,
+        J*(τ) = ½ ∫ τ : c : τ − ∫_{Γ_u} U·τn − ∫_{Γ_μ} (g τ_N + w τ_T),                τ in K(s) of (D1),
+
+    −J*(τ) ≤ J(u) ≤ J(v) for the solution u of the problem with that bound, and
+
+        J(v) + J*(τ) ≥ ½ ∫ ε(u − v) : C : ε(u − v) + ½ ∫ (σ − τ) : c : (σ − τ).
+
+    The stress τ is that of the result, if it obeys the contact law on whole edges, else it is computed anew for the
+    same bound (`strict-direct:clarabel`); v are Lagrange elements on the same grid (`solve_companion`). Which problem
+    is bracketed says `Bracket.kind`: for laws without Coulomb friction the one stated; if all friction contacts stick,
+    the tied one; else s = μ|σ_N| is held fixed, and the gap is an indicator, as it is without the part
+    that comes from s itself (`Bracket.outer` measures it).
+
+    Parameters
+    ----------
+    result : ContactResult
+        A result with a stress state, from any method, collocated or strict.
+    degree : int
+        Of the displacement elements, ≥ 2.
+    tolerance : float
+        Of the two solves, at most 1e-6. A stress that violates the contact law by less, relative to the largest
+        stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
+
+    Returns
+    -------
+    Bracket
+        A bound that cannot be computed is infinite, with the reason.
+
+    Raises
+    ------
+    InputError
+        If there is no stress state, `degree` or `tolerance` is wrong, or the result belongs to a step of a history.
+
+    Notes
+    -----
+    Theory: W. Prager, J. L. Synge, Approximations in elasticity based on the concept of function space, Quart. Appl.
+    Math. 5 (1947); P. Ladevèze, D. Leguillon, Error estimate procedure in the finite element method and applications,
+    SIAM J. Numer. Anal. 20 (1983). Integrals are by Gauss quadrature, exact for polynomial data, the friction work by
+    pieces between the zeros of the slip. "Guaranteed" holds up to rounding and the tolerance, and as far as the points
+    show at which data given as functions are looked at (`bracket.data`).
+
+    """
+    if not isinstance(result, ContactResult):
+        raise InputError("result", result, "give a ContactResult")
+    if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
+        raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
+    given = given_problem(result)
+    stress = admissible_stress(given, result, tolerance)
+    companion = solve_companion(given.discretization.problem, bounds=given.bounds, degree=degree, tolerance=tolerance)
+    return _assemble(given, stress, companion)
+
+
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    """What the contacts contribute: parts by contact, work of violations, and of the bound's own error."""
+
+    parts: Mapping[str, EdgeParts]
+    slack: float
+    outer: float
+
+
+def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult) -> Bracket:
+    """Energies, parts, reasons."""
+    discretization, nodal = given.discretization, stress.result.nodal
+    problem = discretization.problem
+    fields = CellFields.of(discretization, nodal)
+    strain = strain_energy(fields, problem.compliances)
+    complementary = strain - prescribed_work(discretization, nodal)
+    cells = np.zeros(problem.mesh.shape)
+    moved = companion.has_state
+    edges = _Edges({}, 0.0, 0.0)
+    if moved:
+        cell_strain = companion.cell_strain(fields.tx, fields.ty)
+        cells[problem.mesh.active] = bulk(fields, problem.compliances, cell_strain)
+        edges = _edges(given, stress, companion)
+    lower = -complementary - edges.slack if stress.found else -np.inf
+    upper = companion.energy if moved else np.inf
+    total = float(cells.sum()) + sum(float((part.contact + part.friction).sum()) for part in edges.parts.values())
+    balance = abs(upper + complementary - total) / max(strain, abs(complementary), 1e-300) if moved else 0.0
+    frictionless = not given.threshold.any()
+    return Bracket(
+        problem,
+        given.kind,
+        _reasons(given, stress, companion, balance, (upper - lower) / max(strain, 1e-300)),
+        lower,
+        upper,
+        strain,
+        cells,
+        edges.parts,
+        by_cell(discretization, cells, edges.parts),
+        edges.outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
+        edges.slack,
+        force_bounds(discretization, frictionless, lower, upper),
+        stress.result,
+        companion,
+    )
+
+
+def _edges(given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult) -> _Edges:
+    """Contact and friction parts, contact by contact."""
+    discretization, qvi = given.discretization, given.discretization.qvi
+    if qvi.edges is None or not qvi.m:
+        return _Edges({}, 0.0, 0.0)
+    unit = discretization.scales.stress
+    normal, tangential = contact_tractions(discretization, stress.result.nodal)
+    ends, shear, bound = unit * qvi.edges.ends(normal), unit * qvi.edges.bernstein(tangential), unit * given.threshold
+    own = unit * strict_bound(discretization.qvi, normal).coefficients
+    found, slack, outer, start = {}, 0.0, 0.0, 0
+    for rows in discretization.contacts:
+        if rows.law == "tied":
+            continue
+        chosen = slice(start, start + len(rows.points.edges))
+        start = chosen.stop
+        arguments = discretization, rows, ends[chosen], shear[chosen], bound[chosen]
+        found[rows.name], opening, slip = edge_parts(*arguments, companion)
+        left = stress.pull[chosen] @ opening + stress.excess[chosen] @ slip
+        slack += _OUTWARD * unit * float(left)
+        outer += float(np.abs(own - bound)[chosen].max(axis=1) @ slip)
+    return _Edges(found, slack, outer)
+
+
+def _reasons(
+    given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult, balance: float, apart: float
+) -> tuple[str, ...]:
+    """Why the bounds are not guaranteed."""
+    found = [*given.reasons, *data_reasons(given.discretization.problem, companion.degree), *companion.reasons]
+    if not stress.found:
+        found.append(stress.message)
+    if not companion.has_state:
+        found.append(f"No admissible displacement was found: {companion.message}")
+    misfit, unit = stress.result.traction_misfit, given.discretization.scales.stress
+    if misfit > _MISFIT * unit:
+        found.append(f"Prescribed tractions are met in resultants only, up to {misfit:.3g} [stress] off at points.")
+    elif balance > _BALANCE:
+        found.append(f"The two energies and the parts of their gap differ by {balance:.1e} of the energy.")
+    if apart < -_CROSSED:
+        found.append(f"The bounds contradict each other by {-apart:.1e} of the strain energy.")
+    return tuple(found)

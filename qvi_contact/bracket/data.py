@@ -1,0 +1,78 @@
+"""Whether the data are polynomials that both models hold exactly, as far as many points show.
+
+Bounds need data that are the same in both models. Functions are looked at in 97 points of every edge and 13 × 13 of
+every cell; what happens between those nobody sees.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from qvi_contact.checks import Field, FloatArray, evaluate
+from qvi_contact.conditions import Contact, Displacement, Traction
+from qvi_contact.mesh import Edges
+from qvi_contact.problem import ContactProblem
+
+_EDGE: FloatArray = (np.arange(97.0) + 0.5) / 97.0
+_CELL: FloatArray = (np.arange(13.0) + 0.5) / 13.0
+_CELL_DEGREE = 5  # of φ in x and in y: the work of its stresses is then integrated exactly
+_ROUNDING = 1e-9  # of the largest value
+
+
+def data_reasons(problem: ContactProblem, degree: int) -> tuple[str, ...]:
+    """Which data are no polynomials of the degree that both models hold exactly, one sentence each.
+
+    Supports, gaps and offsets are held up to the degree of the displacements, tractions up to 2 along an edge, friction
+    bounds c and t_max up to 2, a body potential up to 5 in each direction on cells and 1 along contacts.
+    """
+    found = [
+        f"{name} on {place!r} is no polynomial of degree {most} on every edge."
+        for name, place, edges, field, most in _on_edges(problem, degree)
+        if callable(field) and not _is_polynomial(problem, edges, name, field, most)
+    ]
+    if callable(problem.body_potential) and not _cells_hold(problem, problem.body_potential):
+        found.append(f"The body potential is no polynomial of degree {_CELL_DEGREE} on every cell.")
+    return tuple(dict.fromkeys(found))
+
+
+def _on_edges(problem: ContactProblem, degree: int) -> Iterator[tuple[str, str, Edges, Field, int]]:
+    """(name, edge set, edges, field, largest degree) of all data on edges."""
+    for condition in problem.conditions:
+        edges = problem.mesh.edges(condition.edges)
+        if isinstance(condition, (Traction, Displacement)):
+            most = degree if isinstance(condition, Displacement) else 2
+            for component in ("x", "y"):
+                value: Field | None = getattr(condition, component)
+                if value is not None:
+                    yield f"{type(condition).__name__}.{component}", condition.edges, edges, value, most
+        elif isinstance(condition, Contact):
+            yield "Contact.gap", condition.name, edges, condition.gap, degree
+            yield "Contact.offset", condition.name, edges, condition.offset, degree
+            if condition.law != "tied":
+                yield "Contact.cohesion", condition.name, edges, condition.cohesion, 2
+                yield "ContactProblem.body_potential", condition.name, edges, problem.body_potential, 1
+            if condition.shear_limit is not None:
+                yield "Contact.shear_limit", condition.name, edges, condition.shear_limit, 2
+
+
+def _is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:
+    """Whether a field is a polynomial of that degree along each edge."""
+    return _fits(evaluate(name, field, *problem.mesh.points_along(edges, _EDGE)), _EDGE, most)
+
+
+def _cells_hold(problem: ContactProblem, field: Field) -> bool:
+    """Whether a field is a polynomial of degree 5 in x, and in y, on each cell."""
+    mesh = problem.mesh
+    row, column = np.nonzero(mesh.active)
+    x = mesh.x[column][:, None, None] + np.diff(mesh.x)[column][:, None, None] * _CELL
+    y = mesh.y[row][:, None, None] + np.diff(mesh.y)[row][:, None, None] * _CELL[:, None]
+    values = evaluate("ContactProblem.body_potential", field, *np.broadcast_arrays(x, y))
+    turned = np.swapaxes(values, 1, 2)
+    return all(_fits(part.reshape(-1, len(_CELL)), _CELL, _CELL_DEGREE) for part in (values, turned))
+
+
+def _fits(values: FloatArray, t: FloatArray, degree: int) -> bool:
+    """Whether rows of values (n, k) at points t (k,) are polynomials of that degree."""
+    basis = np.linalg.qr(legendre.legvander(2.0 * t - 1.0, degree))[0]
+    return bool(np.abs(values - values @ basis @ basis.T).max() <= _ROUNDING * np.abs(values).max())

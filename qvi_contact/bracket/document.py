@@ -1,0 +1,61 @@
+"""A bracket as a document of plain values, and as text."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from qvi_contact.bracket.outcome import Bracket
+from qvi_contact.units import Units
+
+
+def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
+    """What JSON can hold of a bracket; a bound that is missing is None.
+
+    Energies and their parts are ``{"value": …, "unit": …}``, forces ``{"lower": …, "upper": …, "unit": …}``.
+    """
+    units = units or Units()
+    energy = {"lower": bracket.lower, "upper": bracket.upper, "strain": bracket.strain, "outer": bracket.outer}
+    companion = bracket.companion
+    return {
+        "problem": bracket.kind.name.lower().replace("_", " "),
+        "guaranteed": bracket.guaranteed,
+        "reasons": list(bracket.reasons),
+        "message": bracket.message,
+        "energies": {name: _quantity(value, units.energy) for name, value in energy.items()},
+        "gap": {name: _quantity(value, units.energy) for name, value in bracket.parts.items()},
+        "relative_error": _finite(bracket.relative_error),
+        "forces": {
+            name: {"lower": bounds.lower, "upper": bounds.upper, "unit": units.force}
+            for name, bounds in bracket.forces.items()
+        },
+        "companion": None
+        if companion is None
+        else {"status": str(companion.status), "degree": companion.degree, "unknowns": companion.unknowns},
+    }
+
+
+def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
+    """Bounds, their parts, forces, and the same forces by displacements, for a terminal."""
+    units = units or Units()
+    yield bracket.message
+    parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.parts.items())
+    yield f"gap of the energy [{units.energy}]: {parts}"
+    if bracket.outer > 0.0:
+        yield f"and up to {bracket.outer:.3g} for the friction bound, which the state found has slightly otherwise"
+    for name, bounds in bracket.forces.items():
+        yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.force}"
+    companion = bracket.companion
+    if companion is not None and companion.has_state:
+        yield f"displacements of degree {companion.degree}, {companion.unknowns} unknowns, for the same friction bound:"
+        for name, contact in companion.contacts.items():
+            forces = f"normal {contact.normal_force:.6g}, tangential {contact.tangential_force:.6g} {units.force}"
+            yield f"  contact {name}: {forces}"
+
+
+def _quantity(value: float, unit: str) -> dict[str, Any]:
+    return {"value": _finite(value), "unit": unit}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,146 @@
+"""What a bracket says."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from qvi_contact.checks import FloatArray
+from qvi_contact.companion import CompanionResult
+from qvi_contact.problem import ContactProblem
+from qvi_contact.result import ContactResult
+
+_ROUNDING = 1e-9  # of the strain energy
+
+
+class BracketKind(Enum):
+    """Which convex problem the two energies bracket; the text says it."""
+
+    PROBLEM = "the problem itself"
+    STICKING = "the problem with its friction contacts tied, as all of them stick in the computed state"
+    GIVEN_BOUND = "the problem with the friction bound s = μ|σ_N| of the computed state held fixed"
+
+
+class Bounds(NamedTuple):
+    """Lower and upper bound of a number."""
+
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeParts:
+    """Shares of the gap on the edges of one contact, (edges,) each, ≥ 0 [stress × length²].
+
+    Attributes
+    ----------
+    contact : ∫ −τ_N (g − v_N) ds: pressure where the displacement leaves a gap
+    friction : ∫ s |v_T − w| + τ_T (v_T − w) ds: slip where the stress does not reach the bound, or against it
+
+    """
+
+    contact: FloatArray
+    friction: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Bracket:
+    """Bounds of the energy of a contact problem, and where they are apart.
+
+    With the potential energy J and the complementary energy J* of `bracket`, for every admissible displacement v and
+    every admissible stress τ, with the solution u, σ,
+
+        −J*(τ) ≤ J(u) = −J*(σ) ≤ J(v),
+        J(v) + J*(τ) ≥ ½ ∫ ε(u − v) : C : ε(u − v) + ½ ∫ (σ − τ) : c : (σ − τ).
+
+    Attributes
+    ----------
+    kind : BracketKind
+        The problem whose solution is u, σ.
+    guaranteed : bool
+        Whether the bounds hold for that problem, up to rounding and the tolerance, and that problem is the one the user
+        stated, or, if all friction contacts stick, the tied one. Otherwise the gap is an indicator, and `reasons` says
+        why.
+    reasons : tuple of str
+        Why the bounds are not guaranteed; empty if they are.
+    lower, upper : float
+        −J*(τ) and J(v) [stress × length²]; −∞ or ∞ where no admissible stress or displacement was found.
+    strain : float
+        ½ ∫ τ : c : τ, to compare the gap with [stress × length²].
+    bulk : (ny, nx) array
+        ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0; 0 outside the body.
+    contacts : mapping
+        The parts on the edges of each contact that is not tied; tied ones have none.
+    cells : (ny, nx) array
+        All parts by cell: those of an edge belong to its cell, on a joint to both halves.
+    outer : float
+        ∫ |s − μ|τ_N|| |v_T − w| ds: what the bound s held fixed may still be off, 0 for other laws. Not part of the
+        gap; zero for the solution of the quasi-variational inequality.
+    slack : float
+        How much the lower bound was lowered for what the solver left of violations of the contact law: twice their
+        work with v in the place of u, an estimate.
+    forces : mapping
+        For each contact or support whose prescribed displacement alone drives the problem, bounds of the force against
+        it, see `forces`.
+    result, companion : ContactResult, CompanionResult
+        The stress τ and the displacement v.
+
+    """
+
+    problem: ContactProblem
+    kind: BracketKind
+    reasons: tuple[str, ...]
+    lower: float
+    upper: float
+    strain: float
+    bulk: FloatArray
+    contacts: Mapping[str, EdgeParts]
+    cells: FloatArray
+    outer: float
+    slack: float
+    forces: Mapping[str, Bounds] = field(default_factory=dict)
+    result: ContactResult | None = None
+    companion: CompanionResult | None = None
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether `reasons` is empty."""
+        return not self.reasons
+
+    @property
+    def gap(self) -> float:
+        """Upper − lower ≥ 0 [stress × length²]."""
+        return self.upper - self.lower
+
+    @property
+    def relative_error(self) -> float:
+        """√(2 gap / ∫τ:c:τ): bound of the error of τ in the energy norm, relative to its own.
+
+        Infinite without both bounds, or if they contradict each other by more than rounding.
+        """
+        if not np.isfinite(self.gap) or self.gap < -_ROUNDING * self.strain:
+            return float("inf")
+        gap = max(self.gap, 0.0)
+        return float(np.sqrt(gap / self.strain)) if self.strain > 0.0 else float("inf") if gap > 0.0 else 0.0
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """The gap by origin: "bulk", "contact" and "friction" [stress × length²]."""
+        return {
+            "bulk": float(self.bulk.sum()),
+            "contact": float(sum(part.contact.sum() for part in self.contacts.values())),
+            "friction": float(sum(part.friction.sum() for part in self.contacts.values())),
+        }
+
+    @property
+    def message(self) -> str:
+        """One sentence."""
+        what = "Guaranteed bounds for" if self.guaranteed else "Indicator, for"
+        bounds = f"energy between {self.lower:.9g} and {self.upper:.9g}"
+        error = "farther apart than the strain energy"
+        if self.relative_error <= 1.0:
+            error = f"stresses within {100 * self.relative_error:.2g} % of their energy norm"
+        text = f"{what} {self.kind.value}: {bounds}, {error}."
+        return " ".join([text, *self.reasons])

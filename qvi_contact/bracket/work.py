@@ -1,0 +1,42 @@
+"""Complementary energy of a stress: its strain energy less the work of the prescribed displacements."""
+
+import numpy as np
+
+from qvi_contact.checks import FloatArray, evaluate
+from qvi_contact.conditions import Contact, Displacement
+from qvi_contact.discretization import Discretization
+from qvi_contact.loads import LOAD_POINTS, physical, potential_at, prescribed_at_points
+from qvi_contact.mesh import HORIZONTAL, VERTICAL
+from qvi_contact.traces import EdgePoints
+
+
+def prescribed_work(discretization: Discretization, nodal: FloatArray) -> float:
+    """∫_{Γ_u} U·τn ds + ∫_{Γ_μ} (g τ_N + w τ_T) ds [stress × length²] of nodal values of Φ."""
+    problem, grid, scales = discretization.problem, discretization.grid, discretization.scales
+    work = 0.0
+    for component, points, values in prescribed_at_points(problem, grid, scales, Displacement):
+        work += scales.length * float(points.weights @ (values * traction(discretization, nodal, points)[component]))
+    for contact in problem.contacts:
+        points = EdgePoints(grid, problem.mesh.edges(contact.edges), LOAD_POINTS)
+        work += scales.length * float(points.weights @ _contact_work(discretization, nodal, contact, points))
+    return work
+
+
+def _contact_work(
+    discretization: Discretization, nodal: FloatArray, contact: Contact, points: EdgePoints
+) -> FloatArray:
+    """G τ_N + w τ_T at points of a contact [stress × length]."""
+    scales = discretization.scales
+    x, y = physical(discretization.problem, scales, points.coordinates)
+    normal = points.normal() @ nodal.ravel() + potential_at(discretization.problem, scales, points.coordinates)
+    gap, offset = evaluate("Contact.gap", contact.gap, x, y), evaluate("Contact.offset", contact.offset, x, y)
+    return np.asarray(scales.stress * (gap * normal + offset * (points.shear() @ nodal.ravel())))
+
+
+def traction(discretization: Discretization, nodal: FloatArray, points: EdgePoints) -> FloatArray:
+    """Traction τn at points of edges, shape (2, points) [stress]."""
+    problem, scales = discretization.problem, discretization.scales
+    potential = points.point_sign * potential_at(problem, scales, points.coordinates)
+    is_normal = [points.point_axis == VERTICAL, points.point_axis == HORIZONTAL]
+    values = [points.traction(c) @ nodal.ravel() + is_normal[c] * potential for c in (0, 1)]
+    return np.asarray(scales.stress * np.stack(values))

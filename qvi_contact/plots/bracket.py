@@ -1,0 +1,73 @@
+"""Where the bounds of the energy are apart."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from qvi_contact.bracket import Bracket
+from qvi_contact.plots.style import BLUE, GREEN, ORANGE, draw_outline, frame, new_figure
+from qvi_contact.units import Units
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
+    from matplotlib.figure import Figure
+
+_DECADES = 6.0  # shown below the largest share
+_LOOKS = {"bulk": (BLUE, ""), "contact": (ORANGE, "//"), "friction": (GREEN, "..")}
+
+
+def bracket_map(axes: "Axes", bracket: Bracket, units: Units | None = None) -> "QuadMesh":
+    """Draw what each cell adds to the gap between the energy's bounds, divided by its area, on a logarithmic scale.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw; axes are in units of length.
+    bracket : Bracket
+        With an admissible displacement.
+    units : Units, optional
+        Labels.
+
+    """
+    from matplotlib.colors import LogNorm
+
+    mesh, units = bracket.problem.mesh, units or Units()
+    density = bracket.cells / np.outer(np.diff(mesh.y), np.diff(mesh.x))
+    largest = float(density.max()) or 1.0
+    least = max(float(density[density > 0.0].min(initial=largest)), largest * 10.0**-_DECADES)
+    shown = np.ma.masked_array(np.maximum(density, least), mask=~mesh.active)
+    norm = LogNorm(least, largest if largest > least else 10.0 * least)
+    quads = axes.pcolormesh(mesh.x, mesh.y, shown, norm=norm, cmap="cividis", rasterized=True)
+    draw_outline(axes, mesh)
+    frame(axes, mesh)
+    axes.set_xlabel(f"x [{units.length}]")
+    axes.set_ylabel(f"y [{units.length}]")
+    label = f"gap by area [{units.energy}/{units.length}²]"
+    axes.figure.colorbar(quads, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label)
+    return quads
+
+
+def bracket_figure(bracket: Bracket, units: Units | None = None) -> "Figure":
+    """The map of the gap, and the gap by origin: bulk, contact, friction [stress × length²]."""
+    units = units or Units()
+    figure = new_figure(8.0, 4.2)
+    left, right = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
+    bracket_map(left, bracket, units)
+    parts = bracket.parts
+    for number, (name, value) in enumerate(parts.items()):
+        colour, hatch = _LOOKS[name]
+        right.bar(number, value, color=colour, hatch=hatch, edgecolor="white")
+        right.annotate(f"{value:.2g}", (number, value), ha="center", va="bottom")
+    right.set_xticks(range(len(parts)), list(parts))
+    right.margins(y=0.15)
+    right.set_ylabel(f"part of the gap [{units.energy}]")
+    right.spines[["top", "right"]].set_visible(False)
+    figure.suptitle(_title(bracket, units), fontsize=9)
+    return figure
+
+
+def _title(bracket: Bracket, units: Units) -> str:
+    word = "bounds, guaranteed" if bracket.guaranteed else "indicator, not guaranteed"
+    text = f"Energy between {bracket.lower:.7g} and {bracket.upper:.7g} {units.energy} ({word})"
+    return f"{text}\nfor {bracket.kind.value}".replace("-", "−")

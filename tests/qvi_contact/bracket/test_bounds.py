@@ -1,0 +1,267 @@
+"""Bounds of the energy: they hold, they close, and they close at the rates of the two elements."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qvi_contact import Contact, Displacement, Material, RectilinearMesh, Symmetry, Traction, solve, solve_history
+from qvi_contact.bracket import BracketKind, bracket, refined_where_apart
+from qvi_contact.errors import InputError
+from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
+from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
+from qvi_contact.problem import ContactProblem
+
+STICKING_FORCE = 214.36766  # ± 2e-5: displacement codes and this package, settled
+U = 1e-3
+
+
+def tresca_plate(cells, bound=40.0, grading=1.0):
+    plate = compressed_plate(0.0, cells, grading=grading)
+    return replace(plate, conditions=[*plate.conditions[:3], Contact.tresca("top", bound, gap=-U, name="plate")])
+
+
+def tied_plate(cells, grading=1.0):
+    plate = compressed_plate(0.0, cells, grading=grading)
+    return replace(plate, conditions=[*plate.conditions[:3], Contact.tied("top", gap=-U, name="plate")])
+
+
+def cylinder(cells, grading=1.0):
+    """A block on a curved obstacle without friction, pushed down: contact in the middle, a gap outside."""
+    mesh = RectilinearMesh.rectangle(cells, 1.0, 1.0, grading=grading)
+    conditions = [
+        Contact.frictionless("bottom", gap=lambda x, y: 2e-3 * x**2 + 0 * y, name="ground"),
+        Symmetry("left"),
+        Traction("right", x=0.0, y=0.0),
+        Displacement("top", x=0.0, y=-U),
+    ]
+    return ContactProblem(mesh, Material(2.09e5, 0.3), conditions)
+
+
+CONVEX = {"tresca": tresca_plate, "tied": tied_plate, "frictionless": cylinder}
+
+
+@pytest.mark.parametrize("name", CONVEX)
+@pytest.mark.parametrize(("cells", "grading"), [(2, 1.0), (4, 1.0), (8, 1.0), (16, 1.0), (4, 0.6), (16, 0.8)])
+def test_lower_is_never_above_upper(name, cells, grading):
+    found = solve(CONVEX[name]((cells, cells), grading=grading)).bracket
+    assert found.guaranteed, found.reasons
+    assert found.kind is BracketKind.PROBLEM
+    assert found.lower <= found.upper
+    assert found.slack <= 1e-6 * found.gap
+    assert sum(found.parts.values()) == pytest.approx(found.gap, rel=1e-6)
+    assert found.cells.sum() == pytest.approx(sum(found.parts.values()), rel=1e-12)
+    assert min(found.parts.values()) >= -1e-9 * found.gap
+
+
+@pytest.mark.parametrize("name", CONVEX)
+def test_bounds_of_different_meshes_agree(name):
+    """Every lower bound is below every upper one: the energy of the solution lies between them."""
+    brackets = [solve(CONVEX[name]((n, n), grading=q)).bracket for n, q in ((2, 1.0), (5, 0.7), (8, 1.0), (16, 0.8))]
+    assert max(b.lower for b in brackets) <= min(b.upper for b in brackets)
+    assert brackets[-1].gap < 0.1 * brackets[0].gap
+
+
+@pytest.mark.parametrize(("name", "low", "high"), [("tied", 1.4, 1.6), ("tresca", 0.9, 1.2), ("frictionless", 1.5, 4)])
+def test_gap_shrinks_at_the_expected_rate(name, low, high):
+    """Those of the corner at the end of the contact.
+
+    Tied: its singularity, 2λ = 1.517 (Williams). Tresca: σ_xy is 0 on the free side and the bound beside it on the
+    contact, a jump that a continuous stress cannot follow: the last edge misses h s |slip|.
+    """
+    gaps = [solve(CONVEX[name]((n, n))).bracket.gap for n in (8, 16, 32)]
+    rates = np.log2(np.array(gaps[:-1]) / gaps[1:])
+    assert rates.min() > low
+    assert rates.max() < high
+
+
+def test_grading_overcomes_the_corner():
+    """Cells that shrink towards the corner: the jump of Tresca's shear costs next to nothing."""
+    graded, uniformly = (solve(tresca_plate((16, 16), grading=q)).bracket for q in (0.7, 1.0))
+    assert graded.gap < 0.05 * uniformly.gap
+
+
+def test_hypercircle_bounds_the_true_error():
+    """½ ‖σ − τ‖² ≤ gap, with σ from a much finer mesh, and the gap is not far above it."""
+    coarse, fine = solve(tied_plate((4, 4))), solve(tied_plate((32, 32), grading=0.85))
+    error = coarse.energies.complementary - fine.energies.complementary  # = ½ ‖σ − τ‖² for tied contacts
+    gap = coarse.bracket.gap
+    assert 0.0 < error <= gap < 20.0 * error
+
+
+def exact_states():
+    steel, strained = Material(1000.0, 0.3), Material(1000.0, 0.2, "strain")
+    unit = RectilinearMesh.rectangle((3, 2), 2.0, 1.0, grading=0.7)
+    beam = RectilinearMesh([0.0, 1.0, 2.5, 4.0], [-0.5, 0.1, 0.5])
+    k = 8.0
+    yield (
+        "uniform",
+        problem_from_state(
+            uniform(steel, 3.0, -7.0, 2.0), unit, steel, {"bottom": "uu", "right": "tt", "top": "tu", "left": "ut"}
+        ),
+        2,
+    )
+    yield (
+        "bending",
+        problem_from_state(
+            pure_bending(strained, 5.0), beam, strained, {"bottom": "tt", "right": "tt", "top": "tt", "left": "uu"}
+        ),
+        2,
+    )
+    yield (
+        "cantilever",
+        problem_from_state(
+            cantilever(steel, k, -k / 8), beam, steel, {"bottom": "tt", "right": "uu", "top": "tt", "left": "tt"}
+        ),
+        3,
+    )
+    yield (
+        "gravity",
+        problem_from_state(
+            gravity_column(strained, 2.0, 1.0),
+            unit,
+            strained,
+            {"bottom": "uu", "right": "tt", "top": "tt", "left": "tt"},
+        ),
+        2,
+    )
+    yield "compression", compressed_plate(0.0, (3, 2), grading=0.8), 2
+    yield "signorini", ssnv128((4, 3), friction=0.0), 2
+
+
+@pytest.mark.parametrize(("name", "problem", "degree"), list(exact_states()), ids=lambda value: str(value)[:12])
+def test_exact_states_close_the_gap(name, problem, degree):
+    found = bracket(solve(problem), degree=degree)
+    assert found.guaranteed, (name, found.reasons)
+    size = max(abs(found.lower), found.strain)
+    assert abs(found.gap) <= 1e-10 * size
+    assert sum(found.parts.values()) <= 1e-10 * size
+
+
+class TestForces:
+    """Bounds of the force of one displacement."""
+
+    def test_sticking_plate(self):
+        """The force of full stick lies between bounds that close; the Coulomb problem sticks for this μ."""
+        before = np.inf
+        for cells, grading in ((4, 1.0), (8, 0.8), (16, 0.75)):
+            found = solve(compressed_plate(0.5, (cells, cells), grading=grading)).bracket
+            assert found.kind is BracketKind.STICKING
+            assert found.guaranteed
+            force = found.forces["plate.normal_force"]
+            assert force.lower <= STICKING_FORCE + 4e-5
+            assert force.upper >= STICKING_FORCE - 4e-5
+            assert force.upper - force.lower < 0.5 * before
+            before = force.upper - force.lower
+        assert before < 1e-3 * STICKING_FORCE
+
+    def test_frictionless_plate(self):
+        found = solve(compressed_plate(0.0, (2, 3))).bracket
+        assert found.forces["plate.normal_force"] == pytest.approx((209.0, 209.0), rel=1e-9)
+
+    def test_support(self):
+        """The same plate pushed by a support: the force on the body along y."""
+        plate = compressed_plate(0.0, (3, 3))
+        pushed = replace(plate, conditions=[*plate.conditions[:3], Displacement("top", y=-U), Traction("top", x=0.0)])
+        assert solve(pushed).bracket.forces["top.y"] == pytest.approx((-209.0, -209.0), rel=1e-9)
+
+    @pytest.mark.parametrize("problem", [tresca_plate((3, 3)), cylinder((3, 3)), ssnv128((3, 3), friction=0.0)])
+    def test_none_where_the_problem_is_not_homogeneous(self, problem):
+        assert solve(problem).bracket.forces == {}
+
+
+class TestCoulomb:
+    """The friction bound held fixed."""
+
+    def test_is_an_indicator(self):
+        found = solve(compressed_plate(0.1, (8, 8))).bracket
+        assert found.kind is BracketKind.GIVEN_BOUND
+        assert not found.guaranteed
+        assert "depends on the pressure" in found.reasons[0]
+        assert found.lower <= found.upper
+        assert found.outer > 0.0
+        assert "Indicator" in found.message
+
+    def test_outer_part_vanishes_for_a_strict_fixed_point(self):
+        collocated = solve(compressed_plate(0.1, (8, 8)))
+        strict = solve(compressed_plate(0.1, (8, 8)), inner="strict-direct:clarabel")
+        assert strict.bracket.outer <= 1e-5 * collocated.bracket.outer
+        assert strict.bracket.result is strict  # admissible as it is: no second solve
+
+    def test_gap_shrinks(self):
+        gaps = [solve(compressed_plate(0.1, (n, n))).bracket.gap for n in (8, 16)]
+        assert gaps[1] < 0.6 * gaps[0]
+
+    def test_manufactured_slip(self):
+        """A uniform state that slips everywhere: both energies are exact for the bound of the exact pressure."""
+        problem, _ = sliding_block()
+        found = solve(problem).bracket
+        assert abs(found.gap) <= 1e-9 * found.strain
+        assert found.outer <= 1e-7 * found.strain
+
+
+def test_indicator_is_largest_at_the_singular_corner():
+    cells = solve(tied_plate((8, 8))).bracket.cells
+    assert np.unravel_index(np.argmax(cells), cells.shape) == (7, 7)
+
+
+def test_marking_beats_uniform_refinement():
+    """Half the gap for the unknowns of the uniform mesh, and no more lines than asked for."""
+    problem = tied_plate((4, 4))
+    while True:
+        finer = refined_where_apart(problem, solve(problem).bracket)
+        if finer.mesh.active.size > 256:
+            break
+        problem = finer
+    adaptive, uniformly = solve(problem).bracket, solve(tied_plate((16, 16))).bracket
+    assert adaptive.gap < 0.3 * uniformly.gap
+
+
+def test_does_not_depend_on_units_or_place():
+    plate = tresca_plate((5, 4), grading=0.8)
+    moved = RectilinearMesh(plate.mesh.x * 1e3 + 7e5, plate.mesh.y * 1e3 - 3e5)
+    contact = Contact.tresca("top", 40.0, gap=-U * 1e3, name="plate")
+    other = replace(plate, mesh=moved, conditions=[*plate.conditions[:3], contact])
+    first, second = solve(plate).bracket, solve(other).bracket
+    assert second.lower / 1e6 == pytest.approx(first.lower, rel=1e-9)
+    assert second.upper / 1e6 == pytest.approx(first.upper, rel=1e-9)
+    np.testing.assert_allclose(second.cells / 1e6, first.cells, rtol=1e-4, atol=1e-9 * first.gap)
+
+
+class TestBadInput:
+    """What is refused."""
+
+    def test_history_step(self):
+        def step(push):
+            return compressed_plate(0.2, (3, 3), displacement=push)
+
+        history = solve_history([step(1e-3), step(2e-3), step(1.5e-3)])
+        with pytest.raises(InputError, match="history"):
+            bracket(history.steps[-1])
+
+    def test_no_result(self):
+        with pytest.raises(InputError, match="ContactResult"):
+            bracket(compressed_plate(0.2))  # type: ignore[arg-type]
+
+    @pytest.mark.parametrize("share", [0.0, 1.5, np.nan, "half"])
+    def test_share(self, share):
+        problem = tied_plate((2, 2))
+        with pytest.raises(InputError, match="share"):
+            refined_where_apart(problem, solve(problem).bracket, share)
+
+    def test_other_mesh(self):
+        found = solve(tied_plate((2, 2))).bracket
+        with pytest.raises(InputError, match="mesh"):
+            refined_where_apart(tied_plate((3, 2)), found)
+
+
+def test_loads_met_in_resultants_only_are_not_guaranteed():
+    mesh = RectilinearMesh.rectangle((4, 4))
+    load = Traction("top", x=0.0, y=lambda x, y: np.where(x < 0.3, -1.0, 0.0 * y))
+    problem = ContactProblem(
+        mesh, Material(1e3, 0.2), [Displacement("bottom", x=0.0, y=0.0), load, Traction("left", x=0.0, y=0.0),
+                                   Traction("right", x=0.0, y=0.0)],
+    )  # fmt: skip
+    found = solve(problem).bracket
+    assert not found.guaranteed
+    assert "resultants" in " ".join(found.reasons)
