@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from comparisons.benchmark.findings import findings
-from comparisons.benchmark.tables import markdown_table, rich_table, tables
+from comparisons.benchmark.tables import tables
+from comparisons.tables import markdown_table, rich_table
 from qvi_contact.files import write_text
 from qvi_contact.plots import has_matplotlib
 from qvi_contact.plots.style import save_figure, settings

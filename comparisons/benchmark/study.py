@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from comparisons.benchmark.machine import machine, versions
 from comparisons.benchmark.plan import GRADED, GRADED_FRICTION, LOOPS, Loop, Path, Plan
 from comparisons.benchmark.process import records
 from comparisons.benchmark.ratios import median, predicted
+from comparisons.machine import machine, versions
 from qvi_contact.terminal import Advance
 from solvers.factorisation import available_backends
 from solvers.factorisation.choice import SHARED

@@ -7,7 +7,18 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
-PACKAGES: Final = ("qvi-contact", "numpy", "scipy", "mkl", "cvxopt", "cvxpy", "clarabel", "qpsolvers", "threadpoolctl")
+PACKAGES: Final = (
+    "qvi-contact",
+    "numpy",
+    "scipy",
+    "mkl",
+    "cvxopt",
+    "cvxpy",
+    "clarabel",
+    "qpsolvers",
+    "scikit-fem",
+    "threadpoolctl",
+)
 
 
 def machine() -> dict[str, Any]:

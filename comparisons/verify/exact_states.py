@@ -1,0 +1,189 @@
+"""Chapter on states that bicubic Airy functions contain: nothing is left to approximate."""
+
+from collections.abc import Iterator
+from itertools import product
+from typing import Final, Literal
+
+import numpy as np
+
+from comparisons.verify.chapter import Chapter
+from comparisons.verify.measures import stress_error
+from comparisons.verify.proof import certified
+from comparisons.verify.row import Kind, Row, absolute, relative
+from qvi_contact import Contact, ContactProblem, ContactResult, Material, RectilinearMesh, Symmetry, Traction, solve
+from qvi_contact.conditions import Condition
+from qvi_contact.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
+from qvi_contact.gallery import compressed_plate
+
+Plane = Literal["stress", "strain"]
+
+TOLERANCE: Final = 1e-9
+_STRESS = "largest error of σ at 60 points over the largest |σ|"
+_MESHES: Final = {
+    "one cell": ((1, 1), 1.0),
+    "3 × 2 cells": ((3, 2), 1.0),
+    "5 × 4 cells graded by 0.4": ((5, 4), 0.4),
+}
+_WIDTH, _HEIGHT, _LOW = 2.0, 1.0, -0.5
+_MATERIALS: Final = (Material(1000.0, 0.3), Material(1000.0, 0.3, "strain"))
+
+
+def uniaxial_compression(quick: bool) -> Iterator[Row]:
+    """Compressed without friction: σ_yy = −E' U / height, with E' = E in plane stress, E / (1 − ν²) in plane strain."""
+    for (name, (cells, grading)), plane in _cases(quick):
+        result = solve(compressed_plate(0.0, cells, 2.0, plane=plane, grading=grading))
+        modulus = 2.09e5 if plane == "stress" else 2.09e5 / (1 - 0.3**2)
+        force = result.contacts["plate"].normal_force
+        source = f"2 E' U; {name}, plane {plane}"
+        yield relative(
+            "force [stress length]", force, 2e-3 * modulus, TOLERANCE, Kind.ANALYTIC, source, certified(result)
+        )
+        yield _stress(result, uniform(result.problem.material, yy=-1e-3 * modulus), f"uniform; {name}, plane {plane}")
+
+
+def no_lateral_strain(quick: bool) -> Iterator[Row]:
+    """Compressed with ν = 0: nothing wants to slip, whatever the friction."""
+    for ((name, (cells, grading)), plane), friction in product(_cases(quick), (0.05, 0.5)):
+        result = solve(compressed_plate(friction, cells, poisson=0.0, plane=plane, grading=grading))
+        source = f"uniform σ_yy = −E U / height; {name}, plane {plane}, μ = {friction:g}"
+        yield _stress(result, uniform(result.problem.material, yy=-209.0), source)
+        yield _no_slip(result, 1e-3, source)
+
+
+def side_traction_stops_slip(quick: bool) -> Iterator[Row]:
+    """Compressed with the side traction that suppresses ε_xx (σ_xx = ν σ_yy in plane stress): no slip at any μ."""
+    for ((name, (cells, grading)), plane), friction in product(_cases(quick), (0.0, 0.2)):
+        material = Material(2.09e5, 0.3, plane)
+        c = material.compliance
+        side = 200.0 * float(c[0, 1] / c[0, 0])
+        state = uniform(material, xx=side, yy=-200.0)
+        gap = float(state.displacement(np.array(0.0), np.array(1.0))[1])
+        sides: list[Condition] = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=side, y=0.0)]
+        contact = Contact("top", friction, gap=gap, name="plate")
+        mesh = RectilinearMesh.rectangle(cells, grading=grading)
+        result = solve(ContactProblem(mesh, material, [*sides, contact]))
+        source = f"uniform σ_xx, σ_yy; {name}, plane {plane}, μ = {friction:g}"
+        yield _stress(result, state, source)
+        yield _no_slip(result, abs(gap), source)
+
+
+def bending(quick: bool) -> Iterator[Row]:
+    """Pure bending by end tractions, σ_xx = m y: end moment m h³/12 and strain energy c11 m² h³ w / 24."""
+    moment = 7.0
+    for name, mesh, material in _bodies(quick):
+        state = pure_bending(material, moment)
+        result = solve(problem_from_state(state, mesh, material, _sides("tt", "tt", "tt", "uu")))
+        where = _where(name, material)
+        yield _stress(result, state, f"σ_xx = m y; {where}")
+        end = -moment * _HEIGHT**3 / 12.0
+        ours, proof = result.resultant("right").moment, certified(result)
+        source = f"−m h³/12; {where}"
+        yield relative("moment on the right end [stress length²]", ours, end, TOLERANCE, Kind.ANALYTIC, source, proof)
+        energy = float(material.compliance[0, 0]) * moment**2 * _HEIGHT**3 * _WIDTH / 24.0
+        yield _energy(result, energy, f"c11 m² h³ w / 24; {where}")
+
+
+def timoshenko_cantilever(quick: bool) -> Iterator[Row]:
+    """Cantilever loaded at its end with its exact end displacements, free at y = ±h/2: Timoshenko's solution."""
+    slope = 3.0
+    shear = -slope * _HEIGHT**2 / 8.0
+    for name, mesh, material in _bodies(quick):
+        state = cantilever(material, slope, shear)
+        result = solve(problem_from_state(state, mesh, material, _sides("tt", "uu", "tt", "uu")))
+        where = _where(name, material)
+        yield _stress(result, state, f"Timoshenko and Goodier, Theory of Elasticity, art. 21; {where}")
+        force = -shear * _HEIGHT - slope * _HEIGHT**3 / 24.0
+        ours, proof = result.resultant("right").y, certified(result)
+        source = f"k h³/12; {where}"
+        yield relative("end force [stress length]", ours, force, TOLERANCE, Kind.ANALYTIC, source, proof)
+        bent = float(material.compliance[0, 0]) * slope**2 * _HEIGHT**3 * _WIDTH**3 / 72.0
+        sheared = float(material.compliance[2, 2]) * slope**2 * _HEIGHT**5 * _WIDTH / 240.0
+        yield _energy(result, bent + sheared, f"c11 k² h³ w³/72 + c33 k² h⁵ w/240; {where}")
+
+
+def simple_shear(quick: bool) -> Iterator[Row]:
+    """Uniform shear τ by displacements of all sides: shear force τ w and strain energy c33 τ² h w / 2."""
+    for name, mesh, material in _bodies(quick):
+        state = uniform(material, xy=5.0)
+        result = solve(problem_from_state(state, mesh, material, _sides("uu", "uu", "uu", "uu")))
+        where = _where(name, material)
+        yield _stress(result, state, f"σ_xy = τ; {where}")
+        ours, proof = result.resultant("top").x, certified(result)
+        source = f"τ w; {where}"
+        yield relative("shear force on the top [stress length]", ours, 10.0, TOLERANCE, Kind.ANALYTIC, source, proof)
+        energy = float(material.compliance[2, 2]) * 25.0 * _HEIGHT * _WIDTH / 2.0
+        yield _energy(result, energy, f"c33 τ² h w / 2; {where}")
+
+
+def column(quick: bool) -> Iterator[Row]:
+    """Column under its own weight, φ = ρ g y, held at the base: σ_yy = ρ g (y − h)."""
+    weight = 4.0
+    for name, mesh, material in _bodies(quick):
+        state = gravity_column(material, weight, _LOW + _HEIGHT)
+        result = solve(problem_from_state(state, mesh, material, _sides("uu", "tt", "tt", "tt")))
+        where = _where(name, material)
+        yield _stress(result, state, f"σ_yy = ρ g (y − h); {where}")
+        total = weight * _WIDTH * _HEIGHT
+        ours, proof = result.resultant("bottom").y, certified(result)
+        yield relative(
+            "weight on the base [stress length]", ours, total, TOLERANCE, Kind.ANALYTIC, f"ρ g h w; {where}", proof
+        )
+        energy = float(material.compliance[0, 0]) * weight**2 * _HEIGHT**3 * _WIDTH / 6.0
+        yield _energy(result, energy, f"c11 (ρ g)² h³ w / 6; {where}")
+
+
+def _cases(quick: bool) -> list[tuple[tuple[str, tuple[tuple[int, int], float]], Plane]]:
+    """Meshes and planes of the plate."""
+    meshes = list(_MESHES.items())[2:] if quick else list(_MESHES.items())
+    planes: tuple[Plane, ...] = ("stress",) if quick else ("stress", "strain")
+    return list(product(meshes, planes))
+
+
+def _bodies(quick: bool) -> Iterator[tuple[str, RectilinearMesh, Material]]:
+    """Meshes of [0, 2] × [−½, ½] and materials."""
+    for (name, (cells, grading)), plane in _cases(quick):
+        mesh = RectilinearMesh.rectangle(cells, _WIDTH, _HEIGHT, origin=(0.0, _LOW), grading=grading)
+        yield name, mesh, _MATERIALS[plane == "strain"]
+
+
+def _sides(*kinds: str) -> dict[str, str]:
+    return dict(zip(("bottom", "right", "top", "left"), kinds, strict=True))
+
+
+def _where(name: str, material: Material) -> str:
+    return f"{name}, plane {material.plane}"
+
+
+def _stress(result: ContactResult, state: ExactState, source: str) -> Row:
+    error = stress_error(result, state)
+    return absolute(_STRESS, error, 0.0, TOLERANCE, Kind.ANALYTIC, source, certified(result))
+
+
+def _energy(result: ContactResult, exact: float, source: str) -> Row:
+    ours = result.energies.strain
+    quantity = "strain energy [stress length²]"
+    return relative(quantity, ours, exact, TOLERANCE, Kind.ANALYTIC, source, certified(result))
+
+
+def _no_slip(result: ContactResult, unit: float, source: str) -> Row:
+    slip = float(np.abs(result.contacts["plate"].slip).max()) / unit
+    quantity = "largest |slip| over the compression"
+    return absolute(quantity, slip, 0.0, TOLERANCE, Kind.ANALYTIC, source, certified(result))
+
+
+CHAPTER = Chapter(
+    "exact",
+    "Exact in the element",
+    "States whose Airy function is bicubic come out to round-off on any mesh: assembly, loads and supports are right.",
+    "Seven kinds of states, each on one cell, on few and on graded cells, in plane stress and plane strain.",
+    f"An error above {TOLERANCE:.0e}: there is no discretisation error to hide behind.",
+    {
+        "uniaxial-compression": uniaxial_compression,
+        "no-lateral-strain": no_lateral_strain,
+        "side-traction": side_traction_stops_slip,
+        "pure-bending": bending,
+        "cantilever": timoshenko_cantilever,
+        "simple-shear": simple_shear,
+        "column": column,
+    },
+)

@@ -1,0 +1,260 @@
+"""Chapter on the problem files of the folder examples."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from comparisons.verify.chapter import Chapter
+from comparisons.verify.measures import edge_states, runs, traction_difference, value_at
+from comparisons.verify.plate import SETTLED
+from comparisons.verify.plate import SOURCE as DISPLACEMENT_CODES
+from comparisons.verify.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
+from comparisons.verify.row import Kind, Row, absolute, at_most, relative, word
+from comparisons.verify.ssnv128 import SOURCE as CODE_ASTER
+from comparisons.verify.ssnv128 import TANGENTIAL_FORCE
+from qvi_contact import ContactResult, History, InputError, ProblemFile, load_problem, loop_area, solve, solve_history
+from qvi_contact.companion import solve_companion
+from qvi_contact.limit import limit_load
+from solvers import Status
+
+FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
+_BALANCE: Final = 1e-9
+_OTHER_METHOD: Final = "qp:clarabel"
+_DRAG: Final = ("drag", "right", "left")
+
+
+def compressed_plate(quick: bool) -> Iterator[Row]:
+    """The paper's plate on 16 × 16 graded cells, against displacement codes and another method."""
+    result = _solved("compressed_plate")
+    force, proof = result.contacts["plate"].normal_force, certified(result)
+    source = f"{DISPLACEMENT_CODES}; the mesh is coarse"
+    yield relative("N [MPa mm]", force, SETTLED[0.2], 1e-3, Kind.EXTERNAL, source, proof)
+    yield from _by_another_method(result, "plate", quick)
+    yield from _by_displacements(result, "plate", 1e-3)
+
+
+def ssnv128(quick: bool) -> Iterator[Row]:
+    """SSNV128 on 32 × 32 cells."""
+    del quick
+    result = _solved("ssnv128")
+    base, proof = result.contacts["base"], certified(result)
+    yield relative("N [Pa m]", base.normal_force, 2e6, _BALANCE, Kind.ANALYTIC, "p a, balance", proof)
+    force, source = base.tangential_force, "biquadratic displacement elements; ± 5 N/m"
+    yield relative("T [Pa m]", force, TANGENTIAL_FORCE, 2e-3, Kind.EXTERNAL, source, proof)
+    point_a = value_at(base, base.slip, 0.0, 2)
+    yield relative("u_x at point A [m]", point_a, 2.86e-5, 0.05, Kind.PUBLISHED, f"{CODE_ASTER}; ± 5 %", proof)
+    states = runs(edge_states(base))
+    yield word("zones from the left", states, "open, slip, stick", Kind.EXTERNAL, source, proof)
+    yield from _by_displacements(result, "base", 1e-3, shear=True)
+
+
+def punch(quick: bool) -> Iterator[Row]:
+    """A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure away from the edges."""
+    result = _solved("punch")
+    line, proof = result.contacts["punch"], certified(result)
+    yield relative("N [MPa mm]", line.normal_force, 100.0, _BALANCE, Kind.ANALYTIC, "force on the punch", proof)
+    yield absolute("T over N", line.tangential_force / 100.0, 0.0, _BALANCE, Kind.ANALYTIC, "symmetry in x", proof)
+    moment = float(line.weights @ (line.x * line.normal_stress)) / 100.0
+    yield absolute("centre of pressure x [mm]", moment, 0.0, _BALANCE, Kind.ANALYTIC, "symmetry in x", proof)
+    middle = -value_at(line, line.normal_stress, 0.0, 1)
+    source = (
+        "P/(π a), Johnson, Contact Mechanics, section 2.8; frictionless half-plane, 15 % for a block 4 times as wide"
+    )
+    yield relative("pressure in the middle [MPa]", middle, 100.0 / np.pi, 0.15, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(result, "punch", quick)
+    companion = solve_companion(result.problem)
+    moved, known, source = result.plates["punch"].y, companion.plates["punch"].y, "displacement model of degree 2"
+    proof, quantity = (
+        both(proof, certified_companion(companion)),
+        "motion of the punch [mm], stress against displacement",
+    )
+    yield relative(quantity, moved, known, 0.02, Kind.METHODS, source, proof)
+
+
+def bracket(quick: bool) -> Iterator[Row]:
+    """An L on rough ground: forces and their centre by statics alone."""
+    result = _solved("bracket")
+    line, proof = result.contacts["ground"], certified(result)
+    yield relative("N [MN/m]", line.normal_force, 10.0, _BALANCE, Kind.ANALYTIC, "load on the roof, balance", proof)
+    yield relative("T [MN/m]", line.tangential_force, -3.0, _BALANCE, Kind.ANALYTIC, "wind, balance", proof)
+    centre = -float(line.weights @ (line.x * line.normal_stress)) / line.normal_force
+    source = "(10 · 0.5 + 3 · 1.5)/10, balance of moments"
+    yield relative("centre of pressure x [m]", centre, 0.95, _BALANCE, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(result, "ground", quick)
+
+
+def block_with_hole(quick: bool) -> Iterator[Row]:
+    """A block with a free hole under a plate: nothing acts on the hole, top and bottom carry the same."""
+    result = _solved("block_with_hole")
+    plate, proof = result.contacts["plate"], certified(result)
+    force = plate.normal_force
+    for edges in ("hole floor", "hole roof"):
+        ours = result.resultant(edges).y / force
+        yield absolute(f"force on {edges} over N", ours, 0.0, _BALANCE, Kind.ANALYTIC, "the hole is free", proof)
+    bottom, source = result.resultant("block bottom").y, "balance of plate and bottom"
+    yield relative("N [MPa mm]", force, bottom, _BALANCE, Kind.ANALYTIC, source, proof)
+    yield absolute("T over N", plate.tangential_force / force, 0.0, 1e-8, Kind.ANALYTIC, "symmetry in x", proof)
+    stiffest = 3e4 / (1.0 - 0.25**2) * 1e-3
+    source = "E U/(1 − ν²), the whole block held sideways; a hole makes it softer"
+    yield at_most("N [MPa mm]", force, stiffest, 0.0, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(result, "plate", quick)
+    yield from _by_displacements(result, "plate", 0.02)
+
+
+def gravity_column(quick: bool) -> Iterator[Row]:
+    """A column under its own weight: its weight, symmetry, and uniform pressure away from the ends (Saint-Venant)."""
+    result = _solved("gravity_column")
+    line, proof = result.contacts["ground"], certified(result)
+    yield relative("N [N/m]", line.normal_force, 98100.0, _BALANCE, Kind.ANALYTIC, "ρ g w h", proof)
+    force = line.tangential_force / 98100.0
+    yield absolute("T over N", force, 0.0, _BALANCE, Kind.ANALYTIC, "symmetry in x", proof)
+    middle = float(result.stress(0.5, 2.0)[1])
+    source = "−ρ g (h − y), two widths above the ground"
+    yield relative("σ_yy at mid-height [Pa]", middle, -49050.0, 1e-3, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(result, "ground", quick)
+
+
+def dragged_block_holds(quick: bool) -> Iterator[Row]:
+    """A block at 0.99 of what friction can carry: balance, and the limit load factor."""
+    del quick
+    file = _file("dragged_block_holds")
+    result = solve(file.problem, **file.solve_options)
+    line, proof = result.contacts["base"], certified(result)
+    yield relative("N [MN/m]", line.normal_force, 20.0, _BALANCE, Kind.ANALYTIC, "p w, balance", proof)
+    yield relative("T [MN/m]", line.tangential_force, -9.9, _BALANCE, Kind.ANALYTIC, "−T w, balance", proof)
+    limit = limit_load(file.problem, _DRAG)
+    yield relative("limit load factor", limit.factor, 1.0 / 0.99, 1e-6, Kind.ANALYTIC, "μp/T", bounded(limit))
+
+
+def dragged_block_slides(quick: bool) -> Iterator[Row]:
+    """The same block at 1.01 of the limit: infeasible, with a proof."""
+    del quick
+    file = _file("dragged_block_slides")
+    result = solve(file.problem, **file.solve_options)
+    status, proof = result.status.value, infeasible(result)
+    yield word("status", status, "infeasible", Kind.ANALYTIC, "T > μp", proof)
+    limit = limit_load(file.problem, _DRAG)
+    yield relative("limit load factor", limit.factor, 1.0 / 1.01, 1e-6, Kind.ANALYTIC, "μp/T", bounded(limit))
+
+
+def stacked_blocks(quick: bool) -> Iterator[Row]:
+    """Three blocks: every joint hands on what acts on the top, and holds it."""
+    result = _solved("stacked_blocks")
+    top, proof = result.resultant("top"), certified(result)
+    for joint in ("lower", "upper"):
+        line = result.contacts[joint]
+        source = "force on the top, balance of the blocks above"
+        yield relative(f"N of {joint} [MN/m]", line.normal_force, -top.y, _BALANCE, Kind.ANALYTIC, source, proof)
+        yield relative(f"T of {joint} [MN/m]", line.tangential_force, top.x, _BALANCE, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(result, "lower", quick)
+    yield from _by_displacements(result, "lower", 5e-3, shear=True)
+
+
+def dry_stone_wall(quick: bool) -> Iterator[Row]:
+    """A wall of three courses: every bed carries load and weight above it."""
+    del quick
+    result = _solved("dry_stone_wall")
+    proof = certified(result)
+    for bed, weight in (("upper bed", 162.0), ("lower bed", 234.0), ("ground", 306.0)):
+        force = result.contacts[bed].normal_force
+        source = "3 (30 + 24 h), balance of what lies above"
+        yield relative(f"N of {bed} [kN/m]", force, weight, _BALANCE, Kind.ANALYTIC, source, proof)
+        shear = result.contacts[bed].tangential_force / weight
+        yield absolute(f"T of {bed} over N", shear, 0.0, _BALANCE, Kind.ANALYTIC, "balance in x", proof)
+    yield from _by_displacements(result, "head 1", 5e-3)
+
+
+def cyclic_shear(quick: bool) -> Iterator[Row]:
+    """A block sheared to and fro: the second cycle repeats the first, and what is lost is the area of the loop."""
+    del quick
+    file = _file("cyclic_shear")
+    history = solve_history(file.problems, **file.solve_options)
+    proof, times = _certified_history(history), np.array(file.times)
+    motion, force = history.loop("ground")
+    normal = np.array([step.contacts["ground"].normal_force for step in history.steps])
+    excess = float((np.abs(force) - 0.3 * normal).max() / normal.max())
+    yield at_most("largest |T| − μN over N", excess, 0.0, 1e-9, Kind.ANALYTIC, "|T| ≤ μN", proof)
+    second, first = times > 1.0, (times > 0.0) & (times <= 1.0)
+    error = float(np.abs(force[second] - force[first]).max() / normal.max())
+    source = "a cyclic state repeats itself after the first loading"
+    yield absolute("largest difference of T between the cycles, over N", error, 0.0, 1e-6, Kind.ANALYTIC, source, proof)
+    around = np.flatnonzero(times >= 1.0)
+    area, work = loop_area(motion[around], force[around]), float(history.friction_work[around[1:]].sum())
+    source = "area of the loop ∮T dw, balance of energy"
+    yield relative("work of friction in the second cycle [MPa mm²]", work, area, 1e-6, Kind.ANALYTIC, source, proof)
+
+
+def every_file(quick: bool) -> Iterator[Row]:
+    """No problem file is left out of this chapter."""
+    del quick
+    found = ", ".join(sorted(path.stem for path in FOLDER.glob("*.toml")))
+    proof = by_hand(bool(found), "folder read")
+    yield word("files", found, ", ".join(sorted(FILES)), Kind.ANALYTIC, "the folder examples", proof)
+
+
+def _file(name: str) -> ProblemFile:
+    if not FOLDER.is_dir():
+        raise InputError("examples", "the folder examples", "run this in a checkout of the repository")
+    return load_problem(FOLDER / f"{name}.toml")
+
+
+def _solved(name: str) -> ContactResult:
+    file = _file(name)
+    return solve(file.problem, **file.solve_options)
+
+
+def _certified_history(history: History) -> Proof:
+    every = both(*[certified(step) for step in history.steps])
+    return every if history.status is Status.SOLVED else Proof(passed=False, text=f"failed, {history.status.value}")
+
+
+def _by_another_method(result: ContactResult, contact: str, quick: bool) -> Iterator[Row]:
+    """The fixed point with quadratic programs in the full unknowns against the condensed interior point."""
+    if quick:
+        return
+    other = solve(result.problem, inner=_OTHER_METHOD, form="full")
+    unit = float(np.abs(other.contacts[contact].normal_stress).max())
+    difference = traction_difference(result.contacts[contact], other.contacts[contact], unit)
+    quantity = f"largest difference of tractions on {contact} over the largest pressure"
+    source, proof = f"fixed point, {_OTHER_METHOD} in the full unknowns; ours: condensed", certified(result, other)
+    yield absolute(quantity, difference, 0.0, 1e-5, Kind.METHODS, source, proof)
+
+
+def _by_displacements(result: ContactResult, contact: str, tolerance: float, *, shear: bool = False) -> Iterator[Row]:
+    """Forces of biquadratic displacements on the same grid; the tolerance is what both meshes leave open."""
+    companion = solve_companion(result.problem)
+    proof = both(certified(result), certified_companion(companion))
+    ours, theirs = result.contacts[contact], companion.contacts[contact]
+    source = "displacement model of degree 2 on the same grid"
+    normal, quantity = theirs.normal_force, f"N of {contact}, stress against displacement model"
+    yield relative(quantity, ours.normal_force, normal, tolerance, Kind.METHODS, source, proof)
+    if shear:
+        tangential, quantity = theirs.tangential_force, f"T of {contact}, stress against displacement model"
+        yield relative(quantity, ours.tangential_force, tangential, tolerance, Kind.METHODS, source, proof)
+
+
+FILES: Final = {
+    "block_with_hole": block_with_hole,
+    "bracket": bracket,
+    "compressed_plate": compressed_plate,
+    "cyclic_shear": cyclic_shear,
+    "dragged_block_holds": dragged_block_holds,
+    "dragged_block_slides": dragged_block_slides,
+    "dry_stone_wall": dry_stone_wall,
+    "gravity_column": gravity_column,
+    "punch": punch,
+    "ssnv128": ssnv128,
+    "stacked_blocks": stacked_blocks,
+}
+"""Name of a problem file, and the function that yields its rows."""
+
+CHAPTER = Chapter(
+    "examples",
+    "Problem files",
+    "Every file of the folder examples is solved and checked against what is known about it without solving it.",
+    "Balance, symmetry and limit values are exact or nearly so; the rest is compared with another method or code.",
+    "A resultant out of balance, a symmetry that is broken, two methods that differ, or a file nobody checks.",
+    {**{f"examples/{name}": problem for name, problem in FILES.items()}, "examples/all": every_file},
+)

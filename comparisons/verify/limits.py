@@ -1,0 +1,148 @@
+"""Chapter on loads that cannot be carried: limit loads, proofs of infeasibility, refusals."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from comparisons.verify.chapter import Chapter
+from comparisons.verify.proof import bounded, by_hand, certified, infeasible
+from comparisons.verify.row import Kind, Row, absolute, at_most, relative, word
+from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve
+from qvi_contact.checks import FloatArray
+from qvi_contact.conditions import Condition
+from qvi_contact.limit import limit_load
+
+_STEEL: Final = Material(1000.0, 0.3)
+_MESHES: Final = {
+    "6 × 4 cells": RectilinearMesh.rectangle((6, 4), 2.0, 1.0),
+    "one cell": RectilinearMesh.rectangle((1, 1), 2.0, 1.0),
+    "5 × 5 cells graded by 0.5": RectilinearMesh.rectangle((5, 5), 2.0, 1.0, grading=0.5),
+}
+_PRESSURE, _SHEAR, _FRICTION = 10.0, 2.0, 0.3
+
+
+def dragged_block(quick: bool) -> Iterator[Row]:
+    """A block under pressure p dragged by uniform shear T: carried up to the factor μp/T, and not beyond."""
+    for name, mesh in list(_MESHES.items())[: 1 if quick else 3]:
+        base = Contact("bottom", _FRICTION, name="base")
+        limit = limit_load(_dragged(mesh, _SHEAR, base), ["shear"])
+        source = f"μp/T; {name}"
+        yield relative("limit load factor", limit.factor, 1.5, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+        below, above = (solve(_dragged(mesh, share * 3.0, base)) for share in (0.99, 1.01))
+        quantity, exact, source = "T at 0.99 of the limit [stress length]", -0.99 * 6.0, f"−0.99 μ p w, balance; {name}"
+        force, proof = below.contacts["base"].tangential_force, certified(below)
+        yield relative(quantity, force, exact, 1e-8, Kind.ANALYTIC, source, proof)
+        quantity, source = "status at 1.01 of the limit", f"T > μp; {name}"
+        yield word(quantity, above.status.value, "infeasible", Kind.ANALYTIC, source, infeasible(above))
+
+
+def other_laws(quick: bool) -> Iterator[Row]:
+    """The same block with cohesion, a cap and Tresca's law: the factor is the bound of shear over T."""
+    mesh = _MESHES["6 × 4 cells" if quick else "5 × 5 cells graded by 0.5"]
+    laws = {
+        "cohesion: (c + μp)/T": (Contact("bottom", 0.3, cohesion=1.5), 4.5),
+        "cohesion and cap: t_max/T": (Contact("bottom", 0.3, cohesion=1.5, shear_limit=4.0), 4.0),
+        "Tresca: bound/T": (Contact.tresca("bottom", 2.0), 2.0),
+    }
+    for source, (law, exact) in laws.items():
+        limit = limit_load(_dragged(mesh, 1.0, law), ["shear"])
+        yield relative("limit load factor", limit.factor, exact, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+
+
+def tension(quick: bool) -> Iterator[Row]:
+    """Tension on top: lifted when it equals the weight, and infeasible without weight."""
+    del quick
+    mesh = _MESHES["6 × 4 cells"]
+    heavy = _lifted(mesh, 7.0)
+    limit = limit_load(heavy, ["crane"])
+    source = "ρ g h over the tension"
+    yield relative("limit load factor", limit.factor, 7.0, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+    light = solve(_lifted(mesh, 0.0))
+    source = "∫σ_N ds > 0 contradicts σ_N ≤ 0"
+    yield word("status under tension", light.status.value, "infeasible", Kind.ANALYTIC, source, infeasible(light))
+    result, weight = solve(heavy), (7.0 - 1.0) * 2.0
+    source, force = "(ρ g h − t) w, balance", result.contacts["floor"].normal_force
+    yield relative("N below the limit [stress length]", force, weight, 1e-9, Kind.ANALYTIC, source, certified(result))
+
+
+def tipping(quick: bool) -> Iterator[Row]:
+    """A tall block pushed sideways on its top tips at the factor p w²/(2 h H), which a mesh reaches from below."""
+    exact = 4.0 / 2.0 / 3.0
+    for cells in (8,) if quick else (8, 16):
+        mesh = RectilinearMesh.rectangle((cells, 4), 1.0, 3.0)
+        limit = limit_load(_tall(mesh), ["push"])
+        source = f"p w²/(2 h H), {cells} × 4 cells; N acts a third of the last edge inside"
+        yield at_most("limit load factor", limit.factor, exact, 1e-9, Kind.ANALYTIC, source, bounded(limit))
+        share = 2.0 / (3.0 * cells)
+        yield relative("limit load factor", limit.factor, exact, share, Kind.ANALYTIC, source, bounded(limit))
+
+
+def unbalanced(quick: bool) -> Iterator[Row]:
+    """Tractions all around that do not balance: refused before anything is solved."""
+    del quick
+    mesh = _MESHES["one cell"]
+    lengths = {"bottom": 2.0, "left": 1.0, "right": 1.0, "top": 2.0}
+    loads = {"bottom": 0.0, "left": 0.0, "right": 0.0, "top": -1.0}
+    problem = ContactProblem(mesh, _STEEL, [Traction(side, 0.0, load) for side, load in loads.items()])
+    resultant = sum(lengths[side] * load for side, load in loads.items())
+    try:
+        outcome = solve(problem).status.value
+    except InputError as error:
+        outcome = "refused: out of balance" if "out of balance" in str(error) else str(error)
+    source, proof = "balance of forces", by_hand(resultant != 0.0, f"resultant (0, {resultant:g})")
+    yield word("outcome", outcome, "refused: out of balance", Kind.ANALYTIC, source, proof)
+
+
+def monotonic_resistance(quick: bool) -> Iterator[Row]:
+    """Just below the limit the base still carries what balance asks for, and the friction law holds."""
+    for share in (0.999,) if quick else (0.9, 0.999, 0.99999):
+        result = solve(_dragged(_MESHES["6 × 4 cells"], 3.0 * share, Contact("bottom", _FRICTION, name="base")))
+        base, proof = result.contacts["base"], certified(result)
+        excess = float((np.abs(base.tangential_stress) - base.friction_bound).max()) / _PRESSURE
+        source = f"|σ_T| ≤ μ|σ_N| at the Gauss points, {share:g} of the limit"
+        yield at_most("largest |σ_T| − bound over p", excess, 0.0, 1e-7, Kind.ANALYTIC, source, proof)
+        source = f"p w, balance, {share:g} of the limit"
+        yield absolute("N [stress length]", base.normal_force, 20.0, 1e-8, Kind.ANALYTIC, source, proof)
+
+
+def _dragged(mesh: RectilinearMesh, shear: float, contact: Contact) -> ContactProblem:
+    """Pressure on top, and uniform shear with its complement on the sides."""
+    top = [Traction("top", y=-_PRESSURE, name="pressure"), Traction("top", x=shear, name="shear")]
+    right = [Traction("right", x=0.0), Traction("right", y=shear, name="shear")]
+    left = [Traction("left", x=0.0), Traction("left", y=-shear, name="shear")]
+    return ContactProblem(mesh, _STEEL, [contact, *top, *right, *left])
+
+
+def _lifted(mesh: RectilinearMesh, weight: float) -> ContactProblem:
+    crane, floor = Traction("top", x=0.0, y=1.0, name="crane"), Contact("bottom", 0.0, name="floor")
+    sides: list[Condition] = [Symmetry("left"), Traction("right", 0.0, 0.0)]
+    return ContactProblem(mesh, _STEEL, [floor, crane, *sides], body_potential=lambda _, y: weight * y)
+
+
+def _tall(mesh: RectilinearMesh) -> ContactProblem:
+    """Pressure 4 on a width of 1, a parabola of shear with the resultant 1 at the height 3."""
+    sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    loads = [Traction("top", y=-4.0), Traction("top", x=_parabola, name="push")]
+    return ContactProblem(mesh, _STEEL, [Contact("bottom", 1e3, name="base"), *loads, *sides])
+
+
+def _parabola(x: FloatArray, y: FloatArray) -> FloatArray:
+    return 6.0 * x * (1.0 - x) + 0.0 * y
+
+
+CHAPTER = Chapter(
+    "limits",
+    "Limit loads and loads that cannot be carried",
+    "Where friction or unilateral contact cannot carry a load the answer is that, with a proof; the limit is right.",
+    "A limit load factor comes with a dual bound, infeasibility with multipliers (Farkas) checked on the data.",
+    "A factor off by more than its tolerance, an answer where there is none, or none where there is one.",
+    {
+        "dragged-block": dragged_block,
+        "other-laws": other_laws,
+        "near-the-limit": monotonic_resistance,
+        "tension": tension,
+        "tipping": tipping,
+        "unbalanced": unbalanced,
+    },
+)

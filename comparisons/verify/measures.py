@@ -1,0 +1,84 @@
+"""Quantities that several chapters compare."""
+
+import numpy as np
+
+from qvi_contact import ContactLine, ContactResult, ContactState
+from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.exact import ExactState
+
+_POINTS = 60
+
+
+def stress_error(result: ContactResult, state: ExactState) -> float:
+    """Largest |σ − exact| over the components at 60 points of a rectangle, over the largest |exact|."""
+    x, y = scattered(result)
+    exact = np.moveaxis(state.stress(x, y), 0, -1)
+    return float(np.abs(result.stress(x, y) - exact).max() / np.abs(exact).max())
+
+
+def scattered(result: ContactResult, count: int = _POINTS) -> tuple[FloatArray, FloatArray]:
+    """Points of the rectangle around the body, the same in every run."""
+    mesh = result.problem.mesh
+    points = np.random.default_rng(7).uniform(0.02, 0.98, size=(2, count))
+    x, y = (low + share * (high - low) for share, low, high in _spans(points, mesh.x, mesh.y))
+    return x, y
+
+
+def _spans(points: FloatArray, x: FloatArray, y: FloatArray) -> list[tuple[FloatArray, float, float]]:
+    return [(points[0], float(x[0]), float(x[-1])), (points[1], float(y[0]), float(y[-1]))]
+
+
+def traction_difference(ours: ContactLine, theirs: ContactLine, unit: float) -> float:
+    """Largest difference of σ_N or σ_T at the points of a contact, in this unit [stress]."""
+    pairs = ((ours.normal_stress, theirs.normal_stress), (ours.tangential_stress, theirs.tangential_stress))
+    return max(float(np.abs(one - other).max()) for one, other in pairs) / unit
+
+
+def mean_pressure(line: ContactLine) -> float:
+    """Normal force over length [stress]."""
+    return float(line.normal_force / line.weights.sum())
+
+
+def value_at(line: ContactLine, values: FloatArray, x: float, degree: int) -> float:
+    """Value at x of a quantity on a horizontal contact that is a polynomial of this degree on every edge.
+
+    Edges have four points each; the one whose middle is nearest counts, whose polynomial is carried on to its ends.
+    """
+    middles = line.x.reshape(-1, 4).mean(axis=1)
+    edge = int(np.argmin(np.abs(middles - x)))
+    points = slice(4 * edge, 4 * edge + 4)
+    return float(np.polynomial.Polynomial.fit(line.x[points], values[points], degree)(x))
+
+
+def runs(states: IntArray) -> str:
+    """States in the order they follow each other, such as "open, slip, stick"."""
+    first = np.r_[True, np.diff(states) != 0]
+    return ", ".join(ContactState(state).name.lower() for state in states[first])
+
+
+def edge_states(line: ContactLine) -> IntArray:
+    """State of each edge: that of most of its four points, in a tie that of the first of them.
+
+    Gap and slip are projections, so that points of the edge where a zone ends may be in either state.
+    """
+    points = line.state.reshape(-1, 4)
+    counts = np.stack([(points == state).sum(axis=1) for state in ContactState], axis=1)
+    first = points[:, 0]
+    tied = counts[np.arange(len(points)), first] == counts.max(axis=1)
+    return np.where(tied, first, counts.argmax(axis=1))
+
+
+def zone_ends(line: ContactLine, lines: FloatArray) -> FloatArray:
+    """Grid lines between edges of different states [length]."""
+    return np.asarray(lines[1 + np.flatnonzero(np.diff(edge_states(line)))])
+
+
+def between_points(values: FloatArray, degree: int, count: int = 1000) -> FloatArray:
+    """Values at points of every edge, ends included, of a polynomial given at four Gauss points, (edges, count).
+
+    `values` has the shape (4 edges,); the polynomial through them has this degree on every edge.
+    """
+    gauss = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
+    t = np.linspace(0.0, 1.0, count)
+    coefficients = np.polynomial.polynomial.polyfit(gauss, values.reshape(-1, 4).T, degree)
+    return np.asarray(np.polynomial.polynomial.polyval(t, coefficients))
