@@ -10,6 +10,7 @@ import time
 import numpy as np
 from scipy.sparse import csc_matrix, triu, vstack
 
+from solvers.inner.guard import BackendFailure, attempt, updated_solve
 from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
 from solvers.inner.qp_backends import CLARABEL_WORDS
 from solvers.problem import FrictionQVI
@@ -55,14 +56,10 @@ class DirectClarabel:
         """Solve for the bound threshold (m,); `start` is not used."""
         began = time.perf_counter()
         qvi = self._inner.qvi
-        try:
-            self._solver.update(q=-centre.f, b=np.concatenate([centre.b, centre.h(threshold)]))
-            answer = self._solver.solve()
-        except BaseException as error:  # a Rust panic is not an Exception
-            if isinstance(error, KeyboardInterrupt | SystemExit):
-                raise
-            text = f"clarabel: {type(error).__name__}: {error}"
-            return no_result(qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
+        b = np.concatenate([centre.b, centre.h(threshold)])
+        answer = attempt("clarabel", lambda: updated_solve(self._solver, -centre.f, b))
+        if isinstance(answer, BackendFailure):
+            return no_result(qvi, Status.BACKEND_FAILED, answer, time.perf_counter() - began)
         word = str(answer.status)
         multipliers = np.array(answer.z)
         m_N, m_T = self._inner.multipliers(multipliers[qvi.p :])

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from solvers.inner.guard import BackendFailure, attempt
 from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
 from solvers.inner.qp_backends import BACKENDS, QPBackend
 from solvers.problem import FrictionQVI
@@ -37,13 +38,9 @@ class QPSolver:
         qvi = self._inner.qvi
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            try:
-                answer = self._call(threshold, centre, start)
-            except BaseException as error:  # some back ends panic with exceptions that are not Exception
-                if isinstance(error, KeyboardInterrupt | SystemExit):
-                    raise
-                text = f"{self.name}: {type(error).__name__}: {error}"
-                return no_result(qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
+            answer = attempt(self.name, lambda: self._call(threshold, centre, start))
+        if isinstance(answer, BackendFailure):
+            return no_result(qvi, Status.BACKEND_FAILED, answer, time.perf_counter() - began)
         seconds = time.perf_counter() - began
         word = self.backend.word(answer)
         status = self.backend.words.get(word, Status.BACKEND_FAILED)

@@ -5,7 +5,6 @@ point, the energy the square of a norm, ½|R x|² − fᵀx with RᵀR = K. Cite
 """
 
 import time
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from solvers.inner.guard import BackendFailure, solve_cvxpy
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.root import square_root
 from solvers.problem import FrictionQVI
@@ -98,17 +98,10 @@ class SOCPSolver:
         self._f.value, self._n0.value, self._t0.value = centre.f, centre.n0, centre.t0
         if self._b is not None:
             self._b.value = centre.b
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            try:
-                self.problem.solve(solver=self._name.upper(), **self._settings)
-            except BaseException as error:  # a Rust panic is not an Exception
-                if isinstance(error, KeyboardInterrupt | SystemExit):
-                    raise
-                text = f"{self._name}: {type(error).__name__}: {error}"
-                return no_result(qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
-        word = str(self.problem.status)
-        message = "; ".join([f"{self._name}: {word}", *(str(w.message) for w in caught)])
+        said = solve_cvxpy(self.problem, self._name, self._settings)
+        if isinstance(said, BackendFailure):
+            return no_result(qvi, Status.BACKEND_FAILED, said, time.perf_counter() - began)
+        word, message = said
         status = WORDS.get(word, Status.BACKEND_FAILED)
         return self._translate(centre, status, message, time.perf_counter() - began)
 

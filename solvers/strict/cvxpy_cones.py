@@ -4,10 +4,10 @@ Bound and `Centre` are parameters (DPP), the energy the square of a norm as in `
 """
 
 import time
-import warnings
 
 import numpy as np
 
+from solvers.inner.guard import BackendFailure, solve_cvxpy
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.root import square_root
 from solvers.inner.socp import BACKENDS, WORDS
@@ -60,17 +60,10 @@ class StrictSOCPSolver:
         self._f.value, self._ends.value = centre.f, self._cones.ends(centre)
         if self._b is not None:
             self._b.value = centre.b
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            try:
-                self.problem.solve(solver=self._name.upper(), **self._settings)
-            except BaseException as error:  # a Rust panic is not an Exception
-                if isinstance(error, KeyboardInterrupt | SystemExit):
-                    raise
-                text = f"{self._name}: {type(error).__name__}: {error}"
-                return no_result(self._cones.qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
-        word = str(self.problem.status)
-        message = "; ".join([f"{self._name}: {word}", *(str(w.message) for w in caught)])
+        said = solve_cvxpy(self.problem, self._name, self._settings)
+        if isinstance(said, BackendFailure):
+            return no_result(self._cones.qvi, Status.BACKEND_FAILED, said, time.perf_counter() - began)
+        word, message = said
         return self._translate(centre, WORDS.get(word, Status.BACKEND_FAILED), message, time.perf_counter() - began)
 
     def _translate(self, centre: Centre, status: Status, message: str, seconds: float) -> InnerSolution:

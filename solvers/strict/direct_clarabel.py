@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import block_diag, csc_matrix, hstack, identity, triu, vstack
 
 from solvers.inner.direct_clarabel import DirectClarabel
+from solvers.inner.guard import BackendFailure, attempt, updated_solve
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.qp_backends import CLARABEL_WORDS
 from solvers.problem import FrictionQVI
@@ -71,14 +72,10 @@ class DirectStrictClarabel:
         began = time.perf_counter()
         qvi, e = self._cones.qvi, self._cones.count
         q = np.concatenate([-centre.f, np.zeros(2 * e)])
-        try:
-            self._solver.update(q=q, b=self._right(threshold, centre))
-            answer = self._solver.solve()
-        except BaseException as error:  # a Rust panic is not an Exception
-            if isinstance(error, KeyboardInterrupt | SystemExit):
-                raise
-            text = f"clarabel: {type(error).__name__}: {error}"
-            return no_result(qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
+        right = self._right(threshold, centre)
+        answer = attempt("clarabel", lambda: updated_solve(self._solver, q, right))
+        if isinstance(answer, BackendFailure):
+            return no_result(qvi, Status.BACKEND_FAILED, answer, time.perf_counter() - began)
         word = str(answer.status)
         multipliers = np.array(answer.z)
         upper, lower = multipliers[qvi.p + self._linear + 2 * e :].reshape(2, e, 3)

@@ -1,0 +1,40 @@
+"""Calls of back ends, which may fail in ways of their own."""
+
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from solvers.types import Module, Vector
+
+_Answer = TypeVar("_Answer")
+
+
+class BackendFailure(str):
+    """What went wrong inside a back end, in a sentence."""
+
+
+def attempt(name: str, call: Callable[[], _Answer]) -> _Answer | BackendFailure:
+    """What the call returns, or how it failed; panics of compiled back ends count, interrupts by the user do not."""
+    try:
+        return call()
+    except BaseException as error:  # a Rust panic is not an Exception
+        if isinstance(error, KeyboardInterrupt | SystemExit):
+            raise
+        return BackendFailure(f"{name}: {type(error).__name__}: {error}")
+
+
+def solve_cvxpy(problem: Module, name: str, settings: Mapping[str, Any]) -> tuple[str, str] | BackendFailure:
+    """Solve a cvxpy problem by the back end `name`: its status word, and that word with the warnings it came with."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        failure = attempt(name, lambda: problem.solve(solver=name.upper(), **settings))
+    if isinstance(failure, BackendFailure):
+        return failure
+    word = str(problem.status)
+    return word, "; ".join([f"{name}: {word}", *(str(warning.message) for warning in caught)])
+
+
+def updated_solve(solver: Module, q: Vector, b: Vector) -> Module:
+    """Solve with a Clarabel solver that is kept, for new vectors q and b."""
+    solver.update(q=q, b=b)
+    return solver.solve()
