@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.checks import FloatArray
-from qvi_contact.conditions import Displacement, RigidPlate, Traction
+from qvi_contact.conditions import RigidPlate, Traction
 from qvi_contact.contact import ContactLine, contact_line
 from qvi_contact.contact_rows import ContactRows
 from qvi_contact.discretization import Discretization
 from qvi_contact.element import GAUSS_COUNT
 from qvi_contact.errors import InputError
 from qvi_contact.loads import LOAD_POINTS, cell_points, physical, potential_at, prescribed_at_points
-from qvi_contact.mesh import HORIZONTAL, VERTICAL
 from qvi_contact.plates import centre_of
 from qvi_contact.problem import ContactProblem
 from qvi_contact.stress import cell_stress, stress_at
 from qvi_contact.traces import EdgePoints
+from qvi_contact.work import support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.feasibility import AdmissibleRows
 from solvers.strict.threshold import strict_bound
@@ -186,8 +186,11 @@ class ContactResult:
         Zero (to round-off) for data in the trace space: normal tractions linear along each edge, shear continuous and
         quadratic. Other data are met in resultant force and moment of every edge; this is what is left pointwise.
         """
-        data = prescribed_at_points(self.problem, self.discretization.grid, self.discretization.scales, Traction)
-        differences = [np.abs(self._tractions(points)[component] - wanted).max() for component, points, wanted in data]
+        known = self.discretization
+        differences = [
+            np.abs(traction(known, self.nodal, points)[component] - wanted).max()
+            for component, points, wanted in prescribed_at_points(self.problem, known.grid, known.scales, Traction)
+        ]
         return float(max(differences, default=0.0))
 
     @property
@@ -296,7 +299,7 @@ class ContactResult:
         chosen = mesh.edges(edges if edges in known else named.get(edges, edges))
         points = EdgePoints(self.discretization.grid, chosen, LOAD_POINTS)
         x, y = physical(self.problem, scales, points.coordinates)
-        force_x, force_y = scales.length * points.weights * self._tractions(points)
+        force_x, force_y = scales.length * points.weights * traction(self.discretization, self.nodal, points)
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
 
     @cached_property
@@ -306,7 +309,7 @@ class ContactResult:
         scales, problem = self.discretization.scales, self.problem
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
-        load, dissipation = self._prescribed_work(), 0.0
+        load, dissipation = support_work(self.discretization, self.nodal), 0.0
         for rows in self.discretization.contacts:
             line = self.contacts[rows.name]
             gap, offset = rows.gap * scales.displacement, rows.offset * scales.displacement
@@ -348,20 +351,3 @@ class ContactResult:
         stress = cell_stress(self.discretization, self.nodal, column[:, None], row[:, None], tx, ty)
         stress[..., :2] += potential_at(self.problem, self.discretization.scales, points)[..., None]
         return points, weights, stress
-
-    def _tractions(self, points: EdgePoints) -> FloatArray:
-        """Traction σn [stress] at points of the boundary, shape (2, points)."""
-        problem, scales = self.problem, self.discretization.scales
-        potential = points.point_sign * potential_at(problem, scales, points.coordinates)
-        is_normal = [points.point_axis == VERTICAL, points.point_axis == HORIZONTAL]
-        values = [points.traction(c) @ self.nodal.ravel() + is_normal[c] * potential for c in (0, 1)]
-        return scales.stress * np.stack(values)
-
-    def _prescribed_work(self) -> float:
-        """∫_{Γ_u} U·σn ds."""
-        scales, work = self.discretization.scales, 0.0
-        for component, points, values in prescribed_at_points(
-            self.problem, self.discretization.grid, scales, Displacement
-        ):
-            work += scales.length * float(points.weights @ (values * self._tractions(points)[component]))
-        return work

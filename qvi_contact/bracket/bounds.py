@@ -11,11 +11,11 @@ from qvi_contact.bracket.forces import force_bounds
 from qvi_contact.bracket.given import GivenProblem, contact_tractions, given_problem
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
-from qvi_contact.bracket.work import prescribed_work
 from qvi_contact.checks import finite_number
 from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.errors import InputError
 from qvi_contact.result import ContactResult
+from qvi_contact.work import obstacle_work, support_work
 from solvers.strict.threshold import strict_bound
 
 _MISFIT = 1e-9  # prescribed tractions missed, relative to the unit of stress, that count
@@ -96,7 +96,7 @@ def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: Companio
     problem = discretization.problem
     fields = CellFields.of(discretization, nodal)
     strain = strain_energy(fields, problem.compliances)
-    complementary = strain - prescribed_work(discretization, nodal)
+    complementary = strain - support_work(discretization, nodal) - obstacle_work(discretization, nodal)
     cells = np.zeros(problem.mesh.shape)
     moved = companion.has_state
     edges = _Edges({}, 0.0, 0.0)

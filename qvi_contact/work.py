@@ -1,4 +1,4 @@
-"""Complementary energy of a stress: its strain energy less the work of the prescribed displacements."""
+"""Tractions of a stress on edges, and what they do along prescribed displacements."""
 
 import numpy as np
 
@@ -10,14 +10,21 @@ from qvi_contact.mesh import HORIZONTAL, VERTICAL
 from qvi_contact.traces import EdgePoints
 
 
-def prescribed_work(discretization: Discretization, nodal: FloatArray) -> float:
-    """∫_{Γ_u} U·τn ds + ∫_{Γ_μ} (g τ_N + w τ_T) ds [stress × length²] of nodal values of Φ."""
+def support_work(discretization: Discretization, nodal: FloatArray) -> float:
+    """∫_{Γ_u} U·τn ds [stress × length²] of nodal values of Φ."""
     problem, grid, scales = discretization.problem, discretization.grid, discretization.scales
     work = 0.0
     for component, points, values in prescribed_at_points(problem, grid, scales, Displacement):
         work += scales.length * float(points.weights @ (values * traction(discretization, nodal, points)[component]))
+    return work
+
+
+def obstacle_work(discretization: Discretization, nodal: FloatArray) -> float:
+    """∫_{Γ_μ} (g τ_N + w τ_T) ds [stress × length²] of nodal values of Φ, g and w as the problem prescribes them."""
+    problem, scales = discretization.problem, discretization.scales
+    work = 0.0
     for contact in problem.contacts:
-        points = EdgePoints(grid, problem.mesh.edges(contact.edges), LOAD_POINTS)
+        points = EdgePoints(discretization.grid, problem.mesh.edges(contact.edges), LOAD_POINTS)
         work += scales.length * float(points.weights @ _contact_work(discretization, nodal, contact, points))
     return work
 
