@@ -213,8 +213,7 @@ def bracket(file: str, degree: int, tolerance: float, as_json: bool, plot: str |
         options = _options(problem_file, {"tolerance": tolerance})
         result = solve_one(problem_file.problem, **options)
         found = bracketed(result, degree, tolerance) if result.has_state else None
-        if found is not None:
-            _write_bracket(problem_file, found, targets)
+        _write_bracket(problem_file, found, targets)
     _show_bracket(problem_file, result, found, as_json)
     return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
 
@@ -347,18 +346,23 @@ def _refuse_history(file: "ProblemFile") -> None:
         )
 
 
-def _write_bracket(file: "ProblemFile", found: "Bracket", targets: dict[str, str]) -> None:
-    """Write the files asked for, as far as there is a displacement."""
-    companion = found.companion
-    if targets and (companion is None or not companion.has_state):
-        click.echo(f"qvi-contact: there is no displacement to write to {', '.join(targets.values())}", err=True)
+def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[str, str]) -> None:
+    """Write the files asked for, as far as there is a displacement and a gap."""
+    import math
+
+    companion = None if found is None else found.companion
+    if found is None or companion is None or not companion.has_state:
+        if targets:
+            click.echo(f"qvi-contact: there is no displacement to write to {', '.join(targets.values())}", err=True)
         return
-    if "plot" in targets:
+    if "plot" in targets and not math.isfinite(found.gap):
+        click.echo(f"qvi-contact: a bound is missing, so there is no gap to draw in {targets['plot']}", err=True)
+    elif "plot" in targets:
         from qvi_contact.plots.bracket import bracket_figure
         from qvi_contact.plots.style import save_figure
 
-        save_figure(targets["plot"], bracket_figure(found, file.units))
-    if "vtk" in targets and companion is not None:
+        save_figure(targets["plot"], bracket_figure(found, file.units, file.title))
+    if "vtk" in targets:
         from qvi_contact.companion.export import write_vtu
 
         write_vtu(targets["vtk"], companion, file.units)

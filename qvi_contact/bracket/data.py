@@ -17,6 +17,13 @@ from qvi_contact.problem import ContactProblem
 _EDGE: FloatArray = (np.arange(97.0) + 0.5) / 97.0
 _CELL: FloatArray = (np.arange(13.0) + 0.5) / 13.0
 _CELL_DEGREE = 5  # of φ in x and in y: the work of its stresses is then integrated exactly
+_SPOKEN = {
+    "Contact.cohesion": "The cohesion, or Tresca's bound,",
+    "Contact.shear_limit": "The shear limit",
+    "Contact.gap": "The gap",
+    "Contact.offset": "The offset",
+    "ContactProblem.body_potential": "The body potential",
+}
 _ROUNDING = 1e-9  # of the largest value
 
 
@@ -27,7 +34,7 @@ def data_reasons(problem: ContactProblem, degree: int) -> tuple[str, ...]:
     bounds c and t_max up to 2, a body potential up to 5 in each direction on cells and 1 along contacts.
     """
     found = [
-        f"{name} on {place!r} is no polynomial of degree {most} on every edge."
+        f"{_SPOKEN.get(name, name)} on {place!r} is no polynomial of degree {most} on every edge."
         for name, place, edges, field, most in _on_edges(problem, degree)
         if callable(field) and not _is_polynomial(problem, edges, name, field, most)
     ]

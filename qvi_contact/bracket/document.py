@@ -23,7 +23,7 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
         "reasons": list(bracket.reasons),
         "message": bracket.message,
         "energies": {name: _quantity(value, units.energy) for name, value in energy.items()},
-        "gap": {name: _quantity(value, units.energy) for name, value in bracket.parts.items()},
+        "gap": {name: _quantity(value, units.energy) for name, value in bracket.shown_parts.items()},
         "relative_error": _finite(bracket.relative_error),
         "forces": {
             name: {"lower": bounds.lower, "upper": bounds.upper, "unit": units.force}
@@ -38,11 +38,12 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
 def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     """Bounds, their parts, forces, and the same forces by displacements, for a terminal."""
     units = units or Units()
-    yield bracket.message
-    parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.parts.items())
-    yield f"gap of the energy [{units.energy}]: {parts}"
-    if bracket.outer > 0.0:
-        yield f"and up to {bracket.outer:.3g} for the friction bound, which the state found has slightly otherwise"
+    yield bracket.sentence(units)
+    parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.shown_parts.items())
+    if parts:
+        yield f"gap of the energy [{units.energy}]: {parts}"
+    if parts and bracket.outer > 0.0:
+        yield f"holding the friction bound fixed may add up to {bracket.outer:.3g} {units.energy}"
     for name, bounds in bracket.forces.items():
         yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.force}"
     companion = bracket.companion

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from qvi_contact.bracket.data import data_reasons
 from qvi_contact.bracket.outcome import BracketKind
 from qvi_contact.checks import FloatArray
 from qvi_contact.conditions import Contact
@@ -86,10 +87,11 @@ def given_problem(result: ContactResult) -> GivenProblem:
         kind = BracketKind.STICKING
     elif sliding:
         kind = BracketKind.GIVEN_BOUND
-        names = " and ".join(repr(contact.name) for contact in sliding)
+        names = ", ".join(repr(contact.name) for contact in sliding if not _sticks(result, contact))
         reasons.append(f"The friction bound on {names} depends on the pressure, which the bracket holds fixed.")
     threshold, exact = _threshold(discretization, result.nodal)
-    if not exact and kind is not BracketKind.GIVEN_BOUND:
+    lowered = not exact and kind is not BracketKind.GIVEN_BOUND
+    if lowered and not data_reasons(discretization.problem, 2):
         reasons.append("A friction bound is not quadratic on every edge; a lower one that is takes its place.")
     return GivenProblem(discretization, kind, threshold, tuple(reasons))
 
@@ -111,8 +113,8 @@ def _check_no_history(result: ContactResult) -> None:
         not np.array_equal(rows.offset, offset) for rows, offset in zip(known.contacts, known.offsets(), strict=True)
     )
     if moved:
-        remedy = "belongs to a step of a history: bracket the result of one solve, with the earlier slip in `offset`"
-        raise InputError("result", result.message, remedy)
+        remedy = "bracket the result of one solve, with the earlier slip in `offset`"
+        raise InputError("result", "a step of a history, after earlier slip", remedy)
 
 
 def _is_coulomb(contact: Contact) -> bool:

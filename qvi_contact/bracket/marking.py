@@ -21,24 +21,28 @@ def refined_where_apart(problem: ContactProblem, bracket: Bracket, share: float 
     problem : ContactProblem
         The problem stated, on the mesh of the bracket.
     bracket : Bracket
-        With both bounds finite.
+        With an admissible displacement. Where the lower bound is missing, because no stress on this mesh obeys the
+        contact law on whole edges, the parts of the stress at hand count.
     share : float
         In (0, 1].
 
     Raises
     ------
     InputError
-        If the meshes differ, a bound is infinite, or `share` is out of range.
+        If the meshes differ, the upper bound is missing, or `share` is out of range.
 
     """
     mesh = problem.mesh
     if not 0.0 < finite_number("share", share) <= 1.0:
         raise InputError("share", share, "give a number above 0, at most 1")
+    if not isinstance(bracket, Bracket):
+        raise InputError("bracket", bracket, "give the bracket of a result")
     if bracket.cells.shape != mesh.shape:
         raise InputError("bracket", bracket.cells.shape, f"give one on the mesh of the problem, {mesh.shape}")
-    if not np.isfinite(bracket.gap):
-        raise InputError("bracket", bracket.gap, f"one bound is missing: {bracket.message}")
-    columns, rows = bracket.cells.sum(axis=0), bracket.cells.sum(axis=1)
+    if not np.isfinite(bracket.upper):
+        raise InputError("bracket", bracket.upper, f"there is no displacement to compare with: {bracket.message}")
+    parts = np.maximum(bracket.cells, 0.0)  # below zero only where no admissible stress was found
+    columns, rows = parts.sum(axis=0), parts.sum(axis=1)
     gains = np.concatenate([columns / mesh.active.sum(axis=0).clip(1), rows / mesh.active.sum(axis=1).clip(1)])
     chosen = _marked(np.concatenate([columns, rows]), gains, 2.0 * share * float(columns.sum()))
     nx = mesh.shape[1]

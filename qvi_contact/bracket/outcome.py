@@ -11,8 +11,10 @@ from qvi_contact.checks import FloatArray
 from qvi_contact.companion import CompanionResult
 from qvi_contact.problem import ContactProblem
 from qvi_contact.result import ContactResult
+from qvi_contact.units import Units
 
 _ROUNDING = 1e-9  # of the strain energy
+_NOTHING = 1e-14  # of the strain energy: parts of the gap that are rounding
 
 
 class BracketKind(Enum):
@@ -45,7 +47,7 @@ class EdgeParts:
     friction: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Bracket:
     """Bounds of the energy of a contact problem, and where they are apart.
 
@@ -104,6 +106,9 @@ class Bracket:
     result: ContactResult | None = None
     companion: CompanionResult | None = None
 
+    def __repr__(self) -> str:
+        return f"<Bracket {self.message}>"
+
     @property
     def guaranteed(self) -> bool:
         """Whether `reasons` is empty."""
@@ -127,7 +132,7 @@ class Bracket:
 
     @property
     def parts(self) -> dict[str, float]:
-        """The gap by origin: "bulk", "contact" and "friction" [stress × length²]."""
+        """The gap by origin: "bulk", "contact" and "friction" [stress × length²]; without a lower bound no meaning."""
         return {
             "bulk": float(self.bulk.sum()),
             "contact": float(sum(part.contact.sum() for part in self.contacts.values())),
@@ -135,12 +140,28 @@ class Bracket:
         }
 
     @property
+    def shown_parts(self) -> dict[str, float]:
+        """`parts` with what is rounding as zero; empty where there is no gap."""
+        if not np.isfinite(self.gap):
+            return {}
+        return {name: value if value > _NOTHING * self.strain else 0.0 for name, value in self.parts.items()}
+
+    @property
     def message(self) -> str:
-        """One sentence."""
+        """What was found, and why it is not guaranteed, if it is not."""
+        return self.sentence()
+
+    def sentence(self, units: Units | None = None) -> str:
+        """`message` with units."""
+        units = units or Units()
         what = "Guaranteed bounds for" if self.guaranteed else "Indicator, for"
-        bounds = f"energy between {self.lower:.9g} and {self.upper:.9g}"
-        error = "farther apart than the strain energy"
+        bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.energy}"
+        if not np.isfinite(self.lower):
+            bounds = f"energy below {self.upper:.9g} {units.energy}, no lower bound"
+        if not np.isfinite(self.upper):
+            bounds = f"energy above {self.lower:.9g} {units.energy}, no upper bound"
+        error = ", farther apart than the strain energy" if np.isfinite(self.gap) else ""
         if self.relative_error <= 1.0:
-            error = f"stresses within {100 * self.relative_error:.2g} % of their energy norm"
-        text = f"{what} {self.kind.value}: {bounds}, {error}."
+            error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
+        text = f"{what} {self.kind.value}: {bounds}{error}."
         return " ".join([text, *self.reasons])

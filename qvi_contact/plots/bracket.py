@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from qvi_contact.bracket import Bracket
-from qvi_contact.plots.style import BLUE, GREEN, ORANGE, draw_outline, frame, new_figure
+from qvi_contact.errors import InputError
+from qvi_contact.plots.style import BLUE, GREEN, ORANGE, draw_outline, frame, lines, new_figure
 from qvi_contact.units import Units
 
 if TYPE_CHECKING:
@@ -40,30 +41,47 @@ def bracket_map(axes: "Axes", bracket: Bracket, units: Units | None = None) -> "
     norm = LogNorm(least, largest if largest > least else 10.0 * least)
     quads = axes.pcolormesh(mesh.x, mesh.y, shown, norm=norm, cmap="cividis", rasterized=True)
     draw_outline(axes, mesh)
+    _draw_contacts(axes, bracket)
     frame(axes, mesh)
     axes.set_xlabel(f"x [{units.length}]")
     axes.set_ylabel(f"y [{units.length}]")
-    label = f"gap by area [{units.energy}/{units.length}²]"
+    label = f"gap of the energy by area [{units.stress}]"
     axes.figure.colorbar(quads, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label)
     return quads
 
 
-def bracket_figure(bracket: Bracket, units: Units | None = None) -> "Figure":
-    """The map of the gap, and the gap by origin: bulk, contact, friction [stress × length²]."""
+def _draw_contacts(axes: "Axes", bracket: Bracket) -> None:
+    """Contacts and joints as white and black lines."""
+    mesh = bracket.problem.mesh
+    for contact in bracket.problem.contacts:
+        edges = mesh.edges(contact.edges)
+        ends = np.stack([mesh.coordinates[edges.first], mesh.coordinates[edges.second]], axis=1)
+        axes.add_collection(lines(ends, "white", "solid", 2.4))
+        axes.add_collection(lines(ends, "black", "solid", 1.0))
+
+
+def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = "") -> "Figure":
+    """The map of the gap, contacts as lines, and the gap by origin: bulk, contact, friction [stress × length²].
+
+    `InputError` where a bound is missing: there is no gap to draw.
+    """
     units = units or Units()
-    figure = new_figure(8.0, 4.2)
-    left, right = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
+    if not np.isfinite(bracket.gap):
+        raise InputError("bracket", bracket.gap, f"there is no gap to draw: {bracket.message}")
+    figure = new_figure(9.0, 4.2)
+    left, _, right = figure.subplots(1, 3, width_ratios=(1.6, 0.12, 1.0))
+    _.set_axis_off()
     bracket_map(left, bracket, units)
-    parts = bracket.parts
+    parts = bracket.shown_parts
     for number, (name, value) in enumerate(parts.items()):
         colour, hatch = _LOOKS[name]
         right.bar(number, value, color=colour, hatch=hatch, edgecolor="white")
-        right.annotate(f"{value:.2g}", (number, value), ha="center", va="bottom")
+        right.annotate(f"{value:.3g}", (number, value), ha="center", va="bottom")
     right.set_xticks(range(len(parts)), list(parts))
     right.margins(y=0.15)
     right.set_ylabel(f"part of the gap [{units.energy}]")
     right.spines[["top", "right"]].set_visible(False)
-    figure.suptitle(_title(bracket, units), fontsize=9)
+    figure.suptitle("\n".join(filter(None, [title, _title(bracket, units)])), fontsize=9)
     return figure
 
 

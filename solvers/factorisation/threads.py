@@ -1,12 +1,14 @@
 """How many threads a back end may use."""
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from importlib.util import find_spec
 from typing import Final
 
+from solvers.factorisation import mkl
 from solvers.types import Module, load
 
 VARIABLES: Final = ("MKL_NUM_THREADS", "OMP_NUM_THREADS")
@@ -32,11 +34,11 @@ def limited_blas(count: int) -> Iterator[None]:
     if find_spec("threadpoolctl") is None:
         yield
         return
-    with _controller().limit(limits=count, user_api="blas"):
+    with _controller(len(sys.modules), mkl.library.cache_info().currsize).limit(limits=count, user_api="blas"):
         yield
 
 
 @lru_cache(maxsize=1)
-def _controller() -> Module:
-    """Made once: looking through the loaded libraries takes milliseconds."""
+def _controller(modules: int, libraries: int) -> Module:  # noqa: ARG001  # they are the key
+    """Made anew only when something was imported or MKL loaded: looking through all libraries takes milliseconds."""
     return load("threadpoolctl").ThreadpoolController()

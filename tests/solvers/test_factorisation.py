@@ -386,7 +386,11 @@ def test_number_of_threads(monkeypatch):
 
 
 def test_blas_threads_are_restored():
+    """Also of a library that was loaded after the first use."""
     threadpoolctl = pytest.importorskip("threadpoolctl")
+    with limited_blas(1):
+        pass
+    available_backends()  # loads MKL where there is one
 
     def counts():
         return [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
