@@ -386,11 +386,7 @@ def test_number_of_threads(monkeypatch):
 
 
 def test_blas_threads_are_restored():
-    """Also of a library that was loaded after the first use."""
     threadpoolctl = pytest.importorskip("threadpoolctl")
-    with limited_blas(1):
-        pass
-    available_backends()  # loads MKL where there is one
 
     def counts():
         return [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
@@ -399,6 +395,24 @@ def test_blas_threads_are_restored():
     with limited_blas(1):
         assert set(counts()) <= {1}
     assert counts() == before
+
+
+def test_blas_libraries_loaded_after_the_first_use_are_limited_too():
+    code = """
+import numpy
+from threadpoolctl import threadpool_info
+from solvers.factorisation import mkl
+from solvers.factorisation.threads import limited_blas
+with limited_blas(1):
+    pass
+library = mkl.library()
+if library is not None:
+    library.MKL_Set_Num_Threads(3)
+with limited_blas(1):
+    print({pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"})
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "{1}"
 
 
 def test_importing_the_package_imports_no_back_end():
