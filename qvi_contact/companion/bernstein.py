@@ -9,9 +9,20 @@ of a linear function are its values at i/p.
 from math import comb
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from qvi_contact.checks import FloatArray
 from qvi_contact.hermite import gauss_legendre
+
+_END = 1e-6  # so far inside the ends a step on a grid line is not seen, a peak there is
+
+SAMPLES: FloatArray = np.concatenate([[_END], (np.arange(97.0) + 0.5) / 97.0, [1.0 - _END]])
+"""Points (99,) of every edge at which data are compared with the polynomial taken for them.
+
+97 midpoints and a point just inside each end. A difference on less than 1/97 of an edge may lie between them: nobody
+sees it then.
+"""
+SAMPLES.flags.writeable = False
 
 _LEADING = 1e-13  # of a polynomial's largest coefficient: below, its degree is lower
 
@@ -29,14 +40,16 @@ def nodes(degree: int) -> FloatArray:
     return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree)))
 
 
-def samples(degree: int) -> FloatArray:
-    """Points between `nodes` at which an interpolant is compared with its data."""
-    return gauss_legendre(2 * degree + 3)[0]
-
-
 def from_values(degree: int) -> FloatArray:
     """Matrix (degree + 1, degree + 1) from values at `nodes` to coefficients."""
     return np.asarray(np.linalg.inv(basis(degree, nodes(degree))))
+
+
+def gauss_interpolation(count: int, t: FloatArray) -> FloatArray:
+    """Matrix (count, j): values at the `count` Gauss points to those at t (j,) of the polynomial through them."""
+    points, weights = gauss_legendre(count)
+    at_points, at_t = (legendre.legvander(2.0 * part - 1.0, count - 1) for part in (points, t))
+    return np.asarray((weights[:, None] * at_points * (2.0 * np.arange(count) + 1.0)) @ at_t.T)
 
 
 def product_integrals(first: int, second: int) -> FloatArray:

@@ -38,7 +38,7 @@ class EdgeData:
     coefficients : (e, p + 1) array
         Bernstein coefficients along +x or +y; the polynomial meets the function at both ends of each edge.
     misfit : float
-        Largest difference found between the two.
+        Largest difference found between the two, at `bernstein.SAMPLES`.
 
     """
 
@@ -54,23 +54,92 @@ def edge_data(problem: ContactProblem, edges: Edges, name: str, field: Field, de
     coefficients[:, [0, -1]] = values[:, [0, -1]]
     if not callable(field):
         return EdgeData(np.broadcast_to(values[:, :1], coefficients.shape).copy(), 0.0)
-    t = bernstein.samples(degree)
+    t = bernstein.SAMPLES
     wanted = evaluate(name, field, *problem.mesh.points_along(edges, t)) / unit
     misfit = np.abs(coefficients @ bernstein.basis(degree, t).T - wanted)
     return EdgeData(coefficients, float(misfit.max(initial=0.0)))
 
 
+@dataclass(frozen=True, eq=False)
+class EdgeMoments:
+    """A function on edges as its work against B_i.
+
+    Attributes
+    ----------
+    values : (e, p + 1) array
+        ∫₀¹ f B_i dt, by the finer of two Gauss rules.
+    misfit : float
+        Largest difference found between f and the polynomial that the finer rule integrates, at `bernstein.SAMPLES`,
+        or between the integrals of the two rules. Nothing is known of f between all these points.
+
+    """
+
+    values: FloatArray
+    misfit: float
+
+    def reason(self, what: str, scales: Scales) -> tuple[str, ...]:
+        """Why the integrals of a stress are not exact, as far as can be seen; nothing if they are."""
+        if self.misfit <= MISFIT * max(1.0, float(np.abs(self.values).max(initial=0.0))):
+            return ()
+        size = self.misfit * scales.stress
+        return (f"{what} is no polynomial on each edge: what is integrated differs by up to {size:.2g} [stress].",)
+
+
+def edge_moments(
+    problem: ContactProblem,
+    edges: Edges,
+    name: str,
+    field: Field,
+    degree: int,
+    unit: float,
+    *,
+    minimum: float | None = None,
+) -> EdgeMoments:
+    """∫ f B_i dt of a field on edges, divided by its unit; exact for polynomials up to degree 2 `load_points`."""
+
+    def at(t: FloatArray) -> FloatArray:
+        return evaluate(name, field, *problem.mesh.points_along(edges, t), minimum=minimum) / unit
+
+    first, second = load_points(degree), 2 * load_points(degree) + 1
+    (t, w), (fine_t, fine_w) = gauss_legendre(first), gauss_legendre(second)
+    fine = at(fine_t)
+    values = fine @ (bernstein.basis(degree, fine_t) * fine_w[:, None])
+    if not callable(field):
+        return EdgeMoments(values, 0.0)
+    coarse = at(t) @ (bernstein.basis(degree, t) * w[:, None])
+    unseen = at(bernstein.SAMPLES) - fine @ bernstein.gauss_interpolation(second, bernstein.SAMPLES)
+    return EdgeMoments(values, max(float(np.abs(part).max(initial=0.0)) for part in (coarse - values, unseen)))
+
+
 def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
-    """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and what is wrong with it if a finer quadrature gives another one."""
+    """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and what is wrong with it.
+
+    That is a difference from a finer quadrature, or one between tractions and what it integrates, at
+    `bernstein.SAMPLES` of every edge. Of a body potential only the points of the two quadratures are seen, 541 or more
+    a cell.
+    """
+    remarks = _traction_reasons(problem, body.space.degree, scales)
     first, second = (
         _traction_load(problem, body.space, scales, count) + _body_load(problem, body, scales, count)
         for count in (load_points(body.space.degree), 2 * load_points(body.space.degree) + 1)
     )
     error = float(np.abs(first - second).max(initial=0.0))
     if error <= _QUADRATURE * max(float(np.abs(second).max(initial=0.0)), _QUADRATURE):
-        return first, ()
+        return first, remarks
     force = error * scales.stress * scales.length
-    return second, (f"Loads are no polynomials on each edge or cell: quadrature changes them by {force:.1e} [force].",)
+    changed = f"Loads are no polynomials on each edge or cell: quadrature changes them by {force:.1e} [force]."
+    return second, (changed, *remarks)
+
+
+def _traction_reasons(problem: ContactProblem, degree: int, scales: Scales) -> tuple[str, ...]:
+    """Which tractions are no polynomials that quadrature integrates exactly."""
+    found: list[str] = []
+    for component, index, field in problem.prescribed(Traction):
+        if callable(field):
+            name = f"Traction.{'xy'[component]}"
+            moments = edge_moments(problem, problem.mesh.boundary.take(index), name, field, degree, scales.stress)
+            found += moments.reason(name, scales)
+    return tuple(dict.fromkeys(found))
 
 
 def _traction_load(problem: ContactProblem, space: Space, scales: Scales, count: int) -> FloatArray:

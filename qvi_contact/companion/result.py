@@ -23,6 +23,8 @@ from qvi_contact.result import PlateMotion
 from qvi_contact.scaling import Scales
 from solvers import Certificate, QVISolution, Status
 
+_DIGITS = 12  # of coordinates over the body's length: more is rounding
+
 _InCells: TypeAlias = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 
 
@@ -52,7 +54,8 @@ class CompanionResult:
     state : CompanionState or None
         The displacement.
     reasons : tuple of str
-        Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound.
+        Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound, for
+        data that are between `bernstein.SAMPLES` of every edge the polynomials that they are there.
     solution : QVISolution or None
         The algebraic answer.
 
@@ -162,7 +165,7 @@ class CompanionResult:
 
     @cached_property
     def contacts(self) -> Mapping[str, CompanionContact]:
-        """Results on each contact by name."""
+        """Results on each contact by name, arrays in order along its line."""
         return MappingProxyType({trace.name: self._contact(trace) for trace in self._state.contacts.traces})
 
     @cached_property
@@ -235,17 +238,18 @@ class CompanionResult:
         unit = max(self.certificate.scales.get("stress", 1.0), 1e-300)
         may_open = trace.law == "unilateral"
         states = contact_states(normal, tangential, bound, gap, slip, unit, unit, may_open=may_open)
+        order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
         return CompanionContact(
             trace.name,
-            mesh.x[0] + scales.length * trace.places[:, 0],
-            mesh.y[0] + scales.length * trace.places[:, 1],
-            trace.weights * scales.length,
-            normal * scales.stress,
-            tangential * scales.stress,
-            bound * scales.stress,
-            gap * scales.displacement,
-            slip * scales.displacement,
-            states,
+            (mesh.x[0] + scales.length * trace.places[:, 0])[order],
+            (mesh.y[0] + scales.length * trace.places[:, 1])[order],
+            trace.weights[order] * scales.length,
+            normal[order] * scales.stress,
+            tangential[order] * scales.stress,
+            bound[order] * scales.stress,
+            gap[order] * scales.displacement,
+            slip[order] * scales.displacement,
+            states[order],
         )
 
     def _displacement_in(self, cells: IntArray | slice, tx: FloatArray, ty: FloatArray) -> FloatArray:

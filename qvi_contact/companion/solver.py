@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.checks import FloatArray
+from qvi_contact.checks import FloatArray, evaluate
+from qvi_contact.companion import bernstein
 from qvi_contact.companion.admissible import admissible
 from qvi_contact.companion.condensation import CondensedBody
 from qvi_contact.companion.data import load_vector, supports
@@ -14,7 +15,8 @@ from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.result import CompanionResult
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionState
-from qvi_contact.companion.traces import traces
+from qvi_contact.companion.traces import Trace, traces
+from qvi_contact.conditions import Contact
 from qvi_contact.errors import InputError
 from qvi_contact.problem import ContactProblem
 from qvi_contact.scaling import Scales
@@ -71,8 +73,14 @@ def solve_companion(
 
     Notes
     -----
-    In the minimisation ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i; the energy of the result has the
-    integral itself. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points.
+    In the minimisation ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i. With `bounds` the energy of the
+    result has the integral itself; with the contacts' own laws it has that sum, in which s is bounded from above by the
+    smaller of the means of c and t_max: an upper bound too, but a higher one. The laws hold for the coefficients'
+    forces ∫ σ B_i, not for stresses at points.
+
+    Data given as functions are looked at in 99 points of every edge (`bernstein.SAMPLES`), a body potential in those of
+    two quadratures. `CompanionResult.reasons` names those that are no polynomials there; what happens between these
+    points cannot be seen.
 
     """
     if not isinstance(problem, ContactProblem):
@@ -89,7 +97,9 @@ def solve_companion(
     load, remarks = load_vector(problem, body, scales)
     contacts = Contacts.of(lines, space.size)
     reasons = held.reasons + remarks + reasons
-    if bounds is None and any(np.any(trace.friction > 0.0) for trace in lines):
+    if bounds is None and any(
+        _moves(problem, trace, contact) for trace, contact in zip(lines, problem.contacts, strict=True)
+    ):
         reasons += (_INDICATOR,)
     with using("auto", None, space.size):
         try:
@@ -108,6 +118,15 @@ def solve_companion(
 def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
     """C = c⁻¹ of every active cell, dimensionless, (cells, 3, 3)."""
     return np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)
+
+
+def _moves(problem: ContactProblem, trace: Trace, contact: Contact) -> bool:
+    """Whether there is friction at a coefficient, or at a sample between them."""
+    found = bool((trace.friction > 0.0).any())
+    if found or not callable(contact.friction):
+        return found
+    x, y = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
+    return bool((evaluate("Contact.friction", contact.friction, x, y, minimum=0.0) > 0.0).any())
 
 
 def _usable(solution: QVISolution) -> bool:

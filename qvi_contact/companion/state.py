@@ -17,7 +17,7 @@ class CompanionParts:
     load : float
         ∫ b·v + ∫_{Γσ} T·v + Σ F·q, q the motions of plates under the forces F.
     friction : float
-        Σ ∫ s |v_T − w| ds ≥ 0.
+        Σ ∫ s |v_T − w| ds ≥ 0 for given bounds; under the contacts' own laws Σ W_i s_i |c_i − w_i|, no less than that.
 
     """
 
@@ -29,6 +29,9 @@ class CompanionParts:
 @dataclass(frozen=True, eq=False)
 class CompanionContact:
     """One contact in the displacement model; arrays over the n Bernstein coefficients of its trace.
+
+    Coefficients come in order along the line: by x, and by y where x is the same. Several lines of one contact mix if
+    they overlap in x.
 
     A quantity at a coefficient is no value at a point: a displacement is the coefficient itself, a traction the mean
     weighted by B_i. Coefficients whose displacement supports prescribe carry no traction here; it is the support's.

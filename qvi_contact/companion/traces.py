@@ -19,11 +19,10 @@ from scipy import sparse
 
 from qvi_contact.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.companion import bernstein
-from qvi_contact.companion.data import MISFIT, edge_data, load_points
+from qvi_contact.companion.data import MISFIT, edge_data, edge_moments
 from qvi_contact.companion.space import Space
 from qvi_contact.conditions import Contact, Law
 from qvi_contact.errors import InputError
-from qvi_contact.hermite import gauss_legendre
 from qvi_contact.mesh import HORIZONTAL, Edges
 from qvi_contact.plates import COMPONENTS
 from qvi_contact.problem import ContactProblem
@@ -173,7 +172,8 @@ def _trace(
     gap = _obstacle(problem, space, scales, contact, edges, columns, n, "gap", reasons)
     offset = _obstacle(problem, space, scales, contact, edges, columns, n, "offset", reasons)
     places = space.places[pairs[:, 0]]
-    friction, cohesion, limit = _law(problem, scales, contact, edges, columns, places, weights, lengths, p, bound)
+    law = _law(problem, scales, contact, edges, columns, places, weights, lengths, p, bound, reasons)
+    friction, cohesion, limit = law
     motions = _motions(problem, scales, contact, edges, places, axis, sign)
     trace = Trace(
         contact.name, contact.law, edges, columns, places, weights, normal, tangential,
@@ -242,8 +242,13 @@ def _law(
     lengths: FloatArray,
     degree: int,
     bound: FloatArray | None,
+    reasons: list[str],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """μ, cohesion and cap at the coefficients; a given bound takes the place of all three."""
+    """μ, cohesion and cap at the coefficients; a given bound takes the place of all three.
+
+    The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper bound if
+    the means are exact. Data of which 99 points of an edge show that they are not are named in `reasons`.
+    """
     n, mesh = len(weights), problem.mesh
     none = np.full(n, np.inf)
     if bound is not None:
@@ -251,17 +256,16 @@ def _law(
         return np.zeros(n), np.maximum(_sums(columns, n, mean) / weights, 0.0), none
     x, y = mesh.x[0] + scales.length * places[:, 0], mesh.y[0] + scales.length * places[:, 1]
     friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
-    t, w = gauss_legendre(load_points(degree))
-    shape = bernstein.basis(degree, t) * w[:, None]
 
-    def mean_of(name: str, field: Field) -> FloatArray:
+    def mean_of(kind: str, field: Field) -> FloatArray:
         if not callable(field):
             return np.full(n, float(field) / scales.stress)
-        values = evaluate(name, field, *mesh.points_along(edges, t), minimum=0.0) / scales.stress
-        return _sums(columns, n, lengths[:, None] * (values @ shape)) / weights
+        moments = edge_moments(problem, edges, f"Contact.{kind}", field, degree, scales.stress, minimum=0.0)
+        reasons.extend(moments.reason(f"The {kind} of {contact.name!r}", scales))
+        return _sums(columns, n, lengths[:, None] * moments.values) / weights
 
-    cohesion = mean_of("Contact.cohesion", contact.cohesion)
-    limit = none if contact.shear_limit is None else mean_of("Contact.shear_limit", contact.shear_limit)
+    cohesion = mean_of("cohesion", contact.cohesion)
+    limit = none if contact.shear_limit is None else mean_of("shear_limit", contact.shear_limit)
     return friction, cohesion, limit
 
 

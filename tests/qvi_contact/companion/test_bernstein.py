@@ -28,6 +28,16 @@ def test_coefficients_of_a_polynomial(degree):
         assert found == pytest.approx(falling, abs=1e-13)
 
 
+@pytest.mark.parametrize("count", [3, 21])
+def test_interpolation_from_gauss_points(count):
+    """Polynomials of degree count − 1 are met, the next Legendre polynomial is taken for zero."""
+    t = np.linspace(0.0, 1.0, 31)
+    points = (1 + np.polynomial.legendre.leggauss(count)[0]) / 2
+    matrix = bernstein.gauss_interpolation(count, t)
+    assert points ** (count - 1) @ matrix == pytest.approx(t ** (count - 1), abs=1e-13)
+    assert np.polynomial.Legendre.basis(count, [0, 1])(points) @ matrix == pytest.approx(0.0, abs=1e-12)
+
+
 @pytest.mark.parametrize("first", [2, 3])
 @pytest.mark.parametrize("second", DEGREES)
 def test_products(first, second):

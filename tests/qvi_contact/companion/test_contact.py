@@ -160,6 +160,39 @@ def test_friction_where_slip_changes_sign():
     assert above > 1.01 * expected
 
 
+def test_energy_under_own_laws():
+    """With the contact's own cohesion the energy has that sum: more than with the same bound given, as slip turns."""
+    mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+    ground = Contact.tresca("bottom", 0.1, offset=lambda x, _: 1e-2 * (x - 0.9), name="ground")
+    conditions = [ground, Displacement("top", 0.0, -1e-3), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    problem = ContactProblem(mesh, STEEL, conditions)
+    own, given = companion_of(problem), companion_of(problem, bounds={"ground": np.full((3, 3), 0.1)})
+    line = own.contacts["ground"]
+    assert own.reasons == ()
+    assert own.parts.friction == pytest.approx(float(line.weights @ (0.1 * np.abs(line.slip))), rel=1e-12)
+    assert own.energy - given.energy > 0.01 * given.parts.friction
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+@pytest.mark.parametrize("side", ["top", "right", "upright"])
+def test_contacts_are_in_order_along_the_line(side, degree):
+    """Arrays belong together: sums over them are forces; the obstacle's gap at the places is that of the array."""
+    mesh = RectilinearMesh(np.array([0.1, 0.4, 0.9, 1.2]), np.array([-0.3, 0.1, 0.2, 0.7]))
+    mesh = mesh.with_joint("upright", "vertical", at=0.4)
+    horizontal = side == "top"
+    conditions = [Displacement("bottom", 0.0, 0.0), Traction("left", 0.0, 0.0)]
+    conditions += [Traction(other, 0.0, 0.0) for other in ("right", "top") if other != side]
+    conditions += [Contact(side, 0.0, gap=lambda x, y: 1.0 + x + 2.0 * y, cohesion=1.0, name="line")]
+    conditions += [Contact.tied("upright")] if side != "upright" else []
+    line = companion_of(ContactProblem(mesh, STEEL, conditions), degree=degree).contacts["line"]
+    along, lines = (line.x, mesh.x) if horizontal else (line.y, mesh.y)
+    steps = (lines[:-1, None] + np.diff(lines)[:, None] * np.arange(degree + 1) / degree).ravel()
+    assert (np.diff(along) >= -1e-12).all()
+    assert np.unique(np.round(along, 9)) == pytest.approx(np.unique(np.round(steps, 9)))
+    assert line.gap == pytest.approx(1.0 + line.x + 2.0 * line.y, rel=1e-9)
+    assert line.weights[1:3].min() > 0.0
+
+
 @pytest.mark.parametrize("law", ["unilateral", "bilateral", "tied"])
 def test_a_rough_solution_becomes_admissible(law, monkeypatch):
     """Contact displacements 1e-9 off are moved back to the obstacle before the energy is computed."""

@@ -78,6 +78,13 @@ class TestBadInput:
             solve_companion(PLATE).trace("roof", [0.5])
 
 
+PEAK = 0.2548  # on an edge from 0 to 0.5: away from all points of quadrature, 4e-4 from a sample
+
+
+def peak(x, middle, width):
+    return np.exp(-(((x - middle) / width) ** 2))
+
+
 class TestReasons:
     """Data that polynomials do not meet are named; what they meet is not."""
 
@@ -105,6 +112,46 @@ class TestReasons:
         rough = block(Contact.frictionless("bottom"), Traction("top", 0.0, lambda x, y: -np.sqrt(x) + 0 * y))
         assert solve_companion(smooth).reasons == ()
         assert any("quadrature" in reason for reason in solve_companion(rough).reasons)
+
+    @pytest.mark.parametrize("kind", ["cohesion", "shear_limit"])
+    @pytest.mark.parametrize(
+        ("field", "exact"),
+        [
+            (lambda x, y: 0.1 + x**15 + 0 * y, True),
+            (lambda x, y: np.where(x < 0.5, 0.1, 0.3 * x) + 0 * y, True),  # the step is on a grid line
+            (lambda x, y: np.where(x < 0.47, 0.1, 0.3) + 0 * y, False),
+            (lambda x, y: np.sqrt(x) + 0 * y, False),
+            (lambda x, y: 0.1 + peak(x, PEAK, 5e-4) + 0 * y, False),
+            (lambda x, y: 0.1 + peak(x, 0.5, 5e-4) + 0 * y, False),
+        ],
+        ids=["polynomial", "step on a line", "step", "root", "peak", "peak on a line"],
+    )
+    def test_friction_bounds_that_no_quadrature_integrates(self, kind, field, exact):
+        law = {"cohesion": 1.0, kind: field}
+        problem = block(Contact("bottom", 0.0, name="base", **law))
+        reasons = solve_companion(problem).reasons
+        assert [f"The {kind} of 'base'" in reason for reason in reasons] == [True] * (not exact)
+        assert solve_companion(problem, bounds={"base": np.ones((2, 3))}).reasons == ()
+
+    @pytest.mark.parametrize("kind", ["gap", "offset", "support", "traction"])
+    def test_peaks_between_nodes_and_quadrature(self, kind):
+        """Half a percent of an edge wide, away from all points of the rules; none on the edge beside it."""
+
+        def field(x, y):
+            return -0.1 - 1e-3 * peak(x, PEAK, 5e-4) + 0 * y
+
+        base = Contact("bottom", 0.0, cohesion=0.1, **({kind: field} if kind in ("gap", "offset") else {}))
+        top = {"support": Displacement, "traction": Traction}.get(kind)
+        what = {"support": "Displacement.y", "traction": "Traction.y"}.get(kind, f"The {kind} of 'bottom'")
+        (reason,) = solve_companion(block(base, top and top("top", 0.0, field))).reasons
+        assert reason.startswith(what)
+
+    def test_friction_between_coefficients(self):
+        """μ > 0 somewhere is Coulomb's law, even where no coefficient has it."""
+        problem = block(Contact("bottom", lambda x, y: 0.3 * ((x > 0.3) & (x < 0.45)) + 0 * y, cohesion=0.1))
+        assert any("moving bound" in reason for reason in solve_companion(problem).reasons)
+        problem = block(Contact("bottom", lambda x, y: 0 * x * y, cohesion=0.1))
+        assert solve_companion(problem).reasons == ()
 
     def test_supports_that_disagree_in_a_corner(self):
         conditions = [Displacement("left", 0.0, 0.0), Displacement("top", 0.01, 0.0)]
