@@ -1,7 +1,7 @@
 """Whether the data are polynomials that both models hold exactly, as far as many points show.
 
-Bounds need data that are the same in both models. Functions are looked at in 97 points of every edge and 13 × 13 of
-every cell; what happens between those nobody sees.
+Bounds need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and
+13 × 13 points of every cell; what happens between those nobody sees.
 """
 
 from collections.abc import Iterator
@@ -10,11 +10,11 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from qvi_contact.checks import Field, FloatArray, evaluate
+from qvi_contact.companion import bernstein
 from qvi_contact.conditions import Contact, Displacement, Traction
 from qvi_contact.mesh import Edges
 from qvi_contact.problem import ContactProblem
 
-_EDGE: FloatArray = (np.arange(97.0) + 0.5) / 97.0
 _CELL: FloatArray = (np.arange(13.0) + 0.5) / 13.0
 _CELL_DEGREE = 5  # of φ in x and in y: the work of its stresses is then integrated exactly
 _SPOKEN = {
@@ -65,7 +65,7 @@ def _on_edges(problem: ContactProblem, degree: int) -> Iterator[tuple[str, str, 
 
 def _is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:
     """Whether a field is a polynomial of that degree along each edge."""
-    return _fits(evaluate(name, field, *problem.mesh.points_along(edges, _EDGE)), _EDGE, most)
+    return _fits(evaluate(name, field, *problem.mesh.points_along(edges, bernstein.SAMPLES)), bernstein.SAMPLES, most)
 
 
 def _cells_hold(problem: ContactProblem, field: Field) -> bool:

@@ -190,7 +190,16 @@ def test_contacts_are_in_order_along_the_line(side, degree):
     assert (np.diff(along) >= -1e-12).all()
     assert np.unique(np.round(along, 9)) == pytest.approx(np.unique(np.round(steps, 9)))
     assert line.gap == pytest.approx(1.0 + line.x + 2.0 * line.y, rel=1e-9)
-    assert line.weights[1:3].min() > 0.0
+
+
+def test_a_stepped_contact_is_ordered_by_x_first():
+    active = np.array([[False, True, True], [True, True, True]])
+    mesh = RectilinearMesh(np.array([0.0, 0.4, 0.9, 1.2]), np.array([0.0, 0.1, 0.7]), active)
+    conditions = [Contact("bottom", 0.0, cohesion=1.0, name="line"), Displacement("top", 0.0, -1e-3)]
+    conditions += [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+    line = companion_of(ContactProblem(mesh, STEEL, conditions)).contacts["line"]
+    assert line.x == pytest.approx([0.0, 0.2, 0.4, 0.4, 0.65, 0.9, 1.05, 1.2])
+    assert line.y == pytest.approx([0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("law", ["unilateral", "bilateral", "tied"])

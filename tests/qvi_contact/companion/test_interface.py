@@ -111,7 +111,9 @@ class TestReasons:
         smooth = block(Contact.frictionless("bottom"), Traction("top", 0.0, lambda x, y: -1.0 - x**9 + 0 * y))
         rough = block(Contact.frictionless("bottom"), Traction("top", 0.0, lambda x, y: -np.sqrt(x) + 0 * y))
         assert solve_companion(smooth).reasons == ()
-        assert any("quadrature" in reason for reason in solve_companion(rough).reasons)
+        loads, traction = solve_companion(rough).reasons
+        assert "quadrature" in loads
+        assert traction.startswith("Traction.y is no polynomial")
 
     @pytest.mark.parametrize("kind", ["cohesion", "shear_limit"])
     @pytest.mark.parametrize(
@@ -122,7 +124,7 @@ class TestReasons:
             (lambda x, y: np.where(x < 0.47, 0.1, 0.3) + 0 * y, False),
             (lambda x, y: np.sqrt(x) + 0 * y, False),
             (lambda x, y: 0.1 + peak(x, PEAK, 5e-4) + 0 * y, False),
-            (lambda x, y: 0.1 + peak(x, 0.5, 5e-4) + 0 * y, False),
+            (lambda x, y: 0.1 + peak(x, 0.5, 3e-4) + 0 * y, False),
         ],
         ids=["polynomial", "step on a line", "step", "root", "peak", "peak on a line"],
     )
