@@ -20,6 +20,9 @@ FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 1
 """Grows when an entry comes, changes its meaning or goes away."""
 
+OWN: Final = frozenset({"format", "format_version", "digest"})
+"""Names of the entries that `write_archive` adds."""
+
 Arrays = dict[str, NDArray[Any]]
 
 _REMEDY = "give a file written by write_npz, or by qvi-contact solve --npz"

@@ -1,14 +1,16 @@
 """What a result says, beside what its problem, unknowns and multipliers give when all is computed anew."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.checks import evaluate
+from qvi_contact.checks import FloatArray, evaluate
 from qvi_contact.conditions import Traction
 from qvi_contact.discretization import Discretization, discretize
+from qvi_contact.errors import InputError
 from qvi_contact.export import airy_units, field_arrays
 from qvi_contact.loads import LOAD_POINTS, physical
 from qvi_contact.result import ContactResult
@@ -21,6 +23,9 @@ AGREEMENT: Final = 1e-8
 """What a number may differ from the one computed anew: of its own size and 1e-4 of the largest of its kind."""
 
 _FLOOR: Final = 1e-4
+_ULPS: Final = 4.0 * float(np.finfo(np.float64).eps)  # rounding of a coordinate, as a share of it
+_LARGEST_ROUNDING: Final = 1e-6  # what a certificate may explain by rounding; whether it does may hang on rounding
+_AXES: Final = {"x_lines": "x", "gauss_x": "x", "x": "x", "y_lines": "y", "gauss_y": "y", "y": "y"}
 _ROUNDING: Final = 1e-14  # share of the terms of a traction that is rounding
 _MATRICES: Final = ("K", "N", "T", "A")
 _VECTORS: Final = ("f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral")
@@ -43,6 +48,11 @@ class Recomputed:
     displacement: float
     energy: float
     rounding: float
+
+    @cached_property
+    def fields(self) -> dict[str, Any]:
+        """What `qvi_contact.export.field_arrays` lists; nothing without a stress state."""
+        return field_arrays(self.result) if self.result.has_state else {}
 
 
 def rediscretized(result: ContactResult) -> Discretization:
@@ -83,7 +93,9 @@ def _certified(qvi: FrictionQVI, result: ContactResult, tolerance: float) -> Cer
     try:
         _ = qvi.bonded_error  # chooses the factorisation that the problem needs
         return certify(qvi, *parts, tolerance=tolerance)
-    except FactorisationError:
+    except InputError:
+        raise
+    except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
         return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
 
 
@@ -105,14 +117,14 @@ def difference(claimed: Any, computed: Any, unit: float = 0.0, rounding: float =
     a, b = a[finite], b[finite]
     scale = np.abs(b) + _FLOOR * max(float(np.abs(b).max(initial=0.0)), unit)
     apart = np.maximum(np.abs(a - b) - rounding, 0.0)
-    return float((apart / np.where(scale > 0.0, scale, 1.0)).max(initial=0.0))
+    return _largest([apart / np.where(scale > 0.0, scale, 1.0)])
 
 
 def problem_difference(claimed: FrictionQVI, computed: FrictionQVI) -> float:
     """Largest difference of the data of two algebraic problems, relative to the largest entry of each."""
     if claimed.strict != computed.strict:
         return np.inf
-    found = [0.0]
+    found: list[float | FloatArray] = []
     for name in _MATRICES:
         a, b = getattr(claimed, name), getattr(computed, name)
         if a.shape != b.shape:
@@ -123,29 +135,72 @@ def problem_difference(claimed: FrictionQVI, computed: FrictionQVI) -> float:
         finite = np.isfinite(b)
         if not np.array_equal(a[~finite], b[~finite]):
             return np.inf
-        apart = float(np.abs(a[finite] - b[finite]).max(initial=0.0))
-        found.append(apart / (float(np.abs(b[finite]).max(initial=0.0)) or 1.0))
-    return max(found)
+        found.append(np.abs(a[finite] - b[finite]) / (float(np.abs(b[finite]).max(initial=0.0)) or 1.0))
+    return _largest(found)
 
 
 def worse_than_claimed(claimed: Certificate, computed: Certificate) -> float:
-    """Largest excess of a measure computed anew over the one claimed, in units of its limit."""
-    excess = [0.0]
-    for name, limit in computed.limits.items():
+    """Largest excess of a measure computed anew over the one claimed, in units of its limit.
+
+    Measures with a sign count by their difference. Infinity for what is NaN, or is claimed under an unknown name.
+    """
+    limits = computed.limits
+    if claimed.signed.keys() != computed.signed.keys() or not claimed.measures.keys() <= limits.keys():
+        return np.inf
+    excess = []
+    for name, limit in limits.items():
         now, then = computed.measures[name], claimed.measures.get(name, 0.0)
-        excess.append(np.inf if np.isinf(now) and not np.isinf(then) else (now - then) / limit if now > then else 0.0)
-    return max(excess)
+        excess.append(0.0 if np.isinf(then) else max((now - then) / limit, 0.0) if then == then else np.inf)
+    signed = [abs(now - claimed.signed[name]) / limits[name] for name, now in computed.signed.items()]
+    return _largest(excess + signed)
+
+
+def sound(claimed: Certificate) -> Certificate:
+    """The certificate with infinity for measures that are missing, negative or NaN, so that these do not pass."""
+    measures = dict.fromkeys(EXPONENTS, np.inf)
+    return replace(claimed, measures=measures | {name: v for name, v in claimed.measures.items() if v >= 0.0})
+
+
+def scales_difference(claimed: Certificate, computed: Certificate) -> float:
+    """Largest relative difference of the scales; "rounding" may be there or not, but is small."""
+    now, then = dict(computed.scales), dict(claimed.scales)
+    if "rounding" not in now or "rounding" not in then:
+        given = then.pop("rounding", now.pop("rounding", 0.0))
+        if not 0.0 <= given <= _LARGEST_ROUNDING:
+            return np.inf
+    if now.keys() != then.keys():
+        return np.inf
+    return _largest([difference(float(then[name]), float(value)) for name, value in now.items()])
+
+
+def unexpected(claims: Mapping[str, Any], result: ContactResult, found: Recomputed) -> list[str]:
+    """Names of fields that should not be there, are missing, or of contacts that call themselves otherwise."""
+    names = sorted(claims.keys() ^ found.fields.keys())
+    if result.has_state:
+        names += [f"{name}.name" for name, line in result.contacts.items() if line.name != name]
+    return names
 
 
 def compared(claims: Mapping[str, Any], found: Recomputed) -> Iterator[tuple[str, float]]:
-    """`difference` of each of the fields that `qvi_contact.export.field_arrays` lists, by name."""
-    for name, computed in field_arrays(found.result).items():
-        claimed, wanted = np.asarray(claims[name]), np.asarray(computed)
+    """`difference` of each field that is both claimed and computed, by name; `unexpected` has the others."""
+    for name in [name for name in found.fields if name in claims]:
+        claimed, wanted = np.asarray(claims[name]), np.asarray(found.fields[name])
         unit, rounding = _unit_of(name, found)
-        if name == "airy" and claimed.shape == wanted.shape:
-            units = airy_units(found.result)
-            claimed, wanted, unit = claimed / units, wanted / units, 1.0
+        field = name.rpartition(".")[2]
+        if claimed.shape == wanted.shape and claimed.dtype.kind == "f":
+            if field == "airy":
+                units = airy_units(found.result)
+                claimed, wanted, unit = claimed / units, wanted / units, 1.0
+            elif field in _AXES:  # distances from the corner, wherever the body stands
+                lines = found.fields[f"{_AXES[field]}_lines"]
+                claimed, wanted, rounding = claimed - lines[0], wanted - lines[0], _ULPS * float(np.abs(lines).max())
         yield name, difference(claimed, wanted, unit, rounding)
+
+
+def _largest(values: Iterable[float | FloatArray]) -> float:
+    """Largest of all entries, 0 of none; infinity if one is NaN, which Python's max would pass over."""
+    largest = [float(np.max(value, initial=0.0)) for value in values]  # NumPy's passes NaN on
+    return np.inf if np.isnan(largest).any() else max(largest, default=0.0)
 
 
 def _unit_of(name: str, found: Recomputed) -> tuple[float, float]:
@@ -155,6 +210,8 @@ def _unit_of(name: str, found: Recomputed) -> tuple[float, float]:
         return found.displacement, 0.0
     if field == "energies":
         return found.energy, 0.0
+    if field in _AXES:
+        return _size(found), 0.0
     if field.endswith("_force"):
         return found.stress * length, found.rounding * length
     if any(part in field for part in ("stress", "bound", "between", "misfit")):
@@ -167,7 +224,7 @@ def missed_tractions(result: ContactResult) -> float:
 
     Resultants of prescribed tractions are met whatever the mesh; their distribution is what `traction_misfit` compares.
     """
-    known, missed = result.discretization, [0.0]
+    known, missed = result.discretization, list[float]()
     unit = result.certificate.scales.get("stress", 1.0) * known.scales.stress
     for condition in result.problem.conditions:
         if not isinstance(condition, Traction):
@@ -180,4 +237,9 @@ def missed_tractions(result: ContactResult) -> float:
                 values = evaluate("Traction", field, x, y)
                 size = max(unit, float(np.abs(values).max())) * float(weights.sum())
                 missed.append(abs(computed - float(weights @ values)) / size)
-    return max(missed)
+    return _largest(missed)
+
+
+def _size(found: Recomputed) -> float:
+    """Length of the longer side of the body's box."""
+    return max(float(np.ptp(found.fields[name])) for name in ("x_lines", "y_lines"))

@@ -95,7 +95,7 @@ def solve(
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options = _options(problem_file, {name: value for name, value in given.items() if value is not None})
         history, steps = _solved(problem_file, options)
-        checked = _verified(steps) if certificate else ()
+        checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, steps, checked) if as_json or save_json else {}
         _write(problem_file, history, steps[-1], targets, document)
     if as_json:
@@ -316,10 +316,10 @@ def _all_solved(file: "ProblemFile", steps: "tuple[ContactResult, ...]") -> bool
     return len(steps) == len(file.problems) and all(step.status == "solved" for step in steps)
 
 
-def _verified(steps: "tuple[ContactResult, ...]") -> "tuple[Verification, ...]":
+def _verified(steps: "tuple[ContactResult, ...]", tolerance: float | None) -> "tuple[Verification, ...]":
     from qvi_contact.verification import verify_result
 
-    return tuple(verify_result(step) for step in steps)
+    return tuple(verify_result(step, tolerance) for step in steps)
 
 
 def _as_document(

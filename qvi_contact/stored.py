@@ -16,7 +16,7 @@ from qvi_contact.problem_writer import problem_to_toml
 from qvi_contact.result import ContactResult
 from qvi_contact.scaling import Scales
 from qvi_contact.units import Units
-from solvers import Certificate, Iteration, QVISolution, Status
+from solvers import Certificate, FrictionQVI, Iteration, QVISolution, Status
 from solvers.certificate import EXPONENTS
 
 _VECTORS: Final = ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold")
@@ -77,8 +77,7 @@ def load_result(path: str | Path) -> ContactResult:
 def result_from_archive(archive: Archive) -> ContactResult:
     """The result of an archive that was read; see `load_result`."""
     known = _discretization(archive)
-    strict = archive.number("strict") != 0.0
-    qvi = known.qvi.strictly() if strict else known.qvi
+    qvi = _strict(archive, known.qvi) if archive.number("strict") != 0.0 else known.qvi
     vectors = [archive.floats(name) for name in _VECTORS]
     for name, vector, size in zip(_VECTORS, vectors, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True):
         if len(vector) != size:
@@ -87,7 +86,7 @@ def result_from_archive(archive: Archive) -> ContactResult:
         **dict(zip(_VECTORS, vectors, strict=True)),
         "certificate": _certificate(archive),
         "history": _history(archive),
-        "iterations": int(archive.number("iterations")),
+        "iterations": _count(archive, "iterations"),
         "message": archive.text("message"),
         "corrections": tuple(archive.floats("corrections").tolist()),
         **{name: _json(archive, name) for name in ("timings", "versions")},
@@ -116,14 +115,38 @@ def _discretization(archive: Archive) -> Discretization:
     length, stress, compliance = _sized(archive, "scales", 3)
     if not min(length, stress, compliance) > 0.0 or not np.isfinite([length, stress, compliance]).all():
         raise InputError("result", archive.path, "entry 'scales' holds units that are not positive numbers")
-    problem, freed = problem_from_toml(text).problem, archive.integers("freed")
-    if not ((freed >= 0) & (freed < problem.mesh.node_count)).all():
-        raise InputError("result", archive.path, "entry 'freed' names nodes that are not in the mesh")
     scales = Scales(length, stress, compliance, archive.number("loaded") != 0.0)
-    fresh = discretize(problem, scales=scales, freed=freed)
+    fresh = _discretized(archive, text, scales)
     counts = [len(rows.gap) for rows in fresh.contacts]
     slip = _sized(archive, "earlier_slip", sum(counts))
     return fresh.slipped(np.split(slip, np.cumsum(counts)[:-1])) if slip.any() else fresh
+
+
+def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
+    """The problem of a file; what is wrong with it is said with the name of that file."""
+    try:
+        problem, freed = problem_from_toml(text).problem, archive.integers("freed")
+        if ((freed >= 0) & (freed < problem.mesh.node_count)).all():
+            return discretize(problem, scales=scales, freed=freed)
+    except InputError as error:
+        if error.field == "result":  # names the file already
+            raise
+        raise InputError("result", archive.path, f"entry 'problem' holds none that can be solved ({error})") from error
+    raise InputError("result", archive.path, "entry 'freed' names nodes that are not in the mesh")
+
+
+def _strict(archive: Archive, qvi: FrictionQVI) -> FrictionQVI:
+    try:
+        return qvi.strictly()
+    except InputError as error:
+        raise InputError("result", archive.path, f"entry 'strict' does not fit the problem ({error})") from error
+
+
+def _count(archive: Archive, name: str) -> int:
+    value = archive.number(name)
+    if not np.isfinite(value) or value < 0.0 or value != int(value):
+        raise InputError("result", archive.path, f"entry {name!r} is {value:g}, which is no number of {name}")
+    return int(value)
 
 
 def _sized(archive: Archive, name: str, size: int) -> FloatArray:
@@ -155,6 +178,8 @@ def _certificate(archive: Archive) -> Certificate:
     if not 0.0 < tolerance < 1.0:
         raise InputError("result", archive.path, "entry 'tolerance' is not between 0 and 1")
     found = [_numbers_of(archive, groups.get(name)) for name in ("measures", "scales", "signed")]
+    if any(value < 0.0 for value in found[0].values()):
+        raise InputError("result", archive.path, "entry 'certificate' holds measures below zero")
     measures = dict.fromkeys(EXPONENTS, np.inf) | found[0]  # what is not claimed does not pass
     return Certificate(measures, tolerance, found[1], found[2])
 
@@ -165,7 +190,10 @@ def _numbers_of(archive: Archive, group: object) -> dict[str, float]:
         value is None or (isinstance(value, int | float) and not isinstance(value, bool)) for value in group.values()
     ):
         raise InputError("result", archive.path, "entry 'certificate' holds something else than numbers")
-    return {name: np.inf if value is None else float(value) for name, value in group.items()}
+    try:
+        return {name: np.inf if value is None else float(value) for name, value in group.items()}
+    except OverflowError as error:
+        raise InputError("result", archive.path, "entry 'certificate' holds numbers beyond range") from error
 
 
 def _json(archive: Archive, name: str) -> dict[str, Any]:

@@ -8,14 +8,16 @@ says of itself counts, and nothing that a back end said.
     print(verify_result(solve(problem)).table())
 """
 
+import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.archive import Archive
+from qvi_contact.archive import OWN, Archive
 from qvi_contact.checks import finite_number
 from qvi_contact.claims import (
     AGREEMENT,
@@ -25,13 +27,18 @@ from qvi_contact.claims import (
     problem_difference,
     recompute,
     rediscretized,
+    scales_difference,
+    sound,
+    unexpected,
     worse_than_claimed,
 )
 from qvi_contact.errors import InputError
 from qvi_contact.export import field_arrays
+from qvi_contact.history import History
 from qvi_contact.result import ContactResult
-from qvi_contact.stored import result_from_archive
+from qvi_contact.stored import result_from_archive, solution_arrays
 from solvers import Certificate, Status
+from solvers.factorisation import FactorisationError
 from solvers.feasibility import is_farkas
 from solvers.finish import LOOSEST
 
@@ -39,6 +46,8 @@ DOCUMENT_VERSION: Final = 1
 """Grows when an entry of `Verification.document` changes its meaning or goes away."""
 
 _CLAIMED: Final = 0.1  # of its limit, by which a measure may be larger than it was said to be: rounding
+_SCALES: Final = 1e-6  # the stiffness of the contact that is in them is as accurate as its factorisation
+_SHOWN: Final = 5  # names in a sentence
 
 _GROUPS: Final = {
     "x_lines": "mesh", "y_lines": "mesh", "active": "mesh", "material": "mesh",
@@ -171,7 +180,8 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
     result : ContactResult
         The result. A proof that the load cannot be carried is checked too; any other result without stresses fails.
     tolerance : float, optional
-        Of the certificate, in (0, 1); by default the one the result was solved with.
+        Of the certificate, in (0, 1); by default the one the result was solved with, which must not be looser than
+        `solvers.finish.LOOSEST` then.
 
     Returns
     -------
@@ -181,6 +191,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
     ------
     InputError
         If the argument is no result, the tolerance is out of range, or multipliers have another shape than the problem.
+        The steps of a `History` are verified one by one.
 
     Notes
     -----
@@ -188,15 +199,27 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
     kind, rounding of the unknowns aside. It costs one factorisation.
 
     """
+    if isinstance(result, History):
+        raise InputError("result", "a History", "give its steps one by one: [verify_result(step) for step in ….steps]")
     if not isinstance(result, ContactResult):
         raise InputError("result", result, "give a ContactResult, such as solve returns")
-    chosen, claims = _tolerance(result, tolerance), field_arrays(result) if result.has_state else {}
-    found = recompute(result, rediscretized(result), chosen)
-    same = _limited(
-        "problem", problem_difference(result.solution.problem, found.result.solution.problem), AGREEMENT,
-        "The algebraic problem that was solved, beside the problem discretised anew.",
-    )  # fmt: skip
-    return Verification((same, *_rows(result, claims, found)), result.status, chosen)
+    chosen = _tolerance(result, tolerance)
+    with np.errstate(all="ignore"):  # what is absurd fails by its numbers
+        found = recompute(result, rediscretized(result), chosen)
+        same = _limited(
+            "problem", problem_difference(result.solution.problem, found.result.solution.problem), AGREEMENT,
+            "The algebraic problem that was solved, beside the problem discretised anew.",
+        )  # fmt: skip
+        rows = (same, *_rows(result, _fields(result), found, _accepted(chosen, tolerance)))
+    return Verification(rows, result.status, chosen)
+
+
+def _fields(result: ContactResult) -> dict[str, Any]:
+    """What a result says; nothing where contacts are gone that its energies need, so that all of it is missing."""
+    try:
+        return field_arrays(result) if result.has_state else {}
+    except KeyError:
+        return {}
 
 
 def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:
@@ -207,7 +230,8 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
     path : str or Path
         The archive.
     tolerance : float, optional
-        Of the certificate; by default the one the result was solved with.
+        Of the certificate; by default the one the result was solved with, which must not be looser than
+        `solvers.finish.LOOSEST` then: the file does not choose what it is measured by.
 
     Raises
     ------
@@ -216,6 +240,11 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
 
     """
     archive = Archive(path)
+    with np.errstate(all="ignore"):  # what is absurd fails by its numbers
+        return _verified(archive, tolerance)
+
+
+def _verified(archive: Archive, tolerance: float | None) -> Verification:
     result = result_from_archive(archive)
     chosen = _tolerance(result, tolerance)
     intact = Check(
@@ -224,23 +253,14 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
         "The file was changed after it was written; the other checks say whether what matters still holds.",
     )  # fmt: skip
     found = recompute(result, result.discretization, chosen)  # which was made from the file just now
-    return Verification((intact, *_rows(result, _Claims(archive), found)), result.status, chosen)
+    rows = (intact, *_rows(result, _claims(archive, found), found, _accepted(chosen, tolerance)))
+    return Verification(rows, result.status, chosen)
 
 
-class _Claims(Mapping[str, Any]):
-    """Entries of an archive; one that is missing is an `InputError`."""
-
-    def __init__(self, archive: Archive) -> None:
-        self._archive = archive
-
-    def __getitem__(self, name: str) -> Any:
-        return self._archive.array(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._archive.arrays)
-
-    def __len__(self) -> int:
-        return len(self._archive.arrays)
+def _claims(archive: Archive, found: Recomputed) -> dict[str, Any]:
+    """Fields of an archive, whatever their names; one that is missing is an `InputError`."""
+    others = OWN | solution_arrays(found.result).keys()
+    return {name: archive.array(name) for name in (*found.fields, *archive.arrays) if name not in others}
 
 
 def _tolerance(result: ContactResult, given: float | None) -> float:
@@ -250,8 +270,19 @@ def _tolerance(result: ContactResult, given: float | None) -> float:
     return tolerance
 
 
-def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed) -> Iterator[Check]:
+def _accepted(tolerance: float, given: float | None) -> Check:
+    """Whether the tolerance is one that a result may bring along."""
+    limit = LOOSEST if given is None else None
+    return Check(
+        "tolerance", tolerance, limit, None if limit is None else tolerance <= limit,
+        "Of the certificate: the one the result was solved with, unless another was asked for.",
+        "A tolerance so loose says little. If it is meant, ask for it: --tolerance, or the argument tolerance.",
+    )  # fmt: skip
+
+
+def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed, accepted: Check) -> Iterator[Check]:
     yield _status(result, found)
+    yield accepted
     if result.status is Status.INFEASIBLE:
         yield _proof(found)
         return
@@ -261,7 +292,12 @@ def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed) -
         "claimed measures", worse_than_claimed(result.certificate, found.result.certificate), _CLAIMED,
         "By how much the worst of these is larger than the result says, in units of its limit.",
     )  # fmt: skip
+    yield _limited(
+        "claimed scales", scales_difference(result.certificate, found.result.certificate), _SCALES,
+        "Units of stress, displacement and energy by which these are measured.",
+    )  # fmt: skip
     if result.has_state:
+        yield _entries(claims, result, found)
         yield from _agreements(claims, found)
         yield _limited(
             "prescribed resultants", missed_tractions(found.result), AGREEMENT,
@@ -272,6 +308,16 @@ def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed) -
 
 def _limited(name: str, value: float, limit: float, meaning: str) -> Check:
     return Check(name, float(value), limit, bool(value <= limit), meaning)
+
+
+def _entries(claims: Mapping[str, Any], result: ContactResult, found: Recomputed) -> Check:
+    names = unexpected(claims, result, found)
+    shown = ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
+    return Check(
+        "entries", float(len(names)), 0.0, not names,
+        "Number of fields that are missing, or that this problem does not have.",
+        f"Not as expected: {shown}.",
+    )  # fmt: skip
 
 
 def _agreements(claims: Mapping[str, Any], found: Recomputed) -> Iterator[Check]:
@@ -289,23 +335,28 @@ def _agreements(claims: Mapping[str, Any], found: Recomputed) -> Iterator[Check]
 
 def _status(result: ContactResult, found: Recomputed) -> Check:
     """Whether the status follows from the certificate at the tolerance that the result was solved with."""
-    again = found.result.certificate
-    certificate = Certificate(again.measures, result.certificate.tolerance, again.scales)
-    status = result.status
-    if status is Status.SOLVED:
-        honest = certificate.passed
-    elif status is Status.INACCURATE:
-        honest = not certificate.passed and certificate.accuracy <= LOOSEST
-    elif status is Status.INFEASIBLE:
-        honest = result.solution.farkas is not None
+    claimed = sound(result.certificate)
+    computed = replace(found.result.certificate, tolerance=claimed.tolerance)
+    status, solution = result.status, result.solution
+    if status is Status.INFEASIBLE:
+        honest = solution.farkas is not None
     else:
-        honest = not certificate.passed
+        honest = _follows(status, claimed) and _follows(status, computed)
     word = status.value.replace("_", " ")
+    said = re.match(rf"{word}\b", solution.message) is not None
     return Check(
-        "status", word, None, honest and word in result.message,
-        "Solved if and only if the certificate passes at the tolerance asked for; inaccurate up to 1e-4.",
+        "status", word, None, honest and said,
+        "Solved if and only if the certificate passes at the tolerance asked for; inaccurate up to 1e-4. The message "
+        "begins with the same word.",
         "The status or the message says something else than the numbers.",
     )  # fmt: skip
+
+
+def _follows(status: Status, certificate: Certificate) -> bool:
+    """Whether a result with a state and this certificate has this status."""
+    if status is Status.SOLVED:
+        return certificate.passed
+    return not certificate.passed and (status is not Status.INACCURATE or certificate.accuracy <= LOOSEST)
 
 
 def _proof(found: Recomputed) -> Check:
@@ -344,8 +395,14 @@ def _facts(found: Recomputed) -> Iterator[Check]:
             "rounding", solution.certificate.scales["rounding"], None, None,
             "What the rounding of the unknowns alone leaves, in the energy norm; the energy is accurate to its square.",
         )  # fmt: skip
-    bound = solution.uniqueness
-    yield Check("uniqueness", bound.sharper, None, None, bound.sentence())
+    with suppress(FactorisationError, ValueError):  # then the certificate has failed by the same
+        bound = solution.uniqueness
+        yield Check("uniqueness", bound.sharper, None, None, bound.sentence())
+    yield Check(
+        "not checked", None, None, None,
+        "How the result was found cannot be computed anew: iterations and their history, corrections, the last bound "
+        "of friction, timings, method, versions, and the message after its first words are what the result says.",
+    )  # fmt: skip
 
 
 def _plain(value: object) -> object:

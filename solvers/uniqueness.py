@@ -58,7 +58,8 @@ class UniquenessBound:
     Attributes
     ----------
     friction : the largest mu of points whose bound moves with the pressure
-    bound : κ^(−1/2), below which mu is small enough; infinity where no friction bound moves; None if not computed
+    bound : κ^(−1/2), below which mu is small enough; infinity where no friction bound moves or no traction of the
+        contact can change; None if not computed
     sharper : 1/γ ≥ bound, the same by blocks of the compliance
     independent : whether contact rows are independent, so that the condition proves something for the law at points
     reason : why there is no bound; empty if there is one
@@ -79,7 +80,7 @@ class UniquenessBound:
     @property
     def proves(self) -> bool:
         """Whether the solution is proved to be the only one."""
-        return self.satisfied and (self.independent or self.friction == 0.0)
+        return self.satisfied and (self.independent or self.bound == np.inf)
 
     def sentence(self) -> str:
         """The fact, in one sentence."""
@@ -87,9 +88,11 @@ class UniquenessBound:
             return f"Sufficient bound of friction for uniqueness: not computed, {self.reason}."
         if self.friction == 0.0:
             return "No friction bound depends on the pressure: the stress is unique."
+        if self.bound == np.inf:
+            return "Nothing can change: equilibrium alone determines the contact tractions; the stress is unique."
         text = (
-            f"Sufficient, not necessary for uniqueness: friction below {self.sharper:.2g} "
-            f"(κ^(−1/2) = {self.bound:.2g}); here {self.friction:.3g}"
+            f"Sufficient, not necessary for uniqueness: friction below 1/γ = {self.sharper:.2g} (the sharper of two "
+            f"bounds; the plain one, κ^(−1/2) ≤ 1/γ, is {self.bound:.2g}); here {self.friction:.3g}"
         )
         if not self.satisfied:
             return f"{text}, which proves nothing: there may be one solution or several."
@@ -103,12 +106,14 @@ def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
     moving = (qvi.mu > 0.0) & (qvi.cap > qvi.cohesion)
     friction = float(qvi.mu[moving].max(initial=0.0))
     if friction == 0.0 or not qvi.n:
-        return UniquenessBound(0.0, np.inf, np.inf)
+        return UniquenessBound(friction, np.inf, np.inf)
     if 2 * qvi.m > LARGEST:
         return UniquenessBound(friction, reason=f"as {2 * qvi.m} contact rows are more than {LARGEST}")
     C, basis = _compliance(qvi)
+    if not basis.shape[1]:
+        return UniquenessBound(friction, np.inf, np.inf)
     values, vectors = eigh(basis.T @ C @ basis)
-    kept = values > _LOST * values[-1] if len(values) else values > 0.0
+    kept = values > _LOST * values[-1]
     if (~kept).sum() > qvi.p or not kept.any():
         return UniquenessBound(friction, reason="as the compliance of the contact is beyond double precision")
     values, modes = values[kept], basis @ vectors[:, kept]
@@ -121,15 +126,24 @@ def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
 
 
 def _compliance(qvi: FrictionQVI) -> tuple[Matrix, Matrix]:
-    """Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be."""
+    """Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be for A z = 0."""
     system = qvi.equality_system
     weights = np.sqrt(np.concatenate([qvi.W, qvi.W]))
     rows = weights[:, None] * qvi.contact_rows[:, system.interface].toarray()
     C = rows @ system.solve_interface(rows.T)[0]
     lengths = np.linalg.norm(rows, axis=0)
-    Q, R, _ = qr(rows / np.where(lengths > 0.0, lengths, 1.0), mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    return (C + C.T) / 2.0, Q[:, diagonal > _RANK * diagonal.max(initial=0.0)]
+    units = np.where(lengths > 0.0, lengths, 1.0)
+    fixed = _row_space(system.A_interface / units)
+    scaled = rows / units  # columns of length one or zero
+    Q, R, _ = qr(scaled - scaled @ fixed @ fixed.T, mode="economic", pivoting=True)
+    return (C + C.T) / 2.0, Q[:, np.abs(np.diag(R)) > _RANK]
+
+
+def _row_space(A: Matrix) -> Matrix:
+    """Orthonormal columns (k, r) that span the rows of A (p, k), each taken by its direction."""
+    lengths = np.linalg.norm(A, axis=1)
+    Q, R, _ = qr((A[lengths > 0.0] / lengths[lengths > 0.0, None]).T, mode="economic", pivoting=True)
+    return np.asarray(Q[:, np.abs(np.diag(R)) > _RANK])
 
 
 def _largest_eigenvalue(matrix: Matrix) -> float:

