@@ -16,7 +16,7 @@ SHRINKING = 100.0
 """Iterations after which the shrinking step of the frictionless Uzawa run has halved."""
 
 REFERENCE_INNER = "direct:clarabel"
-STRICT_INNER = "strict:clarabel"
+STRICT_INNER = "strict-direct:clarabel"
 TOLERANCE = 1e-8
 PATIENCE = 6
 """Outer iterations without progress after which a back end is taken at its word that it can do no better."""
@@ -47,7 +47,7 @@ class Row:
     condensed : ContactResult
         The inequality solved directly.
     strict : ContactResult
-        Friction bound and unilateral contact on whole edges, by a second-order cone program (Clarabel through cvxpy).
+        Friction bound and unilateral contact on whole edges, by second-order cones (Clarabel).
 
     """
 
@@ -69,7 +69,7 @@ class Row:
 
     @property
     def best_socp(self) -> ContactResult:
-        """The fixed point by a second-order cone program (Clarabel through cvxpy)."""
+        """The fixed point by second-order cones (Clarabel)."""
         return self.back_ends["socp:clarabel"]
 
 
