@@ -56,6 +56,11 @@ class ContactRows:
     offset: FloatArray
 
     @property
+    def edges(self) -> slice:
+        """Its edges among those of `FrictionQVI.edges`; none for a tied contact."""
+        return slice(self.rows.start // self.points.count, self.rows.stop // self.points.count)
+
+    @property
     def bilateral(self) -> BoolArray:
         """Whether σ_N may have either sign, at each point."""
         return np.full(len(self.gap), self.law != "unilateral")

@@ -16,12 +16,12 @@ from qvi_contact.contact_rows import ContactRows
 from qvi_contact.discretization import Discretization
 from qvi_contact.element import GAUSS_COUNT
 from qvi_contact.errors import InputError
-from qvi_contact.loads import LOAD_POINTS, cell_points, physical, potential_at, prescribed_at_points
+from qvi_contact.loads import LOAD_POINTS, physical, prescribed_at_points
 from qvi_contact.plates import centre_of
 from qvi_contact.problem import ContactProblem
-from qvi_contact.stress import cell_stress, stress_at
+from qvi_contact.stress import gauss_stresses, stress_at
 from qvi_contact.traces import EdgePoints
-from qvi_contact.work import support_work, traction
+from qvi_contact.work import normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.feasibility import AdmissibleRows
 from solvers.strict.threshold import strict_bound
@@ -170,7 +170,7 @@ class ContactResult:
             return ()
         exact = strict_bound(qvi, qvi.normal(self.solution.z)).exact
         for rows in self.discretization.contacts:
-            count = int((~exact[rows.rows.start // qvi.edges.count : rows.rows.stop // qvi.edges.count]).sum())
+            count = int((~exact[rows.edges]).sum())
             if count:
                 found.append(
                     f"On {count} edge{'s' if count > 1 else ''} of {rows.name!r} the friction bound is no quadratic "
@@ -336,9 +336,8 @@ class ContactResult:
     def _contact_values(self, rows: ContactRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """σ_N, σ_T and the row multipliers m_N, m_T at the points of a contact, dimensionless."""
         if rows.law == "tied":
-            u, zero = self.nodal.ravel(), np.zeros(len(rows.gap))
-            potential = potential_at(self.problem, self.discretization.scales, rows.points.coordinates)
-            return rows.points.normal() @ u + potential, rows.points.shear() @ u, zero, zero
+            zero = np.zeros(len(rows.gap))
+            return *normal_and_shear(self.discretization, self.nodal, rows.points), zero, zero
         qvi, z = self.solution.problem, self.solution.z
         normal, tangential = self._multipliers("normal"), self._multipliers("tangential")
         chosen = rows.rows
@@ -346,8 +345,5 @@ class ContactResult:
 
     def _gauss(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Dimensionless Gauss points, weights and stresses of all cells."""
-        row, column = np.nonzero(self.problem.mesh.active)
-        points, weights, (tx, ty) = cell_points(self.discretization.grid, column, row, GAUSS_COUNT)
-        stress = cell_stress(self.discretization, self.nodal, column[:, None], row[:, None], tx, ty)
-        stress[..., :2] += potential_at(self.problem, self.discretization.scales, points)[..., None]
+        points, weights, _, stress = gauss_stresses(self.discretization, self.nodal, GAUSS_COUNT)
         return points, weights, stress

@@ -7,6 +7,7 @@ import numpy as np
 from qvi_contact.checks import FloatArray, IntArray, evaluate
 from qvi_contact.discretization import Discretization
 from qvi_contact.errors import InputError
+from qvi_contact.loads import cell_points, potential_at
 
 
 def stress_at(discretization: Discretization, nodal: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -60,6 +61,22 @@ def cell_stress(
     grid = discretization.grid
     values = nodal.reshape(-1)[grid.cell_dofs(column, row)]
     return np.asarray(np.einsum("...kd,...d->...k", grid.stress_rows(column, row, tx, ty), values))
+
+
+def gauss_stresses(
+    discretization: Discretization, nodal: FloatArray, count: int
+) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray], FloatArray]:
+    """Gauss points of all cells, `count` along each side, and the whole stress there, φ included; dimensionless.
+
+    Returns coordinates (cells, g, 2), weights (cells, g), reference coordinates, each (cells, g), and stress
+    (cells, g, 3).
+    """
+    problem = discretization.problem
+    row, column = np.nonzero(problem.mesh.active)
+    points, weights, (tx, ty) = cell_points(discretization.grid, column, row, count)
+    stress = cell_stress(discretization, nodal, column[:, None], row[:, None], tx, ty)
+    stress[..., :2] += potential_at(problem, discretization.scales, points)[..., None]
+    return points, weights, (tx, ty), stress
 
 
 def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -35,9 +35,17 @@ def _contact_work(
     """G τ_N + w τ_T at points of a contact [stress × length]."""
     scales = discretization.scales
     x, y = physical(discretization.problem, scales, points.coordinates)
-    normal = points.normal() @ nodal.ravel() + potential_at(discretization.problem, scales, points.coordinates)
+    normal, shear = normal_and_shear(discretization, nodal, points)
     gap, offset = evaluate("Contact.gap", contact.gap, x, y), evaluate("Contact.offset", contact.offset, x, y)
-    return np.asarray(scales.stress * (gap * normal + offset * (points.shear() @ nodal.ravel())))
+    return np.asarray(scales.stress * (gap * normal + offset * shear))
+
+
+def normal_and_shear(
+    discretization: Discretization, nodal: FloatArray, points: EdgePoints
+) -> tuple[FloatArray, FloatArray]:
+    """τ_N and τ_T at points of edges, dimensionless, of nodal values of Φ."""
+    potential = potential_at(discretization.problem, discretization.scales, points.coordinates)
+    return points.normal() @ nodal.ravel() + potential, points.shear() @ nodal.ravel()
 
 
 def traction(discretization: Discretization, nodal: FloatArray, points: EdgePoints) -> FloatArray:

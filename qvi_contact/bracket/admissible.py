@@ -15,8 +15,6 @@ from solvers.strict.quadratics import largest
 LOOSEST: Final = 1e-6
 """Largest violation of the contact law, relative to the largest stress, that counts as admissible."""
 
-INNER = "strict-direct:clarabel"
-
 
 @dataclass(frozen=True, eq=False)
 class AdmissibleStress:
@@ -54,7 +52,7 @@ def admissible_stress(given: GivenProblem, result: ContactResult, tolerance: flo
         qvi = given.qvi
     except InputError as error:
         return AdmissibleStress(result, excess, pull, False, f"No strictly admissible stress can be sought: {error}")
-    solution = solve_qvi(qvi, inner=INNER, tolerance=tolerance)
+    solution = solve_qvi(qvi, tolerance=tolerance)
     strict = ContactResult(given.discretization, solution)
     if not strict.has_state:
         return AdmissibleStress(result, excess, pull, False, _why_not(solution.status, solution.message))

@@ -136,12 +136,11 @@ def _edges(given: GivenProblem, stress: AdmissibleStress, companion: CompanionRe
     normal, tangential = contact_tractions(discretization, stress.result.nodal)
     ends, shear, bound = unit * qvi.edges.ends(normal), unit * qvi.edges.bernstein(tangential), unit * given.threshold
     own = unit * strict_bound(discretization.qvi, normal).coefficients
-    found, slack, outer, start = {}, 0.0, 0.0, 0
+    found, slack, outer = {}, 0.0, 0.0
     for rows in discretization.contacts:
         if rows.law == "tied":
             continue
-        chosen = slice(start, start + len(rows.points.edges))
-        start = chosen.stop
+        chosen = rows.edges
         arguments = discretization, rows, ends[chosen], shear[chosen], bound[chosen]
         found[rows.name], opening, slip = edge_parts(*arguments, companion)
         left = stress.pull[chosen] @ opening + stress.excess[chosen] @ slip
@@ -154,7 +153,10 @@ def _reasons(
     given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult, balance: float, apart: float
 ) -> tuple[str, ...]:
     """Why the bounds are not guaranteed."""
-    found = [*given.reasons, *data_reasons(given.discretization.problem, companion.degree), *companion.reasons]
+    data = data_reasons(given.discretization.problem, companion.degree)
+    found = [*given.reasons, *data, *companion.reasons]
+    if given.lowered and not data:
+        found.append("A friction bound is not quadratic on every edge; a lower one that is takes its place.")
     if not stress.found:
         found.append(stress.message)
     if not companion.has_state:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from qvi_contact.bracket.data import data_reasons
 from qvi_contact.bracket.outcome import BracketKind
 from qvi_contact.checks import FloatArray
 from qvi_contact.conditions import Contact
@@ -13,9 +12,9 @@ from qvi_contact.contact import ContactState
 from qvi_contact.contact_rows import joined
 from qvi_contact.discretization import Discretization, discretize
 from qvi_contact.errors import InputError
-from qvi_contact.loads import potential_at
 from qvi_contact.problem import ContactProblem
 from qvi_contact.result import ContactResult
+from qvi_contact.work import normal_and_shear
 from solvers import FrictionQVI
 from solvers.strict.threshold import strict_bound
 
@@ -32,6 +31,8 @@ class GivenProblem:
         What it has to do with the problem stated.
     threshold : (e, 3) array
         Bernstein coefficients of s on all contact edges that have rows, dimensionless.
+    lowered : bool
+        Whether s is below a bound that is data, which is no quadratic on some edge.
     reasons : tuple of str
         Why its solution is not that of the problem stated.
 
@@ -40,6 +41,7 @@ class GivenProblem:
     discretization: Discretization
     kind: BracketKind
     threshold: FloatArray
+    lowered: bool
     reasons: tuple[str, ...]
 
     @property
@@ -54,13 +56,8 @@ class GivenProblem:
     @property
     def bounds(self) -> Mapping[str, FloatArray]:
         """The bound by contact, (edges, 3) Bernstein coefficients [stress]; none for tied contacts."""
-        physical, found, start = self.threshold * self.discretization.scales.stress, {}, 0
-        for rows in self.discretization.contacts:
-            if rows.law != "tied":
-                stop = start + len(rows.points.edges)
-                found[rows.name] = physical[start:stop]
-                start = stop
-        return found
+        physical = self.threshold * self.discretization.scales.stress
+        return {rows.name: physical[rows.edges] for rows in self.discretization.contacts if rows.law != "tied"}
 
 
 def given_problem(result: ContactResult) -> GivenProblem:
@@ -91,20 +88,14 @@ def given_problem(result: ContactResult) -> GivenProblem:
         reasons.append(f"The friction bound on {names} depends on the pressure, which the bracket holds fixed.")
     threshold, exact = _threshold(discretization, result.nodal)
     lowered = not exact and kind is not BracketKind.GIVEN_BOUND
-    if lowered and not data_reasons(discretization.problem, 2):
-        reasons.append("A friction bound is not quadratic on every edge; a lower one that is takes its place.")
-    return GivenProblem(discretization, kind, threshold, tuple(reasons))
+    return GivenProblem(discretization, kind, threshold, lowered, tuple(reasons))
 
 
 def contact_tractions(discretization: Discretization, nodal: FloatArray) -> tuple[FloatArray, FloatArray]:
     """σ_N and σ_T (m,) of nodal values of Φ at the contact points that have rows, dimensionless."""
-    normal, tangential = list[FloatArray](), list[FloatArray]()
-    for rows in discretization.contacts:
-        if rows.law != "tied":
-            potential = potential_at(discretization.problem, discretization.scales, rows.points.coordinates)
-            normal.append(rows.points.normal() @ nodal.ravel() + potential)
-            tangential.append(rows.points.shear() @ nodal.ravel())
-    return joined(normal), joined(tangential)
+    limited = [rows.points for rows in discretization.contacts if rows.law != "tied"]
+    pairs = [normal_and_shear(discretization, nodal, points) for points in limited]
+    return joined([normal for normal, _ in pairs]), joined([shear for _, shear in pairs])
 
 
 def _check_no_history(result: ContactResult) -> None:

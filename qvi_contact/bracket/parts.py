@@ -19,9 +19,9 @@ from qvi_contact.companion import CompanionResult, bernstein
 from qvi_contact.contact_rows import ContactRows
 from qvi_contact.discretization import Discretization
 from qvi_contact.hermite import gauss_legendre
-from qvi_contact.loads import cell_points, contact_named, potential_at
+from qvi_contact.loads import contact_named
 from qvi_contact.mesh import HORIZONTAL, Edges
-from qvi_contact.stress import cell_stress
+from qvi_contact.stress import gauss_stresses
 
 _CELL_POINTS = 6  # Gauss points along each side of a cell: exact up to degree 11
 _EDGE_POINTS = 12
@@ -39,11 +39,8 @@ class CellFields:
     @classmethod
     def of(cls, discretization: Discretization, nodal: FloatArray) -> "CellFields":
         """From nodal values of Φ."""
-        problem, scales = discretization.problem, discretization.scales
-        row, column = np.nonzero(problem.mesh.active)
-        points, weights, (tx, ty) = cell_points(discretization.grid, column, row, _CELL_POINTS)
-        stress = cell_stress(discretization, nodal, column[:, None], row[:, None], tx, ty)
-        stress[..., :2] += potential_at(problem, scales, points)[..., None]
+        scales = discretization.scales
+        _, weights, (tx, ty), stress = gauss_stresses(discretization, nodal, _CELL_POINTS)
         return cls(weights * scales.length**2, stress * scales.stress, tx[0], ty[0])
 
 
