@@ -4,21 +4,15 @@ Peak memory is then that of one problem, and no time depends on what ran before.
 """
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Generator, Iterator
 from contextlib import suppress
-from pathlib import Path
 from threading import Event, Timer
-from typing import Any, Final
+from typing import Any
 
-LIMITING: Final = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Environment variables with the number of threads."""
-
-_ROOT: Final = Path(__file__).resolve().parents[2]
-_LAST_WORDS: Final = 200
+from comparisons.study.children import environment, last_words
 
 
 def records(task: dict[str, Any], threads: int, limit: float | None = None) -> Iterator[dict[str, Any]]:
@@ -39,7 +33,7 @@ def records(task: dict[str, Any], threads: int, limit: float | None = None) -> I
     with tempfile.TemporaryFile() as complaints:
         process = subprocess.Popen(
             [sys.executable, "-m", "comparisons.benchmark.worker"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaints, env=_environment(threads),
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaints, env=environment(threads),
         )  # fmt: skip
         late = Event()
         timer = Timer(limit or 0.0, _stop, (process, late))
@@ -90,15 +84,8 @@ def _close(process: "subprocess.Popen[bytes]") -> None:
                 stream.close()
 
 
-def _environment(threads: int) -> dict[str, str]:
-    path = os.pathsep.join([str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return {**os.environ, **dict.fromkeys(LIMITING, str(threads)), "PYTHONPATH": path}
-
-
 def _reason(code: int, complaints: Any, limit: float | None) -> str:
     """Why a process ended before it was done."""
     if limit is not None:
         return f"more than {limit:g} s"
-    complaints.seek(0)
-    words = complaints.read().decode(errors="replace").strip().splitlines()
-    return f"the process ended with status {code}: {words[-1][-_LAST_WORDS:] if words else 'no message'}"
+    return f"the process ended with status {code}: {last_words(complaints) or 'no message'}"

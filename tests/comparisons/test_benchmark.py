@@ -16,6 +16,7 @@ from click.testing import CliRunner
 from comparisons.benchmark import measure, plan, process, ratios, reference, report, rows, study, tables
 from comparisons.benchmark.findings import findings
 from comparisons.cli import group
+from comparisons.study import children
 from qvi_contact import InputError, terminal
 from qvi_contact.plots import has_matplotlib
 from solvers import SolverUnavailableError
@@ -289,8 +290,8 @@ class TestProcesses:
 
     def test_threads_are_limited_before_anything_is_loaded(self, monkeypatch):
         monkeypatch.setenv("OMP_NUM_THREADS", "7")
-        environment = process._environment(3)
-        assert {environment[name] for name in process.LIMITING} == {"3"}
+        environment = children.environment(3)
+        assert {environment[name] for name in children.LIMITING} == {"3"}
 
     def test_an_error_is_a_record(self):
         def fail():

@@ -1,0 +1,187 @@
+"""Commands ``export`` and ``import`` of ``python -m comparisons``."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from qvi_contact.problem_file import ProblemFile
+    from qvi_contact.result import ContactResult
+
+_PROBLEM = click.argument("problem", metavar="PROBLEM")
+_FILE = click.argument("file", metavar="FILE")
+
+
+@click.group()
+def export() -> None:
+    """Write problems in formats of other programs.
+
+    \b
+    qpbenchmark  quadratic programs with a friction bound that is given, as a test set
+    fclib        the condensed friction problem (W, q, μ), for Siconos and other contact codes
+    npz          the algebraic problem as it is, as a NumPy archive
+    """  # noqa: D301
+
+
+@export.command()
+@click.argument("folder", metavar="FOLDER")
+@click.argument("problems", metavar="[PROBLEM]...", nargs=-1)
+def qpbenchmark(folder: str, problems: tuple[str, ...]) -> None:
+    """Write a test set that qpbenchmark runs, of problem files or (without any) of standard ones.
+
+    Each contact problem gives its quadratic programs in all unknowns and condensed on the contact, for the friction
+    bound of its solution and for that of a body that does not slip.
+
+    \b
+    Example:
+        python -m comparisons export qpbenchmark results/test_set
+        qpbenchmark results/test_set/friction_contact.py --results-path results/test_set/qps.csv run
+    """  # noqa: D301
+    from comparisons.exchange import quadratic_programs as programs
+    from qvi_contact.errors import InputError
+    from qvi_contact.files import writable_folder
+    from qvi_contact.problem_file import load_problem
+    from qvi_contact.terminal import progress
+
+    if not folder:
+        raise InputError("FOLDER", folder, "give the name of a folder")
+    chosen = {Path(name).stem: load_problem(name).problem for name in problems} or dict(programs.standard_problems())
+    if problems and len(chosen) < len(problems):
+        raise InputError("PROBLEM", " ".join(problems), "give files of different names")
+    target = writable_folder(folder)
+    writable_folder(target / "problems")
+    with progress("quadratic programs", len(chosen)) as advance:
+        written = programs.write_test_set(target, chosen, advance)
+    click.echo(f"{len(written)} quadratic programs in {target / 'problems'}; run them by")
+    for name in (programs.TEST_SET, programs.SPARSE_TEST_SET):
+        click.echo(f"  qpbenchmark {target / name} --results-path {target / Path(name).with_suffix('.csv')} run")
+
+
+@export.command()
+@_PROBLEM
+@_FILE
+@click.option("--penalty", type=float, help="Write W, q, μ only: springs this much stiffer instead of equations.")
+def fclib(problem: str, file: str, penalty: float | None) -> int:
+    """Solve PROBLEM and write its condensed friction problem and solution to FILE (.hdf5) in FCLIB's layout.
+
+    Forces and displacements are those at the contact points, dimensionless; the file says the units. Where the points
+    outnumber the degrees of freedom of the tractions the problem has equations (FCLIB's V, R and s). Siconos passes
+    over those: for it give --penalty 1e6 or so, which replaces them up to an error of one over that. The exit status
+    is 1, and there is no solution in the file, if the problem is not solved.
+
+    \b
+    Example:
+        python -m comparisons export fclib examples/punch.toml punch.hdf5
+    """  # noqa: D301
+    from qvi_contact.errors import InputError
+    from solvers.exchange import local_problem, state_of, write_fclib
+
+    _check_target(file, ".hdf5")
+    if penalty is not None and not 1.0 < penalty < math.inf:
+        raise InputError("--penalty", penalty, "give a number above 1")
+    source, result = _solved(problem)
+    local = local_problem(result.solution.problem)
+    if penalty is not None:
+        local = local.penalised(penalty)
+    solved = result.solution.solved and penalty is None
+    state = state_of(local, result.solution) if solved else None
+    write_fclib(file, local, state, title=source.title, description=_units(source.description, result))
+    return _written(file, result)
+
+
+@export.command()
+@_PROBLEM
+@_FILE
+def npz(problem: str, file: str) -> int:
+    """Solve PROBLEM and write its algebraic problem and solution to FILE (.npz).
+
+    The exit status is 1, and the solution in the file says why, if the problem is not solved.
+
+    \b
+    Example:
+        python -m comparisons export npz examples/punch.toml punch.npz
+    """  # noqa: D301
+    from solvers.exchange import save_qvi
+
+    _check_target(file, ".npz")
+    _, result = _solved(problem)
+    save_qvi(file, result.solution.problem, result.solution)
+    return _written(file, result)
+
+
+@click.command("import")
+@_FILE
+@click.option("--method", help="Outer method, see: qvi-contact methods")
+@click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
+@click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
+@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
+def import_file(file: str, method: str | None, inner: str | None, tolerance: float | None, as_json: bool) -> int:
+    """Solve FILE, an archive of "export npz" or any plane FCLIB problem, and judge the solutions in it.
+
+    Prints status, certificate and Siconos' error, in the file's units and with dimensionless u and r. The exit status
+    is 0 if it is solved, 1 if not, 2 if the file is wrong.
+
+    \b
+    Example:
+        python -m comparisons import punch.hdf5
+    """  # noqa: D301
+    import numpy as np
+
+    from comparisons.exchange.reading import solve_file
+
+    given = {"method": method, "inner": inner, "tolerance": tolerance}
+    with np.errstate(all="ignore"):  # what overflows fails its certificate
+        report = solve_file(file, {name: value for name, value in given.items() if value is not None})
+    if as_json:
+        click.echo(json.dumps(_finite(report.as_document()), indent=2, allow_nan=False, ensure_ascii=False))
+    else:
+        click.echo("\n".join(report.lines()))
+    return 0 if report.status == "solved" else 1
+
+
+def _check_target(file: str, suffix: str) -> None:
+    """Find out before any work is done whether the file can be written; a missing folder is made."""
+    from qvi_contact.files import check_suffix, writable_folder
+
+    check_suffix("FILE", file, suffix)
+    writable_folder(Path(file).parent)
+
+
+def _solved(path: str) -> "tuple[ProblemFile, ContactResult]":
+    """The problem file, and its result with the file's own options; of a history the first step."""
+    import numpy as np
+
+    from qvi_contact.problem_file import load_problem
+    from qvi_contact.solver import solve
+
+    source = load_problem(path)
+    with source.named_errors(), np.errstate(all="ignore"):
+        return source, solve(source.problem, **source.solve_options)
+
+
+def _units(description: str, result: "ContactResult") -> str:
+    """The description, and what the dimensionless numbers mean."""
+    scales = result.discretization.scales
+    units = (
+        f"Dimensionless. Units, in those of the problem: force per thickness {scales.stress * scales.length:.17g}, "
+        f"displacement {scales.displacement:.17g}, stress {scales.stress:.17g}, length {scales.length:.17g}."
+    )
+    return f"{description} {units}".strip()
+
+
+def _written(file: str, result: "ContactResult") -> int:
+    click.echo(f"{file}: {result.message}")
+    return 0 if result.solution.solved else 1
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no infinity: None instead."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,94 @@
+"""Quadratic programs inside frictional contact problems: a test set for `qpbenchmark`.
+
+    qpbenchmark friction_contact.py --results-path results.csv run
+    qpbenchmark friction_contact_sparse.py --results-path results_sparse.csv run
+
+The problems are the files beside this one, problems/*.npz, written by ``python -m comparisons export qpbenchmark``.
+Each is what a frictional contact problem becomes for a friction bound that is given, in stresses z (equilibrium
+elements):
+
+    min ½ zᵀPz + qᵀz   s.t.   G z ≤ h,  A z = b,      G = [N; T; −T],  h = [−n0; thr − t0; thr + t0]
+
+N z + n0 ≤ 0 are normal, |T z + t0| ≤ thr tangential tractions at four points on each edge, in which they are
+polynomials of lower degree: rows of G depend linearly on each other, and multipliers are not unique. Names say
+
+    full, condensed      z are all unknowns (sparse, P as badly conditioned as fine meshes make it), or few that only
+                         describe the contact (dense, P = 1)
+    converged, cold      thr = μ s with the pressure s of the solution, or of a body that neither slips nor opens
+
+All have a unique minimiser.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import qpbenchmark
+from scipy.sparse import csc_matrix
+
+FOLDER = Path(__file__).parent / "problems"
+
+
+class FrictionContact(qpbenchmark.TestSet):
+    """All problems, with dense matrices, so that every solver can take part."""
+
+    @property
+    def title(self) -> str:
+        """Title of the report."""
+        return "Frictional contact test set"
+
+    @property
+    def description(self) -> str:
+        """Beginning of the report."""
+        return "Quadratic programs inside frictional contact problems, condensed and full, dense matrices."
+
+    @property
+    def sparse_only(self) -> bool:
+        """Every solver takes part."""
+        return False
+
+    def __iter__(self) -> Iterator[qpbenchmark.Problem]:
+        """Yield the problems, by name."""
+        for file in sorted(FOLDER.glob("*.npz")):
+            problem: Any = load_problem(file)
+            yield problem.to_dense()
+
+
+class FrictionContactSparse(FrictionContact):
+    """The problems in all unknowns, with sparse matrices, for solvers that take those."""
+
+    @property
+    def title(self) -> str:
+        """Title of the report."""
+        return "Frictional contact test set, sparse"
+
+    @property
+    def description(self) -> str:
+        """Beginning of the report."""
+        return "Quadratic programs inside frictional contact problems, in all unknowns, sparse matrices."
+
+    @property
+    def sparse_only(self) -> bool:
+        """Only solvers that take sparse matrices."""
+        return True
+
+    def __iter__(self) -> Iterator[qpbenchmark.Problem]:
+        """Yield the problems in all unknowns, by name."""
+        for file in sorted(FOLDER.glob("*_full_*.npz")):
+            yield load_problem(file)
+
+
+def load_problem(file: Path) -> qpbenchmark.Problem:
+    """A problem, matrices by columns; its name is that of the file."""
+    with np.load(file, allow_pickle=False) as arrays:
+        G, A = _matrix(arrays, "G"), _matrix(arrays, "A")
+        h, b = (arrays["h"] if G is not None else None), (arrays["b"] if A is not None else None)
+        return qpbenchmark.Problem(_matrix(arrays, "P"), arrays["q"], G, h, A, b, None, None, name=file.stem)
+
+
+def _matrix(arrays: Any, name: str) -> Any:
+    """A matrix, or None if it has no rows."""
+    m, n = (int(size) for size in arrays[f"{name}_shape"])
+    parts = (arrays[f"{name}_data"], arrays[f"{name}_indices"], arrays[f"{name}_indptr"])
+    return csc_matrix(parts, (m, n)) if m else None

@@ -1,0 +1,128 @@
+"""Inner quadratic programs of frictional contact problems, and the folder of them that `qpbenchmark` runs."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_matrix
+
+from qvi_contact import ContactProblem, ContactResult, solve
+from qvi_contact.files import replacing, write_text
+from qvi_contact.gallery import compressed_plate, ssnv128
+from solvers.forms import Form, make_form
+from solvers.inner.problem import Centre, InnerProblem
+from solvers.problem import FrictionQVI
+from solvers.types import Sparse, Vector
+
+TEST_SET = "friction_contact.py"
+SPARSE_TEST_SET = "friction_contact_sparse.py"
+FORMS: tuple[Form, ...] = ("full", "condensed")
+
+_SPARSE = '''"""The sparse problems: qpbenchmark friction_contact_sparse.py --results-path FILE run."""
+
+from friction_contact import FrictionContactSparse
+
+__all__ = ["FrictionContactSparse"]
+'''
+
+
+@dataclass(frozen=True, eq=False)
+class QuadraticProgram:
+    """min ½ zᵀPz + qᵀz  s.t.  G z ≤ h,  A z = b.
+
+    Attributes
+    ----------
+    name : name of its file
+    P, G, A : (n, n), (3m, n) and (p, n) sparse
+    q, h, b : (n,), (3m,) and (p,)
+
+    """
+
+    name: str
+    P: Sparse
+    q: Vector
+    G: Sparse
+    h: Vector
+    A: Sparse
+    b: Vector
+
+    def save(self, folder: Path) -> Path:
+        """Write it into the folder as the test set reads it."""
+        arrays: dict[str, Any] = {"q": self.q, "h": self.h, "b": self.b}
+        for key, matrix in (("P", self.P), ("G", self.G), ("A", self.A)):
+            columns = csc_matrix(matrix)
+            arrays |= {
+                f"{key}_data": columns.data, f"{key}_indices": columns.indices, f"{key}_indptr": columns.indptr,
+                f"{key}_shape": np.array(columns.shape),
+            }  # fmt: skip
+        path = folder / f"{self.name}.npz"
+        with replacing(path) as temporary, temporary.open("wb") as stream:
+            np.savez_compressed(stream, **arrays)
+        return path
+
+
+def standard_problems() -> Iterator[tuple[str, ContactProblem]]:
+    """Names and problems of the test set: the plate on equal and on strongly graded cells, and SSNV128.
+
+    With μ = 0.1 most of the plate's contact slips, with 0.5 all of it sticks (cold and converged bound then have the
+    same minimiser); a part of SSNV128 is open. Graded cells shrink towards the free corner by 0.6 each: K is then badly
+    conditioned.
+    """
+    for cells in (4, 8, 16):
+        for friction in (0.1, 0.2, 0.5):
+            yield f"plate_{cells}_mu_{friction:g}", compressed_plate(friction, cells=(cells, cells))
+    for cells in (8, 16):
+        yield f"graded_plate_{cells}_mu_0.1", compressed_plate(0.1, cells=(cells, cells), grading=0.6)
+    yield "ssnv128_16", ssnv128((16, 16))
+
+
+def quadratic_programs(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterator[QuadraticProgram]:
+    """The inner problems of a `FrictionQVI` in both forms, for one or two friction bounds.
+
+    Parameters
+    ----------
+    name : str
+        Beginning of their names.
+    qvi : FrictionQVI
+        The problem; it is posed about z = 0.
+    pressure : (m,) or None
+        That of its solution, for the bound "converged"; None leaves that out.
+
+    """
+    bounds = {"cold": qvi.threshold(qvi.pressure(qvi.bonded))}
+    if pressure is not None:
+        bounds = {"converged": qvi.threshold(pressure)} | bounds
+    for form in FORMS:
+        posed = make_form(qvi, form)
+        inner = InnerProblem(posed.problem)
+        centre = Centre(posed.problem, np.zeros(posed.problem.n))
+        for bound, threshold in bounds.items():
+            h, A = centre.h(posed.threshold(threshold)), posed.problem.A
+            yield QuadraticProgram(f"{name}_{form}_{bound}", inner.P, -centre.f, inner.G, h, A, centre.b)
+
+
+def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: Callable[[str], object]) -> list[Path]:
+    """Solve the problems and write their inner problems, with the test set that reads them.
+
+    Of problems that are not solved only the cold bound is written. `advance` is called with the name of each.
+    """
+    target = folder / "problems"
+    target.mkdir(exist_ok=True)
+    written = []
+    for name, problem in problems.items():
+        qvi, pressure = _solved(solve(problem))
+        written += [program.save(target) for program in quadratic_programs(name, qvi, pressure)]
+        advance(name)
+    with replacing(folder / TEST_SET) as temporary:
+        shutil.copyfile(Path(__file__).with_name(TEST_SET), temporary)
+    write_text(folder / SPARSE_TEST_SET, _SPARSE)
+    return written
+
+
+def _solved(result: ContactResult) -> tuple[FrictionQVI, Vector | None]:
+    """The algebraic problem, and the pressure if it is solved."""
+    qvi = result.solution.problem
+    return qvi, qvi.pressure(result.solution.z) if result.solution.solved else None

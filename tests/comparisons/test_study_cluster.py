@@ -1,0 +1,203 @@
+"""Studies on a Dask cluster: a real one, of a scheduler and two workers, each a process of its own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from comparisons.study import Study, cluster, read_study, run_study
+from qvi_contact import InputError
+from tests.comparisons.study_demo import DEMO, SMALL, ways
+from tests.comparisons.study_processes import MARK, ROOT, commands, comparable, eventually, marked, rows_in
+
+pytest.importorskip("distributed")
+
+
+class Cluster:
+    """A scheduler and its workers."""
+
+    def __init__(self, folder, workers=2, path=ROOT):
+        self.mark = str(folder)
+        self.path = path
+        self.file = folder / "scheduler.json"
+        self.log = open(folder / "log", "wb")  # noqa: SIM115 - closed with the cluster
+        self.processes = [self._start("scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard")]
+        assert eventually(self.file.exists, 60.0), self.tell()
+        self.address = json.loads(self.file.read_text(encoding="utf-8"))["address"]
+        for _ in range(workers):
+            self.add_worker()
+
+    def _start(self, what, *options):
+        words = [sys.executable, "-m", "dask", what, "--scheduler-file", str(self.file), *options]
+        environment = {
+            **os.environ, "PYTHONPATH": str(self.path), MARK: self.mark, "DEMO_SECONDS": "0.06",
+            "DEMO_FOLDER": str(self.file.parent),
+        }  # fmt: skip
+        return subprocess.Popen(
+            words, stdout=self.log, stderr=self.log, env=environment, cwd=self.file.parent, start_new_session=True
+        )
+
+    def add_worker(self):
+        options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"]
+        self.processes.append(self._start("worker", *options))
+
+    def tell(self):
+        return Path(self.log.name).read_text(encoding="utf-8", errors="replace")
+
+    def close(self):
+        for process in self.processes:
+            process.kill()
+            process.wait()
+        self.log.close()
+        assert eventually(lambda: not marked(self.mark)), marked(self.mark)
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    """One cluster for all tests that leave it as it is."""
+    found = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def started(tmp_path):
+    """Start a cluster for one test."""
+    clusters = []
+
+    def start(**options):
+        clusters.append(Cluster(tmp_path, **options))
+        return clusters[-1]
+
+    yield start
+    for each in clusters:
+        each.close()
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Start the demo as a process."""
+    with commands(tmp_path / "a") as start:
+        yield start
+
+
+@pytest.fixture
+def hurried(monkeypatch):
+    monkeypatch.setattr(cluster, "_CONNECTING", 0.5)
+
+
+def children(mark):
+    """Numbers of the cluster's worker processes that do cases."""
+    return [pid for pid, line in marked(mark).items() if "study.child" in line]
+
+
+class TestRows:
+    """What comes back from a cluster."""
+
+    def test_same_as_from_one_process(self, running, tmp_path):
+        run_study(DEMO, tmp_path / "local")
+        assert run_study(DEMO, tmp_path / "dask", dask=running.address).complete
+        assert comparable(tmp_path / "dask") == comparable(tmp_path / "local")
+        assert children(running.mark) == []
+
+    def test_both_workers_work_and_limits_hold_there(self, running, tmp_path):
+        study = ways("plain", "wait", "allocate", "fault", "nan", repeats=2)
+        run_study(study, tmp_path / "dask", dask=running.address, timeout=0.5, memory=1000)
+        rows = read_study(tmp_path / "dask").rows
+        statuses = ("done", "timeout", "memory", "crashed", "done")
+        assert [row.status for row in rows] == [status for status in statuses for _ in range(2)]
+        assert len({row.result["pid"] for row in rows if "pid" in row.result}) == 2
+        assert rows[0].environment["timeout_seconds"] == 0.5
+        assert children(running.mark) == []
+
+
+class TestEnds:
+    """Runs that end before the study does."""
+
+    @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+    def test_nothing_is_lost_or_repeated(self, running, command, tmp_path, number):
+        before = children(running.mark)  # an earlier run that was killed leaves some for a while
+        process = command("--dask", running.address)
+        assert eventually(lambda: rows_in(tmp_path / "a") >= 3)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=30)
+        assert out == ""
+        if number == signal.SIGINT:
+            assert process.returncode == 130
+            assert len(err.splitlines()) == 1
+            assert set(children(running.mark)) <= set(before)
+        assert 3 <= rows_in(tmp_path / "a") < 26
+        run_study(DEMO, tmp_path / "a", dask=running.address)
+        run_study(DEMO, tmp_path / "local", workers=2)
+        assert comparable(tmp_path / "a") == comparable(tmp_path / "local")
+
+    def test_long_case_is_ended_by_an_interrupt(self, running, command):
+        process = command("--dask", running.address, "--way", "hold")
+        assert eventually(lambda: any("sleep" in line for line in marked(running.mark).values()))
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+        assert process.returncode == 130
+        assert eventually(lambda: not any("sleep" in line for line in marked(running.mark).values()), 5.0)
+
+    def test_task_that_cannot_be_loaded(self, running, tmp_path):
+        with pytest.raises(InputError, match="cannot be loaded: ModuleNotFoundError"):
+            run_study(SMALL, tmp_path / "a", dask=running.address)
+
+
+class TestLosses:
+    """Workers and schedulers that die."""
+
+    def test_lost_worker(self, started, tmp_path):
+        """Tried again on another one, once; a run waits while there is none, and takes those that come later."""
+        lossy = started(workers=1)
+        study = Study("losses", 1, "tests.comparisons.study_demo:losing", {"times": (1, 2)}, packages=())
+        with ThreadPoolExecutor() as threads:
+            run = threads.submit(run_study, study, tmp_path / "a", dask=lossy.address, progress=False)
+            for _ in range(3):  # both cases together take three workers with them
+                assert eventually(lambda: lossy.processes[-1].poll() == -signal.SIGKILL)
+                assert not run.done()
+                lossy.add_worker()
+            assert run.result(timeout=30).statuses == {"done": 1, "crashed": 1}
+        first, second = read_study(tmp_path / "a").rows
+        assert (first.status, first.result) == ("done", {"tried": 2})
+        assert (second.status, second.reason) == ("crashed", "the worker of the cluster was lost, 2 times")
+        assert second.environment["threads"] == 1
+
+    def test_lost_scheduler(self, started, command, tmp_path):
+        lossy = started()
+        process = command("--dask", lossy.address, "--way", "plain", "--way", "hold")
+        assert eventually(lambda: rows_in(tmp_path / "a") == 1)
+        lossy.processes[0].kill()
+        out, err = process.communicate(timeout=60)
+        assert (process.returncode, out) == (2, "")
+        assert "the scheduler was lost" in err
+        assert len(err.splitlines()) == 1
+        assert rows_in(tmp_path / "a") == 1
+
+    def test_workers_without_this_package(self, started, tmp_path):
+        (tmp_path / "comparisons").mkdir()
+        (tmp_path / "comparisons" / "__init__.py").touch()
+        bare = started(workers=1, path=tmp_path)
+        with pytest.raises(InputError, match="install this package and the task's on its scheduler and workers"):
+            run_study(SMALL, tmp_path / "a", dask=bare.address)
+
+    @pytest.mark.usefixtures("hurried")
+    def test_no_workers(self, started, tmp_path):
+        with pytest.raises(InputError, match="has no workers"):
+            run_study(SMALL, tmp_path / "a", dask=started(workers=0).address)
+
+    @pytest.mark.usefixtures("hurried")
+    @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "ftp://x", ""])
+    def test_no_scheduler(self, tmp_path, address):
+        with pytest.raises(InputError, match="no scheduler answers there"):
+            run_study(SMALL, tmp_path / "a", dask=address)
+
+    def test_no_dask(self, tmp_path, monkeypatch):
+        monkeypatch.setitem(sys.modules, "distributed", None)
+        with pytest.raises(InputError, match=r"pip install 'qvi-contact\[dask\]'"):
+            run_study(SMALL, tmp_path / "a", dask="tcp://127.0.0.1:1")

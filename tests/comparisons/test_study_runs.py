@@ -1,0 +1,354 @@
+"""Runs of studies: every failure is a row, nothing is lost or repeated however a run ends, nothing stays behind."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from contextlib import closing
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+
+from comparisons.study import FAILURES, limits, options, read_study, run_study
+from comparisons.study import store as stores
+from comparisons.study.children import Child, Terms
+from comparisons.study.progress import rate, study_progress
+from qvi_contact import InputError, terminal
+from tests.comparisons.study_demo import DEMO, SMALL, main, ways
+from tests.comparisons.study_processes import MARK, ROOT, alive, commands, comparable, eventually, marked, rows_in
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    """Rows of the demo from one process that nobody disturbs."""
+    path = tmp_path_factory.mktemp("study") / "demo.sqlite"
+    run = run_study(DEMO, path)
+    assert run.complete
+    assert run.statuses == {"done": 12, "crashed": 2, "error": 12}
+    return comparable(path)
+
+
+@pytest.fixture
+def command(tmp_path):
+    """Start the demo as a process."""
+    with commands(tmp_path / "a") as start:
+        yield start
+
+
+class TestDemo:
+    """A study with successes and failures."""
+
+    def test_rows_are_what_the_task_returned(self, uninterrupted):
+        for case, row in zip(DEMO.cases, uninterrupted, strict=True):
+            assert (row.position, row.key, row.case) == (case.position, case.key, case.values)
+            values = row.case
+            if values["method"] == "plain":
+                assert row.status == "done"
+                assert row.result == {
+                    "force": values["mesh"] * values["friction"] + values["seed"],
+                    "error": float("inf"),
+                }
+                assert row.certificate == {"passed": True, "gap": 1e-9 * values["mesh"]}
+            elif values["method"] == "crash":
+                assert (row.status, row.reason) == ("crashed", "exit status 3: no message")
+            else:
+                assert row.status == "error"
+                assert row.reason.startswith(f"ValueError: no method for {values['mesh']} (study_demo.py, line ")
+
+    def test_rows_tell_what_they_were_made_with(self, uninterrupted):
+        for row in uninterrupted:
+            assert row.environment["versions"] == {"click": version("click"), "no-such-package": None}
+            assert row.environment["machine"]["cores"] >= 1
+            assert row.environment["threads"] == 1
+            assert os.uname().nodename not in str(row.environment)
+
+    def test_order_does_not_matter(self, uninterrupted, tmp_path):
+        run_study(DEMO, tmp_path / "a", workers=4)
+        assert comparable(tmp_path / "a") == uninterrupted
+
+    def test_complete_study_is_not_run_again(self, tmp_path):
+        path = tmp_path / "a"
+        study = ways("plain", "raise")
+        assert run_study(study, path).statuses == {"done": 1, "error": 1}
+        before = path.read_bytes()
+        run = run_study(study, path)
+        assert (run.before, run.statuses.total(), run.complete) == (2, 0, True)
+        assert path.read_bytes() == before
+
+
+@pytest.fixture(scope="module")
+def failures(tmp_path_factory):
+    """Way → row, with limits, in so few processes that each has to be replaced; and what was left alive."""
+    path = tmp_path_factory.mktemp("study") / "a"
+    mark = uuid4().hex
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(MARK, mark)
+        run = run_study(ways(), path, workers=2, timeout=1.0, memory=1000, threads=3)
+    alive = [line for line in marked(mark).values() if "study.child" in line or "sleep" in line]
+    assert run.complete
+    return {row.case["way"]: row for row in read_study(path).rows}, alive
+
+
+class TestFailures:
+    """Whatever comes of a case."""
+
+    @pytest.mark.parametrize(
+        ("way", "status", "reason"),
+        [
+            ("hold", "timeout", "more than 1 s"),
+            ("wait", "timeout", "more than 1 s"),
+            ("allocate", "memory", "MemoryError (study_demo.py, line"),
+            ("exit", "crashed", "exit status 0: no message"),
+            ("fault", "crashed", "signal 11 (Segmentation fault): before the fault"),
+            ("raise", "error", "ZeroDivisionError: integer division or modulo by zero (study_demo.py, line"),
+            ("leave", "error", "SystemExit: left (study_demo.py, line"),
+            ("function", "error", "TypeError: result.found[0].f is of type function, not a plain value"),
+            ("number", "error", "TypeError: the task returned float, not a mapping"),
+            ("cyclic", "error", "RecursionError: "),
+        ],
+    )
+    def test_is_a_row(self, failures, way, status, reason):
+        row = failures[0][way]
+        assert row.status == status
+        assert row.reason.startswith(reason)
+        assert (row.result, row.certificate) == ({}, None)
+        assert status in FAILURES
+
+    def test_time_until_it_was_ended(self, failures):
+        assert failures[0]["wait"].seconds == pytest.approx(1.0, abs=0.5)
+        assert failures[0]["wait"].seconds >= 1.0
+
+    def test_infinite_numbers_and_nan_are_results(self, failures):
+        row = failures[0]["nan"]
+        assert (row.status, repr(row.result)) == ("done", "{'value': nan, 'bound': -inf}")
+
+    def test_a_task_that_prints_and_reads(self, failures):
+        result = failures[0]["plain"].result
+        assert (result["text"], result["threads"], result["input"]) == ("µ", "3", "")
+        assert result["pid"] != os.getpid()
+
+    def test_rows_tell_the_limits(self, failures):
+        for row in failures[0].values():
+            environment = row.environment
+            found = [environment[name] for name in ("timeout_seconds", "memory_mib", "threads")]
+            assert found == [1.0, 1000, 3]
+
+    def test_nothing_stays_behind(self, failures):
+        assert failures[1] == []
+
+    @pytest.mark.parametrize(
+        ("task", "word"),
+        [
+            ("tests.no_such_module:f", "ModuleNotFoundError: No module named 'tests.no_such_module'"),
+            ("tests.comparisons.study_demo:nothing", "AttributeError"),
+            ("tests.comparisons.study_demo:DEMO", "TypeError: DEMO is of type Study"),
+        ],
+    )
+    def test_a_task_that_cannot_be_loaded_ends_the_study(self, tmp_path, task, word):
+        study = replace(SMALL, task=task)
+        with pytest.raises(InputError, match="cannot be loaded: .*" + word):
+            run_study(study, tmp_path / "a", workers=2)
+        assert read_study(tmp_path / "a").rows == ()
+
+    def test_too_little_memory_for_the_task_ends_the_study(self, tmp_path):
+        with pytest.raises(InputError, match="cannot be loaded"):
+            run_study(ways("plain"), tmp_path / "a", memory=10)
+
+    @pytest.mark.parametrize("name", ["workers", "timeout", "memory", "threads"])
+    def test_bad_input(self, tmp_path, name):
+        with pytest.raises(InputError, match=f"{name}: 0: give a number above 0"):
+            run_study(SMALL, tmp_path / "a", **{name: 0})
+        assert list(tmp_path.iterdir()) == []
+
+    def test_full_disk_keeps_what_is_finished(self, tmp_path, uninterrupted, monkeypatch):
+        monkeypatch.setattr(stores, "_SETTINGS", (*stores._SETTINGS, "max_page_count = 7"))
+        with pytest.raises(InputError, match="no room left"):
+            run_study(DEMO, tmp_path / "a", workers=2)
+        monkeypatch.undo()
+        assert 5 < rows_in(tmp_path / "a") < 26
+        run_study(DEMO, tmp_path / "a", workers=2)
+        assert comparable(tmp_path / "a") == uninterrupted
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")
+class TestEnds:
+    """However a run ends."""
+
+    def test_killed_ten_times(self, command, tmp_path, uninterrupted):
+        moments = random.Random(0)
+        counts = []
+        for attempt in range(10):
+            process = command("--workers", "2", seconds=0.2)
+            if attempt % 2:  # any moment of the start is hit by the others
+                assert eventually(lambda: rows_in(tmp_path / "a") > max(counts, default=0))
+            time.sleep(moments.uniform(0.0, 0.4 if attempt % 2 == 0 else 0.2))
+            assert process.poll() is None
+            process.kill()
+            process.wait()
+            assert eventually(lambda mark=process.mark: not marked(mark)), marked(process.mark)
+            counts.append(rows_in(tmp_path / "a"))
+        assert counts == sorted(counts)
+        assert 0 < counts[-1] < 26
+        assert len(set(counts)) > 3
+        last = command("--workers", "2")
+        assert last.communicate(timeout=60) == ("26 of 26\n", "")
+        assert comparable(tmp_path / "a") == uninterrupted
+
+    @pytest.mark.parametrize("way", ["hold", "wait"])
+    def test_workers_and_what_they_started_die_with_the_runner(self, command, way):
+        process = command("--way", way)
+        assert eventually(lambda: any("sleep" in line for line in marked(process.mark).values()))
+        assert len(marked(process.mark)) == 3
+        process.kill()
+        process.wait()
+        assert eventually(lambda: not marked(process.mark), 2.0), marked(process.mark)
+
+    def test_from_the_keyboard(self, command, tmp_path, uninterrupted):
+        process = command("--workers", "2", seconds=0.1)
+        assert eventually(lambda: rows_in(tmp_path / "a") >= 3)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=20)
+        count = rows_in(tmp_path / "a")
+        assert (process.returncode, out) == (130, "")
+        assert err == f"interrupted: {count} of 26 rows are in {tmp_path / 'a'}; the same command goes on from there\n"
+        assert not marked(process.mark)
+        assert 3 <= count < 26
+        assert command("--workers", "2").communicate(timeout=60) == ("26 of 26\n", "")
+        assert comparable(tmp_path / "a") == uninterrupted
+
+    def test_second_run_on_one_store_is_refused(self, command, tmp_path):
+        first = command("--way", "plain", "--way", "wait")
+        assert eventually(lambda: rows_in(tmp_path / "a") == 1)
+        second = command("--way", "plain", "--way", "wait")
+        out, err = second.communicate(timeout=20)
+        assert (second.returncode, out) == (2, "")
+        assert len(err.splitlines()) == 1
+        assert "another run is at work on it" in err
+        assert first.poll() is None
+        first.kill()
+        first.wait()
+        assert run_study(ways("plain", "wait"), tmp_path / "a", timeout=0.1).statuses == {"timeout": 1}
+
+    def test_a_worker_killed_from_outside_is_replaced(self, command, tmp_path):
+        process = command("--way", "wait", "--way", "plain")
+        assert eventually(lambda: any("sleep" in line for line in marked(process.mark).values()))
+        (child,) = (pid for pid, line in marked(process.mark).items() if "study.child" in line)
+        os.kill(child, signal.SIGKILL)
+        assert process.communicate(timeout=20) == ("2 of 2\n", "")
+        first, second = read_study(tmp_path / "a").rows
+        assert (first.status, first.reason) == ("crashed", "signal 9 (Killed): no message")
+        assert second.status == "done"
+
+
+class TestLimits:
+    """What a worker does by itself; here without the kernel's help, as on systems other than Linux."""
+
+    @pytest.mark.skipif(os.name != "posix", reason="needs process groups")
+    def test_a_thread_looks_for_the_parent(self):
+        inner = (
+            "import os, sys, time\nfrom comparisons.study import limits\nlimits.KERNEL = False\nlimits._LOOK = 0.02\n"
+            "with limits.ends_with_parent(sys.stdin.buffer):\n    print(os.getpid(), flush=True)\n    time.sleep(60)"
+        )
+        outer = (
+            "import subprocess, sys\n"
+            f"p = subprocess.Popen([sys.executable, '-c', {inner!r}], stdin=subprocess.PIPE, start_new_session=True)\n"
+            "p.wait()"
+        )
+        with subprocess.Popen([sys.executable, "-c", outer], cwd=ROOT, stdout=subprocess.PIPE, text=True) as parent:
+            pid = int(parent.stdout.readline())
+            os.kill(pid, 0)
+            parent.kill()
+        assert eventually(lambda: not alive(pid), 5.0)
+
+    def test_a_worker_is_used_again_but_not_after_a_long_rest(self):
+        """It ends by itself after twice that time, and a case must not arrive at that moment."""
+        with closing(Child(Terms("tests.comparisons.study_demo:failing", ()))) as child:
+            first, again = (child.run({"way": "plain"}).result["pid"] for _ in range(2))
+            child._used -= limits.IDLE / 2.0
+            other = child.run({"way": "plain"}).result["pid"]
+        assert first == again != other
+
+    @pytest.mark.skipif(os.name != "posix", reason="needs process groups")
+    def test_a_worker_without_work_ends(self):
+        code = "import sys\nfrom comparisons.study import child, limits\nlimits.IDLE = 0.1\nchild.main()"
+        order = b'{"task": "tests.comparisons.study_demo:failing", "packages": [], "memory": null}\n'
+        with subprocess.Popen(
+            [sys.executable, "-c", code],
+            cwd=ROOT,
+            start_new_session=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        ) as process:
+            process.stdin.write(order)
+            process.stdin.flush()
+            assert b"environment" in process.stdout.readline()
+            assert process.wait(timeout=20) == -signal.SIGKILL
+
+
+class TestCommand:
+    """A command made of the options."""
+
+    def test_options(self, tmp_path, monkeypatch):
+        taken = []
+        monkeypatch.setattr(options, "run_study", lambda *a, **k: taken.append((a, k)) or pytest.fail("stop"))
+        arguments = ["--workers=3", "--dask=tcp://x:1", "--timeout=1.5", "--memory=900", "--threads=2"]
+        with pytest.raises(pytest.fail.Exception):
+            main.main([*arguments, "--store", str(tmp_path / "a")], standalone_mode=False)
+        assert taken == [((DEMO, tmp_path / "a", 3, "tcp://x:1", 1.5, 900), {"threads": 2})]
+
+    @pytest.mark.parametrize("arguments", [("--workers", "0"), ("--store", "/proc/a/b"), ("--timeout", "-1")])
+    def test_bad_input_is_one_line(self, capfd, monkeypatch, tmp_path, arguments):
+        monkeypatch.setattr(sys, "argv", ["study_demo", "--store", str(tmp_path / "a"), *arguments])
+        with pytest.raises(SystemExit) as caught:
+            terminal.run(main, "study_demo")
+        out, err = capfd.readouterr()
+        assert (caught.value.code, out, len(err.splitlines())) == (2, "", 1)
+        assert list(tmp_path.iterdir()) == []
+
+
+class TestProgress:
+    """What is shown meanwhile."""
+
+    @pytest.mark.parametrize(
+        ("speed", "text"), [(None, ""), (0.0, ""), (12.34, "12.3/s"), (0.5, "30/min"), (0.01, "36/h")]
+    )
+    def test_rate(self, speed, text):
+        assert rate(speed) == text
+
+    def test_silent_when_piped(self, capfd):
+        with study_progress("title", 1, 3) as advance:
+            advance("something")
+        assert capfd.readouterr() == ("", "")
+
+    def test_shown_on_a_terminal(self):
+        shown = on_a_terminal(True)
+        for word in ("title", "3/3", "/s", "left"):
+            assert word in shown
+        assert on_a_terminal(False) == ""
+
+
+def on_a_terminal(progress):
+    """What a terminal gets on standard error of a run."""
+    pty = pytest.importorskip("pty")
+    script = (
+        "from comparisons.study.progress import study_progress\nimport time\n"
+        f"with study_progress('title', 1, 3, {progress}) as advance:\n"
+        "    for _ in range(2):\n        time.sleep(0.15)\n        advance()\n    time.sleep(0.15)"
+    )
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
+    subprocess.run([sys.executable, "-c", script], cwd=ROOT, stderr=theirs, check=True, env=environment)
+    os.close(theirs)
+    found = b""
+    try:
+        while part := os.read(ours, 65536):
+            found += part
+    except OSError:  # Linux says so at the end
+        pass
+    os.close(ours)
+    return found.decode()
