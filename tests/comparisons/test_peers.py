@@ -84,6 +84,23 @@ def ran_elsewhere(folder, does, *options):
         return CliRunner().invoke(group, words, catch_exceptions=False)
 
 
+def test_what_a_library_prints_is_not_the_answer():
+    order = {"module": "this", "case": {}, "warm_up": {}, "options": {}, "repeat": 1}  # it prints when imported
+    found = measure.run({**order, "interpreter": sys.executable})
+    assert found["status"] == "error"
+    assert found["message"].startswith("AttributeError")
+
+
+def test_progress_has_a_step_for_each_process(monkeypatch):
+    monkeypatch.setattr(cases, "MODELS", CHOSEN[:1])
+    row = {"status": "solved", "error": None, "code": models.EQUILIBRIUM, "version": "1"}
+    monkeypatch.setattr(study, "_row", lambda *place: {**row, "friction": place[2], "cells": place[3]})
+    plan, steps = cases.Plan(friction=(0.2, 0.3), cells=(4, 8)), []
+    document = study.run(plan, steps.append)
+    assert len(steps) == plan.steps == len(document["rows"]) == 4
+    assert steps[-1] == "equilibrium, graded, 8², μ = 0.3"
+
+
 @with_ngsolve
 class TestNitsche:
     """NGSolve's script."""
@@ -146,11 +163,20 @@ class TestNitsche:
         assert 2**24 < found["before"] <= found["peak"] < 2**30
         assert [len(found["setup"]), len(found["solve"])] == [1, 1]
 
+    @pytest.mark.parametrize("interpreter", [None, sys.executable])
+    def test_exceptions_are_told(self, interpreter):
+        order = {"module": "ngsolve_nitsche", "case": {}, "warm_up": {}, "options": {}, "repeat": 1}
+        found = measure.run({**order, "interpreter": interpreter})
+        assert (found["status"], found["message"]) == ("error", "KeyError: 'y'")
+        row = study.row_of(Outcome("done", result=found), 0.2)
+        assert (row["status"], row["message"], row["whole"]) == ("error", "KeyError: 'y'", None)
+
 
 @cache
 def python_with_getfem():
-    """A Python that finds GetFEM, None if there is none."""
-    for name in filter(None, (sys.executable, shutil.which("python3", path="/usr/bin"))):
+    """A Python that finds GetFEM: this one, that of an environment variable, or the system's; None if none does."""
+    candidates = (sys.executable, os.environ.get("PYTHON_WITH_GETFEM"), shutil.which("python3", path="/usr/bin"))
+    for name in filter(None, candidates):
         try:
             cases.Plan(getfem=name)
         except InputError:
@@ -160,13 +186,24 @@ def python_with_getfem():
 
 
 @pytest.mark.skipif(python_with_getfem() is None, reason="GetFEM is not installed")
-@pytest.mark.parametrize(("cells", "expected"), [(8, 214.23508), (16, 214.23389)])
-def test_getfem_finds_the_expected_forces(cells, expected):
-    (model,) = (model for model in models.MODELS if model.name == "GetFEM, Q2")
-    plan = cases.Plan(friction=(0.2,), cells=(cells,), repeat=1, getfem=python_with_getfem())
-    found = measure.run(plan.order(model, 0.2, cells))
-    assert found["status"] == "solved"
-    assert found["half_force"] == pytest.approx(expected, abs=6e-6)
+class TestGetFEM:
+    """GetFEM's script, in this Python or the system's."""
+
+    def found(self, cells, mesh):
+        (model,) = (model for model in models.MODELS if (model.code, model.mesh) == ("getfem", mesh))
+        plan = cases.Plan(friction=(0.2,), cells=(cells,), repeat=1, getfem=python_with_getfem())
+        return measure.run(plan.order(model, 0.2, cells))
+
+    @pytest.mark.parametrize(("cells", "expected"), [(8, 214.23508), (16, 214.23389)])
+    def test_expected_forces(self, cells, expected):
+        found = self.found(cells, "uniform")
+        assert found["status"] == "solved"
+        assert found["half_force"] == pytest.approx(expected, abs=6e-6)
+
+    def test_a_mesh_whose_nodes_it_merges_is_not_solved(self):
+        found = self.found(24, "graded")
+        assert found["status"] == "error"
+        assert "4732 of 4802" in found["message"]
 
 
 class TestRun:
@@ -230,8 +267,10 @@ class TestRun:
         assert f"{document['rows'][0]['half_force']:.5f}" in shown
 
     def test_what_others_reported_is_not_mixed_with_the_run(self, document):
-        assert {row["code"].split(",")[0] for row in document["reported"]} == {"CalculiX"}
-        assert not [row for row in document["rows"] if "CalculiX" in row["model"]]
+        reported = {row["code"].split(",")[0] for row in document["reported"]}
+        assert reported == {"CalculiX", *(code["code"] for code in document["missing"])}
+        assert not [row for row in document["rows"] if row["model"].split(",")[0] in reported]
+        assert not [sentence for sentence in document["findings"] if "CalculiX" in sentence]
 
 
 @posix
@@ -256,7 +295,7 @@ class TestFailures:
         assert reason in row["message"]
         assert str(tmp_path) not in done.stdout
         assert document["findings"][0] == "0 of 1 runs end with a solution."
-        assert f"GetFEM, Q2 fails on 4² at μ = 0.2 ({status})." in document["findings"]
+        assert f"GetFEM, Q2 fails on 4² at μ = 0.2 ({status}: {row['message']})." in document["findings"]
 
     def test_a_failed_row_is_shown_and_not_drawn(self, tmp_path):
         document = json.loads(ran_elsewhere(tmp_path, "echo broken >&2; exit 1").stdout)
@@ -325,6 +364,10 @@ class TestFindings:
         assert "some errors of GetFEM, Q2 are smaller than on a finer mesh" in text
         assert f"an error of {last['error']:.1e}" in text
         assert f"an error of {first['error']:.1e}" not in text
+
+    def test_errors_within_the_uncertainty_may_grow(self):
+        document = made_up(("GetFEM, Q2", 4, 214.233231, 0.01), ("GetFEM, Q2", 8, 214.233232, 0.02))
+        assert "by chance" not in " ".join(findings(document))
 
     def test_order_and_side(self):
         offset = 214.23323 * 1e-4
@@ -429,5 +472,6 @@ def test_missing_codes_leave_the_equilibrium_model(monkeypatch):
     monkeypatch.setattr(cases, "find_spec", lambda _: None)
     plan = cases.Plan()
     assert plan.missing == ("ngsolve", "getfem")
+    assert models.CODES["ngsolve"].remedy == "python -m pip install 'qvi-contact[peers]'"
     assert {model.code for model in plan.models} == {models.EQUILIBRIUM}
     assert plan.steps == 2 * 2 * 4

@@ -1,0 +1,72 @@
+"""A plate built and solved several times, timed, with the memory it takes.
+
+Only the standard library is imported, so that another Python than the project's may run it (see `foreign`).
+"""
+
+import gc
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+BUDGET: Final = 20.0
+"""Seconds after which no further repetition begins."""
+
+
+class Plate(Protocol):
+    """What a code's `build` returns."""
+
+    def solve(self) -> dict[str, Any]:
+        """Solve from zero: status, message, half_force, unknowns, iterations, residual, version."""
+
+
+class Code(Protocol):
+    """A module with the plate by one code."""
+
+    def build(self, case: dict[str, Any], **options: Any) -> Plate:  # noqa: D102
+        ...
+
+
+def repeated(code: Code, case: dict[str, Any], warm_up: dict[str, Any], options: dict[str, Any], repeat: int
+             ) -> dict[str, Any]:  # fmt: skip
+    """Solve a case once, and again up to `repeat` times in all while `BUDGET` lasts.
+
+    Returns the last answer with "setup" and "solve", lists of wall times in seconds, and "before" and "peak", the
+    largest resident memory [bytes] with all libraries loaded by a tiny case, and after the first solve of this one.
+    Status and message of an exception instead if the code raises one.
+    """
+    try:
+        code.build(warm_up, **options).solve()
+        return _measured(code, case, options, repeat)
+    except Exception as error:  # a library may raise anything
+        return {"status": "error", "message": f"{type(error).__name__}: {error}"}
+
+
+def _measured(code: Code, case: dict[str, Any], options: dict[str, Any], repeat: int) -> dict[str, Any]:
+    before, peak = peak_memory(), None
+    began = time.perf_counter()
+    answer: dict[str, Any] = {}
+    times: dict[str, list[float]] = {"setup": [], "solve": []}
+    for count in range(repeat):
+        if count and time.perf_counter() - began > BUDGET:
+            break
+        gc.collect()
+        start = time.perf_counter()
+        plate = code.build(case, **options)
+        built = time.perf_counter()
+        answer = plate.solve()
+        ended = time.perf_counter()
+        times["setup"].append(built - start)
+        times["solve"].append(ended - built)
+        del plate
+        peak = peak_memory() if count == 0 else peak
+    return {**answer, **times, "before": before, "peak": peak}
+
+
+def peak_memory() -> int | None:
+    """Largest resident memory of this process so far [bytes]; None where the system does not tell it in /proc."""
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):
+                return 1024 * int(line.split()[1])
+    return None
