@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from comparisons.benchmark.report import heading
-from comparisons.benchmark.tables import markdown_table, rich_table
 from comparisons.peers.figures import drawable, picture
 from comparisons.peers.tables import tables
+from comparisons.tables import markdown_table, rich_table
 from qvi_contact.files import write_text
 from qvi_contact.plots import has_matplotlib
 from qvi_contact.plots.style import save_figure, settings

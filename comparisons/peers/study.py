@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from comparisons.benchmark import reference
-from comparisons.benchmark.machine import machine, versions
 from comparisons.benchmark.ratios import median, spread
+from comparisons.machine import machine, versions
 from comparisons.peers import measure
 from comparisons.peers.cases import Plan
 from comparisons.peers.findings import findings

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from comparisons.benchmark.reference import SETTLED, SETTLED_UNCERTAINTY
-from comparisons.benchmark.tables import Grid
+from comparisons.tables import Grid
 
 Document = dict[str, Any]
 
