@@ -1,6 +1,7 @@
-"""Options that take several values at once."""
+"""Options that commands share."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import click
 
@@ -33,3 +34,10 @@ def _spread(words: Sequence[str], names: set[str]) -> Iterator[str]:
             if values > 1:
                 yield current
         yield word
+
+
+def folder_option(context: click.Context, parameter: click.Parameter, value: str | None) -> Path | None:  # noqa: ARG001
+    """Callback: a folder's name; an empty one, as from an unset shell variable, is not the current folder."""
+    if value == "":
+        raise click.BadParameter("give the name of a folder")
+    return None if value is None else Path(value)

@@ -1,0 +1,55 @@
+"""The command `benchmark`."""
+
+from pathlib import Path
+
+import click
+
+from comparisons.options import ListCommand, folder_option
+
+
+@click.command(cls=ListCommand)
+@click.option("--cells", type=int, multiple=True, default=(64, 128, 256, 512), help="Cells a side.", show_default=True)
+@click.option("--friction", type=float, multiple=True, default=(0.1, 0.2, 0.5), help="μ.", show_default=True)
+@click.option("--threads", type=int, default=1, help="Threads of the libraries.", show_default=True)
+@click.option("--repeat", type=int, help="Repetitions.  [default: 5 to 128² cells, 3 to 512²; 20 on graded meshes]")
+@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
+@click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder for JSON, Markdown and picture.")
+@click.option("--no-naive", is_flag=True, help="Without the loops: naive ones, on condensed QPs, Uzawa.")
+@click.option("--factorisation", metavar="NAME", default="auto", help="The only one to measure.", show_default=True)
+@click.option("--limit", type=float, default=120.0, help="Seconds after which a loop is given up.", show_default=True)
+def benchmark(
+    cells: tuple[int, ...],
+    friction: tuple[float, ...],
+    threads: int,
+    repeat: int | None,
+    as_json: bool,
+    out: Path | None,
+    no_naive: bool,
+    factorisation: str,
+    limit: float,
+) -> None:
+    """Whole Coulomb solves beside one factorisation of the same matrix, and beside naive loops.
+
+    Measures the compressed plate on n × n equal cells and on graded ones: times, iterations, peak memory, growth,
+    accuracy. Each figure is a median of this run, taken in a process of its own with its threads limited; solves that
+    fail are rows with their status.
+
+    \b
+    Examples:
+        python -m comparisons benchmark --cells 32 64 --friction 0.2
+        python -m comparisons benchmark --threads 4 --out results/benchmark
+    """  # noqa: D301
+    from comparisons.benchmark import report, rows, study
+    from comparisons.benchmark.plan import Plan
+    from qvi_contact.files import writable_folder
+    from qvi_contact.terminal import progress
+
+    plan = Plan(cells, friction, threads, repeat, not no_naive, factorisation, limit)
+    folder = None if out is None else writable_folder(out)
+    with progress("benchmark", plan.steps) as advance:
+        document = rows.document(study.run(plan, advance))
+    written = report.write(document, folder, plan.loop_friction) if folder else []
+    if as_json:
+        click.echo(report.as_json(document))
+    else:
+        report.show(document, written)

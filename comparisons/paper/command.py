@@ -1,0 +1,39 @@
+"""The command `paper`."""
+
+import json
+from pathlib import Path
+
+import click
+
+from comparisons.options import folder_option
+
+
+@click.command()
+@click.option(
+    "--out",
+    metavar="FOLDER",
+    callback=folder_option,
+    help="Folder for the report: tables as CSV, pictures as PNG and SVG.  [default: results/paper]",
+)
+@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
+def paper(out: Path | None, as_json: bool) -> None:
+    """Więckowski's plate: Table 1 and Figures 2-5 beside the converged solution.
+
+    Runs the paper's Uzawa iteration for its 30 iterations and to convergence, the fixed point with quadratic and with
+    second-order cone programs, and every installed back end on the same seven problems. With --json files are
+    written only if --out is given.
+    """
+    from comparisons.paper import report, study
+    from qvi_contact.files import writable_folder
+    from qvi_contact.terminal import progress
+
+    folder = None
+    if out is not None or not as_json:
+        folder = writable_folder(out or Path("results") / "paper")
+    with progress("paper", study.step_count() + (len(report.FILES) if folder else 0)) as advance:
+        result = study.run(advance)
+        written = report.write(result, folder, advance) if folder else []
+    if as_json:
+        click.echo(json.dumps(report.as_document(result), indent=2, allow_nan=False))
+    else:
+        report.show(result, written)
