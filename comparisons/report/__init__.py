@@ -1,15 +1,30 @@
 """Reports of studies: findings first, then what they rest on, as one page of HTML and as Markdown.
 
-    from comparisons.report import Figure, Finding, Report, Section, Table, write_report
+    from comparisons.report import Figure, Finding, Report, Section, Table, environment_grids, show, write_report
 
+    settings = environment_grids(rows)
     report = Report("solvers", "Solvers compared", "What was compared.", findings, sections, settings, limitations)
-    write_report(report, "results/solvers")
+    show(report, write_report(report, "results/solvers"))
 
-A report is made of data alone, so that the same rows give the same bytes.
+A report is made of data alone, so that the same rows give the same bytes. Formats of numbers are in `report.numbers`;
+``python -m comparisons.report.browser FILE…`` looks at pages in a real browser.
 """
 
 from comparisons.report.document import Exhibit, Figure, Finding, Report, Section, Table
+from comparisons.report.environment import environment_grids
 from comparisons.report.files import write_report
 from comparisons.report.pictures import svg_text
+from comparisons.report.terminal import show
 
-__all__ = ["Exhibit", "Figure", "Finding", "Report", "Section", "Table", "svg_text", "write_report"]
+__all__ = [
+    "Exhibit",
+    "Figure",
+    "Finding",
+    "Report",
+    "Section",
+    "Table",
+    "environment_grids",
+    "show",
+    "svg_text",
+    "write_report",
+]

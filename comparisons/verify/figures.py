@@ -1,8 +1,8 @@
 """The picture of a run: error over tolerance of every row."""
 
-import io
 from typing import TYPE_CHECKING, Any, Final
 
+from comparisons.report.pictures import svg_text
 from comparisons.verify.row import Kind
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import new_figure, settings
@@ -45,14 +45,8 @@ def overview(document: Document) -> "Figure":
 
 def svg(document: Document) -> str:
     """The picture as an SVG element without anything that changes from run to run."""
-    from matplotlib import rc_context
-
-    with settings(), rc_context({"svg.fonttype": "none"}):
-        text = io.StringIO()
-        nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        overview(document).savefig(text, format="svg", metadata=nothing)
-    whole = text.getvalue()
-    return "\n".join(line.rstrip() for line in whole[whole.index("<svg") :].splitlines()) + "\n"
+    with settings():
+        return svg_text(overview(document), "qvi-contact")
 
 
 def _marks(axes: "Axes", problems: list[Document], kind: str | None, colour: str, marker: str) -> None:

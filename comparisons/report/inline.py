@@ -1,0 +1,36 @@
+"""Pictures inside a page: no id twice, a name for those who cannot see them, a size that can be read."""
+
+import html
+import re
+from typing import Final
+
+_TAG: Final = re.compile(r"<[A-Za-z][^<>]*>")
+_ID: Final = re.compile(r"(?<=\sid=\")([^\"]*)")
+_REFERENCE: Final = re.compile(r"(?<=url\(#)([^)]*)|(?<=href=\"#)([^\"]*)")
+_WIDTH: Final = re.compile(r'\swidth="([\d.]+)pt"')
+_STYLE_SHEET: Final = re.compile(r"(<style[^>]*>)\s*\*\s*\{")
+
+_READABLE: Final = 0.85  # of the natural size; exponents of numbers, 6.3 points, are then 7 pixels high
+_PIXELS_PER_POINT: Final = 4.0 / 3.0
+
+
+def inline_svg(svg: str, name: str, label: str) -> str:
+    """The picture to be put into a page, as an image with a label.
+
+    Matplotlib numbers its ids anew in each picture: each gets `name` and "--" in front, and so does each reference to
+    it. A style sheet for all elements holds for those of the picture only. The least width keeps text readable.
+    """
+    scoped = _STYLE_SHEET.sub(rf"\1#{name}--svg *{{", _TAG.sub(lambda tag: _prefixed(tag[0], name), svg))
+    return _TAG.sub(lambda tag: _labelled(tag[0], name, label), scoped, count=1).rstrip() + "\n"
+
+
+def _prefixed(tag: str, name: str) -> str:
+    """A tag with its ids and references."""
+    return _REFERENCE.sub(lambda match: f"{name}--{match[0]}", _ID.sub(rf"{name}--\1", tag))
+
+
+def _labelled(tag: str, name: str, label: str) -> str:
+    """The tag of the svg element."""
+    width = _WIDTH.search(tag)
+    least = f' style="min-width: {_READABLE * _PIXELS_PER_POINT * float(width[1]):.0f}px"' if width else ""
+    return f'<svg id="{name}--svg" role="img" aria-label="{html.escape(label)}"{least}{tag[len("<svg") :]}'

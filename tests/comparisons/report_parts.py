@@ -1,0 +1,62 @@
+"""A small report with everything that reports can have, for the tests of its files."""
+
+from comparisons.report import Figure, Finding, Report, Section, Table, svg_text
+from comparisons.report.environment import environment_grids
+from comparisons.study.rows import Row
+from comparisons.tables import Grid
+from qvi_contact.plots.style import new_figure, settings
+
+MACHINE = {
+    "processor": "P1", "cores": 4, "memory_bytes": 2**34, "system": "Linux, x86_64", "python": "CPython 3.12.1",
+}  # fmt: skip
+
+TIMES = Grid(
+    "Times",
+    ("back end", "median\ntime", "stationarity [-]", "certi-\nfied", "status", "reason"),
+    [
+        ("qp:clarabel", "12.3 ms", "1.2e-05", "12 %", "done", "-"),
+        ("qp:osqp", "1.2 s", "< 1e-9", "> 99 %", "done", "-"),
+        ("qp:scs", "340 µs", "3.0e-02", "5 %", "timeout", f"ended after 60 s | with `ValueError`{9 * ', a sentence'}"),
+        ("qp:daqp", "none", "n/a", "100 %", "done", "-"),
+        ("qp:piqp", "2 min", "−1.0e-3", "0 %", "error", "-"),
+    ],
+)  # fmt: skip
+
+
+def picture(name):
+    """A picture with clip paths, markers and mathematical text."""
+    with settings():
+        figure = new_figure(6.0, 3.0)
+        axes = figure.subplots()
+        axes.semilogy([0.0, 1.0, 2.0], [1e-3, 1e-2, 1e-1], marker="o", label=name)
+        axes.set_xlabel("time [s]")
+        axes.legend()
+        return svg_text(figure, name)
+
+
+def row(position=0, status="done", load=0.5, seed=7, **environment):
+    """A stored row; more of its environment by keyword."""
+    known = {"machine": MACHINE, "versions": {"numpy": "2.0.0"}, "threads": 1, "timeout_seconds": 60.0}
+    case = {"repeat": 0, "seed": seed}
+    environment = known | {"memory_mib": None} | environment
+    return Row(position, "0", case, status, "", {}, None, 0.1, "2026-01-01", load, environment)
+
+
+def sample(svg=picture, **changes):
+    """The report; parts are replaced by name."""
+    times = Table("times", TIMES, "Medians of 5 repeats.", "Rows whose status is not done.")
+    many = Table("many", Grid("Many", ("case", "μ"), [(f"plate-{i}", f"{i / 10:g}") for i in range(40)]), "By case.")
+    lies = Table("lies", Grid("Called solved", ("back end", "times"), []), "A row for each.")
+    figures = [Figure(name, f"Figure of {name}", svg(name), f"Reading {name}.", f"Ends of {name}.") for name in "ab"]
+    parts = {
+        "name": "sample",
+        "title": "Solvers compared",
+        "introduction": "By `python -m comparisons solvers`.",
+        "findings": [Finding("*Clarabel* takes 12.3 ms.", "times"), Finding("Nobody lies.", "lies"), Finding("All.")],
+        "sections": [
+            Section("Times", ["Of 5 back ends."], [times, figures[0], many]), Section("Lies", [], [lies, figures[1]]),
+        ],
+        "settings": environment_grids([row(0), row(1, "timeout")]),
+        "limitations": ["One thread."],
+    }  # fmt: skip
+    return Report(**(parts | changes))
