@@ -19,7 +19,7 @@ The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
@@ -71,6 +71,7 @@ class FixedPointOptions:
     inner_tolerance : default 1e-4 × tolerance, between 1e-12 and 1e-6
     patience : iterations without progress before the iteration counts as stalled
     form : unknowns of the inner problems, "auto" (default), "full" or "condensed", see `forms`
+    inner_options : settings of the inner solver by its own names, instead of those that `inner_tolerance` stands for
     callback : called with every `Iteration`
 
     """
@@ -83,6 +84,7 @@ class FixedPointOptions:
     inner_tolerance: float | None = None
     patience: int = 15
     form: Form = "auto"
+    inner_options: Mapping[str, Any] | None = None
     callback: Callable[[Iteration], object] | None = None
 
     def __post_init__(self) -> None:
@@ -130,7 +132,7 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
     inner_tolerance = options.inner_tolerance or float(np.clip(_INNER_FACTOR * tolerance, *_INNER_LIMITS))
     try:
         form = make_form(qvi, options.form)
-        solver = make_inner(inner, form.problem, inner_tolerance)
+        solver = make_inner(inner, form.problem, inner_tolerance, options.inner_options)
     except InputError:
         raise
     except Exception as error:

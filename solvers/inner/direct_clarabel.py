@@ -6,6 +6,8 @@ Cite: P. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs
 """
 
 import time
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix, triu, vstack
@@ -25,7 +27,7 @@ class DirectClarabel:
 
     packages: tuple[str, ...] = ("clarabel",)
 
-    def __init__(self, qvi: FrictionQVI, tolerance: float) -> None:
+    def __init__(self, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
         clarabel = load("clarabel")
 
         self._inner = InnerProblem(qvi)
@@ -34,17 +36,20 @@ class DirectClarabel:
         rows = csc_matrix(vstack([qvi.A, self._inner.G])) if qvi.p else self._inner.G
         right = np.ones(qvi.p + 3 * qvi.m)  # of no meaning: every solve sets its own
         upper = csc_matrix(triu(qvi.K))
-        settings = self._settings(clarabel, tolerance)
+        settings = self._settings(clarabel, tolerance, options)
         self._solver = clarabel.DefaultSolver(upper, np.zeros(qvi.n), rows, right, cones, settings)
 
     @staticmethod
-    def _settings(clarabel: Module, tolerance: float) -> Module:
+    def _settings(clarabel: Module, tolerance: float, options: Mapping[str, Any] | None = None) -> Module:
         settings = clarabel.DefaultSettings()
+        if options is None:
+            options = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), max(tolerance, _FLOOR))
+        for name, value in options.items():
+            setattr(settings, name, value)
         settings.verbose = False
         settings.presolve_enable = False
         settings.chordal_decomposition_enable = False
         settings.input_sparse_dropzeros = False
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = max(tolerance, _FLOOR)
         return settings
 
     def solve(

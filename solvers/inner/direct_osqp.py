@@ -8,6 +8,8 @@ splitting solver for quadratic programs, Math. Prog. Comp. 2020.
 
 import time
 import warnings
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix, triu, vstack
@@ -27,7 +29,7 @@ class DirectOSQP:
 
     packages: tuple[str, ...] = ("osqp",)
 
-    def __init__(self, qvi: FrictionQVI, tolerance: float) -> None:
+    def __init__(self, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
         osqp = load("osqp")
 
         self._qvi = qvi
@@ -36,8 +38,8 @@ class DirectOSQP:
         bound = np.ones(qvi.p + 2 * qvi.m)  # of no meaning, as q = 0: every solve sets its own
         self._solver.setup(
             P=csc_matrix(triu(qvi.K)), q=np.zeros(qvi.n), A=self._rows, l=-bound, u=bound,
-            verbose=False, eps_abs=max(tolerance, _FLOOR), eps_rel=max(tolerance, _FLOOR),
-            max_iter=_MAX_ITERATIONS, polishing=False, polish_refine_iter=10,
+            verbose=False, polishing=False, polish_refine_iter=10,
+            **(_settings(tolerance) if options is None else options),
         )  # fmt: skip
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
@@ -99,3 +101,8 @@ class DirectOSQP:
             seconds,
             f"osqp: {word}",
         )
+
+
+def _settings(tolerance: float) -> dict[str, Any]:
+    """OSQP's settings for a tolerance."""
+    return {**dict.fromkeys(("eps_abs", "eps_rel"), max(tolerance, _FLOOR)), "max_iter": _MAX_ITERATIONS}

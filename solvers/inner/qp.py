@@ -7,6 +7,7 @@ wrong sign. Cite: S. Caron et al., qpsolvers: Quadratic Programming Solvers in P
 
 import time
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,12 @@ from solvers.types import Vector, load
 class QPSolver:
     """One `qpsolvers` back end for one QVI."""
 
-    def __init__(self, qvi: FrictionQVI, name: str, tolerance: float) -> None:
+    def __init__(self, qvi: FrictionQVI, name: str, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
         self.name = name
         self.backend = BACKENDS.get(name, QPBackend(name))
         self.packages: tuple[str, ...] = ("qpsolvers", self.backend.package or self.backend.module)
         self._inner = InnerProblem(qvi)
-        self._settings = self.backend.settings(tolerance)
+        self._settings = self.backend.settings(tolerance) if options is None else dict(options)
         self._matrices: list[Any] = [self._inner.P, self._inner.G, qvi.A]
         if self.backend.dense:
             self._matrices = [matrix.toarray() for matrix in self._matrices]

@@ -1,10 +1,11 @@
 """Names of inner solvers: what exists, what is installed, and how one is built."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
+from typing import Any
 
-from solvers.errors import SolverUnavailableError
+from solvers.errors import InputError, SolverUnavailableError
 from solvers.inner import qp_backends, socp
 from solvers.inner.problem import InnerSolver
 from solvers.problem import FrictionQVI
@@ -24,25 +25,32 @@ def available(kind: str | None = None) -> tuple[str, ...]:
     return tuple(name for name in names if (not is_strict(name) if kind is None else name.split(":")[0] == kind))
 
 
-def make_inner(name: str, qvi: FrictionQVI, tolerance: float) -> InnerSolver:
-    """Build the inner solver `name` for a QVI; `SolverUnavailableError` lists what exists."""
+def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None = None) -> InnerSolver:
+    """Build the inner solver `name` for a QVI; `SolverUnavailableError` lists what exists.
+
+    `options`, by the back end's own names, replace all that `tolerance` would set; strict solvers take none.
+    """
     name = check_name(name)
     kind, backend = name.split(":")
     if kind == "qp":
         from solvers.inner.qp import QPSolver
 
-        return QPSolver(qvi, backend, tolerance)
+        return QPSolver(qvi, backend, tolerance, options)
     if kind == "socp":
-        return socp.SOCPSolver(qvi, backend, tolerance)
+        return socp.SOCPSolver(qvi, backend, tolerance, options)
     if is_strict(kind):
+        if options is not None:
+            raise InputError(
+                "options", dict(options), f"{name} takes its settings from the tolerance alone: leave them out"
+            )
         return _make_strict(kind, backend, qvi, tolerance)
     if backend == "clarabel":
         from solvers.inner.direct_clarabel import DirectClarabel
 
-        return DirectClarabel(qvi, tolerance)
+        return DirectClarabel(qvi, tolerance, options)
     from solvers.inner.direct_osqp import DirectOSQP
 
-    return DirectOSQP(qvi, tolerance)
+    return DirectOSQP(qvi, tolerance, options)
 
 
 def _make_strict(kind: str, backend: str, qvi: FrictionQVI, tolerance: float) -> InnerSolver:

@@ -67,12 +67,13 @@ WORDS: Mapping[str, Status] = MappingProxyType(
 class SOCPSolver:
     """One cvxpy problem for one QVI; `solve` only sets the parameters."""
 
-    def __init__(self, qvi: FrictionQVI, name: str, tolerance: float) -> None:
+    def __init__(self, qvi: FrictionQVI, name: str, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
         cp = load("cvxpy")
 
         backend = BACKENDS[name]
         self.packages: tuple[str, ...] = ("cvxpy", backend.module)
-        self._qvi, self._name, self._settings = qvi, name, backend.settings(tolerance)
+        self._qvi, self._name = qvi, name
+        self._settings = backend.settings(tolerance) if options is None else dict(options)
         self._x = cp.Variable(qvi.n)
         self.threshold = cp.Parameter(qvi.m, nonneg=True)
         self._f, self._n0, self._t0 = cp.Parameter(qvi.n), cp.Parameter(qvi.m), cp.Parameter(qvi.m)
