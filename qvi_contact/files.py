@@ -1,41 +1,12 @@
 """Files that are either there whole or not there at all."""
 
-import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from qvi_contact.errors import InputError
+from solvers.files import replacing, unwritable
 
-
-@contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
-    """Give a temporary name beside `path` to write to, and rename it to `path` when the block ends well.
-
-    An earlier file of that name survives any failure.
-
-    Raises
-    ------
-    InputError
-        If the folder or file cannot be written.
-
-    """
-    target = Path(path)
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
-        os.close(handle)
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(target)
-    except OSError as error:
-        raise _unwritable(target, error) from error
-    finally:
-        temporary.unlink(missing_ok=True)
+__all__ = ["check_suffix", "replacing", "writable_folder", "write_text"]
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -57,17 +28,6 @@ def writable_folder(path: str | Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
-        raise _unwritable(folder, error) from error
+    except (OSError, ValueError) as error:  # ValueError: a name no folder can have
+        raise unwritable(folder, error) from error
     return folder
-
-
-def _unwritable(path: Path, error: OSError) -> InputError:
-    reason = error.strerror or str(error)
-    return InputError("output", str(path), f"cannot be written ({reason}): give another place, or make room there")
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

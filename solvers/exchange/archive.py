@@ -23,7 +23,8 @@ from scipy.sparse import csc_matrix
 
 from solvers.certificate import certify
 from solvers.errors import InputError
-from solvers.exchange.files import replacing, unreadable
+from solvers.exchange.files import unreadable
+from solvers.files import replacing
 from solvers.problem import FrictionQVI
 from solvers.solution import QVISolution
 from solvers.status import Status

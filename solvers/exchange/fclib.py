@@ -28,8 +28,9 @@ import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
 from solvers.errors import InputError
-from solvers.exchange.files import finite, replacing, unreadable
+from solvers.exchange.files import finite, unreadable
 from solvers.exchange.local_problem import LARGEST, ContactState, LocalProblem
+from solvers.files import replacing
 from solvers.types import Matrix, Module, Sparse, Vector, load
 
 _KIND = "an FCLIB file (HDF5)"

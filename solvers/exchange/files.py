@@ -1,44 +1,10 @@
-"""Files of this package: written whole or not at all, and read with one clear line for what is wrong."""
+"""Files that others may have written: one clear line for what is wrong with them."""
 
-import os
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from solvers.errors import InputError
-
-
-@contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
-    """Give a temporary name beside `path` to write to, and rename it to `path` when the block ends well.
-
-    Raises
-    ------
-    InputError
-        If the folder or file cannot be written; an earlier file of that name then survives.
-
-    """
-    target = Path(path)
-    temporary: Path | None = None
-    try:
-        handle, name = tempfile.mkstemp(prefix=".writing-", suffix=target.suffix, dir=target.parent)
-        os.close(handle)
-        temporary = Path(name)
-        yield temporary
-        temporary.chmod(0o644)
-        temporary.replace(target)
-    except (OSError, ValueError) as error:  # ValueError: a name no file can have
-        if isinstance(error, InputError):
-            raise
-        reason = getattr(error, "strerror", None) or str(error)
-        remedy = f"cannot be written ({reason}): give another place, or make room there"
-        raise InputError("output", str(target), remedy) from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
 
 
 def unreadable(path: str | Path, error: Exception, kind: str) -> InputError:

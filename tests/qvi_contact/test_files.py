@@ -75,7 +75,7 @@ def test_a_folder_in_the_place_of_the_file(tmp_path):
     assert list(tmp_path.iterdir()) == [target]
 
 
-@pytest.mark.parametrize("place", ["{file}/below", "{folder}/missing", "/proc"])
+@pytest.mark.parametrize("place", ["{file}/below", "{folder}/missing", "/proc", "{folder}/a\0b"])
 @pytest.mark.parametrize("name", ["table.csv", "a\nb.csv"])
 def test_places_without_files(earlier, place, name):
     target = Path(place.format(file=earlier, folder=earlier.parent)) / name
@@ -86,7 +86,13 @@ def test_places_without_files(earlier, place, name):
     assert_untouched(earlier)
 
 
-@pytest.mark.parametrize("place", ["{file}", "{file}/below", "/proc/below", "/proc"])
+def test_a_name_that_no_file_can_have(earlier):
+    with pytest.raises(InputError, match=r"cannot be written \(embedded null byte"):
+        write_text(earlier.with_name("a\0b.csv"), "text")
+    assert_untouched(earlier)
+
+
+@pytest.mark.parametrize("place", ["{file}", "{file}/below", "/proc/below", "/proc", "{file}\0"])
 def test_folders_that_cannot_be_written_or_made(earlier, place):
     folder = place.format(file=earlier)
     with pytest.raises(InputError, match="cannot be written") as caught:
