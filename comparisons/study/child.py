@@ -1,17 +1,19 @@
 """A worker process: cases as lines of JSON on standard input, outcomes as lines of JSON on standard output.
 
-    python -m comparisons.study.child
+    python -m comparisons.study.child [END]
 
 Started by `children`, not by hand. The first line names the task and the memory limit, the first answer is the
 environment, or why the task cannot be loaded. What libraries print goes to standard error.
 
 The process ends when its parent does: between cases it sees the end of standard input, and for the time of a case see
-`limits.ends_with_parent`.
+`limits.ends_with_parent`; END is the number of its end of a pipe to which the parent writes nothing. Standard input
+would not do for that: on Linux the signal for a line can come after the line was read.
 """
 
 import gc
 import json
 import os
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -29,16 +31,25 @@ Task = Callable[[dict[str, Any]], Any]
 def main() -> None:
     """Do what is asked, then end with all that the task may have started."""
     try:
-        _serve(*_channels())
+        _serve(*_channels(), _lifeline())
     finally:
         end_group()
 
 
-def _serve(commands: IO[bytes], answers: IO[bytes]) -> None:
+def _lifeline() -> IO[bytes] | None:
+    """The pipe that is closed when the parent ends, for this process alone."""
+    if len(sys.argv) < 2:
+        return None
+    os.set_inheritable(int(sys.argv[1]), False)
+    return os.fdopen(int(sys.argv[1]), "rb")
+
+
+def _serve(commands: IO[bytes], answers: IO[bytes], lifeline: IO[bytes] | None) -> None:
     """Load the task, then do the cases one after the other."""
     order = json.loads(commands.readline())
+    pipe = lifeline or commands
     try:
-        with ends_with_parent(commands):
+        with ends_with_parent(pipe):
             limit_memory(order["memory"])
             task = _loaded(order["task"])
     except BaseException as error:  # a module may raise anything
@@ -46,7 +57,7 @@ def _serve(commands: IO[bytes], answers: IO[bytes]) -> None:
         return
     _answer(answers, {"environment": _environment(order["packages"])})
     while line := next_line(commands):
-        with ends_with_parent(commands):
+        with ends_with_parent(pipe):
             outcome = _outcome(task, json.loads(line))
         _answer(answers, outcome)  # out there: the next case may follow at once
 

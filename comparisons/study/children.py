@@ -66,6 +66,7 @@ class Child:
         self._terms = terms
         self._lock = Lock()  # so that nobody ends a process that was waited for, whose number may be another's by now
         self._process: subprocess.Popen[bytes] | None = None
+        self._lifeline: int | None = None
         self._stopped = False
         self._complaints = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - see close
         self._environment: dict[str, Any] = {}
@@ -122,11 +123,19 @@ class Child:
         return f"cannot be loaded: {answer['refused']}" if "refused" in answer else ""
 
     def _popen(self) -> "subprocess.Popen[bytes]":
-        return subprocess.Popen(
-            [sys.executable, "-m", "comparisons.study.child"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._complaints,
-            env=environment(self._terms.threads), start_new_session=True,
-        )  # fmt: skip
+        """The process, with the end of a pipe to which nothing is ever written: it is closed when this one ends."""
+        words, ends = [sys.executable, "-m", "comparisons.study.child"], []
+        if os.name == "posix":
+            end, self._lifeline = os.pipe()
+            words, ends = [*words, str(end)], [end]
+        try:
+            return subprocess.Popen(
+                words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._complaints, pass_fds=ends,
+                env=environment(self._terms.threads), start_new_session=True,
+            )  # fmt: skip
+        finally:
+            for end in ends:
+                os.close(end)
 
     def _ask(self, document: Mapping[str, Any], limit: float | None) -> tuple[dict[str, Any] | None, bool]:
         """Send a line and wait for the answer; None if the process ended before, and whether that was our doing."""
@@ -160,6 +169,9 @@ class Child:
     def _end(self) -> int:
         """End the process if there is one; its exit status, negative if that was a signal."""
         process = self._process
+        if self._lifeline is not None:
+            os.close(self._lifeline)
+            self._lifeline = None
         if process is None:
             return 0
         with self._lock:

@@ -31,6 +31,7 @@ VALUES = st.recursive(
     SCALARS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3)
 )
 CASES = st.dictionaries(st.text(), VALUES, max_size=5)
+few = settings(max_examples=40)
 
 
 def shuffled(value):
@@ -69,21 +70,24 @@ def connected(path):
 class TestKeys:
     """A case's key."""
 
+    @few
     @given(CASES)
     def test_order_of_entries_does_not_matter(self, case):
         assert case_key("study", 1, case) == case_key("study", 1, shuffled(case))
 
-    @settings(max_examples=50)
+    @few
     @given(CASES, CASES)
     def test_other_cases_have_other_keys(self, one, other):
         same = told_apart(one) == told_apart(other)
         assert (case_key("study", 1, one) == case_key("study", 1, other)) is same
 
+    @few
     @given(VALUES, VALUES)
     def test_other_values_have_other_keys(self, one, other):
         keys = {case_key("study", 1, {"factor": value}) for value in (one, other)}
         assert len(keys) == (1 if told_apart(one) == told_apart(other) else 2)
 
+    @few
     @given(VALUES)
     def test_a_plain_value_comes_back_from_its_json(self, value):
         assert told_apart(json.loads(canonical(plain(value, "value")))) == told_apart(value)

@@ -65,6 +65,14 @@ def running(tmp_path_factory):
     found.close()
 
 
+@pytest.fixture(scope="module")
+def local(tmp_path_factory):
+    """Rows of the demo from this machine."""
+    path = tmp_path_factory.mktemp("local") / "a"
+    run_study(DEMO, path)
+    return comparable(path)
+
+
 @pytest.fixture
 def started(tmp_path):
     """Start a cluster for one test."""
@@ -99,10 +107,9 @@ def children(mark):
 class TestRows:
     """What comes back from a cluster."""
 
-    def test_same_as_from_one_process(self, running, tmp_path):
-        run_study(DEMO, tmp_path / "local")
+    def test_same_as_from_one_process(self, running, local, tmp_path):
         assert run_study(DEMO, tmp_path / "dask", dask=running.address).complete
-        assert comparable(tmp_path / "dask") == comparable(tmp_path / "local")
+        assert comparable(tmp_path / "dask") == local
         assert children(running.mark) == []
 
     def test_both_workers_work_and_limits_hold_there(self, running, tmp_path):
@@ -120,7 +127,7 @@ class TestEnds:
     """Runs that end before the study does."""
 
     @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-    def test_nothing_is_lost_or_repeated(self, running, command, tmp_path, number):
+    def test_nothing_is_lost_or_repeated(self, running, local, command, tmp_path, number):
         before = children(running.mark)  # an earlier run that was killed leaves some for a while
         process = command("--dask", running.address)
         assert eventually(lambda: rows_in(tmp_path / "a") >= 3)
@@ -133,8 +140,7 @@ class TestEnds:
             assert set(children(running.mark)) <= set(before)
         assert 3 <= rows_in(tmp_path / "a") < 26
         run_study(DEMO, tmp_path / "a", dask=running.address)
-        run_study(DEMO, tmp_path / "local", workers=2)
-        assert comparable(tmp_path / "a") == comparable(tmp_path / "local")
+        assert comparable(tmp_path / "a") == local
 
     def test_long_case_is_ended_by_an_interrupt(self, running, command):
         process = command("--dask", running.address, "--way", "hold")
@@ -169,7 +175,7 @@ class TestLosses:
         assert second.environment["threads"] == 1
 
     def test_lost_scheduler(self, started, command, tmp_path):
-        lossy = started()
+        lossy = started(workers=1)
         process = command("--dask", lossy.address, "--way", "plain", "--way", "hold")
         assert eventually(lambda: rows_in(tmp_path / "a") == 1)
         lossy.processes[0].kill()
@@ -179,17 +185,17 @@ class TestLosses:
         assert len(err.splitlines()) == 1
         assert rows_in(tmp_path / "a") == 1
 
-    def test_workers_without_this_package(self, started, tmp_path):
+    def test_no_workers_and_workers_without_this_package(self, started, tmp_path, monkeypatch):
         (tmp_path / "comparisons").mkdir()
         (tmp_path / "comparisons" / "__init__.py").touch()
-        bare = started(workers=1, path=tmp_path)
+        bare = started(workers=0, path=tmp_path)
+        with monkeypatch.context() as patch:
+            patch.setattr(cluster, "_CONNECTING", 0.5)
+            with pytest.raises(InputError, match="has no workers"):
+                run_study(SMALL, tmp_path / "a", dask=bare.address)
+        bare.add_worker()
         with pytest.raises(InputError, match="install this package and the task's on its scheduler and workers"):
             run_study(SMALL, tmp_path / "a", dask=bare.address)
-
-    @pytest.mark.usefixtures("hurried")
-    def test_no_workers(self, started, tmp_path):
-        with pytest.raises(InputError, match="has no workers"):
-            run_study(SMALL, tmp_path / "a", dask=started(workers=0).address)
 
     @pytest.mark.usefixtures("hurried")
     @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "ftp://x", ""])
