@@ -1,60 +1,206 @@
-"""The picture of a run: errors against unknowns, and against time."""
+"""Pictures of a run: errors against costs, and bounds against the mesh."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
-from comparisons.peers.models import MODELS
-from qvi_contact.plots import GREY
-from qvi_contact.plots.style import new_figure
+from comparisons.peers.findings import slug
+from comparisons.peers.models import BRACKET, EQUILIBRIUM, MESHES, MODELS, Mesh
+from comparisons.peers.points import Point, Reference
+from comparisons.report import Figure, svg_text
+from comparisons.report.numbers import scientific
+from qvi_contact.plots import GREY, has_matplotlib
+from qvi_contact.plots.style import new_figure, settings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-Document = dict[str, Any]
+_MIB: Final = 2.0**20
+_WIDTH, _PANEL, _LINE = 4.8, 3.0, 0.16  # of a picture, of a panel, of a line of a legend [inch]
+_COLUMNS: Final = 2
+_BAR: Final = "#dce6f0"
+_BESIDE: Final = 0.075  # of a mesh's place, between two marks of the picture of bounds
 
-
-def drawable(document: Document) -> list[dict[str, Any]]:
-    """The frictions with a settled value."""
-    return [settled for settled in document["settled"] if settled["half_force"] is not None]
-
-
-def picture(document: Document) -> "Figure":
-    """For each friction with a settled value a line of two: errors against unknowns, and against set-up and solve."""
-    lines = drawable(document)
-    figure = new_figure(11.0, 0.9 + 3.9 * len(lines))
-    panels = figure.subplots(len(lines), 2, squeeze=False)
-    for (left, right), settled in zip(panels, lines, strict=True):
-        for axes, key, label in ((left, "unknowns", "unknowns [-]"), (right, "whole", "set-up and solve [s]")):
-            _curves(axes, document, settled, key)
-            axes.set_xlabel(label)
-            axes.set_ylabel("relative error of P/2 [-]")
-            axes.set_title(f"μ = {settled['friction']:g}, one thread", fontsize=9)
-    handles: dict[str, Any] = {}
-    for axes in panels.flat:
-        handles |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    return figure
+_GUARANTEED: Final = (
+    "Crosses are no errors but what the bracket guarantees of them without any reference: half the distance of its "
+    "bounds, for the time, unknowns and memory of stress and displacement together."
+)
 
 
-def _curves(axes: "Axes", document: Document, settled: dict[str, Any], key: str) -> None:
+@dataclass(frozen=True)
+class Cost:
+    """What an error is drawn against."""
+
+    name: str
+    label: str
+    of: Callable[[Point], float | None]
+
+
+COSTS: Final = (
+    Cost("unknowns", "unknowns [-]", lambda point: point.unknowns),
+    Cost("time", "wall time of set-up and solve, one thread [s]", lambda point: point.seconds),
+    Cost("memory", "largest resident memory of the process [MiB]", lambda point: point.peak and point.peak / _MIB),
+)
+
+
+def error_figure(found: Sequence[Point], known: Reference, cost: Cost) -> Figure:
+    """Errors of P/2 at one μ against a cost: a panel for each kind of mesh, a curve for each model."""
+    here = [point for point in found if point.friction == known.friction]
+    name = f"error-{cost.name}-{slug(known.friction)}"
+    return Figure(
+        name,
+        f"Error of P/2 against {cost.name}, μ = {known.friction:g}",
+        _drawn(name, here, lambda axes, points: _error_curves(axes, points, known, cost)),
+        "Both axes are logarithmic; along a curve meshes get finer. Down and to the left is better. Errors are "
+        f"relative to {known.value:.6f} MPa × length, {known.source}; in the grey band, below "
+        f"{scientific(known.floor)}, nothing is resolved, and marks in it stand at one height."
+        + (f" {_GUARANTEED}" if _guaranteed(here) else ""),
+        "Runs without a solution have no mark; the table of all runs names them.",
+    )
+
+
+def bounds_figure(found: Sequence[Point], known: Reference | None, friction: float) -> Figure:
+    """What brackets say on each mesh: intervals of P/2 and the codes' values, or an indicator."""
+    here = [point for point in found if point.friction == friction]
+    name = f"bounds-{slug(friction)}"
+    failure = "A mark of the equilibrium model or of the companion outside the interval of its mesh."
+    if known is not None and _guaranteed(here):
+        drawn = _drawn(name, here, lambda axes, points: _intervals(axes, points, known))
+        reading = (
+            "Bars: where P/2 is guaranteed to lie, by stress and displacement on one mesh, up to rounding and the "
+            "tolerance of the solves. Marks: the forces of the models on the same mesh, beside the bar. Heights are "
+            f"relative to {known.value:.6f} MPa × length, {known.source}, on a scale that is logarithmic on both sides "
+            f"and linear within the grey band of ± {scientific(known.floor)}. The other codes say nothing of how far "
+            "off they are."
+        )
+        return Figure(name, f"Guaranteed bounds of P/2, μ = {friction:g}", drawn, reading, failure)
+    drawn = _drawn(name, here, lambda axes, points: _indicators(axes, points, known))
+    reading = (
+        "The contact slips, P has no guaranteed bounds. Crosses: half the gap of the energies over their mean, for the "
+        "problem whose friction bound is that of the computed state; an indicator, not a bound. Circles: the error of "
+        "P/2 by the equilibrium model."
+    )
+    return Figure(name, f"Indicator of the bracket, μ = {friction:g}", drawn, reading)
+
+
+def _guaranteed(points: Sequence[Point]) -> bool:
+    """Whether P has guaranteed bounds somewhere."""
+    return any(point.solved and point.bounds and point.bounds.force for point in points)
+
+
+def _drawn(name: str, points: Sequence[Point], draw: Callable[["Axes", Sequence[Point]], None]) -> str:
+    """A picture of two panels, one below the other, each with its legend; nothing without matplotlib."""
+    if not has_matplotlib():
+        return ""
+    panels = [(mesh, [point for point in points if point.model.mesh == mesh]) for mesh in MESHES]
+    panels = [(mesh, of_mesh) for mesh, of_mesh in panels if of_mesh]
+    with settings():
+        lines = 1 + max(len({point.model.name for point in of_mesh}) for _, of_mesh in panels) // _COLUMNS
+        figure = new_figure(_WIDTH, len(panels) * (_PANEL + _LINE * lines))
+        axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True, sharey=True)[:, 0]
+        for (mesh, of_mesh), each in zip(panels, axes, strict=True):
+            draw(each, of_mesh)
+            _finish(each, mesh)
+        return svg_text(figure, name)
+
+
+def _finish(axes: "Axes", mesh: Mesh) -> None:
+    axes.set_title(f"{mesh} meshes", fontsize=9)
+    axes.xaxis.set_tick_params(labelbottom=True)
+    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
+    axes.set_axisbelow(True)
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.43, -0.2), ncols=_COLUMNS, fontsize=7,
+                frameon=False, columnspacing=1.0)  # fmt: skip
+
+
+def _error_curves(axes: "Axes", points: Sequence[Point], known: Reference, cost: Cost) -> None:
     """A curve for each model that has an error, and the band in which errors mean nothing."""
     from matplotlib.ticker import NullFormatter
 
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.xaxis.set_minor_formatter(NullFormatter())
-    floor, lowest = settled["meaningless"], settled["meaningless"]
     for model in MODELS:
-        rows = [r for r in document["rows"] if r["model"] == model.name and r["friction"] == settled["friction"]]
-        points = [(row[key], row["error"]) for row in rows if row["error"]]
-        if not points:
-            continue
-        x, y = zip(*points, strict=True)
-        lowest = min(lowest, *y)
-        filling = model.colour if model.mesh == "uniform" else "white"
-        axes.plot(x, y, color=model.colour, marker=model.marker, linestyle=model.line, markerfacecolor=filling,
-                  markersize=6, linewidth=1.2, label=model.name)  # fmt: skip
-    bottom = lowest / 3.0
-    axes.axhspan(bottom, floor, color=GREY, alpha=0.2, linewidth=0, label="uncertainty of the settled value")
-    axes.set_ylim(bottom=bottom)
-    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
+        pairs = [(cost.of(p), _height(p, known)) for p in points if p.model == model]
+        shown = [(x, y) for x, y in pairs if x and y]
+        if shown:
+            label = _label(model.name) + (": guaranteed" if model.code == BRACKET else "")
+            axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,
+                      markersize=6, linewidth=1.2, label=label)  # fmt: skip
+    axes.axhspan(known.floor / 10.0, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
+    axes.set_ylim(bottom=known.floor / 10.0)
+    axes.set_xlabel(cost.label)
+    axes.set_ylabel("relative error of P/2 [-]")
+
+
+def _height(point: Point, known: Reference) -> float | None:
+    """The error, or half the distance of guaranteed bounds; what is not resolved is inside the band."""
+    value = known.error(point)
+    if point.bounds is not None:
+        value = point.bounds.width if point.solved and point.bounds.force else None
+    return None if value is None else max(value, known.floor / 5.0)
+
+
+def _intervals(axes: "Axes", points: Sequence[Point], known: Reference) -> None:
+    """A bar for each mesh, and beside it what the models say."""
+    cells = sorted({point.cells for point in points})
+    place = {each: float(number) for number, each in enumerate(cells)}
+    axes.set_yscale("symlog", linthresh=known.floor)
+    axes.axhspan(-known.floor, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
+    for point in points:
+        force = point.bounds.force if point.bounds and point.solved else None
+        if force is not None:
+            low, high = (end / known.value - 1.0 for end in force)
+            axes.bar(place[point.cells] - 0.36, high - low, 0.14, low, color=_BAR, edgecolor=point.model.colour,
+                     label=f"{_label(point.model.name)}: guaranteed")  # fmt: skip
+    models = [model for model in MODELS if model.code != BRACKET and any(p.model == model for p in points)]
+    for number, model in enumerate(models):
+        forces = {p.cells: p.half_force for p in points if p.model == model and p.solved}
+        shown = [(place[n] - 0.22 + _BESIDE * number, f / known.value - 1.0) for n, f in forces.items() if f]
+        if shown:
+            axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle="none",
+                      markersize=5, label=_label(model.name))  # fmt: skip
+    _mesh_axis(axes, cells)
+    axes.margins(y=0.05)
+    axes.set_ylabel("P/2, relative difference [-]")
+    _name_once(axes)
+
+
+def _indicators(axes: "Axes", points: Sequence[Point], known: Reference | None) -> None:
+    """The width of the energies on each mesh, and the error of P/2 where it is known."""
+    cells = sorted({point.cells for point in points})
+    place = {each: float(number) for number, each in enumerate(cells)}
+    axes.set_yscale("log")
+    for model in MODELS:
+        here = [p for p in points if p.model == model and p.solved]
+        shown = [(place[p.cells], p.bounds.width) for p in here if p.bounds]
+        label = f"{_label(model.name)}: indicator"
+        if known is not None and model.code == EQUILIBRIUM:
+            shown = [(place[p.cells], known.error(p) or known.floor) for p in here]
+            label = "equilibrium: error of P/2"
+        if shown:
+            axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,
+                      markersize=6, linewidth=1.2, label=label)  # fmt: skip
+    _mesh_axis(axes, cells)
+    axes.set_ylabel("relative [-]")
+
+
+def _mesh_axis(axes: "Axes", cells: Sequence[int]) -> None:
+    axes.set_xticks(range(len(cells)), [f"{each}²" for each in cells])
+    axes.set_xlim(-0.6, len(cells) - 0.4)
+    axes.set_xlabel("cells [-]")
+
+
+def _name_once(axes: "Axes") -> None:
+    """Each label once in the legend: bars come one by one."""
+    seen: set[str] = set()
+    for container in axes.containers:
+        if container.get_label() in seen:
+            container.set_label("_")
+        seen.add(str(container.get_label()))
+
+
+def _label(name: str) -> str:
+    """A model's name inside the panel of its mesh."""
+    return name.removesuffix(", uniform").removesuffix(", graded")

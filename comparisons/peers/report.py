@@ -1,83 +1,111 @@
-"""The report of a run: terminal, JSON, Markdown, picture."""
+"""The report of a run, computed from its rows alone: as a document, and as JSON."""
 
 import json
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
-from comparisons.benchmark.report import heading
-from comparisons.peers.figures import drawable, picture
-from comparisons.peers.tables import tables
-from comparisons.tables import markdown_table, rich_table
-from qvi_contact.files import write_text
-from qvi_contact.plots import has_matplotlib
-from qvi_contact.plots.style import save_figure, settings
+from comparisons.peers.figures import COSTS, bounds_figure, error_figure
+from comparisons.peers.findings import findings
+from comparisons.peers.points import Point, Reference, missing, points, reference
+from comparisons.peers.tables import (
+    bounds_table,
+    meshes_grid,
+    missing_table,
+    models_grid,
+    references_grid,
+    reported_table,
+    rows_table,
+)
+from comparisons.report import Exhibit, Report, Section, Table, environment_grids
+from comparisons.report.marks import plain
+from comparisons.study import Row
 
-Document = dict[str, Any]
+SCHEMA: Final = "qvi-contact/peers/2"
 
-TEXTS: Final = ("peers.json", "peers.md")
-PICTURES: Final = ("peers.png", "peers.svg")
+_LIMITATIONS: Final = (
+    "One problem, the paper's plate: smooth but for one free corner, one material, one contact line.",
+    "Each code as its documentation would have it, by scripts of this project, on one thread; other parameters, "
+    "elements or solvers may be quicker.",
+    "Unknowns are each code's own: GetFEM counts its multipliers, the equilibrium model its stress parameters before "
+    "condensation, the companion its displacements.",
+    "Memory is that of the whole process with all that its libraries load; on coarse meshes it is nothing else.",
+    "A code's first solve in its process is one of the timed ones, after a tiny case that has loaded everything; what "
+    "it keeps from one solve to the next is to its advantage.",
+    "What displacement codes settle on was found once, with finer meshes of two of the codes that are compared here.",
+)  # fmt: skip
 
-_WIDTH: Final = 190
+
+def peers_report(rows: Sequence[Row], command: str) -> Report:
+    """The report of these rows, which this command made."""
+    found = points(rows)
+    frictions = sorted({point.friction for point in found})
+    known = {friction: reference(found, friction) for friction in frictions}
+    sections = [_section(found, friction, known[friction]) for friction in frictions]
+    others = _others(found, known)
+    if others:
+        sections.append(Section("Other codes", ("Codes that did not take part in this run.",), others))
+    return Report(
+        "peers",
+        "The plate by displacement codes",
+        "The paper's plate, `qvi_contact.gallery.compressed_plate(μ, cells=(n, n), grading=q)`, on the same grid lines "
+        "by each code in one run: stresses in equilibrium (the equilibrium model), this package's displacement model "
+        "(the companion), NGSolve (degree p on quadrilaterals, Nitsche's method in the variant named) and GetFEM (Q2, "
+        "its integral contact brick, r = E, tolerance 1e-8). Each case has a process of its own. "
+        f"Made by `{command}`.",
+        findings(found),
+        sections,
+        [
+            references_grid([each for each in known.values() if each]),
+            models_grid(found),
+            meshes_grid(found),
+            *environment_grids(rows),
+        ],
+        _LIMITATIONS,
+    )
 
 
-def as_json(document: Document) -> str:
-    """The document as text."""
+def _section(found: Sequence[Point], friction: float, known: Reference | None) -> Section:
+    """Everything at one μ: bounds first, then errors against costs, then all rows."""
+    here = [point for point in found if point.friction == friction]
+    exhibits: list[Exhibit] = []
+    if any(point.solved and point.bounds for point in here):
+        exhibits.append(bounds_figure(found, known, friction))
+    if known is not None and any(known.error(point) is not None for point in here):
+        exhibits += [error_figure(found, known, cost) for cost in COSTS]
+    exhibits += [bounds_table(found, friction), rows_table(found, known, friction)]
+    return Section(f"μ = {friction:g}", (), exhibits)
+
+
+def _others(found: Sequence[Point], known: dict[float, Reference | None]) -> list[Table]:
+    reported = next((table for each in known.values() if (table := reported_table(found, each))), None)
+    return [*([missing_table(found)] if missing(found) else []), *([reported] if reported else [])]
+
+
+def as_json(rows: Sequence[Row]) -> str:
+    """Values, points and findings as one document."""
+    found = points(rows)
+    known = [reference(found, friction) for friction in sorted({point.friction for point in found})]
+    document = {
+        "schema": SCHEMA,
+        "units": {"half_force": "MPa × length", "seconds": "s, wall time", "memory": "bytes"},
+        "references": [{**asdict(each), "floor": each.floor} for each in known if each],
+        "missing": missing(found),
+        "rows": [_row(point, known) for point in found],
+        "findings": [plain(finding.text) for finding in findings(found)],
+    }
     return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
 
 
-def show(document: Document, written: list[Path]) -> None:
-    """Print heading, tables and findings on standard output."""
-    from rich.console import Console
-
-    console = Console(highlight=False, markup=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, markup=False, width=_WIDTH)
-    console.print("\n".join([*heading(document), ""]))
-    for grid in tables(document):
-        console.print(rich_table(grid))
-        console.print(f"{grid.note}\n")
-    for sentence in document["findings"]:
-        console.print(f"• {sentence}")
-    if written and not has_matplotlib():
-        console.print("\nNo picture: it needs matplotlib, python -m pip install 'qvi-contact[plot]'")
-    if written:
-        console.print(f"\nWritten to {written[0].parent}: {', '.join(path.name for path in written)}", soft_wrap=True)
-
-
-def write(document: Document, folder: Path) -> list[Path]:
-    """Write all files, each whole or not at all; pictures where matplotlib is installed and errors are known."""
-    write_text(folder / TEXTS[0], as_json(document) + "\n")
-    write_text(folder / TEXTS[1], as_markdown(document))
-    written = [folder / name for name in TEXTS]
-    if _drawn(document):
-        with settings():
-            figure = picture(document)
-            for name in PICTURES:
-                save_figure(folder / name, figure)
-        written += [folder / name for name in PICTURES]
-    return written
-
-
-def as_markdown(document: Document) -> str:
-    """The report as Markdown."""
-    image = f"![Relative error of P/2 against unknowns and against wall time]({PICTURES[0]})"
-    parts = [
-        "# Displacement codes on the compressed plate",
-        "",
-        *(f"- {sentence}" for sentence in document["findings"]),
-        "",
-        *([image, ""] if _drawn(document) else []),
-        *(markdown_table(grid) for grid in tables(document)),
-        "## How it was measured",
-        "",
-        *(f"- {line}" for line in heading(document)),
-        "",
-        "Every code solves `qvi_contact.gallery.compressed_plate(μ, cells=(n, n), grading=q)` on the same grid lines. "
-        "NGSolve: degree p on quadrilaterals, Nitsche's method in the variant named. GetFEM: its integral contact "
-        "brick, r = E, tolerance 1e-8, bilinear contact stresses.",
-    ]
-    return "\n".join(parts).rstrip() + "\n"
-
-
-def _drawn(document: Document) -> bool:
-    return has_matplotlib() and bool(drawable(document))
+def _row(point: Point, known: Sequence[Reference | None]) -> dict[str, Any]:
+    """A point in plain values."""
+    model, bounds = point.model, point.bounds
+    errors = [each.error(point) for each in known if each and each.friction == point.friction]
+    names = ("friction", "cells", "status", "message", "half_force", "unknowns", "iterations", "residual",
+             "setup", "solve", "seconds", "spread", "before", "peak", "version")  # fmt: skip
+    return {
+        "model": model.name, "code": model.code, "mesh": model.mesh,
+        **{name: getattr(point, name) for name in names},
+        "error": errors[0] if errors else None,
+        "bounds": bounds._asdict() if bounds else None,
+    }  # fmt: skip

@@ -1,78 +1,156 @@
-"""Tables of a run, once for the terminal and for Markdown."""
+"""Tables of a run."""
 
-from typing import Any, Final
+from collections.abc import Sequence
 
-from comparisons.benchmark.reference import SETTLED, SETTLED_UNCERTAINTY
+from comparisons.benchmark.ratios import median
+from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
+from comparisons.peers.findings import slug
+from comparisons.peers.measure import grading
+from comparisons.peers.models import BRACKET, CODES, MODELS
+from comparisons.peers.points import KINDS, Point, Reference, missing
+from comparisons.report import Table
+from comparisons.report.numbers import listing, percent, scientific, significant
 from comparisons.tables import Grid
 
-Document = dict[str, Any]
-
-_NOTHING: Final = "-"
-_MIB: Final = 2.0**20
-
-
-def tables(document: Document) -> list[Grid]:
-    """One for each friction, then codes that are not installed, then what was reported elsewhere."""
-    grids = [_rows(document, settled) for settled in document["settled"]]
-    return [grid for grid in (*grids, _missing(document), _reported(document)) if grid.rows]
+_NOTHING = "-"
+_MIB = 2.0**20
+_READING = (
+    "Times are medians over the runs of one process, set-up and solve together, on one thread, after a tiny case that "
+    "loads all libraries (spread: largest less smallest over the median). Memory: the largest resident memory of the "
+    "process after its first solve; what its libraries take is in the table of models."
+)
 
 
-def _rows(document: Document, settled: dict[str, Any]) -> Grid:
-    headings = ("model", "cells", "grading", "unknowns", "status", "iter-\nations", "P/2", "error", "set-up [s]",
-                "solve [s]", "spread", "runs", "memory [MiB]", "before [MiB]", "residual")  # fmt: skip
+def rows_table(found: Sequence[Point], known: Reference | None, friction: float) -> Table:
+    """Every model that gives a force, on every mesh, at one μ."""
+    headings = ("model", "cells", "unknowns", "status", "P/2 [MPa × length]", "error [-]", "set-up [s]", "time [s]",
+                "spread", "memory [MiB]", "residual [-]")  # fmt: skip
     rows = [
         (
-            row["model"], f"{row['cells']}²", f"{row['grading']:g}", _number(row["unknowns"], "d"), row["status"],
-            _number(row["iterations"], "d"), _number(row["half_force"], ".5f"),
-            _error(row["error"], settled["meaningless"]), _number(row["setup"], ".3f"), _number(row["solve"], ".3f"),
-            _number(row["spread"], ".0%"), str(row["repetitions"]), _mebibytes(row["peak"]), _mebibytes(row["before"]),
-            _number(row["residual"], ".0e"),
+            p.model.name, f"{p.cells}²", _number(p.unknowns, "d"), p.status, _number(p.half_force, ".6f"),
+            _error(p, known), _seconds(median(p.setup)), *_costs(p), _number(p.residual, ".0e"),
         )
-        for row in document["rows"]
-        if row["friction"] == settled["friction"]
+        for p in found
+        if p.friction == friction and p.model.code != BRACKET
     ]  # fmt: skip
-    return Grid(f"The plate at μ = {settled['friction']:g}", headings, rows, _note(settled))
-
-
-def _note(settled: dict[str, Any]) -> str:
-    """How to read the table."""
-    value = settled["half_force"]
-    error = (
-        "No settled value is known, so that there are no errors."
-        if value is None
-        else f"Errors are relative to {value} ± {SETTLED_UNCERTAINTY:.0e}, what displacement codes settle on: below "
-        f"{settled['meaningless']:.0e} they mean nothing."
-    )
-    return (
-        f"P/2 in MPa × length. {error} Failures are rows with their status and have no error; the findings have the "
-        "reasons. Times are medians over the runs of one process, on one thread, after a tiny case that loads all "
-        "libraries; displacement codes assemble in every Newton step, so that compare set-up and solve together "
-        "(spread: largest less smallest sum over its median). Memory: peak of the process after the first solve, and "
-        "before it. Residuals are those of each code's own check and cannot be compared between codes."
+    return Table(
+        f"rows-{slug(friction)}",
+        Grid(f"All runs at μ = {friction:g}", headings, rows),
+        f"{_errors(known)} {_READING} Displacement codes assemble in every Newton step, so that the whole time is to "
+        "be compared.",
+        "A status other than solved; such a row has no error. Residuals are those of each code's own check and cannot "
+        "be compared between codes.",
     )
 
 
-def _missing(document: Document) -> Grid:
-    rows = [(code["code"], code["remedy"]) for code in document["missing"]]
-    return Grid("Not installed, not run", ("code", "how to get it"), rows)
-
-
-def _reported(document: Document) -> Grid:
+def bounds_table(found: Sequence[Point], friction: float) -> Table:
+    """What brackets say at one μ."""
+    headings = ("bracket", "cells", "unknowns", "status", "lower P/2 [MPa × length]", "upper P/2 [MPa × length]",
+                "half width [-]", "stress error [-]", "guaranteed", "time [s]", "spread", "memory [MiB]")  # fmt: skip
     rows = [
-        (row["code"], f"{row['half_force']:.5f}", _number(row["error"], ".1e"), f"{row['seconds']:g}")
-        for row in document["reported"]
+        (p.model.name, f"{p.cells}²", _number(p.unknowns, "d"), p.status, *_bounds(p), *_costs(p))
+        for p in found
+        if p.friction == friction and p.model.code == BRACKET
     ]
-    note = (
-        "At μ = 0.2. Measured once on another day, the solve alone; not part of this run, and times not to be compared "
-        f"with those above. Errors are relative to {SETTLED[0.2]}."
+    kinds = dict.fromkeys(KINDS[p.bounds.kind] for p in found if p.friction == friction and p.bounds)
+    return Table(
+        f"brackets-{slug(friction)}",
+        Grid(f"Brackets at μ = {friction:g}", headings, rows),
+        f"What is bracketed: {listing(list(kinds))}. The half width is half the difference of the two energies over "
+        "their mean, and of P/2 where P has bounds. The stress error bounds that of the stresses, in the energy norm "
+        "and relative. Guaranteed: up to rounding and the tolerance of the solves, 1e-8; where it says no, the numbers "
+        f"are an indicator. {_READING} The solve of the equilibrium model is in them; unknowns are those of stress and "
+        "displacement.",
+        "A lower bound above the upper one, or a status other than solved.",
     )
-    return Grid("Reported, not run here", ("code", "P/2", "error", "reported time [s]"), rows, note)
 
 
-def _error(value: float | None, floor: float | None) -> str:
-    if value is None or floor is None:
+def missing_table(found: Sequence[Point]) -> Table:
+    """Codes that are not installed."""
+    rows = [(CODES[key].name, CODES[key].remedy) for key in missing(found)]
+    reading = "The command that gets each code; the same run then needs another store."
+    return Table("missing", Grid("Not installed, not run", ("code", "how to get it"), rows), reading)
+
+
+def reported_table(found: Sequence[Point], known: Reference | None) -> Table | None:
+    """What codes that are not in this run reported on another day; None without such codes."""
+    names = {CODES[point.model.code].name for point in found}
+    rows = [
+        (peer.code, f"{peer.half_force:.5f}", scientific(abs(peer.half_force / known.value - 1.0)), f"{peer.seconds:g}")
+        for peer in PEERS
+        if known and known.friction == CONVERGED_FRICTION and peer.code.split(",")[0] not in names
+    ]
+    headings = ("code", "P/2 [MPa × length]", "error [-]", "reported time [s]")
+    reading = (
+        f"At μ = {CONVERGED_FRICTION:g}. Measured once on another day, the solve alone; not part of this run, and "
+        "times not to be compared with those above."
+    )
+    return Table("reported", Grid("Reported, not run here", headings, rows), reading) if rows else None
+
+
+def models_grid(found: Sequence[Point]) -> Grid:
+    """How each model was set up, and the memory of its process before a case."""
+    rows = []
+    for model in MODELS:
+        here = [point for point in found if point.model == model]
+        said = {point.version for point in here if point.version} or {_NOTHING}
+        before = median([point.before for point in here if point.before is not None])
+        if here:
+            options = ", ".join(f"{name} = {value}" for name, value in model.options.items()) or _NOTHING
+            rows.append((model.name, CODES[model.code].name, ", ".join(sorted(said)), options, _mebibytes(before)))
+    headings = ("model", "code", "version, as it says", "options", "memory with its libraries [MiB]")
+    return Grid("Models", headings, rows)
+
+
+def meshes_grid(found: Sequence[Point]) -> Grid:
+    """How graded meshes are graded."""
+    rows = [(f"{cells}²", f"{grading(cells):g}") for cells in sorted({point.cells for point in found})]
+    return Grid("Graded meshes", ("cells", "each cell over the one before it, towards the free corner"), rows)
+
+
+def references_grid(references: Sequence[Reference]) -> Grid:
+    """The values that errors are relative to."""
+    rows = [
+        (f"{each.friction:g}", f"{each.value:.7f}", scientific(each.uncertainty), scientific(each.floor), each.source)
+        for each in references
+    ]
+    headings = ("μ", "P/2 [MPa × length]", "±", "smallest error resolved [-]", "from")
+    return Grid("Values that errors are relative to", headings, rows)
+
+
+def _errors(known: Reference | None) -> str:
+    if known is None:
+        return "No value is known that errors could be relative to."
+    return (
+        f"Errors are relative to {known.value:.7f} ± {scientific(known.uncertainty, 1)}, {known.source}: below "
+        f"{scientific(known.floor)} nothing is resolved."
+    )
+
+
+def _error(point: Point, known: Reference | None) -> str:
+    value = known.error(point) if known else None
+    if value is None or known is None:
         return _NOTHING
-    return f"< {floor:.0e}" if value < floor else f"{value:.1e}"
+    return f"< {scientific(known.floor)}" if value < known.floor else scientific(value)
+
+
+def _bounds(point: Point) -> tuple[str, ...]:
+    found = point.bounds
+    if found is None:
+        return (_NOTHING,) * 5
+    return (
+        _number(found.lower, ".7f"), _number(found.upper, ".7f"), scientific(found.width),
+        scientific(found.strain_error), "yes" if found.guaranteed else "no",
+    )  # fmt: skip
+
+
+def _costs(point: Point) -> tuple[str, ...]:
+    """Time, spread, memory."""
+    return _seconds(point.seconds), _NOTHING if point.spread is None else percent(point.spread), _mebibytes(point.peak)
+
+
+def _seconds(value: float | None) -> str:
+    return _NOTHING if value is None else significant(value)
 
 
 def _number(value: float | None, form: str) -> str:

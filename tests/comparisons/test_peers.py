@@ -3,7 +3,7 @@
 One small run is shared by the tests of a process.
 """
 
-import copy
+import html
 import json
 import os
 import shutil
@@ -12,38 +12,56 @@ import sys
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from comparisons.benchmark import reference
 from comparisons.benchmark.ratios import median
 from comparisons.cli import group
-from comparisons.peers import cases, measure, models, ngsolve_nitsche, report, study, tables
+from comparisons.peers import cases, command, figures, measure, models, report, tables
+from comparisons.peers.codes import companion, equilibrium, ngsolve_nitsche, process
+from comparisons.peers.figures import COSTS, bounds_figure, error_figure
 from comparisons.peers.findings import findings, lasting_error
-from comparisons.study.outcome import Outcome
+from comparisons.peers.points import RESOLUTION, UNCERTAINTY, points, reference
+from comparisons.study import read_study
+from comparisons.study.rows import Row
+from comparisons.verify.plate import SETTLED
 from qvi_contact import InputError, solve, terminal
+from qvi_contact.bracket import BracketKind, bracket
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import has_matplotlib
 
-SETTLED = reference.SETTLED
 with_ngsolve = pytest.mark.skipif(find_spec("ngsolve") is None, reason="NGSolve is not installed")
 posix = pytest.mark.skipif(os.name != "posix", reason="the other Python is a shell script here")
-FIRST = "--friction 0.2 --cells 8 4 --repeat 2 --json"
-CHOSEN = [model for model in models.MODELS if model.name in ("equilibrium, graded", "NGSolve, p = 2, incomplete")]
+CHOSEN = (
+    "equilibrium, graded",
+    "companion, p = 2, graded",
+    "NGSolve, p = 2, incomplete, uniform",
+    "bracket, p = 3, graded",
+)
+EMPTY = {"case": {}, "warm_up": {}, "options": {}, "repetitions": 1}
+
+
+def chosen(patch, *names):
+    """Let the study have these models only."""
+    patch.setattr(cases, "MODELS", [model for model in models.MODELS if model.name in names])
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """Standard output and error, and the files of a run on two meshes with one model of each kind, without GetFEM."""
+    """Standard output and error, the files and the rows of a run on one mesh, a model of each kind, without GetFEM."""
     folder = tmp_path_factory.mktemp("peers")
-    words = ["peers", *FIRST.split(), "--out", str(folder)]
+    words = ["peers", "--friction", "1.0", "--cells", "8", "--repeat", "2", "--json"]
+    words += ["--store", str(folder / "a.sqlite"), "--out", str(folder / "out")]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cases, "MODELS", CHOSEN)
+        chosen(patch, *CHOSEN)
+        patch.delenv(measure.GETFEM, raising=False)
         patch.setattr(cases, "find_spec", lambda name: None if name == "getfem" else find_spec(name))
         done = CliRunner().invoke(group, words, catch_exceptions=False)
     assert done.exit_code == 0
-    return done.stdout, done.stderr, {path.name: path for path in folder.iterdir()}
+    files = {path.name: path.read_text(encoding="utf-8") for path in (folder / "out").iterdir()}
+    return done.stdout, done.stderr, files, read_study(folder / "a.sqlite").rows
 
 
 @pytest.fixture
@@ -51,54 +69,28 @@ def document(ran):
     return json.loads(ran[0])
 
 
+@pytest.fixture
+def by_code(document):
+    """Code → its row."""
+    return {row["code"]: row for row in document["rows"]}
+
+
 def nitsche(friction, cells, order=2, variant="symmetric", ratio=1.0):
-    return ngsolve_nitsche.build(cases.case(friction, cells, ratio), order, variant).solve()
+    return ngsolve_nitsche.build(measure.plate(friction, cells, ratio), order, variant).solve()
 
 
 def refused(capfd, *arguments):
     """Standard error of a command that must end with status 2, print nothing else and measure nothing."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["comparisons", "peers", *map(str, arguments)])
-        patch.setattr(study, "run", lambda *_: pytest.fail("the run was started"))
+        patch.setattr(command.RunOptions, "run", lambda *_: pytest.fail("the run was started"))
+        patch.setenv(measure.GETFEM, "")
         with pytest.raises(SystemExit) as caught:
             terminal.run(group, "comparisons")
     out, err = capfd.readouterr()
     assert (caught.value.code, out) == (2, "")
     assert len(err.splitlines()) == 1
     return err
-
-
-def other_python(folder, does):
-    """A program that says it has any module, and then does this instead of the work."""
-    path = folder / "python-with-getfem"
-    path.write_text(f'#!/bin/sh\n[ "$1" = -c ] && exit 0\n{does}\n', encoding="utf-8")
-    path.chmod(0o755)
-    return str(path)
-
-
-def ran_elsewhere(folder, does, *options):
-    """Result of a run of GetFEM's models alone by such a program."""
-    words = ["peers", "--friction", "0.2", "--cells", "4", *options, "--json", "--getfem", other_python(folder, does)]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cases, "MODELS", [model for model in models.MODELS if model.name == "GetFEM, Q2"])
-        return CliRunner().invoke(group, words, catch_exceptions=False)
-
-
-def test_what_a_library_prints_is_not_the_answer():
-    order = {"module": "this", "case": {}, "warm_up": {}, "options": {}, "repeat": 1}  # it prints when imported
-    found = measure.run({**order, "interpreter": sys.executable})
-    assert found["status"] == "error"
-    assert found["message"].startswith("AttributeError")
-
-
-def test_progress_has_a_step_for_each_process(monkeypatch):
-    monkeypatch.setattr(cases, "MODELS", CHOSEN[:1])
-    row = {"status": "solved", "error": None, "code": models.EQUILIBRIUM, "version": "1"}
-    monkeypatch.setattr(study, "_row", lambda *place: {**row, "friction": place[2], "cells": place[3]})
-    plan, steps = cases.Plan(friction=(0.2, 0.3), cells=(4, 8)), []
-    document = study.run(plan, steps.append)
-    assert len(steps) == plan.steps == len(document["rows"]) == 4
-    assert steps[-1] == "equilibrium, graded, 8², μ = 0.3"
 
 
 @with_ngsolve
@@ -128,7 +120,7 @@ class TestNitsche:
         assert nitsche(0.0, 3, 2, variant, ratio=0.7)["half_force"] == pytest.approx(209.0, rel=1e-10)
 
     def test_full_stick_on_a_graded_mesh(self):
-        assert nitsche(1.0, 16, 3, ratio=0.7)["half_force"] == pytest.approx(SETTLED[1.0], abs=4e-5)
+        assert nitsche(1.0, 12, 3, ratio=0.6)["half_force"] == pytest.approx(SETTLED[1.0], abs=1e-4)
 
     def test_graded_meshes_need_the_line_search(self, monkeypatch):
         monkeypatch.setattr(ngsolve_nitsche, "_STEPS", 15)
@@ -150,60 +142,84 @@ class TestNitsche:
         assert continued["half_force"] == pytest.approx(direct["half_force"], rel=1e-9)
 
     def test_each_solve_starts_from_zero(self):
-        plate = ngsolve_nitsche.build(cases.case(0.2, 4, 1.0))
+        plate = ngsolve_nitsche.build(measure.plate(0.2, 4, 1.0))
         assert plate.solve() == plate.solve()
-
-    def test_another_python_gives_the_same_answer(self):
-        order = {
-            "module": "ngsolve_nitsche", "case": cases.case(0.2, 4, 1.0), "warm_up": cases.case(0.2, 2, 1.0),
-            "options": {"order": 2, "variant": "skew"}, "repeat": 1,
-        }  # fmt: skip
-        found = measure.run({**order, "interpreter": sys.executable})
-        assert found["half_force"] == pytest.approx(nitsche(0.2, 4, variant="skew")["half_force"], rel=1e-12)
-        assert 2**24 < found["before"] <= found["peak"] < 2**30
-        assert [len(found["setup"]), len(found["solve"])] == [1, 1]
-
-    @pytest.mark.parametrize("interpreter", [None, sys.executable])
-    def test_exceptions_are_told(self, interpreter):
-        order = {"module": "ngsolve_nitsche", "case": {}, "warm_up": {}, "options": {}, "repeat": 1}
-        found = measure.run({**order, "interpreter": interpreter})
-        assert (found["status"], found["message"]) == ("error", "KeyError: 'y'")
-        row = study.row_of(Outcome("done", result=found), 0.2)
-        assert (row["status"], row["message"], row["whole"]) == ("error", "KeyError: 'y'", None)
 
 
 @cache
 def python_with_getfem():
-    """A Python that finds GetFEM: this one, that of an environment variable, or the system's; None if none does."""
-    candidates = (sys.executable, os.environ.get("PYTHON_WITH_GETFEM"), shutil.which("python3", path="/usr/bin"))
-    for name in filter(None, candidates):
-        try:
-            cases.Plan(getfem=name)
-        except InputError:
-            continue
-        return name
+    """A Python that finds GetFEM: this one, that of the environment variable, or the system's; None if none does."""
+    for name in filter(
+        None, (os.environ.get(measure.GETFEM), sys.executable, shutil.which("python3", path="/usr/bin"))
+    ):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv(measure.GETFEM, name)
+            try:
+                cases.missing_codes()
+            except InputError:
+                continue
+            return name
     return None
 
 
 @pytest.mark.skipif(python_with_getfem() is None, reason="GetFEM is not installed")
 class TestGetFEM:
-    """GetFEM's script, in this Python or the system's."""
+    """GetFEM's script, in this Python or another one."""
 
-    def found(self, cells, mesh):
-        (model,) = (model for model in models.MODELS if (model.code, model.mesh) == ("getfem", mesh))
-        plan = cases.Plan(friction=(0.2,), cells=(cells,), repeat=1, getfem=python_with_getfem())
-        return measure.run(plan.order(model, 0.2, cells))
+    @pytest.fixture
+    def found(self, monkeypatch):
+        monkeypatch.setenv(measure.GETFEM, python_with_getfem())
+        return lambda **case: measure.run({"friction": 0.2, "repetitions": 1, **case})
 
     @pytest.mark.parametrize(("cells", "expected"), [(8, 214.23508), (16, 214.23389)])
-    def test_expected_forces(self, cells, expected):
-        found = self.found(cells, "uniform")
-        assert found["status"] == "solved"
-        assert found["half_force"] == pytest.approx(expected, abs=6e-6)
+    def test_expected_forces(self, found, cells, expected):
+        answer = found(model="GetFEM, Q2, uniform", cells=cells)
+        assert answer["status"] == "solved"
+        assert answer["half_force"] == pytest.approx(expected, abs=6e-6)
+        assert answer["before"] <= answer["peak"]
 
-    def test_a_mesh_whose_nodes_it_merges_is_not_solved(self):
-        found = self.found(24, "graded")
-        assert found["status"] == "error"
-        assert "4732 of 4802" in found["message"]
+    def test_a_mesh_whose_nodes_it_merges_is_not_solved(self, found):
+        answer = found(model="GetFEM, Q2, graded", cells=24)
+        assert answer["status"] == "error"
+        assert "4732 of 4802" in answer["message"]
+
+
+class TestOwnModels:
+    """What this package's own codes answer."""
+
+    @pytest.mark.parametrize("degree", [2, 3])
+    def test_the_companion_is_above_and_its_unknowns_are_those_of_the_same_elements(self, degree):
+        found = companion.build(measure.plate(1.0, 4, 0.6), degree).solve()
+        assert found["status"] == "solved"
+        assert SETTLED[1.0] < found["half_force"] < {2: 214.41, 3: 214.38}[degree]
+        assert found["unknowns"] == 2 * (4 * degree + 1) ** 2 - 2 * (4 * degree + 1)
+
+    def test_the_bracket_of_a_plate_that_sticks_bounds_the_force(self):
+        found = equilibrium.build(measure.plate(1.0, 4, 0.6), bracket=2).solve()
+        assert (found["status"], found["half_force"], found["guaranteed"]) == ("solved", None, True)
+        assert (found["kind"], found["unknowns"]) == (BracketKind.STICKING.name, 64 + 2 * 9**2)
+        assert found["lower"] < SETTLED[1.0] < found["upper"]
+        half_width = (found["upper"] - found["lower"]) / (found["upper"] + found["lower"])
+        assert found["width"] == pytest.approx(half_width, rel=1e-9)
+
+    def test_the_bracket_of_a_plate_that_slips_is_an_indicator(self):
+        found = equilibrium.build(measure.plate(0.2, 4, 0.6), bracket=2).solve()
+        assert (found["status"], found["guaranteed"]) == ("solved", False)
+        assert (found["lower"], found["upper"], found["kind"]) == (None, None, BracketKind.GIVEN_BOUND.name)
+        expected = bracket(solve(compressed_plate(0.2, (4, 4), grading=0.6)))
+        assert found["strain_error"] == pytest.approx(expected.relative_error, rel=1e-3)
+        assert 0.0 < found["width"] < 1e-3
+
+    def test_a_bracket_without_bounds_is_no_solution(self, monkeypatch):
+        import qvi_contact.bracket
+
+        class Found:
+            forces, companion, kind, guaranteed = {}, None, BracketKind.PROBLEM, False
+            lower, upper, gap, relative_error, reasons = -float("inf"), 1.0, float("inf"), float("inf"), ("No stress.",)
+
+        monkeypatch.setattr(qvi_contact.bracket, "bracket", lambda *_, **__: Found)
+        found = equilibrium.build(measure.plate(1.0, 2, 1.0), bracket=2).solve()
+        assert (found["status"], found["message"]) == ("no bounds", "No stress.")
 
 
 class TestRun:
@@ -211,66 +227,69 @@ class TestRun:
 
     def test_nothing_but_json_on_standard_output(self, ran, document):
         assert ran[1] == ""
-        assert document["schema"] == "qvi-contact/peers/1"
-        assert document["threads"] == 1
-        assert document["command"] == "python -m comparisons peers --friction 0.2 --cells 4 8 --repeat 2 --limit 300"
+        assert document["schema"] == report.SCHEMA
+        assert [row["model"] for row in document["rows"]] == [
+            n for n in CHOSEN if find_spec("ngsolve") or "NG" not in n
+        ]
 
     def test_no_names_of_machines_or_folders(self, ran):
-        texts = [ran[0], ran[2]["peers.md"].read_text(encoding="utf-8")]
+        texts = [ran[0], *ran[2].values()]
         assert not [text for text in texts if os.uname().nodename in text or os.getcwd() in text or "/home/" in text]
 
-    def test_equilibrium_rows_are_certified_solves(self, document):
-        rows = [row for row in document["rows"] if row["code"] == models.EQUILIBRIUM]
-        assert [(row["cells"], row["grading"], row["status"]) for row in rows] == [
-            (4, 0.6, "solved"), (8, 0.6, "solved")
-        ]  # fmt: skip
-        expected = solve(compressed_plate(0.2, cells=(8, 8), grading=0.6)).contacts["plate"].normal_force
-        assert rows[-1]["half_force"] == pytest.approx(expected, rel=1e-10)
-        assert rows[-1]["unknowns"] == 256
-        assert rows[-1]["residual"] < 1e-8
+    def test_own_rows_are_certified_solves(self, by_code):
+        expected = solve(compressed_plate(1.0, cells=(8, 8), grading=0.6)).contacts["plate"].normal_force
+        row = by_code[models.EQUILIBRIUM]
+        assert row["half_force"] == pytest.approx(expected, rel=1e-10)
+        assert (row["unknowns"], row["bounds"]) == (256, None)
+        assert row["residual"] < 1e-8
+        bounds = by_code[models.BRACKET]["bounds"]
+        assert bounds["lower"] == pytest.approx(expected, rel=1e-10)
+        assert bounds["upper"] < by_code[models.COMPANION]["half_force"] - 1e-3  # p = 3 is below p = 2
+        assert bounds["guaranteed"]
 
     @with_ngsolve
-    def test_ngsolve_row(self, document):
-        row = document["rows"][-1]
-        assert (row["model"], row["cells"], row["status"]) == ("NGSolve, p = 2, incomplete", 8, "solved")
-        assert row["half_force"] == pytest.approx(214.23746, abs=6e-6)
-        assert document["versions"]["NGSolve"] == row["version"]
+    def test_ngsolve_row(self, ran, by_code):
+        row = by_code["ngsolve"]
+        assert (row["cells"], row["status"]) == (8, "solved")
+        assert row["half_force"] == pytest.approx(nitsche(1.0, 8, variant="incomplete")["half_force"], rel=1e-12)
+        assert row["version"] == ran[3][2].environment["versions"]["ngsolve"]
 
-    def test_errors_and_times_are_those_of_the_values_listed(self, document):
+    def test_each_case_has_times_and_a_memory_of_its_own(self, document):
         for row in document["rows"]:
-            assert row["error"] == pytest.approx(abs(row["half_force"] / SETTLED[0.2] - 1.0))
-            whole = [sum(pair) for pair in zip(row["seconds"]["setup"], row["seconds"]["solve"], strict=True)]
-            assert row["repetitions"] == len(whole) == 2
-            assert row["whole"] == pytest.approx(median(whole))
-            assert min(row["seconds"]["setup"] + row["seconds"]["solve"]) > 0.0
+            whole = [sum(pair) for pair in zip(row["setup"], row["solve"], strict=True)]
+            assert len(whole) == 2
+            assert row["seconds"] == pytest.approx(median(whole))
+            assert min(row["setup"] + row["solve"]) > 0.0
             assert 2**24 < row["before"] <= row["peak"] < 2**30
+        assert len({row["before"] for row in document["rows"]}) == len(document["rows"])
+
+    def test_errors_are_relative_to_the_value_named(self, document):
+        (known,) = document["references"]
+        assert known["value"] == SETTLED[1.0]
+        errors = [row["error"] for row in document["rows"] if row["half_force"]]
+        forces = [row["half_force"] for row in document["rows"] if row["half_force"]]
+        assert errors == pytest.approx([abs(force / SETTLED[1.0] - 1.0) for force in forces])
+        assert min(errors) > 1e-6
 
     def test_a_missing_code_says_how_to_get_it(self, ran, document):
-        (missing,) = (code for code in document["missing"] if code["code"] == "GetFEM")
-        assert "python3-getfem" in missing["remedy"]
-        assert any(missing["remedy"] in sentence for sentence in document["findings"])
-        assert missing["remedy"] in ran[2]["peers.md"].read_text(encoding="utf-8")
-        assert not [row for row in document["rows"] if row["code"] == "getfem"]
+        remedy = models.CODES["getfem"].remedy
+        assert "getfem" in document["missing"]
+        assert any(remedy in sentence for sentence in document["findings"])
+        assert remedy in ran[2]["peers.md"]
+        assert remedy in ran[2]["peers.html"]
 
     def test_files(self, ran, document):
-        pictures = report.PICTURES if has_matplotlib() else ()
-        assert sorted(ran[2]) == sorted([*report.TEXTS, *pictures])
-        assert json.loads(ran[2]["peers.json"].read_text(encoding="utf-8")) == document
-        text = ran[2]["peers.md"].read_text(encoding="utf-8")
-        assert all(sentence in text for sentence in document["findings"])
-        assert all(f"{row['half_force']:.5f}" in text for row in document["rows"])
+        names = [f"error-{cost.name}-mu-1" for cost in COSTS] + ["bounds-mu-1"] if has_matplotlib() else []
+        assert sorted(ran[2]) == sorted(["peers.html", "peers.md", *(f"peers-{name}.svg" for name in names)])
+        text = ran[2]["peers.md"]
+        assert all(f"{row['half_force']:.6f}" in text for row in document["rows"] if row["half_force"])
+        assert "python -m comparisons peers --friction 1 --cells 8 --repeat 2" in text
 
-    def test_terminal(self, document, capsys):
-        report.show(document, [])
-        shown = capsys.readouterr().out
-        assert "The plate at μ = 0.2" in shown
-        assert f"{document['rows'][0]['half_force']:.5f}" in shown
-
-    def test_what_others_reported_is_not_mixed_with_the_run(self, document):
-        reported = {row["code"].split(",")[0] for row in document["reported"]}
-        assert reported == {"CalculiX", *(code["code"] for code in document["missing"])}
-        assert not [row for row in document["rows"] if row["model"].split(",")[0] in reported]
-        assert not [sentence for sentence in document["findings"] if "CalculiX" in sentence]
+    def test_the_report_is_made_of_the_rows_alone(self, ran, monkeypatch):
+        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
+        made = report.peers_report(ran[3], "python -m comparisons peers --friction 1 --cells 8 --repeat 2")
+        assert all(finding.text.split("(")[0] in html.unescape(ran[2]["peers.html"]) for finding in made.findings)
+        assert {exhibit.svg for exhibit in made.sections[0].exhibits if hasattr(exhibit, "svg")} == {""}
 
 
 @posix
@@ -278,163 +297,297 @@ class TestFailures:
     """Codes that crash, hang, or talk nonsense are rows with the reason."""
 
     @pytest.mark.parametrize(
-        ("does", "options", "status", "reason"),
+        ("does", "reason"),
         [
-            ("echo no libgetfem.so.5 >&2; exit 3", (), "error", "no libgetfem.so.5"),
-            ("kill -SEGV $$", (), "error", "-11"),
-            ("sleep 60", ("--limit", "1"), "timeout", "more than 1 s"),
-            ("cat >/dev/null; echo hello", (), "error", "JSON"),
+            ("echo no libgetfem.so.5 >&2; exit 3", "ended with status 3: no libgetfem.so.5"),
+            ("kill -SEGV $$", "ended with status -11: no message"),
+            ("cat >/dev/null; echo hello", "Expecting value"),
+            ('[ -n "$PYTHONPATH" ] && echo "finds this project" >&2; exit 1', "status 1: no message"),
         ],
     )
-    def test_row_with_the_reason(self, tmp_path, does, options, status, reason):
-        done = ran_elsewhere(tmp_path, does, *options)
+    def test_the_reason_is_told(self, tmp_path, monkeypatch, does, reason):
+        monkeypatch.setenv(measure.GETFEM, other_python(tmp_path, does))
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        with pytest.raises((measure.ProcessError, ValueError), match=reason) as caught:
+            measure.run({"model": "GetFEM, Q2, uniform", "friction": 0.2, "cells": 4, "repetitions": 1})
+        assert str(tmp_path) not in str(caught.value)
+
+    def test_a_code_that_hangs_is_a_row_that_is_shown_and_not_drawn(self, tmp_path):
+        words = [
+            "peers",
+            "--friction",
+            "0.2",
+            "--cells",
+            "4",
+            "--timeout",
+            "0.5",
+            "--store",
+            str(tmp_path / "a.sqlite"),
+        ]
+        words += ["--getfem", other_python(tmp_path, "sleep 60"), "--out", str(tmp_path / "out")]
+        with pytest.MonkeyPatch.context() as patch:
+            chosen(patch, "GetFEM, Q2, uniform")
+            patch.setenv(measure.GETFEM, "")
+            done = CliRunner().invoke(group, words, catch_exceptions=False)
         assert done.exit_code == 0
-        document = json.loads(done.stdout)
-        (row,) = document["rows"]
-        assert (row["status"], row["error"], row["half_force"]) == (status, None, None)
-        assert reason in row["message"]
-        assert str(tmp_path) not in done.stdout
-        assert document["findings"][0] == "0 of 1 runs end with a solution."
-        assert f"GetFEM, Q2 fails on 4² at μ = 0.2 ({status}: {row['message']})." in document["findings"]
+        (found,) = points(read_study(tmp_path / "a.sqlite").rows)
+        assert (found.status, found.message, found.half_force) == ("timeout", "more than 0.5 s", None)
+        assert "Runs that end with a solution: 0 of 1." in done.stdout
+        assert "GetFEM, Q2, uniform fails on 4² at μ = 0.2 (timeout: more than 0.5 s)." in done.stdout
+        page = (tmp_path / "out" / "peers.html").read_text(encoding="utf-8")
+        assert "timeout" in page
+        assert str(tmp_path) not in page
+        assert not list((tmp_path / "out").glob("*.svg"))
 
-    def test_a_failed_row_is_shown_and_not_drawn(self, tmp_path):
-        document = json.loads(ran_elsewhere(tmp_path, "echo broken >&2; exit 1").stdout)
-        written = report.write(document, tmp_path)
-        assert "broken" in (tmp_path / "peers.md").read_text(encoding="utf-8")
-        assert len(written) == (4 if has_matplotlib() else 2)
+    @pytest.mark.parametrize("module", ["ngsolve_nitsche", "equilibrium"])
+    def test_exceptions_are_told(self, module):
+        found = process.repeated(import_module(f"comparisons.peers.codes.{module}"), **EMPTY)
+        assert found["status"] == "error"
+        assert found["message"].startswith("KeyError: ") or find_spec("ngsolve") is None
 
-
-def test_an_answer_that_did_not_converge_has_no_error():
-    for half_force, shown in ((float("nan"), None), (203.3, 203.3)):
-        answer = {"status": "not converged", "message": "", "half_force": half_force, "residual": float("inf")}
-        row = study.row_of(Outcome("done", result={**answer, "setup": [1.0], "solve": [2.0]}), 0.2)
-        assert (row["status"], row["error"], row["half_force"]) == ("not converged", None, shown)
-        assert (row["residual"], row["whole"]) == (None, 3.0)
-        report.as_json(row)
+    def test_what_a_library_prints_is_not_the_answer(self):
+        found = measure.answer_of({"module": "this", **EMPTY}, sys.executable)  # it prints when imported
+        assert found["status"] == "error"
+        assert found["message"].startswith("AttributeError")
 
 
-def made_up(*rows, friction=0.2):
-    """A document with rows (model, cells, P/2, seconds); unknowns are cells²."""
-    value = SETTLED.get(friction)
-    found = []
-    for name, cells, half_force, seconds in rows:
-        (model,) = (model for model in models.MODELS if model.name == name)
-        found.append({
-            "model": name, "code": model.code, "mesh": model.mesh, "cells": cells, "unknowns": cells**2,
-            "friction": friction, "status": "solved", "half_force": half_force, "whole": seconds,
-            "error": reference.settled_error(half_force, friction),
-        })  # fmt: skip
-    meaningless = None if value is None else 2e-5 / value
-    settled = {"friction": friction, "half_force": value, "meaningless": meaningless}
-    return {"rows": found, "missing": [], "settled": [settled]}
+def other_python(folder, does):
+    """A program that says it has any module, and then does this instead of the work."""
+    path = folder / "python-with-getfem"
+    path.write_text(f'#!/bin/sh\n[ "$1" = -c ] && exit 0\n{does}\n', encoding="utf-8")
+    path.chmod(0o755)
+    return str(path)
+
+
+def row(model, cells, friction=0.2, status="done", reason="", result=None):
+    """A row of the study, made up."""
+    case = {"friction": friction, "model": model, "cells": cells, "repetitions": 1, "repeat": 0, "seed": 0}
+    environment = {"machine": None, "versions": {}, "threads": 1, "timeout_seconds": None, "memory_mib": None}
+    return Row(0, "", case, status, reason, result or {}, None, 1.0, "", None, environment)
+
+
+def solution(model, cells, half_force, seconds, friction=0.2, **more):
+    """A row with a solution, made up; unknowns are cells²."""
+    costs = {"unknowns": cells**2, "setup": [0.0], "solve": [seconds], "before": 2**26, "peak": 2**27}
+    answer = {"status": "solved", "message": "", "half_force": half_force, "residual": 1e-9, "iterations": 1}
+    return row(model, cells, friction, result={**answer, **costs, **more})
+
+
+def bracketed(lower, upper, friction=1.0, guaranteed=True):
+    """A row with a bracket, made up."""
+    kind = BracketKind.STICKING if guaranteed else BracketKind.GIVEN_BOUND
+    bounds = {"lower": lower, "upper": upper}  # numbers that are no bounds must not be taken for such
+    more = {"width": (upper - lower) / (upper + lower), "strain_error": 0.01, "guaranteed": guaranteed}
+    return solution("bracket, p = 3, graded", 8, None, 0.1, friction, kind=kind.name, **bounds, **more)
+
+
+def said(*rows):
+    """The findings of these rows."""
+    return [finding.text for finding in findings(points(rows))]
+
+
+def sentence(start, *rows):
+    """The one that begins so."""
+    (found,) = (text for text in said(*rows) if text.startswith(start))
+    return found
 
 
 class TestFindings:
     """Sentences follow the numbers."""
 
     def test_the_nearest_is_that_with_the_smallest_error_in_time(self):
-        ours, theirs = "equilibrium, graded", "NGSolve, p = 3, symmetric"
+        ours, theirs = "equilibrium, graded", "NGSolve, p = 3, symmetric, uniform"
         for first, second in ((ours, theirs), (theirs, ours)):
-            said = findings(made_up((first, 8, 214.0, 0.02), (second, 16, 214.23, 0.5)))
-            (soon,) = (sentence for sentence in said if sentence.startswith("Within 0.03 s"))
-            (late,) = (sentence for sentence in said if sentence.startswith("Within 1 s"))
-            assert first in soon
-            assert "in 20 ms with 64 unknowns" in soon
-            assert second in late
-            assert "1.5e-05 in 500 ms with 256 unknowns" in late
+            text = sentence("The smallest", solution(first, 8, 214.0, 0.02), solution(second, 16, 214.23, 0.5))
+            assert f"within 30 ms {first}, 8² cells (1.1e-3, 20 ms, 64 unknowns)" in text
+            assert f"within 1 s {second}, 16² cells (1.5e-5, 500 ms, 256 unknowns)." in text
 
-    def test_errors_within_the_uncertainty_count_alike(self):
-        document = made_up(("GetFEM, Q2", 8, 214.23324, 0.02), ("NGSolve, p = 3, symmetric", 8, 214.23323, 0.025))
-        (sentence,) = (sentence for sentence in findings(document) if sentence.startswith("Within"))
-        assert "GetFEM" in sentence
-        assert "within the uncertainty of 9e-08" in sentence
+    def test_errors_that_are_not_resolved_count_alike(self):
+        rows = [
+            solution("GetFEM, Q2, uniform", 8, 214.23324, 0.02),
+            solution("equilibrium, graded", 8, 214.23323, 0.025),
+        ]
+        text = sentence("The smallest", *rows)
+        assert "GetFEM, Q2, uniform, 8² cells (not above the 1.4e-7 that are resolved, 20 ms" in text
+        assert "equilibrium" not in text
 
     def test_who_reaches_a_target(self):
-        document = made_up(("equilibrium, graded", 8, 214.22, 0.01), ("GetFEM, Q2", 8, 214.233, 0.2))
-        text = " ".join(findings(document))
-        assert "error of 1e-04 at μ = 0.2 takes equilibrium, graded, 8² cells 10 ms and 64 unknowns, GetFEM" in text
-        assert "1e-05 at μ = 0.2 is reached by GetFEM, Q2, 8² cells in 200 ms with 64 unknowns, and by no equi" in text
-        assert "1e-06 at μ = 0.2 is reached by no model" in text
+        rows = [solution("equilibrium, graded", 8, 214.22, 0.01), solution("GetFEM, Q2, uniform", 8, 214.233, 0.2)]
+        costs = "takes equilibrium, graded, 8² cells, 10 ms and 64 unknowns; GetFEM, Q2, uniform, 8² cells, 200 ms and"
+        assert costs in sentence("An error of 1e-4 at μ = 0.2", *rows)
+        text = sentence("An error of 1e-5 at μ = 0.2", *rows)
+        assert "takes GetFEM, Q2, uniform" in text
+        assert "the equilibrium model: on no mesh here" in text
+        assert "is reached by no model" in sentence("An error of 1e-6 at μ = 0.2", *rows)
 
     def test_an_error_that_a_finer_mesh_does_not_confirm_is_chance(self):
-        document = made_up(("GetFEM, Q2", 4, 214.2332, 0.01), ("GetFEM, Q2", 8, 214.24, 0.02))
-        first, last = document["rows"]
-        assert lasting_error(document["rows"], first) == last["error"] == lasting_error(document["rows"], last)
-        text = " ".join(findings(document))
-        assert "some errors of GetFEM, Q2 are smaller than on a finer mesh" in text
-        assert f"an error of {last['error']:.1e}" in text
-        assert f"an error of {first['error']:.1e}" not in text
+        rows = [solution("GetFEM, Q2, uniform", 4, 214.2332, 0.01), solution("GetFEM, Q2, uniform", 8, 214.24, 0.02)]
+        found = points(rows)
+        known = reference(found, 0.2)
+        first, last = pairs = [(point, known.error(point)) for point in found]
+        assert lasting_error(pairs, first[0]) == last[1] == lasting_error(pairs, last[0]) > first[1]
+        assert "GetFEM, Q2, uniform are smaller" in sentence("At μ = 0.2 some errors", *rows)
+        assert "(3.2e-5, 10 ms" in sentence("The smallest", *rows)
+        assert not [text for text in said(*rows) if text.startswith("On uniform meshes")]
 
-    def test_errors_within_the_uncertainty_may_grow(self):
-        document = made_up(("GetFEM, Q2", 4, 214.233231, 0.01), ("GetFEM, Q2", 8, 214.233232, 0.02))
-        assert "by chance" not in " ".join(findings(document))
+    def test_errors_that_are_not_resolved_may_grow(self):
+        rows = [solution("GetFEM, Q2, uniform", n, f, 0.01) for n, f in ((4, 214.233231), (8, 214.233232))]
+        assert "by chance" not in " ".join(said(*rows))
 
     def test_order_and_side(self):
-        offset = 214.23323 * 1e-4
-        rows = [("equilibrium, uniform", cells, 214.23323 - offset / cells, 0.1) for cells in (4, 16)]
-        text = " ".join(findings(made_up(*rows)))
-        assert "p = 0.50 (equilibrium, uniform)" in text
-        assert "equilibrium, uniform: below the settled value on all meshes" in text
-        rows[0] = ("equilibrium, uniform", 4, 214.24, 0.1)
-        assert "on all meshes" not in " ".join(findings(made_up(*rows)))
+        offset = SETTLED[0.2] * 1e-4
+        rows = [solution("equilibrium, uniform", cells, SETTLED[0.2] - offset / cells, 0.1) for cells in (4, 16)]
+        assert "p = 0.50 (equilibrium)" in sentence("On uniform meshes at μ = 0.2", *rows)
+        assert sentence("Always below the right value", *rows).endswith("μ = 0.2: equilibrium, uniform.")
+        rows[0] = solution("equilibrium, uniform", 4, 214.24, 0.1)
+        assert "Always" not in " ".join(said(*rows))
 
-    def test_without_settled_value(self, document, tmp_path):
-        assert "At μ = 0.35 no settled value is known: no errors are given." in findings(made_up(friction=0.35))
-        changed = copy.deepcopy(document)
-        changed["settled"] = [study._settled(0.35)]
-        for row in changed["rows"]:
-            row |= {"friction": 0.35, "error": None}
-        assert [path.name for path in report.write(changed, tmp_path)] == list(report.TEXTS)
-        assert "No settled value" in (tmp_path / "peers.md").read_text(encoding="utf-8")
+    def test_guaranteed_bounds_and_who_is_outside(self):
+        forces = (214.3676, 214.36775, 214.368)
+        rows = [solution("GetFEM, Q2, uniform", 4 * n, force, 0.1, 1.0) for n, force in enumerate(forces, start=1)]
+        text = sentence("At μ = 1 P/2 is guaranteed", bracketed(214.3677, 214.3678), bracketed(214.2, 214.4), *rows)
+        assert "between 214.3677000 and 214.3678000 MPa × length, 2.3e-7 either way" in text
+        assert "2 of their 3 forces are proved to be outside" in text
+        assert "no displacement code's force" in sentence("At μ = 1 P/2 is guaranteed", bracketed(214.3677, 214.3678))
+
+    def test_an_indicator_is_called_so(self):
+        rows = [bracketed(214.1, 214.3, 0.2, guaranteed=False), solution("equilibrium, graded", 8, 214.2, 0.1)]
+        text = sentence("At μ = 0.2 the contact slips", *rows)
+        assert "the bracket is an indicator, for the problem with the friction bound of the computed state held" in text
+        assert "falls to 4.7e-4 of the energy" in text
+        assert "the error of P/2 on that mesh is 1.6e-4" in text
+        assert "guaranteed to lie" not in " ".join(said(*rows))
+
+    def test_failures_are_counted_and_told(self):
+        result = {"status": "not converged", "message": "residual 1e-3", "half_force": 214.2, "residual": float("inf")}
+        rows = [row("GetFEM, Q2, graded", n, result=result) for n in (4, 8)]
+        rows += [row("GetFEM, Q2, graded", 16, status="crashed", reason="signal 11")]
+        rows += [solution("equilibrium, graded", 8, 214.2, 0.1)]
+        assert "Runs that end with a solution: 1 of 4." in said(*rows)
+        text = "4² at μ = 0.2 and 8² at μ = 0.2 (not converged: residual 1e-3); 16² at μ = 0.2 (crashed: signal 11)."
+        assert sentence("GetFEM, Q2, graded fails on", *rows).endswith(text)
+        (shown,) = {reference(points(rows), 0.2).error(point) for point in points(rows)[:3]}
+        assert shown is None
+        report.as_json(rows)
+
+    def test_without_any_known_value(self):
+        rows = [solution("GetFEM, Q2, uniform", 8, 214.4, 0.1, 0.12)]
+        assert "neither bounds nor a value" in sentence("At μ = 0.12", *rows)
+        made = report.peers_report(rows, "command")
+        assert [exhibit.name for exhibit in made.sections[0].exhibits] == ["brackets-mu-0_12", "rows-mu-0_12"]
+        assert "No value is known" in made.sections[0].exhibits[1].reading
 
 
-def test_errors_below_the_uncertainty_are_shown_as_such(document):
-    document["rows"][0]["error"] = 3e-8
-    (grid,) = (grid for grid in tables.tables(document) if grid.title == "The plate at μ = 0.2")
-    assert "< 9e-08" in grid.rows[0]
+class TestReference:
+    """What errors are relative to."""
+
+    def test_what_codes_settle_on(self):
+        known = reference([], 0.2)
+        assert (known.value, known.uncertainty) == (SETTLED[0.2], UNCERTAINTY)
+        assert reference([], 0.4).value == SETTLED[1.0]
+        assert reference([], 0.12) is None
+
+    def test_guaranteed_bounds_if_they_are_narrower(self):
+        wide, narrow, slips = (
+            bracketed(214.3, 214.4),
+            bracketed(214.36765, 214.36766),
+            bracketed(214.2, 214.21, 0.2, False),
+        )
+        known = reference(points([wide, narrow, slips]), 1.0)
+        assert known.value == pytest.approx(214.367655, abs=1e-9)
+        assert known.uncertainty == pytest.approx(5e-6)
+        assert "guaranteed bounds of bracket, p = 3, graded, 8² cells" in known.source
+        assert reference(points([wide]), 1.0).value == SETTLED[1.0]
+        assert reference(points([slips]), 0.2).value == SETTLED[0.2]
+
+    def test_nothing_below_the_tolerance_is_resolved(self):
+        assert reference(points([bracketed(209.0, 209.0 + 1e-12, 0.0)]), 0.0).floor == RESOLUTION
+
+
+def test_errors_below_the_uncertainty_are_shown_as_such():
+    found = points([solution("equilibrium, graded", 8, SETTLED[0.2] * (1.0 + 3e-8), 0.1)])
+    (cells,) = tables.rows_table(found, reference(found, 0.2), 0.2).grid.rows
+    assert "< 1.4e-7" in cells
 
 
 @pytest.mark.skipif(not has_matplotlib(), reason="matplotlib is not installed")
-def test_picture_has_a_curve_for_each_model_and_the_band(document):
-    from comparisons.peers.figures import picture
+class TestFigures:
+    """What is drawn; a picture's texts are in it as texts."""
 
-    figure = picture(document)
-    assert len(figure.axes) == 2
-    shown = list(dict.fromkeys(row["model"] for row in document["rows"]))
-    for axes, key in zip(figure.axes, ("unknowns", "whole"), strict=True):
-        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-        assert [line.get_label() for line in axes.lines] == shown
-        rows = [row for row in document["rows"] if row["model"] == shown[0]]
-        assert axes.lines[0].get_xydata().tolist() == [[row[key], row["error"]] for row in rows]
-        (band,) = axes.patches
-        assert band.get_y() + band.get_height() == pytest.approx(2e-5 / SETTLED[0.2])
+    ROWS = (
+        solution("equilibrium, graded", 8, 214.365, 0.1, 1.0),
+        solution("GetFEM, Q2, uniform", 8, 214.347, 0.1, 1.0),
+        row("GetFEM, Q2, graded", 8, 1.0, status="crashed", reason="signal 11"),
+        bracketed(214.365, 214.368),
+        bracketed(214.1, 214.3, 0.2, guaranteed=False),
+    )
+
+    def labels(self, figure):
+        return [
+            name for name in ("equilibrium", "GetFEM, Q2", "bracket, p = 3: guaranteed") if f">{name}<" in figure.svg
+        ]
+
+    def test_errors_have_a_curve_for_each_model_that_was_solved(self):
+        found = points(self.ROWS)
+        figure = error_figure(found, reference(found, 1.0), COSTS[1])
+        assert self.labels(figure) == ["equilibrium", "GetFEM, Q2", "bracket, p = 3: guaranteed"]
+        assert figure.svg.count(">GetFEM, Q2<") == 1  # on uniform meshes only
+        assert COSTS[1].label in figure.svg
+        assert "Crosses" in figure.reading
+
+    def test_an_indicator_is_no_error(self):
+        found = points([*self.ROWS, solution("equilibrium, graded", 8, 214.2, 0.1)])
+        figure = error_figure(found, reference(found, 0.2), COSTS[0])
+        assert self.labels(figure) == ["equilibrium"]
+        assert "Crosses" not in figure.reading
+
+    def test_a_point_is_drawn_at_its_cost_and_error(self):
+        (point,) = points(self.ROWS[:1])
+        assert [cost.of(point) for cost in COSTS] == [64, 0.1, 128.0]
+        known = reference([point], 1.0)
+        assert figures._height(point, known) == pytest.approx(abs(214.365 / SETTLED[1.0] - 1.0))
+        (bounds,) = points([bracketed(214.365, 214.368)])
+        assert figures._height(bounds, known) == pytest.approx(0.0015 / 214.3665)
+
+    def test_bounds_are_bars_and_an_indicator_is_named_so(self):
+        found = points(self.ROWS)
+        figure = bounds_figure(found, reference(found, 1.0), 1.0)
+        assert figure.title.startswith("Guaranteed bounds")
+        assert self.labels(figure) == ["equilibrium", "GetFEM, Q2", "bracket, p = 3: guaranteed"]
+        figure = bounds_figure(found, reference(found, 0.2), 0.2)
+        assert figure.title.startswith("Indicator")
+        assert ">bracket, p = 3: indicator<" in figure.svg
+        assert "guaranteed<" not in figure.svg
 
 
 def test_models_can_be_told_apart_and_their_codes_exist():
-    assert len({(model.colour, model.marker) for model in models.MODELS}) == len(models.MODELS)
-    assert len({model.marker for model in models.MODELS}) == len(models.MODELS)
+    assert len(models.NAMED) == len(models.MODELS)
+    for mesh in models.MESHES:
+        looks = [(model.colour, model.marker) for model in models.MODELS if model.mesh == mesh]
+        markers = {model.marker for model in models.MODELS if model.mesh == mesh}
+        assert len(set(looks)) == len(looks) == len(markers)
     for model in models.MODELS:
         code = models.CODES[model.code]
-        module = import_module(f"comparisons.peers.{code.module}")
+        module = import_module(f"comparisons.peers.codes.{code.module}")
         assert code.library == module.MODULE
         assert callable(module.build)
 
 
 def test_all_codes_get_the_plate_of_the_gallery():
     problem = compressed_plate(0.2, cells=(6, 6), grading=0.8)
-    case = cases.case(0.2, 6, 0.8)
+    case = measure.plate(0.2, 6, 0.8)
     assert (case["x"], case["y"]) == (problem.mesh.x.tolist(), problem.mesh.y.tolist())
     assert (case["young"], case["poisson"], case["displacement"], case["friction"]) == (2.09e5, 0.3, 1e-3, 0.2)
     json.dumps(case, allow_nan=False)
 
 
-def test_the_scripts_load_no_peer_and_foreign_ones_nothing_of_the_project():
+def test_the_scripts_load_no_peer_and_nothing_of_the_project():
     names = ("getfem", "ngsolve", "qvi_contact", "comparisons")
     look = (
-        "import sys; sys.path.insert(0, sys.argv[1]); import getfem_bricks, repeated, ngsolve_nitsche; "
+        "import sys; sys.path.insert(0, sys.argv[1]); import getfem_bricks, process, ngsolve_nitsche; "
         f"print([name for name in sys.modules if name.split('.')[0] in {names}])"
     )
-    folder = os.path.dirname(cases.__file__)
+    folder = str(Path(process.__file__).parent)
     done = subprocess.run([sys.executable, "-I", "-c", look, folder], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
@@ -448,10 +601,8 @@ def test_the_scripts_load_no_peer_and_foreign_ones_nothing_of_the_project():
         (("--cells", "0"), "cells"),
         (("--cells", "four"), "four"),
         (("--repeat", "0"), "repeat"),
-        (("--limit", "0"), "limit"),
-        (("--limit", "inf"), "limit"),
         (("--getfem", "/nowhere/python3"), "getfem"),
-        (("--threads", "2"), "--threads"),
+        (("--threads", "2"), "threads"),
         (("--out", ""), "folder"),
         (("--out", "/proc/below"), "/proc/below"),
     ],
@@ -468,10 +619,14 @@ def test_another_python_without_the_library_is_refused(capfd, tmp_path):
     assert "give a Python that finds the module getfem" in refused(capfd, "--getfem", path)
 
 
-def test_missing_codes_leave_the_equilibrium_model(monkeypatch):
-    monkeypatch.setattr(cases, "find_spec", lambda _: None)
-    plan = cases.Plan()
-    assert plan.missing == ("ngsolve", "getfem")
+def test_the_study_has_all_models_whose_code_is_installed(monkeypatch):
+    monkeypatch.delenv(measure.GETFEM, raising=False)
+    monkeypatch.setattr(cases, "find_spec", lambda name: None if name in ("getfem", "ngsolve") else name)
+    assert cases.missing_codes() == ("ngsolve", "getfem")
+    study = cases.peers_study((1.0, 0.2, 1.0), (16, 8), 3)
+    assert study.factors["friction"] == (0.2, 1.0)
+    assert study.factors["cells"] == (8, 16)
+    own = {models.EQUILIBRIUM, models.COMPANION, models.BRACKET}
+    assert {models.NAMED[name].code for name in study.factors["model"]} == own
+    assert len(study.cases) == 2 * 2 * len(study.factors["model"])
     assert models.CODES["ngsolve"].remedy == "python -m pip install 'qvi-contact[peers]'"
-    assert {model.code for model in plan.models} == {models.EQUILIBRIUM}
-    assert plan.steps == 2 * 2 * 4

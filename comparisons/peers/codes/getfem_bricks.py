@@ -5,7 +5,7 @@ in its non-symmetric form, with Coulomb friction. The augmentation parameter is 
 stops at 10⁻⁸, integration is of order 4. P is the integral of the contact stress.
 
 Source: GetFEM's documentation, "Small sliding contact with friction bricks". Nothing of this project is imported here,
-so that another Python than the project's may run it (see `foreign`). GetFEM is loaded by `build`, not before.
+so that another Python than the project's may run it (see `process`). GetFEM is loaded by `build`, not before.
 """
 
 from importlib import import_module

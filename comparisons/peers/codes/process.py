@@ -1,11 +1,19 @@
-"""A plate built and solved several times, timed, with the memory it takes.
+"""A plate built and solved several times by one code, in a process of its own: times, and the memory it takes.
 
-Only the standard library is imported, so that another Python than the project's may run it (see `foreign`).
+    python process.py < order.json
+
+Started by `comparisons.peers.measure`, not by hand. Only the standard library and the code's own module beside this one
+are imported, so that another Python than the project's may run it, in which the project need not be installed. What
+libraries print goes to standard error; the answer is one line of JSON on standard output.
 """
 
 import gc
+import json
+import os
+import sys
 import time
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -17,7 +25,7 @@ class Plate(Protocol):
     """What a code's `build` returns."""
 
     def solve(self) -> dict[str, Any]:
-        """Solve from zero: status, message, half_force, unknowns, iterations, residual, version."""
+        """Solve from zero: status, message, half_force, unknowns, iterations, residual, and what else there is."""
 
 
 class Code(Protocol):
@@ -27,9 +35,18 @@ class Code(Protocol):
         ...
 
 
-def repeated(code: Code, case: dict[str, Any], warm_up: dict[str, Any], options: dict[str, Any], repeat: int
+def main() -> None:
+    """Do what is asked and answer."""
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    order = json.load(sys.stdin)
+    answers.write(json.dumps(repeated(import_module(order.pop("module")), **order)) + "\n")
+    answers.close()
+
+
+def repeated(code: Code, case: dict[str, Any], warm_up: dict[str, Any], options: dict[str, Any], repetitions: int
              ) -> dict[str, Any]:  # fmt: skip
-    """Solve a case once, and again up to `repeat` times in all while `BUDGET` lasts.
+    """Solve a case once, and again up to `repetitions` times in all while `BUDGET` lasts.
 
     Returns the last answer with "setup" and "solve", lists of wall times in seconds, and "before" and "peak", the
     largest resident memory [bytes] with all libraries loaded by a tiny case, and after the first solve of this one.
@@ -37,17 +54,17 @@ def repeated(code: Code, case: dict[str, Any], warm_up: dict[str, Any], options:
     """
     try:
         code.build(warm_up, **options).solve()
-        return _measured(code, case, options, repeat)
+        return _measured(code, case, options, repetitions)
     except Exception as error:  # a library may raise anything
         return {"status": "error", "message": f"{type(error).__name__}: {error}"}
 
 
-def _measured(code: Code, case: dict[str, Any], options: dict[str, Any], repeat: int) -> dict[str, Any]:
+def _measured(code: Code, case: dict[str, Any], options: dict[str, Any], repetitions: int) -> dict[str, Any]:
     before, peak = peak_memory(), None
     began = time.perf_counter()
     answer: dict[str, Any] = {}
     times: dict[str, list[float]] = {"setup": [], "solve": []}
-    for count in range(repeat):
+    for count in range(repetitions):
         if count and time.perf_counter() - began > BUDGET:
             break
         gc.collect()
@@ -70,3 +87,7 @@ def peak_memory() -> int | None:
             if line.startswith("VmHWM:"):
                 return 1024 * int(line.split()[1])
     return None
+
+
+if __name__ == "__main__":
+    main()
