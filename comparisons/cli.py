@@ -2,7 +2,9 @@
 
 import click
 
+from comparisons.backends.command import solvers
 from comparisons.benchmark.command import benchmark
+from comparisons.convergence.command import convergence
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
 from comparisons.peers.command import peers
@@ -14,5 +16,5 @@ def group() -> None:
     """Experiments that compare methods, solvers and published numbers."""
 
 
-for command in (paper, benchmark, verify, peers, export, import_file):
+for command in (paper, benchmark, verify, solvers, convergence, peers, export, import_file):
     group.add_command(command)

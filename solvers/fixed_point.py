@@ -71,7 +71,8 @@ class FixedPointOptions:
     inner_tolerance : default 1e-4 × tolerance, between 1e-12 and 1e-6
     patience : iterations without progress before the iteration counts as stalled
     form : unknowns of the inner problems, "auto" (default), "full" or "condensed", see `forms`
-    inner_options : settings of the inner solver by its own names, instead of those that `inner_tolerance` stands for
+    inner_options : settings of the inner solver by its own names, instead of those that `inner_tolerance` stands for;
+        some back ends ignore names they do not know
     callback : called with every `Iteration`
 
     """

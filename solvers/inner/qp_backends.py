@@ -179,6 +179,7 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
                 "primal infeasible": Status.INFEASIBLE,
                 "dual infeasible": Status.UNBOUNDED,
                 "maximum iterations exceeded": Status.MAX_ITERATIONS,
+                "maximum iterations reached": Status.MAX_ITERATIONS,
                 "time limit exceeded": Status.MAX_ITERATIONS,
             },
             iterations=lambda s: int(s.extras["info"].iter),

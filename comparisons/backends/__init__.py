@@ -1,0 +1,1 @@
+"""Solvers compared on frictional contact: inner problems, sequences of them, and whole outer loops."""

@@ -1,0 +1,176 @@
+"""The pictures: performance profiles, how true "solved" is, accuracies, warm starts."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+from comparisons.backends.accuracies import LEVELS, TABLE
+from comparisons.backends.measures import (
+    Run,
+    area,
+    finite,
+    geometric_mean,
+    grouped,
+    outcome_counts,
+    performance_ratios,
+    steps,
+    times_of,
+    warm_ratios,
+)  # fmt: skip
+from comparisons.backends.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
+from comparisons.backends.tasks import INNER
+from comparisons.report import svg_text
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
+from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+UNTIL: Final = 100.0
+"""Largest ratio of times that profiles show."""
+
+HIGHLIGHTED: Final = 5
+"""Curves of a panel that have a colour."""
+
+_PALE: Final = "#c8c8c8"
+_COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, "#000000")
+_TURNS: Final = (0, 4, 4)  # so that solvers that are often best differ in colour
+_MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "p")
+_LINES: Final = ("-", "--", "-.", ":")
+_LEVEL_LOOKS: Final = ((BLUE, "o"), (VERMILLION, "s"), (GREEN, "^"))
+_BARS: Final[Mapping[str, tuple[str, str]]] = {
+    RIGHT: (BLUE, ""), UNTRUE: (VERMILLION, "////"), FALSE_ALARM: (PURPLE, "xxxx"), MODEST: (SKY, "...."),
+    GAVE_UP: ("#dddddd", ""), NO_ANSWER: (GREY, "\\\\\\\\"),
+}  # fmt: skip
+
+
+def profiles(runs: Sequence[Run], name: str) -> str:
+    """A panel for each level, a step curve for each solver; SVG, empty where matplotlib is missing."""
+    if not has_matplotlib() or not runs:
+        return ""
+    levels = [level for level in LEVELS if any(run.level == level for run in runs)]
+    with settings():
+        figure = new_figure(3.9 * len(levels), 4.4)
+        panels = figure.subplots(1, len(levels), sharey=True, squeeze=False)[0]
+        for axes, level in zip(panels, levels, strict=True):
+            _profile_panel(axes, performance_ratios(times_of(run for run in runs if run.level == level)))
+            axes.set_title(f"{level}: certified at {LEVELS[level]:.0e}", fontsize=9)
+            axes.set_xlabel("time over that of the fastest [-]")
+        panels[0].set_ylabel("share of problems solved [-]")
+        return svg_text(figure, name)
+
+
+def _profile_panel(axes: "Axes", ratios: Mapping[str, Sequence[float]]) -> None:
+    """The best by area in colour with markers, the others in grey."""
+    from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
+
+    best = sorted(ratios, key=lambda solver: (-area(ratios[solver], UNTIL), solver))
+    for solver in reversed(best[HIGHLIGHTED:]):
+        x, y = steps(ratios[solver], UNTIL)
+        axes.step(x, y, where="post", color=_PALE, linewidth=0.9, zorder=1)
+    for solver in best[:HIGHLIGHTED]:
+        colour, marker, line = _look(solver)
+        x, y = steps(ratios[solver], UNTIL)
+        label = f"{solver} ({_solved(ratios[solver])})"
+        axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
+                  markevery=max(1, len(x) // 6), label=label, zorder=2)  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_xlim(1.0, UNTIL)
+    axes.set_ylim(-0.02, 1.02)
+    axes.xaxis.set_major_locator(FixedLocator([1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.grid(visible=True, color="#e6e6e6", linewidth=0.5)
+    if best:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=8, frameon=False)
+
+
+def _look(solver: str) -> tuple[str, str, str]:
+    """Colour, marker and line of a solver, the same in all pictures; no two have the same colour and marker."""
+    place = list(TABLE).index(solver) if solver in TABLE else 0
+    turn = _TURNS[place // len(_COLOURS)]
+    return _COLOURS[(place + turn) % len(_COLOURS)], _MARKERS[place % len(_MARKERS)], _LINES[place % len(_LINES)]
+
+
+def _solved(ratios: Sequence[float]) -> str:
+    return f"{len(finite(ratios))} of {len(ratios)}"
+
+
+def truth(runs: Sequence[Run], name: str) -> str:
+    """A bar for each solver: what became of its inner problems, as shares."""
+    counts = outcome_counts(runs)
+    if not has_matplotlib() or not counts:
+        return ""
+    solvers = sorted(counts, key=lambda solver: (counts[solver][RIGHT] / counts[solver].total(), solver))
+    with settings():
+        figure = new_figure(8.0, 0.9 + 0.27 * len(solvers))
+        axes = figure.subplots()
+        left = [0.0] * len(solvers)
+        for outcome, (colour, hatch) in _BARS.items():
+            widths = [counts[solver][outcome] / counts[solver].total() for solver in solvers]
+            if any(widths):
+                axes.barh(solvers, widths, left=left, color=colour, hatch=hatch, edgecolor="white", linewidth=0.4,
+                          label=outcome)  # fmt: skip
+            left = [start + width for start, width in zip(left, widths, strict=True)]
+        axes.set_xlim(0.0, 1.0)
+        axes.set_xlabel("share of the inner problems that anybody solved [-]")
+        figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
+        return svg_text(figure, name)
+
+
+def accuracy(runs: Sequence[Run], name: str) -> str:
+    """For each solver and level the accuracy of single inner problems: median, and from best to worst."""
+    chosen = [run for run in runs if run.task == INNER and run.feasible]
+    if not has_matplotlib() or not chosen:
+        return ""
+    by_solver = grouped(chosen, lambda run: run.solver)
+    solvers = list(reversed(by_solver))
+    with settings():
+        figure = new_figure(8.0, 0.9 + 0.34 * len(solvers))
+        axes = figure.subplots()
+        for number, (level, (colour, marker)) in enumerate(zip(LEVELS, _LEVEL_LOOKS, strict=True)):
+            axes.axvline(LEVELS[level], color=colour, linestyle=":", linewidth=1.0)
+            for place, solver in enumerate(solvers):
+                values = finite(run.accuracy for run in by_solver[solver] if run.level == level)
+                _range(axes, values, place + 0.22 * (1 - number), colour, marker, level if place == 0 else "")
+        axes.set_yticks(range(len(solvers)), solvers)
+        axes.set_xscale("log")
+        axes.set_xlabel("smallest tolerance at which the certificate passes [-]")
+        axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
+        figure.legend(loc="outside upper center", ncols=3, fontsize=8, frameon=False)
+        return svg_text(figure, name)
+
+
+def _range(axes: "Axes", values: Sequence[float], height: float, colour: str, marker: str, label: str) -> None:
+    """A line from the smallest to the largest value, a mark at the median."""
+    if not values:
+        return
+    middle = sorted(values)[len(values) // 2]
+    axes.plot([min(values), max(values)], [height, height], color=colour, linewidth=1.0)
+    axes.plot([middle], [height], color=colour, marker=marker, markersize=5, linestyle="none", label=label or None)
+
+
+def warmth(runs: Sequence[Run], name: str) -> str:
+    """A dot for each sequence: warm over cold time, and the geometric mean of each solver."""
+    ratios = warm_ratios(runs)
+    if not has_matplotlib() or not ratios:
+        return ""
+    from matplotlib.ticker import StrMethodFormatter
+
+    solvers = sorted(ratios, key=lambda solver: -(geometric_mean(ratios[solver]) or 0.0))
+    with settings():
+        figure = new_figure(8.0, 1.0 + 0.3 * len(solvers))
+        axes = figure.subplots()
+        axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")
+        for place, solver in enumerate(solvers):
+            values = ratios[solver]
+            axes.plot(values, [place] * len(values), color=SKY, marker="o", markersize=4, linestyle="none", alpha=0.7)
+            axes.plot(
+                [geometric_mean(values) or 1.0], [place], color=VERMILLION, marker="D", markersize=6, linestyle="none"
+            )
+        axes.set_yticks(range(len(solvers)), solvers)
+        axes.set_xscale("log")
+        for every in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
+            every(StrMethodFormatter("{x:g}"))
+        axes.set_xlabel("time of the warm over that of the cold sequence [-]")
+        axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
+        return svg_text(figure, name)

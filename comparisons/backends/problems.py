@@ -1,0 +1,217 @@
+"""The problems of the comparison, as algebra; built once in each process and kept.
+
+| name            | what it is                                                                                      |
+|-----------------|-------------------------------------------------------------------------------------------------|
+| plate_n         | the paper's plate, μ = 0.2, n × n equal cells: well conditioned, slip and stick                 |
+| graded_n        | the same, each cell 0.6 times the one before it: badly conditioned                              |
+| stick_n         | the same on equal cells, μ = 2: no point slips                                                  |
+| ssnv128_n       | Code_Aster's SSNV128 on n × n cells, μ = 1: a part opens, a part slips, a part sticks           |
+| punch_…         | a rigid punch with a given force, μ = 0.3: an equation besides the contact                      |
+| doubled_rows    | plate_8 with every contact point twice, at half the weight: rows that depend on each other      |
+| doubled_equation| punch_coarse with its equation of balance twice                                                 |
+| dragged_block   | `examples/dragged_block_slides.toml`: dragged at 1.01 of what friction carries; no solution     |
+| pulled_block    | a block pulled off its ground: no solution                                                      |
+
+Also without doubling are the rows of N and T dependent: an edge has four points and two or three parameters.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+from scipy.sparse import csc_matrix, vstack
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    RectilinearMesh,
+    RigidPlate,
+    Traction,
+    discretize,
+)
+from qvi_contact.conditions import Condition
+from qvi_contact.gallery import compressed_plate, ssnv128
+from solvers import FrictionQVI, QVISolution, certify, solve_qvi
+from solvers.forms import Form, ProblemForm, make_form
+from solvers.inner.registry import make_inner
+from solvers.types import Vector
+
+GRADING: Final = 0.6
+STEPS: Final = 6
+"""Most bounds of a sequence."""
+
+_REFERENCE: Final = 1e-10  # tolerance of the solutions that bounds are taken from
+_RECORDED: Final = "direct:clarabel"  # inner solver of the outer loop whose bounds are recorded
+_DENSE: Final = 1500  # unknowns up to which the condition number is computed
+
+
+@dataclass(frozen=True)
+class Described:
+    """A problem before it is built.
+
+    Attributes
+    ----------
+    build : makes its algebra
+    feasible : whether it has a solution
+    small : whether sequences and outer loops are affordable in all unknowns
+    kind : "well conditioned", "ill conditioned", "open contact", "sharp edges",
+        "sticking", "redundant rows" or "no solution"
+
+    """
+
+    build: Callable[[], FrictionQVI]
+    kind: str
+    feasible: bool = True
+    small: bool = True
+
+
+class Instance:
+    """A problem with what its runs share: reference solution, bounds, forms."""
+
+    def __init__(self, described: Described) -> None:
+        self.described = described
+        self.qvi = described.build()
+        self._forms: dict[Form, ProblemForm] = {}
+
+    @cached_property
+    def reference(self) -> QVISolution:
+        """By the condensed method; for bounds and facts only, never for judging a result."""
+        return solve_qvi(self.qvi, tolerance=_REFERENCE)
+
+    def form(self, name: Form) -> ProblemForm:
+        """The problem in these unknowns; what that costs is not part of any time."""
+        if name not in self._forms:
+            self._forms[name] = make_form(self.qvi, name)
+        return self._forms[name]
+
+    @cached_property
+    def bound(self) -> Vector:
+        """The bound (m,) of the inner problem: that of the solution, without one that of the bonded state."""
+        z = self.reference.z if self.described.feasible else self.qvi.bonded
+        return self.qvi.threshold(self.qvi.pressure(z))
+
+    @cached_property
+    def bounds(self) -> tuple[Vector, ...]:
+        """The bounds that the plain outer loop meets from the bonded state on, up to the first it cannot solve."""
+        form = self.form("condensed")
+        solver = make_inner(_RECORDED, form.problem, _REFERENCE)
+        met: list[Vector] = []
+        pressure = self.qvi.pressure(self.qvi.bonded)
+        while len(met) < STEPS:
+            bound = self.qvi.threshold(pressure)
+            found = form.expand(solver.solve(form.threshold(bound), form.centre(None, None), None))
+            if not certify(self.given(bound), found.z, found.m_N, found.m_T, found.nu, 1e-6).passed:
+                break
+            met.append(bound)
+            pressure = self.qvi.pressure(found.z)
+        return tuple(met)
+
+    def given(self, bound: Vector) -> FrictionQVI:
+        """The inner problem as an inequality of its own: friction with this bound, whatever the pressure."""
+        return self.qvi.changed(mu=np.zeros(self.qvi.m), cohesion=bound, cap=np.full(self.qvi.m, np.inf))
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """Sizes, condition numbers of K, and shares of the contact that are open, stick and slip; None if unknown."""
+        qvi = self.qvi
+        condition = float(np.linalg.cond(qvi.K.toarray())) if qvi.n <= _DENSE else None
+        sizes = {"unknowns": qvi.n, "condensed": self.form("condensed").problem.n, "points": qvi.m, "equations": qvi.p}
+        return {**sizes, "condition": condition, **self._shares()}
+
+    def _shares(self) -> dict[str, float | None]:
+        """Where the multipliers say open, stick, slip, as shares of the contact's length."""
+        if not self.described.feasible:
+            return dict.fromkeys(("open", "stick", "slip"))
+        qvi, found = self.qvi, self.reference
+        pressure = qvi.pressure(found.z)
+        closed = pressure > 1e-6 * pressure.max()
+        bound = qvi.threshold(pressure)
+        sliding = closed & (np.abs(qvi.tangential(found.z)) >= (1.0 - 1e-6) * bound)
+        states = {"open": ~closed, "stick": closed & ~sliding, "slip": sliding}
+        return {name: float(qvi.W @ where / qvi.W.sum()) for name, where in states.items()}
+
+
+@cache
+def instance(name: str) -> Instance:
+    """The problem of this name, kept for the process."""
+    return Instance(PROBLEMS[name])
+
+
+def _algebra(problem: ContactProblem) -> FrictionQVI:
+    return discretize(problem).fitted().qvi
+
+
+def _plate(cells: int, friction: float = 0.2, grading: float = 1.0) -> Callable[[], FrictionQVI]:
+    return lambda: _algebra(compressed_plate(friction, cells=(cells, cells), grading=grading))
+
+
+def _ssnv128(cells: int) -> Callable[[], FrictionQVI]:
+    return lambda: _algebra(ssnv128((cells, cells)))
+
+
+def _punch(largest: float, smallest: float) -> Callable[[], FrictionQVI]:
+    """As `examples/punch.toml`, with cells between these sizes [mm]."""
+
+    def build() -> FrictionQVI:
+        mesh = RectilinearMesh(np.array([-4.0, -1.0, 1.0, 4.0]), np.array([0.0, 4.0]))
+        mesh = mesh.with_edges("under the punch", "top", -1.0, 1.0).with_edges("on its left", "top", stop=-1.0)
+        mesh = mesh.with_edges("on its right", "top", start=1.0)
+        free = [Traction(name, x=0.0, y=0.0) for name in ("left", "right", "on its left", "on its right")]
+        punch = Contact("under the punch", friction=0.3, name="punch", plate=RigidPlate(force_y=-100.0))
+        conditions: list[Condition] = [Displacement("bottom", x=0.0, y=0.0), punch, *free]
+        problem = ContactProblem(mesh, Material(2.1e5, 0.3, "strain"), conditions)
+        return _algebra(problem.refined(largest, smallest, ratio=0.7))
+
+    return build
+
+
+def _block(drag: float, push: float) -> Callable[[], FrictionQVI]:
+    """A block on ground with μ = 0.5 under a uniform stress: σ_yy = −push, σ_xy = drag [MPa]."""
+
+    def build() -> FrictionQVI:
+        mesh = RectilinearMesh.rectangle((8, 4), width=2.0, height=1.0)
+        ground = Contact("bottom", friction=0.5, name="base")
+        loads = [Traction("top", x=drag, y=-push), Traction("right", x=0.0, y=drag), Traction("left", x=0.0, y=-drag)]
+        return _algebra(ContactProblem(mesh, Material(1e4, 0.3, "stress"), [ground, *loads]))
+
+    return build
+
+
+def doubled_rows(qvi: FrictionQVI) -> FrictionQVI:
+    """The same problem with every contact point twice, each at half the weight: row multipliers are shared out."""
+    twice = {name: np.tile(getattr(qvi, name), 2) for name in ("n0", "t0", "mu", "cohesion", "cap", "bilateral")}
+    N, T = (csc_matrix(vstack([rows, rows])) for rows in (qvi.N, qvi.T))
+    return qvi.changed(N=N, T=T, W=np.tile(qvi.W, 2) / 2.0, traces=None, edges=None, structure=None, **twice)
+
+
+def doubled_equation(qvi: FrictionQVI) -> FrictionQVI:
+    """The same problem with every row of A z = b twice."""
+    return qvi.changed(A=csc_matrix(vstack([qvi.A, qvi.A])), b=np.tile(qvi.b, 2))
+
+
+_COARSE: Final = (1.2, 0.3)
+_FINE: Final = (0.8, 0.05)
+
+PROBLEMS: Final[Mapping[str, Described]] = MappingProxyType({
+    "plate_4": Described(_plate(4), "well conditioned"),
+    "plate_8": Described(_plate(8), "well conditioned"),
+    "plate_16": Described(_plate(16), "well conditioned", small=False),
+    "graded_8": Described(_plate(8, grading=GRADING), "ill conditioned"),
+    "graded_16": Described(_plate(16, grading=GRADING), "ill conditioned", small=False),
+    "ssnv128_8": Described(_ssnv128(8), "open contact"),
+    "ssnv128_16": Described(_ssnv128(16), "open contact", small=False),
+    "punch_coarse": Described(_punch(*_COARSE), "sharp edges"),
+    "punch_fine": Described(_punch(*_FINE), "sharp edges", small=False),
+    "stick_8": Described(_plate(8, friction=2.0), "sticking"),
+    "stick_16": Described(_plate(16, friction=2.0), "sticking", small=False),
+    "doubled_rows": Described(lambda: doubled_rows(_plate(8)()), "redundant rows"),
+    "doubled_equation": Described(lambda: doubled_equation(_punch(*_COARSE)()), "redundant rows"),
+    "dragged_block": Described(_block(5.05, 10.0), "no solution", feasible=False),
+    "pulled_block": Described(_block(0.0, -1.0), "no solution", feasible=False),
+})  # fmt: skip
+"""Name → problem, in the order of the tables."""

@@ -1,0 +1,150 @@
+r"""The problems that loops are compared on, by name, mesh and friction.
+
+plate       the paper's quarter plate (`compressed_plate`); sticks everywhere from μ = 0.25 on
+ssnv128     Code_Aster's SSNV128; opens, slips and sticks, and is hard from μ = 2 on
+block       a block under the pressure p = 1 dragged by uniform shear T = 0.1: carried where μ > 0.1
+contacts    no mesh: unknowns are the tractions of 8 points themselves, with an answer and a contraction known exactly
+half open   the same with every other point open, and cohesion, so that no bound is zero
+sliding     the same with nothing open, and cohesion; without friction the largest steps of Uzawa are known exactly
+three       no mesh: one point with three solutions at μ = 2 (open, stick, slip)
+
+**Contacts.** z = (p, t), σ_N = −p, σ_T = t, K = [[I, C], [C, I]], C = Q diag(c) Qᵀ with orthonormal cosine vectors Q
+and c = 0.8, 0.7, …, 0.1. For any pressures p* ≥ 0, gaps g* ≥ 0 and push q* > 0 the loads
+
+    f_N = p* + C t* − g*,    f_T = C p* + t* + q*,    t* = thr(p*)
+
+make (p*, t*) a solution that slips everywhere, with m_N = g* and m_T = q*. Where nothing is open, p = f_N − μ C s, so
+that the plain loop multiplies errors by −μ C: its contraction is 0.8 μ, that damped by θ is
+max |1 − θ − θ μ c|, and it converges for μ < 1.25 only.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from scipy.fft import dct
+
+from comparisons.convergence.linearised import Linearised, linearised
+from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction, discretize
+from qvi_contact.conditions import Condition
+from qvi_contact.gallery import compressed_plate, ssnv128
+from solvers import FrictionQVI, QVISolution, solve_qvi
+
+POINTS: Final = 8
+"""Points of the problems without a mesh, but for "three"."""
+
+COUPLINGS: Final = np.arange(POINTS, 0, -1) / 10.0
+"""Eigenvalues c of the coupling of "contacts"."""
+
+COHESION: Final = 0.3
+"""Of "half open" and "sliding"."""
+
+SLIDING_LIMIT: Final = 2.0 * COHESION * (1.0 - 0.8**2)
+"""2 / λ_max(Ĉ_TT / θ) of "sliding" at μ = 0: Ĉ_TT = (I − C²)⁻¹ and θ is the cohesion."""
+
+_PUSH: Final = 0.1 + 0.05 * np.sin(1.0 + np.arange(POINTS) ** 2)  # has a share of every mode
+_GAP: Final = 0.4
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A problem ready to be solved.
+
+    Attributes
+    ----------
+    qvi : the problem, dimensionless
+    force : unit of resultants [stress × length]; 1 without a mesh
+    displacement : unit of displacements [length]; 1 without a mesh
+    stress : unit of tractions [stress]; 1 without a mesh
+
+    """
+
+    qvi: FrictionQVI
+    force: float = 1.0
+    displacement: float = 1.0
+    stress: float = 1.0
+
+
+def dragged_block(friction: float, cells: tuple[int, int], shear: float = 0.1) -> ContactProblem:
+    """A block [0, 2] × [0, 1] under pressure 1, dragged over its base by uniform shear; E = 1000, ν = 0.3."""
+    conditions: list[Condition] = [
+        Traction("top", x=shear, y=-1.0), Traction("right", x=0.0, y=shear), Traction("left", x=0.0, y=-shear),
+        Contact("bottom", friction=friction, name="base"),
+    ]  # fmt: skip
+    return ContactProblem(RectilinearMesh.rectangle(cells, 2.0, 1.0), Material(1000.0, 0.3), conditions)
+
+
+def contacts(friction: float, half_open: bool = False, cohesion: float = 0.0) -> FrictionQVI:
+    """The problem without a mesh of this module, with the same cohesion at all points."""
+    number = np.arange(POINTS)
+    closed = (number % 2 == 0) | (not half_open)
+    Q = dct(np.eye(POINTS), norm="ortho", axis=0)
+    C = (Q.T * COUPLINGS) @ Q
+    p = np.where(closed, 1.0 + 0.3 * np.cos(number), 0.0)
+    t = cohesion + friction * p
+    unit, zero = np.eye(2 * POINTS), np.zeros(POINTS)
+    return FrictionQVI(
+        K=np.block([[np.eye(POINTS), C], [C, np.eye(POINTS)]]),
+        f=np.concatenate([p + C @ t - np.where(closed, 0.0, _GAP), C @ p + t + _PUSH]),
+        N=-unit[:POINTS], n0=zero, T=unit[POINTS:], t0=zero, mu=np.full(POINTS, friction), W=np.ones(POINTS),
+        cohesion=np.full(POINTS, cohesion),
+    )  # fmt: skip
+
+
+def exact_contraction(friction: float, damping: float = 1.0) -> float:
+    """That of the loop damped by θ on "contacts"."""
+    return float(np.abs(1.0 - damping - damping * friction * COUPLINGS).max())
+
+
+def three_solutions(friction: float) -> FrictionQVI:
+    """One point, u = W r + q with r = (r_N, r_T), W = [[1, 0.8], [0.8, 1]], q = (1, 2.1)."""
+    zero, one = np.zeros(1), np.ones(1)
+    return FrictionQVI(
+        K=np.array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([-1.0, -2.1]), N=np.array([[-1.0, 0.0]]), n0=zero,
+        T=np.array([[0.0, 1.0]]), t0=zero, mu=friction * one, W=one,
+    )  # fmt: skip
+
+
+_ALGEBRA: Final[Mapping[str, Callable[[float], FrictionQVI]]] = {
+    "contacts": contacts,
+    "half open": lambda friction: contacts(friction, half_open=True, cohesion=COHESION),
+    "sliding": lambda friction: contacts(friction, cohesion=COHESION),
+    "three": three_solutions,
+}
+
+_MECHANICS: Final[Mapping[str, Callable[[float, tuple[int, int]], ContactProblem]]] = {
+    "plate": lambda friction, cells: compressed_plate(friction, cells),
+    "ssnv128": lambda friction, cells: ssnv128(cells, friction),
+    "block": lambda friction, cells: dragged_block(friction, (2 * cells[0], cells[1])),
+}
+
+WITHOUT_MESH: Final = tuple(_ALGEBRA)
+"""Names of the problems that have no cells."""
+
+
+def body(problem: str, cells: int, friction: float) -> Body:
+    """Build a problem by its name; `cells` a side (height), 0 where there is no mesh."""
+    if problem in _ALGEBRA:
+        return Body(_ALGEBRA[problem](friction))
+    discretization = discretize(_MECHANICS[problem](friction, (cells, cells)))
+    scales = discretization.scales
+    return Body(discretization.qvi, scales.stress * scales.length, scales.displacement, scales.stress)
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A problem with its solution by the condensed method, and the loops linearised there; none if it fails."""
+
+    body: Body
+    solution: QVISolution
+    linearised: Linearised | None
+
+
+@lru_cache(maxsize=8)
+def reference(problem: str, cells: int, friction: float) -> Reference:
+    """The reference of a problem; the last ones are kept, since many cases have the same."""
+    found = body(problem, cells, friction)
+    solution = solve_qvi(found.qvi, method="condensed", tolerance=1e-9)
+    return Reference(found, solution, linearised(solution) if solution.solved else None)

@@ -1,0 +1,127 @@
+"""The command `convergence`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from comparisons.options import folder_option
+from comparisons.study.options import RunOptions, study_options
+
+if TYPE_CHECKING:
+    from comparisons.report import Report
+    from comparisons.study import Study
+
+NAMES: Final = ("mesh", "outer", "uzawa")
+"""The studies; each is a package beside this module."""
+
+SCHEMA: Final = "qvi-contact/convergence/1"
+
+_FOLDER: Final = "results/convergence"
+
+
+@click.command()
+@click.argument("names", metavar="[STUDY]...", nargs=-1, type=click.Choice(NAMES))
+@study_options(_FOLDER, timeout=600.0, folder=True)
+@click.option("--quick", is_flag=True, help="Few and small cases, in files of their own.")
+@click.option("--out", metavar="FOLDER", default=_FOLDER, callback=folder_option, show_default=True,
+              help="Folder of the reports.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
+def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path, as_json: bool) -> None:
+    """How fast answers get better: with the mesh, and with the iterations.
+
+    \b
+    mesh   forces, energy, tractions and the ends of stick zones on uniform, graded and adaptive meshes, against exact
+           values, bounds, and values other codes settle on; observed orders beside the expected ones
+    outer  the loop over the friction bound: plain, damped, Anderson, and the direct method, against μ
+    uzawa  the paper's iteration: its stable steps, and how many iterations it needs, beside convex subproblems
+
+    Without STUDY all three. Finished cases are kept in --store, so that an interrupted run goes on where it stopped and
+    a report is made again without computing anything. --workers 2 makes it about twice as fast.
+
+    \b
+    Examples:
+        python -m comparisons convergence --quick
+        python -m comparisons convergence mesh --workers 2 --out results/convergence
+    """  # noqa: D301
+    from qvi_contact.files import writable_folder
+
+    _check_store(run.store)
+    writable_folder(out)
+    parts = [_Part.of(name, quick, run) for name in dict.fromkeys(names or NAMES)]
+    for part in parts:
+        part.check()
+    documents = [part.done(out, as_json) for part in parts]
+    if as_json:
+        document = {"schema": SCHEMA, "quick": quick, "studies": documents}
+        click.echo(json.dumps(_finite(document), indent=1, ensure_ascii=False, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    """The value for JSON; numbers that are not finite are texts, as in exported rows."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, Mapping):
+        return {name: _finite(item) for name, item in value.items()}
+    return [_finite(item) for item in value] if isinstance(value, Sequence) and not isinstance(value, str) else value
+
+
+def _check_store(folder: Path) -> None:
+    """A file in the place of the folder, or no name at all, is found before anything is computed."""
+    from qvi_contact.errors import InputError
+
+    if folder == Path() or (folder.exists() and not folder.is_dir()):
+        raise InputError("--store", str(folder), "give the name of a folder")
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One study of a run."""
+
+    name: str
+    study: Study
+    quick: bool
+    run: RunOptions
+
+    @classmethod
+    def of(cls, name: str, quick: bool, run: RunOptions) -> _Part:
+        """The study of this name with its store; one for quick runs has a name of its own."""
+        study = import_module(f"comparisons.convergence.{name}.study").study(quick)
+        return cls(name, study, quick, run.inside(f"{name}{'_quick' if quick else ''}.sqlite"))
+
+    def check(self) -> None:
+        """A store of another study, a damaged one, or one that cannot be written is found before anything is run."""
+        from comparisons.study.store import finished_keys
+        from qvi_contact.files import writable_folder
+
+        if len(finished_keys(self.run.store, self.study)) < len(self.study.cases):
+            writable_folder(self.run.store.parent)
+
+    def done(self, out: Path, as_json: bool) -> dict[str, Any]:
+        """Run what is missing, write the report, show it; the JSON of it."""
+        from comparisons.report import write_report
+        from comparisons.report.terminal import show
+        from comparisons.study import read_study
+
+        self.run.run(self.study)
+        stored = read_study(self.run.store)
+        report: Report = import_module(f"comparisons.convergence.{self.name}.report").report(stored.rows)
+        if self.quick:
+            report = replace(report, name=f"{report.name}-quick", title=f"{report.title} (quick)")
+        written = write_report(report, out)
+        if not as_json:
+            show(report, written)
+        return {
+            "name": self.name,
+            "study": stored.declaration,
+            "findings": [finding.text for finding in report.findings],
+            "rows": [row.flat() for row in stored.rows],
+            "files": [path.name for path in written],
+        }

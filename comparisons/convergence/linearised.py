@@ -1,0 +1,146 @@
+r"""Loops linearised at a solution: how fast they must converge there if open, slipping and sticking points stay so.
+
+With x = √W σ, the compliance of the body seen by the contact Ĉ = √W B K⁻¹ Bᵀ √W, B = [N; T], and at the solution
+O the open points (λ_N > 0), S the slipping ones (λ_T ≠ 0) with sign ς = sign σ_T and bound θ = thr(|σ_N|):
+
+**Outer fixed point** s → |σ_N(s)|. A change δs moves the bounds of S by μ δs, and the multipliers of O and S hold the
+tractions to it; so on all pressed points
+
+    J = ∓ Ĉ_{N,A} Ĉ_{AA}⁺ [0; ς μ],    A = O ∪ S,    upper sign where σ_N < 0                                   (a)
+
+The plain loop contracts by ρ(J), that damped by θ by ρ((1 − θ) I + θ J).
+
+**Uzawa.** (4.2) is λ_N += ω_N σ_N on O, (4.3) and (4.4) are λ_T += ω_T (σ_T − ς θ)/θ on S, so that
+
+    δλ⁺ = δλ − D G δλ,   D = diag(ω_N, ω_T/θ),   G = [Ĉ_{O,A}; Ĉ_{S,A} + ς μ Ĉ_{N(S),A}]                         (b)
+
+and the eigenvalues e of D G other than zero have to obey |1 − e| < 1. Zero ones change the multipliers of dependent
+rows and no traction. Where the bound does not move (μ = 0 with cohesion) and only one of the two kinds is there, it is
+ω < 2 / λ_max of the dual operator, Ĉ_OO for ω_N, and
+
+    ω_T < 2 / λ_max(Θ^(−1/2) Ĉ_SS Θ^(−1/2))                                                                    (c)
+
+With all points with friction in place of S the limit is smaller, and holds for any set of points that slips on the way.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from scipy.linalg import eigh, eigvals, eigvalsh, pinvh
+
+from solvers.compliance import Compliance
+from solvers.problem import FrictionQVI
+from solvers.solution import QVISolution
+from solvers.types import BoolVector, Matrix, Vector
+
+_NOTHING: Final = 1e-9
+"""Eigenvalues below this share of the largest are zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """What the loops of this module depend on.
+
+    Attributes
+    ----------
+    compliance : Ĉ (2m, 2m)
+    threshold : θ (m,)
+    slipping, open : (m,) bool
+    sign : ς (m,)
+    moving : (m,), by how much θ moves with the pressure: μ, and 0 where the cap holds
+    pressing : (m,), −1 where σ_N < 0, +1 where a bilateral point pulls, 0 elsewhere
+
+    """
+
+    compliance: Matrix
+    threshold: Vector
+    slipping: BoolVector
+    open: BoolVector
+    sign: Vector
+    moving: Vector
+    pressing: Vector
+
+    def outer_matrix(self) -> Matrix:
+        """J (m, m) of (a), in the norm of L²."""
+        m, active = len(self.threshold), np.concatenate([self.open, self.slipping])
+        bounds = np.concatenate([np.zeros((m, m)), np.diag(self.sign * self.moving)])[active]
+        held = pinvh(self.compliance[np.ix_(active, active)], rtol=_NOTHING) @ bounds if active.any() else bounds
+        return np.asarray(self.pressing[:, None] * (self.compliance[:m, active] @ held))
+
+    def outer_contraction(self, damping: float = 1.0) -> float:
+        """Spectral radius of the loop s + θ (|σ_N(s)| − s)."""
+        J = self.outer_matrix()
+        return _radius(eigvals((1.0 - damping) * np.eye(len(J)) + damping * J))
+
+    def uzawa_contraction(self, omega_T: float, omega_N: float) -> float:
+        """Largest |1 − e| of (b); 0 where nothing is open or slips."""
+        m, active = len(self.threshold), np.concatenate([self.open, self.slipping])
+        if not active.any():
+            return 0.0
+        S = self.slipping
+        if (self.threshold[S] <= 0.0).any():
+            return float("inf")
+        steps = np.concatenate([np.full(int(self.open.sum()), omega_N), omega_T / self.threshold[S]])
+        G = self.compliance[np.ix_(active, active)]
+        below = G[int(self.open.sum()) :]
+        below -= (self.sign * self.moving * self.pressing)[S, None] * self.compliance[:m][np.ix_(S, active)]
+        found = eigvals(steps[:, None] * G)
+        return _radius(1.0 - found[np.abs(found) > _NOTHING * np.abs(found).max()])
+
+    def tangential_limit(self, everywhere: bool = False) -> float | None:
+        """2 / λ_max of (c) over the slipping points, or over all with friction; None if there are none."""
+        chosen = self.threshold > 0.0 if everywhere else self.slipping
+        if not chosen.any():
+            return None
+        if (self.threshold[chosen] <= 0.0).any():
+            return 0.0
+        root = 1.0 / np.sqrt(self.threshold[chosen])
+        return _step_limit(root[:, None] * self._block(chosen, tangential=True) * root)
+
+    def normal_limit(self, everywhere: bool = False) -> float | None:
+        """2 / λ_max(Ĉ_OO), or of all of Ĉ_NN; None if there are no such points."""
+        chosen = np.ones_like(self.open) if everywhere else self.open
+        return _step_limit(self._block(chosen, tangential=False)) if chosen.any() else None
+
+    def condition(self) -> float | None:
+        """λ_max / λ_min of Θ^(−1/2) Ĉ_SS Θ^(−1/2), eigenvalues of dependent rows left out; None if nothing slips."""
+        if not self.slipping.any() or (self.threshold[self.slipping] <= 0.0).any():
+            return None
+        root = 1.0 / np.sqrt(self.threshold[self.slipping])
+        values = eigvalsh(root[:, None] * self._block(self.slipping, tangential=True) * root)
+        return float(values[-1] / values[values > _NOTHING * values[-1]][0])
+
+    def _block(self, chosen: BoolVector, tangential: bool) -> Matrix:
+        m = len(self.threshold)
+        block = self.compliance[m:, m:] if tangential else self.compliance[:m, :m]
+        return np.asarray(block[np.ix_(chosen, chosen)])
+
+
+def linearised(solution: QVISolution) -> Linearised:
+    """Linearise at a solution, best one of an interior point method, whose multipliers decide who slips."""
+    qvi, z = solution.problem, solution.z
+    stiffness, weights = qvi.contact_stiffness, np.sqrt(np.concatenate([qvi.W, qvi.W]))
+    normal, tangential, threshold = qvi.normal(z), qvi.tangential(z), qvi.threshold(qvi.pressure(z))
+    lambda_N, lambda_T = solution.normal_multiplier / qvi.W, solution.tangential_multiplier / qvi.W
+    return Linearised(
+        weights[:, None] * Compliance(qvi).dense * weights,
+        threshold,
+        np.abs(lambda_T) * stiffness > threshold - np.abs(tangential),
+        (lambda_N * stiffness > -normal) & ~qvi.bilateral,
+        np.sign(tangential),
+        np.where(qvi.cohesion + qvi.mu * qvi.pressure(z) < qvi.cap, qvi.mu, 0.0),
+        _pressing(qvi, normal),
+    )
+
+
+def _pressing(qvi: FrictionQVI, normal: Vector) -> Vector:
+    return np.where(normal < 0.0, -1.0, np.where(qvi.bilateral & (normal > 0.0), 1.0, 0.0))
+
+
+def _step_limit(matrix: Matrix) -> float:
+    return float(2.0 / eigh(matrix, eigvals_only=True)[-1])
+
+
+def _radius(values: Any) -> float:
+    return float(np.abs(values).max(initial=0.0))

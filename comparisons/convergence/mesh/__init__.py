@@ -1,0 +1,1 @@
+"""Convergence in the mesh: forces, energies, contact tractions, and the ends of contact and stick zones."""

@@ -1,0 +1,87 @@
+"""What the site takes from other folders, the committed reports, and how it shows pictures.
+
+A line ``% reports`` in a page becomes a list of the reports in `comparisons/reports`, which are copied into the site.
+"""
+
+import html
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import imagesize
+from docutils import nodes
+from markdown_it import MarkdownIt
+from sphinx.application import Sphinx
+
+REPORTS = Path(__file__).parents[2] / "comparisons" / "reports"
+MARK = "% reports"
+
+_LARGE = 1000  # pixels
+_PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>
+body {{ font: 16px/1.5 sans-serif; max-width: 70rem; margin: 0 auto; padding: 1rem; overflow-x: auto; }}
+img {{ max-width: 100%; }}
+table {{ border-collapse: collapse; font-size: 0.8rem; }}
+th, td {{ border: 1px solid #ccc; padding: 0.2rem 0.4rem; text-align: left; }}
+</style>
+</head>
+<body>
+{body}
+</body>
+</html>
+"""
+
+
+def reports() -> Iterator[tuple[str, Path]]:
+    """Title and main file of each report: its page if there is one, else its Markdown."""
+    for folder in sorted(path for path in REPORTS.iterdir() if path.is_dir()):
+        texts = {path.stem: path for path in sorted(folder.glob("*.md"))}
+        for stem, text in texts.items():
+            heading = re.search(r"^# (.+)$", text.read_text(encoding="utf-8"), re.M)
+            page = text.with_suffix(".html")
+            yield heading[1] if heading else stem, page if page.exists() else text
+
+
+def _replace(_app: Sphinx, docname: str, source: list[str]) -> None:
+    """Put the list in the place of the mark."""
+    if MARK not in source[0]:
+        return
+    up = "../" * docname.count("/")
+    places = [(title, path.relative_to(REPORTS).with_suffix(".html").as_posix()) for title, path in reports()]
+    items = [f'<li><a href="{up}reports/{place}">{html.escape(title)}</a></li>' for title, place in places]
+    source[0] = source[0].replace(MARK, "\n".join(["```{raw} html", "<ul>", *items, "</ul>", "```"]))
+
+
+def _enlarge(app: Sphinx, document: nodes.document) -> None:
+    """Large pictures fill the column, and lead to themselves in full size."""
+    for picture in document.findall(nodes.image):
+        if imagesize.get(Path(app.srcdir) / picture["uri"])[0] > _LARGE:
+            picture["width"] = "100%"
+
+
+def _copy(app: Sphinx, exception: Exception | None) -> None:
+    """Put the reports beside the pages, as a page too where they have none."""
+    if exception is not None or app.builder.format != "html":
+        return
+    target = Path(app.outdir) / "reports"
+    shutil.copytree(REPORTS, target, dirs_exist_ok=True)
+    for title, path in reports():
+        if path.suffix == ".md":
+            body = MarkdownIt("commonmark").enable("table").render(path.read_text(encoding="utf-8"))
+            page = _PAGE.format(title=html.escape(title), body=body)
+            (target / path.relative_to(REPORTS)).with_suffix(".html").write_text(page, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Sphinx's entry."""
+    app.connect("source-read", _replace)
+    app.connect("doctree-read", _enlarge)
+    app.connect("build-finished", _copy)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

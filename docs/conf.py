@@ -1,0 +1,49 @@
+"""How the site is built: ``python -m sphinx -W --keep-going -n -b html docs <folder>``, see CONTRIBUTING.md."""
+
+import sys
+from importlib.metadata import version as installed_version
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).parent / "_ext")]
+
+project = "qvi_contact"
+author = "the authors of qvi_contact"
+version = release = installed_version("qvi-contact")
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_click", "docstrings", "gallery", "repository"]
+exclude_patterns = ["_ext"]
+root_doc = "index"
+language = "en"
+
+myst_enable_extensions = ["colon_fence", "deflist"]
+myst_heading_anchors = 3
+highlight_language = "text"  # indented blocks are formulas and output
+
+html_theme = "furo"
+html_title = "qvi_contact"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_copyright = False
+html_theme_options: dict[str, list[str]] = {"top_of_page_buttons": []}
+pygments_style = "friendly"
+smartquotes = False  # two hyphens are an option, not a dash
+
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_member_order = "bysource"
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 80
+
+nitpicky = True
+nitpick_ignore_regex = [
+    # types of other libraries, whose pages are not read: nothing is loaded from the network
+    (r"py:.*", r"(numpy|np|scipy|matplotlib|click|collections|pathlib|typing|types|enum)(\..*)?"),
+    (r"py:.*", r"(Any|Array|ArrayLike|Axes|Console|QuadMesh|Figure|IO|Module|NDArray|Protocol|Self)"),
+    (r"py:.*", r"(str|int|float|bool|None|object|tuple|list|dict|Path|Mapping|Sequence|Callable|Iterable|Iterator)"),
+    # parts that nobody outside needs
+    (r"py:class", r"qvi_contact\.(contact_rows|elimination|element|plates|problem_document|scaling)\.\w+"),
+    (r"py:class", r"qvi_contact\.companion\.(elasticity|space|state)\.\w+"),
+    (r"py:class", r"qvi_contact\.(mesh\.Edge\w+|plots\.figures\.LoadHistory)"),
+    (r"py:class", r"solvers\.(factorisation\.dissection|linear)\.\w+"),
+]

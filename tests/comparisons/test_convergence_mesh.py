@@ -1,0 +1,432 @@
+"""Convergence in the mesh: orders, tractions, ends of zones on made-up data; a tiny real study; the command."""
+
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from comparisons.cli import group
+from comparisons.convergence import command
+from comparisons.convergence.mesh import figures, study, task
+from comparisons.convergence.mesh.corner import exponent
+from comparisons.convergence.mesh.data import Mesh, data_of
+from comparisons.convergence.mesh.errors import FORCE, TRACTIONS, Curve, curve
+from comparisons.convergence.mesh.findings import findings
+from comparisons.convergence.mesh.overview import Overview, cost
+from comparisons.convergence.mesh.problems import PROBLEMS, Expected, towards
+from comparisons.convergence.mesh.report import report
+from comparisons.convergence.mesh.tables import failures_table, verdict
+from comparisons.convergence.mesh.tractions import Tractions, difference, size
+from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
+from comparisons.convergence.orders import fitted_order, reached, successive_orders
+from comparisons.report import write_report
+from comparisons.study import Study, read_study, run_study
+from qvi_contact import terminal
+from qvi_contact.plots.style import has_matplotlib
+
+GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
+
+
+def points_of(lines):
+    """The four Gauss points of each edge, one after the other."""
+    lines = np.asarray(lines, dtype=float)
+    return (lines[:-1, None] + np.diff(lines)[:, None] * GAUSS).ravel()
+
+
+class TestOrders:
+    """Slopes of made-up errors."""
+
+    def test_a_power_law_has_its_power(self):
+        h = [1.0, 0.5, 0.25, 0.1]
+        e = [3.0 * size**1.7 for size in h]
+        assert successive_orders(h, e) == [None, *[pytest.approx(1.7)] * 3]
+        assert fitted_order(h, e) == pytest.approx(1.7)
+
+    def test_the_last_three_decide(self):
+        h = [1.0, 0.5, 0.25, 0.125]
+        assert fitted_order(h, [50.0, 0.25, 0.0625, 0.015625]) == pytest.approx(2.0)
+        line = np.polyfit(np.log(h[1:]), np.log([0.3, 0.04, 0.015]), 1)
+        assert fitted_order(h, [7.0, 0.3, 0.04, 0.015]) == pytest.approx(line[0])
+
+    def test_errors_that_mean_nothing_are_left_out(self):
+        h = [1.0, 0.5, 0.25, 0.125]
+        assert successive_orders(h, [1.0, None, 0.1, 0.05]) == [None, None, None, pytest.approx(1.0)]
+        assert fitted_order(h, [1.0, None, 0.1, None]) is None
+        assert fitted_order(h, [1.0, 0.5, 0.25, None]) == pytest.approx(1.0)
+
+    def test_an_error_that_is_small_by_chance_is_not_reached(self):
+        assert reached([10, 20, 30, 40], [1e-3, 1e-6, 1e-4, 1e-5], 2e-4) == 20
+        assert reached([10, 20, 30, 40], [1e-3, 1e-6, 1e-4, 1e-5], 2e-5) == 40
+        assert reached([40, 30, 20, 10], [1e-5, 1e-4, 1e-6, 1e-3], 1e-6) is None
+
+
+class TestTractions:
+    """Piecewise polynomials on different meshes."""
+
+    def test_polynomials_come_back(self):
+        lines = np.array([0.0, 0.3, 1.0, 2.0])
+        s = points_of(lines)
+        found = Tractions.at_gauss_points(s, 3.0 * s - 1.0, s**2 - s)
+        assert found.lines == pytest.approx(lines, abs=1e-14)
+        for x in (0.0, 0.1, 0.7, 1.99):
+            normal, tangential = found(np.array([x]))
+            assert (normal[0], tangential[0]) == pytest.approx((3.0 * x - 1.0, x**2 - x))
+        again = Tractions.of_record(json.loads(json.dumps(found.as_record())))
+        assert difference(found, again) == 0.0
+
+    def test_edges_in_another_order_are_the_same(self):
+        s = points_of([0.0, 0.3, 1.0, 2.0])
+        mixed = s.reshape(-1, 4)[[2, 0, 1]].ravel()
+        one, other = (Tractions.at_gauss_points(each, np.abs(each - 0.3), each**2) for each in (s, mixed))
+        assert other.lines == pytest.approx([0.0, 0.3, 1.0, 2.0], abs=1e-14)
+        assert difference(one, other) == pytest.approx(0.0, abs=1e-14)
+
+    def test_difference_of_two_meshes_is_the_integral(self):
+        one, other = points_of([0.0, 0.4, 2.0]), points_of([0.0, 1.0, 1.5, 2.0])
+        first = Tractions.at_gauss_points(one, 0.0 * one, one**2)
+        second = Tractions.at_gauss_points(other, 0.0 * other + 3.0, 0.0 * other)
+        assert difference(first, second) == pytest.approx(np.sqrt(9.0 * 2.0 + 2.0**5 / 5.0))
+        assert size(second, second.lines) == pytest.approx(np.sqrt(18.0))
+
+    def test_jumps_inside_an_edge_count_where_they_are(self):
+        s = points_of([0.0, 2.0])
+        flat = Tractions.at_gauss_points(s, 0.0 * s, 0.0 * s)
+        found = difference(flat, lambda x: (np.where(x > 0.7, 1.0, 0.0), 0.0 * x), np.array([0.0, 0.7, 2.0]))
+        assert found == pytest.approx(np.sqrt(1.3))
+
+
+class TestZones:
+    """Roots of made-up pressures and frictions."""
+
+    s = points_of(np.linspace(0.0, 4.0, 5))
+
+    def ends(self, pressure, unused):
+        """Ends for a pressure and friction not used up; μ = 1."""
+        pressure, unused = (np.maximum(f(self.s), 0.0) for f in (pressure, unused))
+        return zone_ends(self.s, -pressure, pressure - unused, pressure)
+
+    def test_a_straight_line_ends_at_its_root(self):
+        edge = self.s.reshape(-1, 4)
+        pressure = np.where(edge < 3.0, 3.3 - edge, 0.0)
+        pressure[3] = 3.3 - edge[3]  # below zero beyond the root
+        found = zone_ends(self.s, -pressure.ravel(), 0.0 * self.s, 0.0 * self.s)
+        (end,) = [each for each in found if each.kind == "contact ends"]
+        assert (end.position, end.how) == (pytest.approx(3.3), ROOT)
+        assert end.low < 3.3 < end.high
+        assert end.low == pytest.approx(edge[3][0])
+
+    def test_the_left_end_is_the_mirror_image(self):
+        unused = 0.2 * (self.s - 0.4)  # below zero on the first edge, left of the root
+        (end,) = zone_ends(self.s, -1.0 + 0.0 * self.s, 1.0 - unused, 1.0 + 0.0 * self.s)
+        assert (end.kind, end.position, end.how) == ("stick begins", pytest.approx(0.4), ROOT)
+        assert (end.low, end.high) == pytest.approx((self.s[1], self.s[2]))
+
+    def test_a_jump_ends_at_the_grid_line(self):
+        (end,) = self.ends(lambda x: 1.0 + 0.0 * x, lambda x: np.where(x < 2.0, 0.5, 0.0))
+        assert (end.kind, end.position, end.how) == ("stick ends", pytest.approx(2.0), LINE)
+        assert end.extrapolated is None
+
+    def test_a_touched_zero_is_the_gauss_point(self):
+        place = self.s[9]
+        unused = lambda x: np.where(x < 3.0, 0.1 * (x - place) ** 2 + 5e-7, 0.0)  # noqa: E731
+        (end,) = self.ends(lambda x: 1.0 + 0.0 * x, unused)
+        assert (end.kind, end.how) == ("stick ends", POINT)
+        assert end.position == pytest.approx(place)
+
+    def test_square_roots_are_extrapolated_exactly(self):
+        (end,) = self.ends(lambda x: 1.0 + 0.0 * x, lambda x: 0.1 * np.sqrt(np.maximum(2.6 - x, 0.0)))
+        assert end.extrapolated == pytest.approx(2.6)
+        assert abs(end.position - 2.6) < 0.5
+
+    def test_nothing_pressed_has_no_zones(self):
+        assert zone_ends(self.s, 0.0 * self.s, 0.0 * self.s, 0.0 * self.s) == []
+        assert self.ends(lambda x: 1.0 + x, lambda x: 0.5 + 0.0 * x) == []
+
+
+class TestCorner:
+    """Exponents of Williams' expansion."""
+
+    @pytest.mark.parametrize(("poisson", "plane"), [(0.3, "stress"), (0.3, "strain"), (0.0, "stress")])
+    def test_a_held_wedge_obeys_the_classical_equation(self, poisson, plane):
+        kappa = (3.0 - poisson) / (1.0 + poisson) if plane == "stress" else 3.0 - 4.0 * poisson
+        power = exponent(poisson, None, plane)
+        expected = (kappa + 1.0) ** 2 / (4.0 * kappa) - power**2 / kappa
+        assert np.sin(power * np.pi / 2.0) ** 2 == pytest.approx(expected, rel=1e-10)
+
+    def test_the_plate_at_full_stick(self):
+        assert 2.0 * exponent(0.3) == pytest.approx(1.517, abs=5e-4)
+
+    def test_friction_makes_it_weaker_without_a_jump(self):
+        powers = [exponent(0.3, friction) for friction in (0.0, 1e-4, 0.05, 0.1, 0.2)]
+        assert powers[0] == 1.0
+        assert powers[1] == pytest.approx(1.0, abs=2e-4)
+        assert powers == sorted(powers, reverse=True)
+
+    def test_observed_on_the_plate(self):
+        """P/2 on 64², 128² and 256² equal cells at μ = 0.2, from `comparisons.benchmark.reference`."""
+        errors = [214.23323 - force for force in (214.15964926, 214.19115763, 214.20909600)]
+        assert fitted_order([1 / 64, 1 / 128, 1 / 256], errors) == pytest.approx(exponent(0.3, 0.2), abs=0.02)
+
+
+def test_graded_lines():
+    lines = towards(0.0, 2.0, 4, 2.0)
+    assert lines == pytest.approx(2.0 - 2.0 * (1.0 - np.arange(5) / 4) ** 2)
+
+
+def made_up(errors, expected, least=0.0):
+    """A curve on equal cells with these errors, h halved each time."""
+    meshes = [
+        Mesh(PROBLEMS["plate 0.2"], "uniform", "equilibrium", 4 * 2**k, 0, "solved", "",
+             {"cells": [4 * 2**k] * 2, "unknowns": 4**k * 64}) for k in range(len(errors))
+    ]  # fmt: skip
+    meant = tuple(error > least for error in errors)
+    usable = [error if means else None for error, means in zip(errors, meant, strict=True)]
+    sizes = [mesh.h for mesh in meshes]
+    orders, fitted = tuple(successive_orders(sizes, usable)), fitted_order(sizes, usable)
+    return Curve(meshes[0].problem, "uniform", FORCE, tuple(meshes), tuple(errors), meant, orders, fitted, expected)
+
+
+@pytest.mark.parametrize(
+    ("errors", "order", "said"),
+    [
+        ([1.0, 0.5, 0.25, 0.125], 1.0, "as expected"),
+        ([1.0, 0.5, 0.25, 0.125], 1.5, "settled on another order"),
+        ([1.0, 0.9, 0.5, 0.1], 3.0, "orders still change"),
+        ([1.0, 0.5, 0.25, 0.125], None, "settled"),
+        ([1.0, 0.5, 1e-9, 1e-9], 1.0, "fewer than three errors that mean something"),
+    ],
+)
+def test_verdicts(errors, order, said):
+    expected = None if order is None else Expected(order, "made up")
+    assert verdict(made_up(errors, expected, least=1e-8)) == said
+
+
+def test_costs_are_those_of_lasting_errors():
+    found = made_up([1e-2, 1e-5, 1e-3, 1e-4], None)
+    assert (cost(found, 1e-3), cost(found, 1e-4), cost(found, 1e-5)) == (256, 4096, None)
+    assert cost(None, 1.0) is None
+
+
+CHOSEN = [
+    *[("plate 1", "uniform", size, "equilibrium") for size in (4, 8, 16)],
+    ("plate 1", "uniform", 4, "bracket"), ("plate 1", "uniform", 8, "bracket"), ("plate 1", "uniform", 8, "companion"),
+    ("plate 0.2", "uniform", 8, "equilibrium"), ("plate 0.2", "goal", 300, "equilibrium"),
+    ("plate 1", "apart", 110, "bracket"),
+    *[("block", "uniform", size, "equilibrium") for size in (4, 8, 16)],
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory):
+    """Rows of a small part of the study, through the runner."""
+    names = ("problem", "sequence", "size", "model")
+    factors = {name: tuple(dict.fromkeys(case[k] for case in CHOSEN)) for k, name in enumerate(names)}
+    small = Study("small", 1, "comparisons.convergence.mesh.task:run", factors,
+                  keep=lambda values: tuple(values[name] for name in names) in CHOSEN)  # fmt: skip
+    path = tmp_path_factory.mktemp("mesh") / "mesh.sqlite"
+    assert run_study(small, path, progress=False).complete
+    return read_study(path).rows
+
+
+class TestRun:
+    """A small study, and its report."""
+
+    def test_all_are_certified(self, rows):
+        assert [row.reason for row in rows if row.status != "done"] == []
+        assert all(row.certificate["passed"] and row.certificate["accuracy"] < task.TOLERANCE for row in rows)
+
+    def test_energies_and_forces_are_those_of_the_plate(self, rows):
+        found = Overview(data_of(rows))
+        (plate,) = (problem for problem in found.problems if problem.name == "plate 1")
+        for mesh in found.data.of(plate, "uniform"):
+            assert mesh.record["energy"] == pytest.approx(0.5e-3 * mesh.force, rel=1e-9)
+        errors = found.curve_of(plate, FORCE, "uniform").errors
+        assert errors == pytest.approx([1.0 - mesh.force / 214.36766 for mesh in found.data.of(plate, "uniform")])
+        assert found.curve_of(plate, FORCE, "uniform").fitted == pytest.approx(1.517, abs=0.1)
+
+    def test_brackets_enclose_the_settled_energy(self, rows):
+        found = Overview(data_of(rows))
+        meshes = found.brackets(PROBLEMS["plate 1"], "uniform")
+        assert [mesh.size for mesh in meshes] == [4, 8]
+        for mesh in meshes:
+            assert mesh.record["lower"] < 0.10718383 < mesh.record["upper"]
+            assert mesh.record["force_bounds"] == pytest.approx(
+                [2e3 * mesh.record["lower"], 2e3 * mesh.record["upper"]]
+            )
+        (said,) = [finding.text for finding in findings(found) if "brackets" in finding.text]
+        assert "4 of 4 guaranteed brackets of the energy enclose" in said
+
+    def test_a_bracket_beside_the_reference_is_said(self, rows):
+        first = next(row for row in rows if row.case["model"] == "bracket")
+        record = {**first.result["meshes"][0], "upper": 0.1071}
+        wrong = replace(first, result={"meshes": [record]})
+        changed = [wrong if row is first else row for row in rows]
+        (said,) = [each.text for each in findings(Overview(data_of(changed))) if "brackets" in each.text]
+        assert "3 of 4 guaranteed brackets" in said
+
+    def test_the_block_is_exact_in_the_limit(self, rows):
+        found = Overview(data_of(rows))
+        block = PROBLEMS["block"]
+        measured = found.curve_of(block, TRACTIONS, "uniform")
+        assert measured.fitted == pytest.approx(2.0, abs=0.2)
+        assert found.curve_of(block, "energy", "uniform").errors[-1] < 1e-6
+        ends = found.curve_of(block, "stick ends", "uniform")
+        assert [2.0 * error for error in ends.errors] == pytest.approx([0.068, 0.0378, 0.02], abs=1e-3)
+
+    def test_chains_have_a_mesh_for_each_step(self, rows):
+        (goal,) = (row for row in rows if row.case["sequence"] == "goal")
+        (apart,) = (row for row in rows if row.case["sequence"] == "apart")
+        assert [mesh["unknowns"] for mesh in goal.result["meshes"]] == [256]
+        assert goal.result["meshes"][0]["normal_force"] == pytest.approx(213.81671332570525, rel=1e-9)
+        assert [mesh["unknowns"] for mesh in apart.result["meshes"]] == [64, 100]
+        assert all(mesh["guaranteed"] for mesh in apart.result["meshes"])
+
+    def test_the_report_is_the_same_for_the_same_rows(self, rows, tmp_path):
+        few = [row for row in rows if row.case["problem"] == "plate 1"]
+        texts = []
+        for folder in ("one", "two"):
+            written = write_report(report(tuple(few)), tmp_path / folder)
+            texts.append({path.name: path.read_bytes() for path in written})
+        assert texts[0] == texts[1]
+        assert "convergence-mesh.html" in texts[0]
+        assert ("convergence-mesh-gaps.svg" in texts[0]) == has_matplotlib()
+        page = texts[0]["convergence-mesh.md"].decode()
+        assert "214.308143" in page
+        assert "(expected 1.52)" in page
+        assert "4 of 4 guaranteed brackets of the energy enclose the reference" in page
+
+    @pytest.mark.skipif(not has_matplotlib(), reason="matplotlib is not installed")
+    def test_pictures_of_tractions_and_ends(self, rows):
+        found = Overview(data_of(rows))
+        block = PROBLEMS["block"]
+        for figure in (figures.tractions_figure(found, block), figures.ends_figure(found, block)):
+            assert figure.svg.startswith("<svg")
+            assert all(
+                word in figure.svg for word in ("[length]", "σ_T" if "tractions" in figure.name else "stick ends")
+            )
+
+    def test_a_failed_row_is_shown_and_not_replaced(self, rows):
+        lost = [row for row in rows if row.case["size"] != 16]
+        (gone,) = (row for row in rows if row.case["size"] == 16 and row.case["problem"] == "plate 1")
+        failed = replace(gone, status="timeout", reason="more than 1 s", result={}, certificate=None)
+        found = Overview(data_of([*lost, failed]))
+        (line,) = [row for row in failures_table(found).grid.rows if "timeout" in row]
+        assert line == ("plate 1", "uniform", "size 16", "equilibrium", "timeout", "more than 1 s")
+        assert f"{len(found.data.meshes) - 1} of {len(found.data.meshes)} solves" in texts(found)
+        assert len(found.curve_of(PROBLEMS["plate 1"], FORCE, "uniform").errors) == 2
+
+
+def texts(found):
+    """All findings in one text."""
+    return " ".join(finding.text for finding in findings(found))
+
+
+def test_a_reference_makes_errors_below_it_meaningless(rows):
+    found = Overview(data_of(rows))
+    plate = PROBLEMS["plate 1"]
+    known = found.references["plate 1"]
+    coarse = replace(known, values={FORCE: replace(known.values[FORCE], uncertainty=0.03)})
+    measured = curve(found.data, plate, coarse, "uniform", FORCE)
+    assert measured.meant == (True, True, False)
+    assert measured.fitted is None
+
+
+def test_an_end_is_as_uncertain_as_meshes_differ(rows):
+    """On coarse meshes of the plate at μ = 0.2 the reference's uncertainty covers what fine ones find, 0.738."""
+    (first,) = (row for row in rows if row.case["problem"] == "plate 0.2" and row.case["sequence"] == "uniform")
+    (record,) = first.result["meshes"]
+    (end,) = record["ends"]
+    coarse = {**record, "ends": [{**end, "position": end["position"] - 0.04, "extrapolated": None}]}
+    before = replace(first, case={**first.case, "size": 4}, result={"meshes": [coarse]})
+    plain = {**record, "ends": [{**end, "extrapolated": None}]}
+    found = Overview(data_of([before, replace(first, result={"meshes": [plain]})]))
+    known = found.references["plate 0.2"].values["stick ends"]
+    assert known.value == pytest.approx(end["position"])
+    assert known.uncertainty == pytest.approx(end["high"] - end["low"] + 0.08)
+    assert abs(known.value - 0.738) < known.uncertainty
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_cases(quick):
+    cases = study.study(quick).cases
+    assert len(cases) == len({tuple(case.values.items()) for case in cases})
+    chosen = {(case.values["problem"], case.values["sequence"]) for case in cases}
+    assert ("plate 0.2", "reference") in chosen
+    assert ("block", "graded") not in chosen
+    assert {case.values["model"] for case in cases} == set(study.MODELS)
+    assert max(case.values["size"] for case in cases if case.values["model"] == "strict") <= 32
+    if not quick:
+        assert {case.values["problem"] for case in cases} == set(PROBLEMS)
+
+
+def run(capfd, *arguments):
+    """Exit status, standard output and error of the command, which must start nothing."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["comparisons", "convergence", *map(str, arguments)])
+        patch.setattr(command.RunOptions, "run", lambda *_: pytest.fail("the run was started"))
+        with pytest.raises(SystemExit) as caught:
+            terminal.run(group, "comparisons")
+    out, err = capfd.readouterr()
+    return caught.value.code, out, err
+
+
+class TestCommand:
+    """Options."""
+
+    @pytest.mark.parametrize(
+        ("words", "named"),
+        [
+            (("nothing",), "nothing"),
+            (("mesh", "--out", ""), "folder"),
+            (("mesh", "--out", "/proc/below"), "/proc/below"),
+            (("mesh", "--store", ""), "--store"),
+            (("mesh", "--store", "/proc/below"), "/proc/below"),
+            (("mesh", "--workers", "0"), "--workers"),
+            (("mesh", "--cells", "4"), "--cells"),
+        ],
+    )
+    def test_wrong_options_are_one_line_and_start_nothing(self, capfd, tmp_path, monkeypatch, words, named):
+        monkeypatch.chdir(tmp_path)
+        status, out, err = run(capfd, *words)
+        assert (status, out) == (2, "")
+        assert len(err.splitlines()) == 1
+        assert named in err
+
+    def test_a_file_in_the_place_of_the_store(self, capfd, tmp_path):
+        (tmp_path / "file").touch()
+        status, _, err = run(capfd, "mesh", "--out", tmp_path, "--store", tmp_path / "file")
+        assert (status, len(err.splitlines())) == (2, 1)
+
+    def test_a_store_of_another_study_is_refused_before_anything(self, capfd, tmp_path):
+        run_study(Study("other", 1, "time:sleep", {"x": (1,)}), tmp_path / "mesh.sqlite", progress=False)
+        status, out, err = run(capfd, "mesh", "--out", tmp_path, "--store", tmp_path)
+        assert (status, out) == (2, "")
+        assert "belongs to the study other (version 1)" in err
+
+    def test_help_teaches(self, capfd):
+        status, out, _ = run(capfd, "--help")
+        assert status == 0
+        assert all(word in out for word in ("mesh", "outer", "uzawa", "--quick", "Examples", "FOLDER"))
+
+    def test_json_and_files_of_its_own_for_quick(self, rows, capfd, tmp_path, monkeypatch):
+        stores = []
+        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
+        monkeypatch.setattr(command.RunOptions, "run", lambda self, _: stores.append(self.store))
+        monkeypatch.setattr(
+            "comparisons.study.read_study", lambda _: type("Stored", (), {"declaration": {}, "rows": rows})
+        )
+        monkeypatch.setattr(sys, "argv", ["comparisons", "convergence", "mesh", "--quick", "--json", "--store",
+                                          str(tmp_path / "store"), "--out", str(tmp_path / "out")])  # fmt: skip
+        with pytest.raises(SystemExit) as caught:
+            terminal.run(group, "comparisons")
+        assert caught.value.code == 0
+        document = json.loads(capfd.readouterr().out)
+        assert stores == [tmp_path / "store" / "mesh_quick.sqlite"]
+        (part,) = document["studies"]
+        assert (document["schema"], document["quick"], part["name"]) == (command.SCHEMA, True, "mesh")
+        assert len(part["rows"]) == len(rows)
+        assert part["findings"] == [finding.text for finding in report(rows).findings]
+        assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(part["files"])
+        assert "convergence-mesh-quick.html" in part["files"]

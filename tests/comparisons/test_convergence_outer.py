@@ -1,0 +1,237 @@
+"""Convergence of the outer loop: rates of known sequences, problems with a known contraction, study and report."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from comparisons.convergence.bodies import (
+    COUPLINGS,
+    POINTS,
+    body,
+    contacts,
+    dragged_block,
+    exact_contraction,
+    reference,
+)  # fmt: skip
+from comparisons.convergence.declared import among, factors_of
+from comparisons.convergence.linearised import linearised
+from comparisons.convergence.outer import figures
+from comparisons.convergence.outer.entries import Entries
+from comparisons.convergence.outer.findings import findings
+from comparisons.convergence.outer.loops import LOOPS
+from comparisons.convergence.outer.report import report
+from comparisons.convergence.outer.study import study, study_of
+from comparisons.convergence.outer.tables import mesh_groups, solution_found
+from comparisons.convergence.outer.task import run
+from comparisons.convergence.rates import first_lasting, growth_order, rate_of
+from comparisons.report import write_report
+from comparisons.study import DONE, read_study, run_study
+from qvi_contact.plots import has_matplotlib
+from solvers import solve_qvi
+from solvers.uniqueness import uniqueness_bound
+
+TINY = {("contacts", 0): (0.5, 2.0), ("plate", 2): (0.1,), ("plate", 3): (0.1,), ("three", 0): (2.0,)}
+
+
+class TestRates:
+    """Sequences whose course is known."""
+
+    @pytest.mark.parametrize("factor", [0.05, 0.5, 0.98])
+    def test_geometric(self, factor):
+        rate = rate_of(factor ** np.arange(100.0), floor=1e-200)
+        assert rate.course == "converges"
+        assert rate.factor == pytest.approx(factor, rel=1e-9)
+        assert rate.low == pytest.approx(rate.high)
+
+    def test_noise_and_outliers_stay_in_the_interval(self):
+        random = np.random.default_rng(1)
+        residuals = 0.7 ** np.arange(40.0) * np.exp(random.normal(scale=0.1, size=40))
+        residuals[30] *= 50.0
+        rate = rate_of(residuals)
+        assert rate.low < 0.7 < rate.high
+        assert rate.high - rate.low < 0.05
+
+    def test_only_the_tail_counts(self):
+        residuals = [*0.99 ** np.arange(40.0), *0.5 * 0.2 ** np.arange(41.0)]
+        assert rate_of(residuals, floor=1e-30).factor == pytest.approx(0.2, rel=0.02)
+
+    def test_rounding_does_not_count(self):
+        assert rate_of([*0.1 ** np.arange(10.0), 1e-16, 4e-16, 2e-16]).factor == pytest.approx(0.1)
+
+    @pytest.mark.parametrize("period", [[1.0], [1.0, 0.5], [1.0, 0.2, 0.7], list(range(1, 9))])
+    def test_cycles(self, period):
+        assert rate_of([3.0, 2.0, *(period * 20)]).course == "cycles"
+
+    def test_growth_diverges(self):
+        rate = rate_of(1e-3 * 1.2 ** np.arange(30.0))
+        assert rate.course == "diverges"
+        assert rate.factor == pytest.approx(1.2)
+        assert rate_of([1.0, 0.5, float("nan")]).course == "diverges"
+        assert rate_of([1.0, 0.5, float("inf")]).course == "diverges"
+
+    def test_no_trend_wanders(self):
+        assert rate_of(0.995 ** np.arange(60.0)).course == "wanders"  # less than half of it in all that is fitted
+        assert rate_of(np.exp(np.random.default_rng(2).normal(size=60))).course == "wanders"
+
+    def test_a_new_start_forgets_what_was_before(self):
+        rate = rate_of([*1.5 ** np.arange(20.0), float("inf"), *0.3 ** np.arange(6.0)])
+        assert (rate.course, rate.factor, rate.fitted) == ("converges", pytest.approx(0.3), 6)
+
+    def test_few_residuals(self):
+        assert rate_of([1.0, 0.1, 0.01]).course == "short"
+        assert rate_of([1.0, 1e-9], target=1e-8).course == "converges"
+        assert rate_of([1.0, 1e-9], target=1e-8).factor is None
+        assert rate_of([]).course == "short"
+
+    def test_first_lasting(self):
+        numbers = range(1, 11)
+        assert first_lasting([1, 1e-3, 1, 1e-3, *[1e-4] * 6], numbers, 1e-3) == 4
+        assert first_lasting([0.0] * 10, numbers, 1e-3) == 1
+        assert first_lasting([*[1.0] * 8, 0.0, 0.0], numbers, 1e-3) is None
+        assert first_lasting([*[0.0] * 9, float("nan")], numbers, 1e-3) is None
+        assert first_lasting([1.0, 1.0, 0.0, 0.0], [1, 2, 100, 1000], 0.5) == 100
+
+    def test_growth_order(self):
+        sizes = [2.0, 4.0, 8.0, 16.0]
+        assert growth_order(sizes, [3.0 * size**1.5 for size in sizes]) == pytest.approx(1.5)
+        assert growth_order(sizes[:2], sizes[:2]) is None
+
+
+class TestProblems:
+    """What is said of the problems without a mesh is so."""
+
+    @pytest.mark.parametrize("half_open", [False, True])
+    def test_the_state_the_loads_were_made_for_is_found(self, half_open):
+        qvi = contacts(0.7, half_open, cohesion=0.3)
+        solution = solve_qvi(qvi, method="condensed")
+        closed = (np.arange(POINTS) % 2 == 0) | (not half_open)
+        pressure = np.where(closed, 1.0 + 0.3 * np.cos(np.arange(POINTS)), 0.0)
+        assert solution.solved
+        assert solution.z == pytest.approx(np.concatenate([pressure, 0.3 + 0.7 * pressure]), abs=1e-8)
+        local = linearised(solution)
+        assert local.slipping.all()
+        assert (local.open == ~closed).all()
+
+    @pytest.mark.parametrize("loop", ["plain", "damped 0.5", "damped 0.25"])
+    @pytest.mark.parametrize("friction", [0.5, 1.1])
+    def test_observed_contraction_is_the_exact_one(self, loop, friction):
+        found = solve_qvi(contacts(friction), **LOOPS[loop].options())
+        exact = exact_contraction(friction, LOOPS[loop].damping)
+        assert found.solved
+        # the other modes have not died out where they are almost as slow, and then make the loop look faster
+        rate = rate_of([entry.residual for entry in found.history], 1e-8).factor
+        assert rate == pytest.approx(exact, rel=2e-3 if loop == "plain" else 0.12)
+        assert rate <= exact * (1.0 + 1e-3)
+
+    @pytest.mark.parametrize("damping", [1.0, 0.5])
+    def test_linearised_contraction_is_the_exact_one(self, damping):
+        local = reference("contacts", 0, 1.5).linearised
+        assert local.outer_contraction(damping) == pytest.approx(exact_contraction(1.5, damping), rel=1e-8)
+
+    def test_plain_fails_just_beyond_its_limit(self):
+        assert exact_contraction(1.25) == pytest.approx(1.0)
+        below, above = (solve_qvi(contacts(mu), **LOOPS["plain"].options()) for mu in (1.1, 1.5))
+        assert below.solved
+        assert above.status == "cycling"
+        assert rate_of([entry.residual for entry in above.history]).course == "cycles"
+
+    def test_the_bound_is_one(self):
+        for friction in (0.3, 1.0):
+            assert COUPLINGS.max() * friction <= friction / uniqueness_bound(contacts(friction)).sharper
+
+    def test_linearised_contraction_on_a_mesh(self):
+        qvi, local = body("ssnv128", 4, 1.0).qvi, reference("ssnv128", 4, 1.0).linearised
+        found = solve_qvi(qvi, **LOOPS["plain"].options())
+        assert rate_of([entry.residual for entry in found.history]).factor == pytest.approx(
+            local.outer_contraction(), rel=0.05
+        )
+
+    def test_dragged_block_carries_what_is_claimed(self):
+        assert solve_qvi(body("block", 2, 0.15).qvi).solved
+        assert solve_qvi(body("block", 2, 0.09).qvi).status == "infeasible"
+        assert dragged_block(0.3, (4, 2)).mesh.length == pytest.approx(2.0)
+
+
+def test_listed_cases_are_the_study():
+    listed = [{"a": 1, "b": (1, 2)}, {"a": 2, "b": None}, {"a": 2, "b": (3, 4)}]
+    assert factors_of(listed) == {"a": (1, 2), "b": ((1, 2), None, (3, 4))}
+    keep = among(listed)
+    assert keep({"a": 1, "b": [1, 2], "repeat": 0})
+    assert not keep({"a": 1, "b": [3, 4]})
+
+
+def test_studies_have_names_of_their_own():
+    quick, full = study(quick=True), study(quick=False)
+    assert quick.name != full.name
+    assert len(quick.cases) < len(full.cases)
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory):
+    """Rows of a tiny study."""
+    path = tmp_path_factory.mktemp("outer") / "tiny.sqlite"
+    assert run_study(study_of("tiny", TINY, ("plain", "Anderson", "condensed")), path, progress=False).complete
+    return read_study(path).rows
+
+
+class TestReport:
+    """The report of a tiny study."""
+
+    def test_all_rows_are_done_and_certified_or_not(self, rows):
+        assert {row.status for row in rows} == {DONE}
+        for row in rows:
+            assert row.certificate["passed"] == (row.result["status"] == "solved")
+            assert (row.certificate["accuracy"] <= 1e-8) == row.certificate["passed"]
+
+    def test_files_and_pictures(self, rows, tmp_path):
+        made = report(rows[::-1])
+        written = write_report(made, tmp_path)
+        assert len(written) == (7 if has_matplotlib() else 2)
+        shown = next(exhibit for exhibit in made.sections[0].exhibits if exhibit.name == "mesh")
+        assert figures.meshes(Entries.of(rows)).svg == shown.svg
+
+    def test_it_is_the_same_whatever_the_order_of_rows(self, rows, tmp_path, monkeypatch):
+        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
+        first, second = (write_report(report(each), tmp_path / name) for name, each in
+                         (("a", rows), ("b", rows[::-1])))  # fmt: skip
+        assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+        assert len(first) == 2
+
+    def test_findings_are_those_of_the_rows(self, rows):
+        texts = " ".join(finding.text for finding in findings(Entries.of(rows)))
+        assert "condensed 4 of 4" in texts
+        assert "plain 3 of 4" in texts
+        assert "8 contacts, the plain loop converges up to μ = 0.5 and fails at μ = 2: cycling (1)" in texts
+        assert re.search(r"by hand \(8 contacts, 0.8 μ\), the observed one differs from it by (< )?0\.\d\d %", texts)
+
+    def test_a_case_that_died_is_a_failure(self, rows):
+        victim = next(row for row in rows if row.case["loop"] == "condensed" and row.case["problem"] == "plate")
+        dead = replace(victim, status="timeout", result={}, certificate=None, reason="too long")
+        texts = " ".join(
+            finding.text for finding in findings(Entries.of([dead if row is victim else row for row in rows]))
+        )
+        assert "condensed 3 of 4" in texts
+        assert "1 run ended without a result (timeout: 1)" in texts
+
+    def test_which_solution(self, rows):
+        found = {(entry.loop, entry.start): solution_found(entry) for entry in Entries.of(rows).several}
+        assert found["plain", 0.0] == "open"
+        assert found["plain", 10.0] == "stick"
+        assert set(found.values()) <= {"open", "slip", "stick"}
+
+    def test_meshes_of_the_same_friction_are_compared(self, rows):
+        groups = mesh_groups(Entries.of(rows))
+        assert [entry.cells for entry in groups["plate", 0.1]] == [2, 3]
+        assert list(groups) == [("plate", 0.1)]
+
+    def test_the_task_tells_theory_and_time(self):
+        case = {"problem": "contacts", "cells": 0, "friction": 1.0, "loop": "plain", "start": None}
+        found = run(case)
+        assert found["exact"] == pytest.approx(0.8)
+        assert found["linearised"] == pytest.approx(0.8)
+        assert found["factor"] == pytest.approx(0.8, rel=1e-3)
+        assert found["sharper"] == pytest.approx(0.6)
+        assert len(found["residuals"]) == found["iterations"]
+        assert all(second > 0 for second in found["seconds"])

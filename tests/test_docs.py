@@ -1,0 +1,233 @@
+"""What the documentation shows works: its code runs and prints what it says, its commands and links exist."""
+
+import re
+import shlex
+from contextlib import redirect_stdout, suppress
+from importlib import import_module
+from io import StringIO
+from pathlib import Path
+
+import click
+import pytest
+
+from comparisons.cli import group as comparisons
+from comparisons.study.outcome import DONE, FAILURES
+from qvi_contact import RefinementStatus
+from qvi_contact.cli import group as qvi_contact
+from solvers import Status
+from solvers.measures import MEASURES
+
+ROOT = Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.glob("*.md"))
+TEXTS = [*sorted(DOCS.rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
+
+GROUPS = {"qvi-contact": qvi_contact, "python -m comparisons": comparisons}
+QUICK = {"qvi-contact": set(qvi_contact.commands), "python -m comparisons": {"export", "import"}}
+ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", ". .venv")
+
+PACKAGES = (
+    "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.plots", "qvi_contact.refinement",
+    "solvers", "solvers.exchange", "solvers.factorisation", "comparisons.report", "comparisons.study",
+)  # fmt: skip
+INTERNAL = {"has_matplotlib", "picture_suffix", "require_matplotlib", "CompanionState", "Exhibit"}
+
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+
+
+def text(path):
+    return path.read_text(encoding="utf-8")
+
+
+def blocks(page):
+    """Language and content of the fenced blocks of a page."""
+    return re.findall(r"^```(\w+)\n(.*?)^```$", text(page), re.S | re.M)
+
+
+def same(printed, shown):
+    """Whether a line is as shown: "…" stands for anything, the last digit of a number may differ by one."""
+    pattern, digits = [], []
+    for part in re.split(r"(…)", shown):
+        words = NUMBER.split(part)
+        found = NUMBER.findall(part)
+        digits += found
+        pattern.append(".*" if part == "…" else rf"({NUMBER.pattern})".join(re.escape(word) for word in words))
+    match = re.fullmatch("".join(pattern), printed)
+    return match is not None and all(near(*pair) for pair in zip(match.groups(), digits, strict=True))
+
+
+def near(printed, shown):
+    mantissa, _, exponent = shown.partition("e")
+    unit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+    return abs(float(printed) - float(shown)) <= 1.001 * unit
+
+
+def agree(printed, shown):
+    """Whether all lines are as shown; a line "…" stands for any number of them."""
+    if not shown:
+        return not printed
+    if shown[0] == "…":
+        return any(agree(printed[skipped:], shown[1:]) for skipped in range(len(printed) + 1))
+    return bool(printed) and same(printed[0], shown[0]) and agree(printed[1:], shown[1:])
+
+
+def lines(output):
+    return [line.rstrip() for line in output.rstrip().splitlines()]
+
+
+def command_of(line):
+    """Group and words of a command line of this project, None for other programs; shell comments do not count."""
+    for name in GROUPS:
+        if line.startswith(name + " "):
+            return name, shlex.split(line.removeprefix(name), comments=True)
+    assert line.startswith(ELSEWHERE), line
+    return None
+
+
+def parse(name, words):
+    """As the command would: a `click.UsageError` for what it does not know."""
+    command = GROUPS[name]
+    context = click.Context(command)
+    while isinstance(command, click.Group):
+        name, command, words = command.resolve_command(context, words)
+        context = click.Context(command, parent=context, info_name=name)
+    command.make_context(name, list(words))
+
+
+def run(name, words):
+    """What the command prints."""
+    output = StringIO()
+    with redirect_stdout(output):
+        GROUPS[name].main(words, prog_name=name, standalone_mode=False)
+    return output.getvalue()
+
+
+def check_console(block):
+    """Run or parse each command, and compare what is shown below it."""
+    for part in re.split(r"^\$ ", block, flags=re.M)[1:]:
+        head, *shown = lines(part)
+        for one in head.split(" && "):
+            found = command_of(one.partition(" > ")[0])
+            if found is None:
+                continue
+            parse(*found)
+            if found[1][0] in QUICK[found[0]]:
+                printed = lines(run(*found))
+                assert not shown or agree(printed, shown), "\n".join(printed)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: page.stem)
+def test_code_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch):
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    names, output = {"__name__": "documentation"}, None
+    for language, content in blocks(page):
+        if language == "python":
+            printed = StringIO()
+            with redirect_stdout(printed):
+                exec(compile(content, page.name, "exec"), names)
+            output = lines(printed.getvalue())
+        elif language == "text" and output is not None:
+            assert agree(output, lines(content)), "\n".join(output)
+            output = None
+        elif language == "console":
+            check_console(content)
+
+
+def rows_of(path):
+    """The cells of all table rows of a page; a bar inside a cell stands behind a backslash."""
+    found = [re.split(r"(?<!\\)\|", line)[1:-1] for line in text(path).splitlines() if line.startswith("| ")]
+    return [tuple(cell.strip().replace("\\|", "|") for cell in row) for row in found]
+
+
+def test_every_status_is_explained():
+    explained = {row[0].strip("`") for row in rows_of(DOCS / "choosing.md") if len(row) == 3}
+    assert {status.value for status in (*Status, *RefinementStatus)} <= explained
+    stored = {row[0].strip("`"): row[1] for row in rows_of(DOCS / "studies.md")}
+    assert {status: stored.get(status) for status in FAILURES} == dict(FAILURES)
+    assert DONE in stored
+
+
+def test_measures_of_the_certificate_are_those_of_the_code():
+    def limit(measure):
+        factor = "" if measure.factor == 1.0 else f"{measure.factor:g} "
+        return factor + ("tol" if measure.exponent == 1.0 else "tol^(3/4)")
+
+    assert {measure.exponent for measure in MEASURES} <= {1.0, 0.75}
+    expected = [(f"`{measure.name}`", limit(measure), measure.meaning, measure.worry) for measure in MEASURES]
+    assert [row for row in rows_of(DOCS / "certificate.md") if row in expected] == expected
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_reference_has_every_public_name(package):
+    """Constants aside; a thing that two packages offer needs one place."""
+    listed = [
+        named(name) for page in (DOCS / "api").glob("*.md") for name in re.findall(r"auto\w+:: (\S+)", text(page))
+    ]
+    module = import_module(package)
+    missing = [name for name in module.__all__ if not any(getattr(module, name) is found for found in listed)]
+    assert [name for name in missing if not name.isupper() and name not in INTERNAL] == []
+
+
+def named(path):
+    """The object of a dotted name; a function may have the name of its module."""
+    first, *others = path.split(".")
+    found, module = import_module(first), first
+    for part in others:
+        module = f"{module}.{part}"
+        found = getattr(found, part, None) or import_module(module)
+    return found
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
+def test_links_exist(path):
+    for target in re.findall(r"\]\(([^)\s]+)\)", text(path)):
+        file, _, anchor = target.partition("#")
+        if "://" in target:
+            continue
+        found = path.parent / file if file else path
+        assert found.exists(), target
+        assert not anchor or anchor in anchors(found), target
+
+
+def anchors(path):
+    """Names of a page's headings in links."""
+    headings = re.findall(r"^#+ (.+)$", text(path), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
+def test_files_that_are_named_exist(path):
+    for name in re.findall(r"`((?:qvi_contact|solvers|comparisons|tests|examples|docs)/[\w/.]*\w)`", text(path)):
+        assert (ROOT / name).exists(), name
+    for name in re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", text(path)):
+        assert (ROOT / name[0]).exists(), name
+
+
+@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
+def test_commands_exist(path):
+    """In indented blocks, which show whole commands, and between backticks, where the arguments may be missing."""
+    for line in re.findall(r"^ {4,}((?:qvi-contact|python -m comparisons) .+)$", text(path), re.M):
+        for command in line.split(" && "):
+            parse(*command_of(command))
+    for command in re.findall(r"`((?:qvi-contact|python -m comparisons) [^`…]+)`", text(path)):
+        with suppress(click.MissingParameter, click.exceptions.Exit):  # --help ends by itself
+            parse(*command_of(" ".join(command.split())))
+
+
+def test_a_wrong_command_is_found():
+    with pytest.raises(click.UsageError):
+        check_console("$ python -m comparisons paper --nonsense\n")
+    with pytest.raises(click.UsageError):
+        check_console("$ qvi-contact solved examples/punch.toml\n")
+
+
+def test_what_is_shown_may_differ_in_the_last_digit_only():
+    assert agree(["P = 1.235", "x", "y", "end"], ["P = 1.234", "…", "end"])
+    assert not agree(["P = 1.236"], ["P = 1.234"])
+    assert not agree(["P = 1.234", "more"], ["P = 1.234"])
+    assert agree(["solved after 12 iterations; accuracy 1e-14"], ["solved after 11 iterations; …"])
+    assert not agree(["failed after 11 iterations; "], ["solved after 11 iterations; …"])
+    assert not agree(["-1.5"], ["1.5"])
