@@ -20,6 +20,7 @@ _COEFFICIENTS = np.array(
         [0.0, 0.0, -1.0, 1.0],
     ]
 )
+_DERIVATIVES = [polynomial.polyder(_COEFFICIENTS, order, axis=1) for order in range(4)]
 
 
 def hermite(t: FloatArray, derivative: int = 0) -> FloatArray:
@@ -38,9 +39,11 @@ def hermite(t: FloatArray, derivative: int = 0) -> FloatArray:
         Entry ``[..., a, p]`` belongs to end a (0: t = 0, 1: t = 1) and kind p (0: value, 1: slope d/dt).
 
     """
-    coefficients = _COEFFICIENTS.T if derivative == 0 else polynomial.polyder(_COEFFICIENTS.T, derivative)
-    values = np.moveaxis(np.asarray(polynomial.polyval(np.asarray(t, dtype=float), coefficients)), 0, -1)
-    return values.reshape(*np.shape(t), 2, 2)
+    t = np.asarray(t, dtype=float)
+    *lower, values = _DERIVATIVES[derivative].T
+    for coefficients in reversed(lower):  # Horner's rule
+        values = values * t[..., None] + coefficients
+    return np.broadcast_to(values, (*t.shape, 4)).reshape(*t.shape, 2, 2)
 
 
 def scaled_hermite(t: FloatArray, length: FloatArray, scale: FloatArray, derivative: int = 0) -> FloatArray:
@@ -68,8 +71,8 @@ def scaled_hermite(t: FloatArray, length: FloatArray, scale: FloatArray, derivat
     """
     length = np.asarray(length, dtype=float)
     values = hermite(t, derivative) / length[..., None, None] ** derivative
-    slopes = values[..., 1] * (length[..., None] / scale)
-    return np.stack([values[..., 0] + np.zeros_like(slopes), slopes], axis=-1)
+    ratio = length[..., None] / scale
+    return np.asarray(values * np.stack([np.ones_like(ratio), ratio], axis=-1))
 
 
 @cache

@@ -74,6 +74,12 @@ class EdgePoints:
         tx, ty = self.cell_coordinates
         return self.grid.stress_rows(self.edges.column[:, None], self.edges.row[:, None], tx, ty).reshape(-1, 3, 16)
 
+    def stress(self, nodal: FloatArray) -> FloatArray:
+        """(σ_xx, σ_yy, σ_xy) without φ, dimensionless, of nodal values of Φ; shape (n q, 3)."""
+        values = nodal.ravel()[self.grid.cell_dofs(self.edges.column, self.edges.row)]
+        rows = self.stress_rows.reshape(len(self.edges), self.count, 3, 16)
+        return np.asarray(np.einsum("nqkd,nd->nqk", rows, values)).reshape(-1, 3)
+
     @property
     def point_axis(self) -> FloatArray:
         """Axis of the edge at each point, shape (n q,)."""

@@ -6,7 +6,7 @@ from qvi_contact.checks import FloatArray, evaluate
 from qvi_contact.conditions import Contact, Displacement
 from qvi_contact.discretization import Discretization
 from qvi_contact.loads import LOAD_POINTS, physical, potential_at, prescribed_at_points
-from qvi_contact.mesh import HORIZONTAL, VERTICAL
+from qvi_contact.mesh import VERTICAL
 from qvi_contact.traces import EdgePoints
 
 
@@ -51,7 +51,7 @@ def normal_and_shear(
 def traction(discretization: Discretization, nodal: FloatArray, points: EdgePoints) -> FloatArray:
     """Traction τn at points of edges, shape (2, points) [stress]."""
     problem, scales = discretization.problem, discretization.scales
-    potential = points.point_sign * potential_at(problem, scales, points.coordinates)
-    is_normal = [points.point_axis == VERTICAL, points.point_axis == HORIZONTAL]
-    values = [points.traction(c) @ nodal.ravel() + is_normal[c] * potential for c in (0, 1)]
-    return np.asarray(scales.stress * np.stack(values))
+    stress = points.stress(nodal)
+    stress[:, :2] += potential_at(problem, scales, points.coordinates)[:, None]
+    vertical, (xx, yy, xy) = points.point_axis == VERTICAL, stress.T
+    return np.asarray(scales.stress * points.point_sign * np.where(vertical, [xx, xy], [xy, yy]))

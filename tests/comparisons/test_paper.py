@@ -22,6 +22,7 @@ from comparisons.cli import group
 from comparisons.paper import figures, report, study
 from comparisons.paper.reference import load
 from qvi_contact import ContactResult, InputError, terminal
+from qvi_contact.plots.style import new_figure
 from solvers import Status, available
 
 TABLE_1 = {0.0: "209.15", 0.05: "210.67", 0.1: "212.05", 0.15: "212.86", 0.2: "213.44", 0.25: "213.81", 0.3: "213.89"}
@@ -65,9 +66,14 @@ def written(paper, tmp_path_factory):
 
 @pytest.fixture
 def stored(monkeypatch, paper):
-    """The command line with the computation replaced by its stored result, and all pictures by the quickest."""
+    """The command line with the computation replaced by its stored result, and all pictures by empty ones."""
     monkeypatch.setattr(study, "run", lambda _: paper)
-    monkeypatch.setattr(report, "_drawings", lambda: [(name, figures.table_1) for name in report.PICTURES])
+    monkeypatch.setattr(report, "_drawings", lambda: [(name, empty_picture) for name in report.PICTURES])
+
+
+def empty_picture(_):
+    """A figure that is quick to write."""
+    return new_figure(1.0, 1.0)
 
 
 def command(capfd, *arguments):

@@ -200,7 +200,7 @@ def test_discretisation_of_65536_cells_takes_about_half_a_second():
     from time import process_time
 
     problem, times = compressed_plate(0.2, (256, 256)), []
-    for _ in range(3):
+    while not times or (min(times) >= 2.5 and len(times) < 3):
         start = process_time()
         discretize(problem)
         times.append(process_time() - start)

@@ -6,6 +6,7 @@ import pytest
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Symmetry, Traction, exact, solve
 from qvi_contact.gallery import compressed_plate, sliding_block
 from solvers import Status
+from tests.covering import every_pair
 
 MESHES = {
     "one cell": RectilinearMesh.rectangle((1, 1), 2.0, 1.0, origin=(0.0, -0.5)),
@@ -39,11 +40,9 @@ def relative_error(result, state, count=60):
     return np.abs(result.stress(x, y) - expected).max() / np.abs(expected).max()
 
 
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
-@pytest.mark.parametrize("state", STATES.values(), ids=STATES)
+@pytest.mark.parametrize(("state", "mesh", "plane"), every_pair(list(STATES), list(MESHES), ["stress", "strain"]))
 def test_elastic_states(state, mesh, plane):
-    material = Material(1000.0, 0.3, plane)
+    material, state, mesh = Material(1000.0, 0.3, plane), STATES[state], MESHES[mesh]
     for kinds in SIDES.values():
         sides = dict(zip(("bottom", "right", "top", "left"), kinds, strict=True))
         result = solve(exact.problem_from_state(state(material), mesh, material, sides))
@@ -90,12 +89,17 @@ class TestPlate:
         assert np.abs(result.contacts["top"].slip).max() < 1e-9 * abs(gap)
 
 
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-@pytest.mark.parametrize(("cells", "grading"), [((1, 1), 1.0), ((3, 2), 1.0), ((5, 4), 0.5)])
-@pytest.mark.parametrize("inner", ["qp:clarabel", "direct:clarabel", "socp:clarabel"])
-def test_full_slip(cells, grading, plane, inner):
+@pytest.mark.parametrize(
+    ("inner", "mesh", "plane"),
+    every_pair(
+        ["qp:clarabel", "direct:clarabel", "socp:clarabel"],
+        [((1, 1), 1.0), ((3, 2), 1.0), ((5, 4), 0.5)],
+        ["stress", "strain"],
+    ),
+)
+def test_full_slip(inner, mesh, plane):
     """The outer iteration contracts by about a half here, so its residual is asked to be well below the error."""
-    problem, state = sliding_block(cells, plane=plane, grading=grading)
+    problem, state = sliding_block(mesh[0], plane=plane, grading=mesh[1])
     result = solve(problem, inner=inner, tolerance=1e-9)
     base = result.contacts["base"]
     assert result.status is Status.SOLVED

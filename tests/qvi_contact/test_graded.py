@@ -1,5 +1,7 @@
 """Strongly graded cells: exact discrete values where double precision holds them, a status where it does not."""
 
+from functools import cache
+
 import pytest
 
 from qvi_contact import ContactState, InputError, discretize, solve
@@ -19,6 +21,12 @@ BONDED = {
 STICK = ContactState.STICK
 
 
+@cache
+def condensed(friction, cells, grading):
+    """Result by the condensed method, which several tests look at."""
+    return solve(compressed_plate(friction, (cells, cells), grading=grading), method="condensed")
+
+
 def ratio(cells, grading):
     """Smallest cell over the largest."""
     return grading ** (cells - 1)
@@ -26,9 +34,8 @@ def ratio(cells, grading):
 
 @pytest.mark.parametrize(("cells", "grading"), BONDED)
 @pytest.mark.parametrize("friction", [1.0, 2.0, 20.0])
-@pytest.mark.parametrize("method", [None, "condensed"])
-def test_full_stick_is_the_bonded_plate(cells, grading, friction, method):
-    result = solve(compressed_plate(friction, (cells, cells), grading=grading), method=method)
+def test_full_stick_is_the_bonded_plate(cells, grading, friction):
+    result = condensed(friction, cells, grading)
     assert result.status is Status.SOLVED, result.message
     plate = result.contacts["plate"]
     assert (plate.state == STICK).all()
@@ -38,8 +45,10 @@ def test_full_stick_is_the_bonded_plate(cells, grading, friction, method):
 
 @pytest.mark.parametrize(("cells", "grading"), BONDED)
 def test_energy_of_the_bonded_plate(cells, grading):
-    """P U = 2 × strain energy, of the quarter, by Clapeyron."""
+    """P U = 2 × strain energy, of the quarter, by Clapeyron; by the default method."""
     result = solve(compressed_plate(2.0, (cells, cells), grading=grading))
+    assert result.status is Status.SOLVED, result.message
+    assert (result.contacts["plate"].state == STICK).all()
     assert 2.0 * result.energies.strain == pytest.approx(1e-3 * BONDED[cells, grading], rel=1e-6)
 
 
@@ -49,14 +58,14 @@ def test_energy_of_the_bonded_plate(cells, grading):
 )
 def test_the_factorisation_used_is_named(cells, grading, expected):
     """QR where the assembled K is lost, the sparse Cholesky factorisation where it is good enough."""
-    used = solve(compressed_plate(0.2, (cells, cells), grading=grading)).solution.factorisation
+    used = condensed(0.2, cells, grading).solution.factorisation
     assert used.startswith(f"{ORTHOGONAL}, ") == expected
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.02, 0.2, 0.5, 1.0])
 @pytest.mark.parametrize(("cells", "grading"), [(18, 0.6), (24, 0.6), (28, 0.6), (32, 0.65)])
 def test_few_iterations_and_a_force_between_slip_and_stick(friction, cells, grading):
-    result = solve(compressed_plate(friction, (cells, cells), grading=grading), method="condensed")
+    result = condensed(friction, cells, grading)
     assert result.status is Status.SOLVED, result.message
     force = result.contacts["plate"].normal_force
     assert 209.0 * (1.0 - 1e-9) < force < BONDED[cells, grading] * (1.0 + 1e-9)
@@ -79,8 +88,14 @@ def test_both_factorisations_give_one_force(friction):
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.2, 2.0, 20.0])
-@pytest.mark.parametrize(("cells", "grading"), [(30, 0.6), (32, 0.6), (40, 0.6), (24, 0.5), (48, 0.6)])
+@pytest.mark.parametrize(
+    ("cells", "grading", "friction"),
+    [
+        *((*mesh, friction) for mesh in [(30, 0.6), (32, 0.6), (24, 0.5)] for friction in (0.0, 0.2, 2.0, 20.0)),
+        *((40, 0.6, friction) for friction in (0.0, 2.0)),  # stalls, which takes its time
+        *((48, 0.6, friction) for friction in (0.0, 20.0)),  # refused
+    ],
+)
 def test_beyond_double_precision_there_is_no_wrong_number(cells, grading, friction):
     """An error about the mesh, a status, or the right force; a result to look at is right to its stated accuracy."""
     assert ratio(cells, grading) < 1e-6
@@ -99,15 +114,22 @@ def test_beyond_double_precision_there_is_no_wrong_number(cells, grading, fricti
         assert result.contacts["plate"].normal_force == pytest.approx(expected, rel=allowed)
 
 
-def test_inaccurate_results_are_nearly_right():
-    """Whatever is called inaccurate has its force right to a hundred times the stated accuracy, and 1e-3 at worst."""
-    for cells, grading in BONDED:
-        for gap in (1e-5, 1e-8):
-            problem = compressed_plate(1.0, (cells, cells), grading=grading)
-            result = solve(problem, method="condensed", gap=gap, tolerance=1e-12)
-            if result.status in (Status.SOLVED, Status.INACCURATE):
-                error = abs(result.contacts["plate"].normal_force / BONDED[cells, grading] - 1.0)
-                assert error < max(100.0 * result.certificate.accuracy, 1e-9)
+@pytest.mark.parametrize(("cells", "grading"), BONDED)
+def test_inaccurate_results_are_nearly_right(cells, grading):
+    """More is asked for than can be had: the force is right to a hundred times the stated accuracy, 1e-3 at worst."""
+    problem = compressed_plate(1.0, (cells, cells), grading=grading)
+    result = solve(problem, method="condensed", gap=1e-8, tolerance=1e-12)
+    assert result.status in (Status.SOLVED, Status.INACCURATE)
+    error = abs(result.contacts["plate"].normal_force / BONDED[cells, grading] - 1.0)
+    assert error < max(100.0 * result.certificate.accuracy, 1e-9)
+
+
+def test_a_path_left_too_early_is_not_called_inaccurate():
+    """What is accepted has to be right to 1e-3: here the force is off by 8e-5 of its value, the tractions by more."""
+    problem = compressed_plate(1.0, (19, 19), grading=0.6)
+    result = solve(problem, method="condensed", gap=1e-5, tolerance=1e-12)
+    assert result.certificate.accuracy > 1e-3
+    assert result.status is Status.STALLED
 
 
 @pytest.mark.parametrize(("cells", "grading"), [(19, 0.6), (24, 0.6), (32, 0.65)])

@@ -130,10 +130,10 @@ class TestPartialSlip:
 
 def test_energy_lost_tends_to_the_area_with_smaller_steps():
     gaps = []
-    for steps in (4, 8, 16):
+    for steps in (2, 4, 6):  # none of which meets the beginning of sliding
         history = solve_history([sheared_layer(u) for u in YIELD * ramp(0.0, 1.6, -1.6, 1.6, steps=steps)])
         gaps.append(history.dissipated.sum() - history.friction_work.sum())
-    assert gaps[0] > 0.0
+    assert gaps[0] > gaps[1] > gaps[2] > 0.0
     assert gaps[2] < 0.4 * gaps[0]
 
 

@@ -140,7 +140,7 @@ def test_refined_problem_comes_closer_to_the_fine_one():
         assert result.status is Status.SOLVED
         return result.energies.complementary
 
-    fine, graded, coarse = (strain(body.refined(*sizes)) for sizes in ((0.15,), (0.5, ("bottom",), 0.05), (0.5,)))
+    fine, graded, coarse = (strain(body.refined(*sizes)) for sizes in ((0.2,), (0.5, ("bottom",), 0.05), (0.5,)))
     assert abs(graded - fine) < 0.5 * abs(coarse - fine)
 
 

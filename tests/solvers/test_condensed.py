@@ -10,6 +10,7 @@ from solvers import FrictionQVI, Status, solve_qvi
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Newton, Residuals
 from solvers.condensed.reduction import Reduction
+from tests.covering import every_pair
 from tests.solvers.conftest import dragged_block, one_contact, random_problem, two_contacts
 from tests.solvers.test_laws import mixed_problem, violations
 
@@ -68,9 +69,7 @@ def condensed(qvi, **options):
     return solution
 
 
-@pytest.mark.parametrize("inner", ["direct:clarabel", "qp:daqp"])
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("law", "seed", "inner"), every_pair(list(LAWS), range(4), ["direct:clarabel", "qp:daqp"]))
 def test_lines_of_contact_agree_with_the_fixed_point(law, seed, inner):
     qvi = chain(seed, **LAWS[law])
     found = condensed(qvi)

@@ -1,12 +1,14 @@
 """Cohesion, caps, bilateral rows and equations together: what a solution is, and that every method finds it."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from solvers import FrictionQVI, InputError, Status, available, certify, solve_qvi
 from solvers.feasibility import AdmissibleRows, check_feasibility, is_farkas
+from tests.covering import every_pair
 from tests.solvers.conftest import random_problem
 
 PULLED_SEED = 4  # of a problem with tension on bilateral rows
@@ -83,12 +85,16 @@ def test_the_problems_show_every_state():
     assert seen == {"slip at a cap", "slip with cohesion", "pulled", "pressed", "open", "stuck"}
 
 
-@pytest.mark.parametrize("form", ["full", "condensed"])
-@pytest.mark.parametrize("inner", available())
-@pytest.mark.parametrize(("seed", "equalities"), [(0, 2), (3, 0)])
-def test_every_inner_solver_agrees(inner, form, seed, equalities):
-    qvi = mixed_problem(seed, equalities)
-    reference = solve_qvi(qvi, inner="direct:clarabel", tolerance=1e-9)
+@cache
+def accurately(seed, equalities):
+    """Solution of a mixed problem."""
+    return solve_qvi(mixed_problem(seed, equalities), inner="direct:clarabel", tolerance=1e-9)
+
+
+@pytest.mark.parametrize(("inner", "form", "problem"), every_pair(available(), ["full", "condensed"], [(0, 2), (3, 0)]))
+def test_every_inner_solver_agrees(inner, form, problem):
+    """A problem by its seed and number of equalities."""
+    qvi, reference = mixed_problem(*problem), accurately(*problem)
     solution = solve_qvi(qvi, inner=inner, form=form, tolerance=1e-6)
     statuses = (Status.SOLVED, Status.INACCURATE) if inner in LOOSE else (Status.SOLVED,)
     assert reference.status is Status.SOLVED

@@ -21,6 +21,7 @@ from qvi_contact.companion.solver import moduli
 from qvi_contact.companion.space import Space
 from qvi_contact.scaling import Scales
 from solvers import Status
+from tests.covering import every_pair
 
 DEGREES = (2, 3, 4)
 MESHES = {
@@ -127,11 +128,9 @@ def points_of(mesh, count=40):
     return mesh.x[0] + t[0] * np.ptp(mesh.x), mesh.y[0] + t[1] * np.ptp(mesh.y)
 
 
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
-@pytest.mark.parametrize(("degree", "state"), STATES.values(), ids=STATES)
-def test_states_the_elements_contain(degree, state, mesh, plane):
-    material = Material(1000.0, 0.3, plane)
+@pytest.mark.parametrize(("state", "mesh", "plane"), every_pair(list(STATES), list(MESHES), ["stress", "strain"]))
+def test_states_the_elements_contain(state, mesh, plane):
+    material, mesh, (degree, state) = Material(1000.0, 0.3, plane), MESHES[mesh], STATES[state]
     state = state(material)
     x, y = points_of(mesh)
     stress, displacement = (np.moveaxis(part(x, y), 0, -1) for part in (state.stress, state.displacement))
