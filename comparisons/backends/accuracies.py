@@ -35,9 +35,10 @@ def asked(level: str) -> float:
     return float(f"{MARGIN * LEVELS[level]:.0e}")
 
 
-_CLARABEL: Final = ("tol_gap_abs", "tol_gap_rel", "tol_feas")
+_CLARABEL: Final = ("tol_gap_abs", "tol_gap_rel", "tol_feas", "tol_infeas_abs", "tol_infeas_rel")
 _EMBEDDED: Final = ("abstol", "reltol", "feastol")
 _BOTH: Final = ("eps_abs", "eps_rel")
+_INFEASIBLE: Final = ("eps_prim_inf", "eps_dual_inf")
 _ADMM_ITERATIONS: Final = 20_000
 _INTERIOR_ITERATIONS: Final = 100
 
@@ -50,20 +51,20 @@ TABLE: Final[Mapping[str, Mapping[str, Options]]] = MappingProxyType({
         ("primal_feasibility_tolerance", "dual_feasibility_tolerance"), 1e-10, qp_regularization_value=1e-11,
         qp_iteration_limit=_ADMM_ITERATIONS,
     ),
-    "qp:osqp": _levels(_BOTH, max_iter=_ADMM_ITERATIONS, polishing=False),
+    "qp:osqp": _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS, polishing=False),
     "qp:piqp": _levels((*_BOTH, "eps_duality_gap_abs", "eps_duality_gap_rel"), max_iter=_INTERIOR_ITERATIONS),
     "qp:proxqp": _levels(
         ("eps_abs", "eps_duality_gap_abs", "eps_duality_gap_rel"), eps_rel=0.0, check_duality_gap=True, max_iter=1000
     ),
-    "qp:qpalm": _levels((*_BOTH, "eps_abs_in", "eps_rel_in"), max_iter=_ADMM_ITERATIONS),
+    "qp:qpalm": _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS),
     "qp:quadprog": {level: {} for level in LEVELS},
-    "qp:scs": _levels(_BOTH, max_iters=_ADMM_ITERATIONS),
+    "qp:scs": _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS),
     "direct:clarabel": _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS),
-    "direct:osqp": _levels(_BOTH, max_iter=_ADMM_ITERATIONS),
+    "direct:osqp": _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS),
     "socp:clarabel": _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS),
     "socp:cvxopt": _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS, kktsolver="robust"),
     "socp:ecos": _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS),
-    "socp:scs": _levels(_BOTH, max_iters=_ADMM_ITERATIONS),
+    "socp:scs": _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS),
     "condensed": _levels(("gap",)),
     "uzawa": {level: {"omega_T": 0.01, "max_iterations": _ADMM_ITERATIONS} for level in LEVELS},
 })  # fmt: skip
@@ -73,19 +74,20 @@ REMARKS: Final[Mapping[str, str]] = MappingProxyType({
     "qp:clarabel": "interior point",
     "qp:cvxopt": "interior point",
     "qp:daqp": "dual active set; dense",
-    "qp:ecos": "interior point on a second-order cone program that `qpsolvers` makes of it; dense",
+    "qp:ecos": "interior point on a second-order cone program that `qpsolvers` makes of it, energy included; dense",
     "qp:highs": "primal active set; takes no tolerance below 1e-10",
     "qp:osqp": "operator splitting, not polished",
     "qp:piqp": "proximal interior point",
-    "qp:proxqp": "augmented Lagrangian, absolute tolerances",
+    "qp:proxqp": "augmented Lagrangian, absolute tolerances; those of infeasibility stay at 1e-4, as `qpsolvers` does not "
+    "hand them on",
     "qp:qpalm": "augmented Lagrangian",
     "qp:quadprog": "dual active set, exact up to rounding: has no tolerance and no limit; dense",
     "qp:scs": "operator splitting on cones",
     "direct:clarabel": "Clarabel without `qpsolvers`: one solver, its vectors updated",
     "direct:osqp": "OSQP without `qpsolvers`: one solver, its bounds updated, solved plain and polished",
     "socp:clarabel": "through `cvxpy`, one cone for each contact point",
-    "socp:cvxopt": "through `cvxpy`, one cone for each contact point",
-    "socp:ecos": "through `cvxpy`, one cone for each contact point",
+    "socp:cvxopt": "through `cvxpy`, one cone for each contact point and one for the energy",
+    "socp:ecos": "through `cvxpy`, one cone for each contact point and one for the energy",
     "socp:scs": "through `cvxpy`, one cone for each contact point",
     "condensed": "the package's interior point method on the whole inequality, without inner problems",
     "uzawa": "the paper's iteration, rule \"accumulating\"; has no tolerance but that of the certificate",
@@ -95,7 +97,6 @@ REMARKS: Final[Mapping[str, str]] = MappingProxyType({
 KEPT: Final[Mapping[str, str]] = MappingProxyType({
     "qp:osqp": "starts at the last answer",
     "qp:proxqp": "starts at the last answer",
-    "qp:qpalm": "given the last answer, which `qpsolvers` 4.13 does not hand on",
     "direct:clarabel": "solver kept, vectors updated",
     "direct:osqp": "solver kept, bounds updated, starts at the last answer",
     "socp:clarabel": "program kept, parameters updated",

@@ -38,6 +38,7 @@ from qvi_contact.conditions import Condition
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import FrictionQVI, QVISolution, certify, solve_qvi
 from solvers.forms import Form, ProblemForm, make_form
+from solvers.inner.problem import Centre
 from solvers.inner.registry import make_inner
 from solvers.types import Vector
 
@@ -47,6 +48,7 @@ STEPS: Final = 6
 
 _REFERENCE: Final = 1e-10  # tolerance of the solutions that bounds are taken from
 _RECORDED: Final = "direct:clarabel"  # inner solver of the outer loop whose bounds are recorded
+_ROUNDS: Final = 2  # solves of the first step, the second at the first one's answer
 _DENSE: Final = 1500  # unknowns up to which the condition number is computed
 
 
@@ -77,6 +79,7 @@ class Instance:
         self.described = described
         self.qvi = described.build()
         self._forms: dict[Form, ProblemForm] = {}
+        self._centres: dict[Form, Centre] = {}
 
     @cached_property
     def reference(self) -> QVISolution:
@@ -92,24 +95,46 @@ class Instance:
     @cached_property
     def bound(self) -> Vector:
         """The bound (m,) of the inner problem: that of the solution, without one that of the bonded state."""
-        z = self.reference.z if self.described.feasible else self.qvi.bonded
-        return self.qvi.threshold(self.qvi.pressure(z))
+        if not self.described.feasible:
+            return self._first_bound
+        return self.qvi.threshold(self.qvi.pressure(self.reference.z))
 
     @cached_property
     def bounds(self) -> tuple[Vector, ...]:
-        """The bounds that the plain outer loop meets from the bonded state on, up to the first it cannot solve."""
+        """The bounds that the plain outer loop meets after its first step, up to the first it cannot solve."""
         form = self.form("condensed")
         solver = make_inner(_RECORDED, form.problem, _REFERENCE)
         met: list[Vector] = []
-        pressure = self.qvi.pressure(self.qvi.bonded)
-        while len(met) < STEPS:
-            bound = self.qvi.threshold(pressure)
-            found = form.expand(solver.solve(form.threshold(bound), form.centre(None, None), None))
+        bound, centre = self._first_bound, self.centre("condensed")
+        while len(met) <= STEPS:
+            found = form.expand(solver.solve(form.threshold(bound), centre, None))
             if not certify(self.given(bound), found.z, found.m_N, found.m_T, found.nu, 1e-6).passed:
                 break
             met.append(bound)
-            pressure = self.qvi.pressure(found.z)
-        return tuple(met)
+            bound = self.qvi.threshold(self.qvi.pressure(found.z))
+        return tuple(met[1:])
+
+    def centre(self, name: Form) -> Centre:
+        """Where all inner problems are posed: at the answer of the loop's first step, which is not one of them.
+
+        As in the outer loop itself, whose problems are posed at its last answer: rounding in what they are made of then
+        decays. Without a solution it is the bonded state.
+        """
+        if name not in self._centres:
+            form = self.form(name)
+            self._centres[name] = form.centre(None, None)
+            for _ in range(_ROUNDS if self.described.feasible else 0):
+                solver = make_inner(_RECORDED, form.problem, _REFERENCE)
+                found = solver.solve(form.threshold(self._first_bound), self._centres[name], None)
+                if not found.finite:
+                    break
+                self._centres[name] = form.centre(found, form.expand(found))
+        return self._centres[name]
+
+    @property
+    def _first_bound(self) -> Vector:
+        """The bound (m,) of the outer loop's first step, that of the bonded state."""
+        return self.qvi.threshold(self.qvi.pressure(self.qvi.bonded))
 
     def given(self, bound: Vector) -> FrictionQVI:
         """The inner problem as an inequality of its own: friction with this bound, whatever the pressure."""
