@@ -20,7 +20,7 @@ QUICK_STORE = "results/solvers/solvers-quick.sqlite"
 @study_options(STORE, timeout=30.0, memory=4096)
 @click.option("--quick", is_flag=True, help=f"Few problems, a minute or two; its own store, {QUICK_STORE}.")
 @click.option(
-    "--only", "only", multiple=True, metavar="NAME…", help="These solvers alone; the store has to be another."
+    "--only", "only", multiple=True, metavar="NAME…", help="These solvers alone, in a --store of their own."
 )
 @click.option("--out", metavar="FOLDER", default="results/solvers", show_default=True, callback=folder_option,
               help="Folder of the report.")  # fmt: skip
@@ -44,10 +44,9 @@ def solvers(options: RunOptions, quick: bool, only: tuple[str, ...], out: Path, 
     from comparisons.study import read_study
     from qvi_contact.files import writable_folder
 
-    folder = writable_folder(out)
     study = declared(_chosen(only), quick)
-    if quick and click.get_current_context().get_parameter_source("store") is ParameterSource.DEFAULT:
-        options = replace(options, store=Path(QUICK_STORE))
+    options = _with_store(options, quick, bool(only))
+    folder = writable_folder(out)
     options.run(study)
     stored = read_study(options.store)
     report = report_of(stored)
@@ -56,6 +55,17 @@ def solvers(options: RunOptions, quick: bool, only: tuple[str, ...], out: Path, 
         click.echo(json.dumps(_document(stored, report, written), indent=1, ensure_ascii=False))
     else:
         show(report, written)
+
+
+def _with_store(options: RunOptions, quick: bool, some: bool) -> RunOptions:
+    """The store of a quick study is another one, and that of some solvers alone has to be named."""
+    from qvi_contact.errors import InputError
+
+    if click.get_current_context().get_parameter_source("store") is not ParameterSource.DEFAULT:
+        return options
+    if some:
+        raise InputError("store", str(options.store), "holds all solvers: with --only give --store FILE and --out FOLDER")
+    return replace(options, store=Path(QUICK_STORE)) if quick else options
 
 
 def _chosen(only: Sequence[str]) -> tuple[str, ...]:

@@ -314,7 +314,8 @@ def test_solve_takes_all_options_a_file_can_hold():
     kinds = (CondensedOptions, FixedPointOptions, UzawaOptions)
     options = {f.name for kind in kinds for f in dataclasses.fields(kind)}
     general = {"method", "inner", "tolerance", "factorisation", "threads"}
-    assert set(SolveTable.model_fields) - general == options - {"initial", "callback", "inner_options"}  # a back end's own settings are no part of a problem
+    not_stored = {"initial", "callback", "inner_options"}  # the last: settings of a back end, no part of a problem
+    assert set(SolveTable.model_fields) - general == options - not_stored
 
 
 def test_a_joint_that_no_contact_uses_is_named():
