@@ -78,8 +78,8 @@ REMARKS: Final[Mapping[str, str]] = MappingProxyType({
     "qp:highs": "primal active set; takes no tolerance below 1e-10",
     "qp:osqp": "operator splitting, not polished",
     "qp:piqp": "proximal interior point",
-    "qp:proxqp": "augmented Lagrangian, absolute tolerances; those of infeasibility stay at 1e-4, as `qpsolvers` does not "
-    "hand them on",
+    "qp:proxqp": "augmented Lagrangian, absolute tolerances; those of infeasibility stay at 1e-4: `qpsolvers` does "
+    "not hand them on",
     "qp:qpalm": "augmented Lagrangian",
     "qp:quadprog": "dual active set, exact up to rounding: has no tolerance and no limit; dense",
     "qp:scs": "operator splitting on cones",

@@ -64,7 +64,7 @@ def _with_store(options: RunOptions, quick: bool, some: bool) -> RunOptions:
     if click.get_current_context().get_parameter_source("store") is not ParameterSource.DEFAULT:
         return options
     if some:
-        raise InputError("store", str(options.store), "holds all solvers: with --only give --store FILE and --out FOLDER")
+        raise InputError("store", str(options.store), "is for all solvers: with --only give --store FILE, --out FOLDER")
     return replace(options, store=Path(QUICK_STORE)) if quick else options
 
 

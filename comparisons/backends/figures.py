@@ -1,5 +1,6 @@
 """The pictures: performance profiles, how true "solved" is, accuracies, warm starts."""
 
+import statistics
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -64,10 +65,11 @@ def _profile_panel(axes: "Axes", ratios: Mapping[str, Sequence[float]]) -> None:
     from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 
     best = sorted(ratios, key=lambda solver: (-area(ratios[solver], UNTIL), solver))
-    for solver in reversed(best[HIGHLIGHTED:]):
+    coloured = [solver for solver in best if finite(ratios[solver])][:HIGHLIGHTED]
+    for solver in (each for each in reversed(best) if each not in coloured):
         x, y = steps(ratios[solver], UNTIL)
         axes.step(x, y, where="post", color=_PALE, linewidth=0.9, zorder=1)
-    for solver in best[:HIGHLIGHTED]:
+    for solver in coloured:
         colour, marker, line = _look(solver)
         x, y = steps(ratios[solver], UNTIL)
         label = f"{solver} ({_solved(ratios[solver])})"
@@ -80,7 +82,7 @@ def _profile_panel(axes: "Axes", ratios: Mapping[str, Sequence[float]]) -> None:
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(visible=True, color="#e6e6e6", linewidth=0.5)
-    if best:
+    if coloured:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=8, frameon=False)
 
 
@@ -112,7 +114,7 @@ def truth(runs: Sequence[Run], name: str) -> str:
                           label=outcome)  # fmt: skip
             left = [start + width for start, width in zip(left, widths, strict=True)]
         axes.set_xlim(0.0, 1.0)
-        axes.set_xlabel("share of the inner problems that anybody solved [-]")
+        axes.set_xlabel("share of the inner problems that have a solution [-]")
         figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
         return svg_text(figure, name)
 
@@ -144,8 +146,8 @@ def _range(axes: "Axes", values: Sequence[float], height: float, colour: str, ma
     """A line from the smallest to the largest value, a mark at the median."""
     if not values:
         return
-    middle = sorted(values)[len(values) // 2]
     axes.plot([min(values), max(values)], [height, height], color=colour, linewidth=1.0)
+    middle = statistics.median(values)
     axes.plot([middle], [height], color=colour, marker=marker, markersize=5, linestyle="none", label=label or None)
 
 

@@ -7,16 +7,30 @@ import math
 import statistics
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
-from comparisons.backends.outcomes import FALSE_ALARM, NO_ANSWER, RIGHT, UNTRUE
+from comparisons.backends.accuracies import LEVELS, asked
+from comparisons.backends.outcomes import MODEST, NO_ANSWER, RIGHT, UNTRUE
 from comparisons.backends.problems import PROBLEMS
-from comparisons.backends.tasks import COLD, OUTER, WARM
+from comparisons.backends.tasks import COLD, INNER, OUTER, WARM
 from comparisons.study import DONE, Row
 
 SHIFT: Final = 1e-3
 """Shift of geometric means [s]: differences far below a millisecond do not count."""
+
+NEGLIGIBLE: Final = 1.2
+"""Ratio of times below which, and above whose inverse, times count as equal."""
+
+CONE_ENERGY: Final = ("qp:ecos", "socp:cvxopt", "socp:ecos")
+"""Solvers that take linear objectives only: `qpsolvers` and `cvxpy` give them the energy as one more cone."""
+
+UNDOUBLED: Final[Mapping[str, str]] = MappingProxyType({"doubled_rows": "plate_8", "doubled_equation": "punch_coarse"})
+"""Problem with rows given twice → the same problem with each given once."""
+
+EQUAL_CELLS: Final[Mapping[str, str]] = MappingProxyType({"graded_8": "plate_8", "graded_16": "plate_16"})
+"""Problem on graded cells → the same on equal ones."""
 
 _FACTORS: Final = ("solver", "task", "problem", "form", "level")
 _ERRORS: Final = ("accuracy", "primal", "dual", "complementarity")
@@ -42,6 +56,8 @@ class Run:
     outcomes : outcome → number of problems
     iterations : of all its problems; 0 if the solver does not tell
     accuracy, primal, dual, complementarity : of the certificate, None if there is none
+    limit : wall time after which the case was ended [s], None without a limit
+    options : the solver's own, as it was given them
 
     """
 
@@ -61,6 +77,8 @@ class Run:
     primal: float | None = None
     dual: float | None = None
     complementarity: float | None = None
+    limit: float | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def feasible(self) -> bool:
@@ -77,6 +95,11 @@ class Run:
         """The time of a success [s]; None of a failure."""
         return self.seconds if self.certified else None
 
+    @property
+    def lost(self) -> bool:
+        """Whether there is no answer: the run was ended, or the solver failed."""
+        return self.seconds is None or self.status == "backend_failed"
+
 
 def runs_of(rows: Iterable[Row]) -> list[Run]:
     """All rows, those without a result too."""
@@ -85,16 +108,18 @@ def runs_of(rows: Iterable[Row]) -> list[Run]:
 
 def _run(row: Row) -> Run:
     solver, task, problem, form, level = (str(row.case[name]) for name in _FACTORS)
+    limit = row.environment.get("timeout_seconds")
     if row.status != DONE:
         lost = {NO_ANSWER: 1}
-        return Run(solver, task, problem, form, level, None, None, False, row.status, row.reason, lost)
+        return Run(solver, task, problem, form, level, None, None, False, row.status, row.reason, lost, limit=limit)
     result, certificate = row.result, row.certificate
     outcomes: Mapping[str, int] = result["outcomes"]
     certified = bool(certificate["passed"]) if certificate else set(outcomes) == {RIGHT}
     seconds: Sequence[float] = result["seconds"]
     return Run(
         solver, task, problem, form, level, statistics.median(seconds), spread(seconds), certified, result["status"],
-        result["message"], outcomes, result["iterations"], *(result.get(name) for name in _ERRORS),
+        result["message"], outcomes, result["iterations"], limit=limit, options=result.get("options", {}),
+        **{name: result.get(name) for name in _ERRORS},
     )  # fmt: skip
 
 
@@ -174,6 +199,20 @@ def shifted_mean(times: Sequence[float], shift: float = SHIFT) -> float | None:
     return math.exp(statistics.fmean(math.log(time + shift) for time in times)) - shift
 
 
+def mean_with_failures(runs: Sequence[Run]) -> float | None:
+    """Shifted geometric mean [s] with every failure counted as if it had taken the whole limit.
+
+    None of no runs, and if a failure had no limit.
+    """
+    times = [run.limit if run.time is None else run.time for run in runs]
+    return None if None in times else shifted_mean(finite(times))
+
+
+def median(values: Sequence[float]) -> float | None:
+    """The median, half way between the middle two of an even number; None of no values."""
+    return statistics.median(values) if values else None
+
+
 def geometric_mean(values: Sequence[float]) -> float | None:
     """exp(mean log v); None of no values."""
     return math.exp(statistics.fmean(map(math.log, values))) if values else None
@@ -212,31 +251,70 @@ def _ratios(runs: Iterable[Run], numerator: Callable[[Run], bool], denominator: 
     return {solver: ratios for solver, ratios in found.items() if ratios}
 
 
-def attainable(runs: Sequence[Run]) -> list[Run]:
-    """Runs of inner problems that at least one solver was certified on, at the same level and in the same form.
+def judged(runs: Iterable[Run]) -> list[Run]:
+    """Runs of inner problems that have a solution, single ones and sequences: what was said of them can be true."""
+    return [run for run in runs if run.feasible and run.task != OUTER]
 
-    Where nobody is, the rounding of the data may be larger than the tolerance, and no solver can know.
+
+def unattained(runs: Sequence[Run]) -> list[tuple[str, str, str, str]]:
+    """(level, problem, form, "single" or "sequence") of which no answer of any solver was certified.
+
+    Only inner problems that have a solution. Of a sequence no step was certified.
     """
-    solved = {_inner_problem(run) for run in runs if run.task != OUTER and run.certified}
-    return [run for run in runs if run.feasible and run.task != OUTER and _inner_problem(run) in solved]
+    groups = grouped(judged(runs), _inner_problem)
+    return [key for key, group in groups.items() if not any(_certified_answers(run) for run in group)]
 
 
-def unattained(runs: Sequence[Run]) -> list[tuple[str, str, str]]:
-    """(level, problem, form) of inner problems with a solution that no solver was certified on."""
-    tried = dict.fromkeys(_inner_problem(run) for run in runs if run.feasible and run.task != OUTER)
-    solved = {_inner_problem(run) for run in attainable(runs)}
-    return [each for each in tried if each not in solved]
+def _inner_problem(run: Run) -> tuple[str, str, str, str]:
+    return run.level, run.problem, run.form, "single" if run.task == INNER else "sequence"
 
 
-def _inner_problem(run: Run) -> tuple[str, str, str]:
-    return run.level, run.problem, run.form
+def _certified_answers(run: Run) -> int:
+    return run.outcomes.get(RIGHT, 0) + run.outcomes.get(MODEST, 0)
 
 
 def outcome_counts(runs: Iterable[Run]) -> dict[str, Counter[str]]:
-    """Solver → outcome → number of attainable inner problems, those of sequences counted one by one."""
+    """Solver → outcome → number of inner problems that have a solution, those of sequences counted one by one."""
     found: dict[str, Counter[str]] = {}
-    for run in attainable(list(runs)):
+    for run in judged(runs):
         found.setdefault(run.solver, Counter()).update(run.outcomes)
+    return found
+
+
+def untrue_on_unattained(runs: Sequence[Run]) -> Counter[str]:
+    """Solver → how often "solved" was untrue where nobody was certified."""
+    nobody = set(unattained(runs))
+    found = Counter[str]()
+    for run in judged(runs):
+        if _inner_problem(run) in nobody:
+            found[run.solver] += run.outcomes.get(UNTRUE, 0)
+    return found
+
+
+def paired(runs: Iterable[Run], twins: Mapping[str, str]) -> list[tuple[Run, Run]]:
+    """(run, run on the twin) of single inner problems, same solver, form and level; only where both were run."""
+    single = [run for run in runs if run.task == INNER]
+    found = {(run.problem, run.solver, run.form, run.level): run for run in single}
+    keys = ((run, (twins.get(run.problem, ""), run.solver, run.form, run.level)) for run in single)
+    return [(run, found[key]) for run, key in keys if key in found]
+
+
+def error_powers(runs: Iterable[Run]) -> dict[str, float]:
+    """Solver → p, where the median error of single inner problems falls like ε**p with the tolerance ε asked for.
+
+    Between the lowest and the highest level, over the problems that have an answer at both. Solvers without
+    such problems, or whose median error is 0, are left out.
+    """
+    low, *_, high = LEVELS
+    single = [run for run in judged(runs) if run.task == INNER and finite([run.accuracy])]
+    found = {}
+    for solver, group in grouped(single, lambda run: run.solver).items():
+        rough, fine = ({(run.problem, run.form): run.accuracy or 0.0 for run in group if run.level == level}
+                       for level in (low, high))  # fmt: skip
+        both = rough.keys() & fine.keys()
+        above, below = median([rough[each] for each in both]), median([fine[each] for each in both])
+        if above and below:
+            found[solver] = math.log(above / below) / math.log(asked(low) / asked(high))
     return found
 
 
@@ -249,11 +327,6 @@ def untrue_share(counts: Mapping[str, int]) -> float | None:
     """How often "solved" was untrue; None if it was never said."""
     said = said_solved(counts)
     return counts.get(UNTRUE, 0) / said if said else None
-
-
-def wrong(counts: Mapping[str, int]) -> int:
-    """Answers that are wrong: "solved" that is not, "infeasible" that is not."""
-    return counts.get(UNTRUE, 0) + counts.get(FALSE_ALARM, 0)
 
 
 def finite(values: Iterable[Any]) -> list[float]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from comparisons.backends import figures, tables
 from comparisons.backends.accuracies import MARGIN
 from comparisons.backends.findings import findings
-from comparisons.backends.measures import Run, runs_of
+from comparisons.backends.measures import NEGLIGIBLE, Run, runs_of
 from comparisons.report import Exhibit, Figure, Report, Section, environment_grids
 from comparisons.report.numbers import count_of
 from comparisons.study import Row, StoredStudy
@@ -13,8 +13,9 @@ from comparisons.study import Row, StoredStudy
 _PROFILE = (
     "For each solver the share of problems that it solves within a multiple of the fastest solver's time; a problem "
     "is a mesh in one form. The height at 1 says how often it is the fastest, the height at the right end how often "
-    f"it succeeds. The {figures.HIGHLIGHTED} curves with the largest area are coloured, best first in the legend "
-    "with the number of problems solved; all others are grey, their values are in the table of times."
+    f"it succeeds within {figures.UNTIL:g} times the fastest. Coloured are the {figures.HIGHLIGHTED} curves with the "
+    "largest area below them (their mean height on the axis shown), largest first in the legend with the number of "
+    "problems solved; all others are grey, their values are in the table of times."
 )
 _PROFILE_FAILURE = (
     "A run that the certificate does not confirm has an infinite ratio: its curve never counts it. A problem that "
@@ -53,8 +54,8 @@ def _introduction(study: StoredStudy, runs: Sequence[Run]) -> str:
 def _truth(runs: Sequence[Run]) -> Section:
     picture = Figure(
         "truth-shares", "What was said, and what was true", figures.truth(runs, "truth-shares"),
-        "A bar for each solver, the most reliable at the top: shares of the inner problems that at least one solver "
-        "solved at that level and in that form. "
+        "A bar for each solver, the largest share of *right* at the top: shares of the inner problems that have a "
+        "solution, also of those that no solver was certified on. "
         "*right*: said solved, and it is. *untrue*: said solved, and the certificate fails. *false alarm*: said "
         "infeasible or unbounded. *modest*: did not say solved, and the certificate passes. *gave up*: said so.",
         "*right* and *modest* are certified; *untrue* and *false alarm* are wrong answers, the rest honest failures.",
@@ -62,7 +63,8 @@ def _truth(runs: Sequence[Run]) -> Section:
     paragraph = (
         "An answer is judged by the certificate on the original data: primal and dual feasibility, stationarity, both "
         "complementarities with the signs of the multipliers, the gap of energies, natural map. "
-        f"Solvers measure in norms of their own; each was asked for {MARGIN:g} of the tolerance that it is judged by."
+        f"Solvers measure in norms of their own; all that take a tolerance were asked for {MARGIN:g} of "
+        "the one they are judged by, as far as they accept it (see the table of what every solver was asked for)."
     )
     return Section('How true is "solved"?', [paragraph], [tables.overview(runs), picture, tables.truth(runs)])
 
@@ -86,7 +88,9 @@ def _difficulties(runs: Sequence[Run]) -> Section:
     paragraph = (
         "Strongly graded meshes, contact that opens, sharp edges, rows given twice, and problems without a solution."
     )
-    return Section("What is difficult?", [paragraph], [tables.kinds(runs), tables.forms(runs), tables.infeasible(runs)])
+    return Section("What is difficult?", [paragraph], [
+        tables.kinds(runs), tables.twins(runs), tables.forms(runs), tables.infeasible(runs),
+    ])  # fmt: skip
 
 
 def _sequences(runs: Sequence[Run]) -> Section:
@@ -117,13 +121,19 @@ def _details(runs: Sequence[Run], rows: Sequence[Row]) -> Section:
 def _limitations() -> list[str]:
     return [
         "Times are wall times on one machine, of small and medium problems: with several workers at a time they "
-        "disturb each other, more or less alike for all solvers. Ratios below 1.2 mean nothing.",
+        "disturb each other, more or less alike for all solvers. Ratios of times "
+        f"between {1.0 / NEGLIGIBLE:.2f} and {NEGLIGIBLE:g} mean nothing.",
         "Most back ends are called through `qpsolvers` or `cvxpy`, whose conversions are part of the times, and of "
         "what can go wrong: that is how they are used here, not the best that can be done with them.",
         "Each solver has the one setting of the table below; others may suit it better. Tolerances mean something "
         "else for each of them.",
-        "Times of inner problems do not contain the factorisation of the stiffness nor the condensation, which all "
-        "solvers share; an outer loop condenses anew.",
+        "Solvers that take linear objectives only (ECOS through `qpsolvers` and `cvxpy`, CVXOPT through `cvxpy`) are "
+        "given the energy as one more second-order cone by those libraries. An objective within ε of the least one "
+        "fixes the unknowns to about √ε only: they are asked for the same ε as all others, and nothing is done to make "
+        "up for it.",
+        "Times of inner problems contain the making of the solver's object, but neither the factorisation of the "
+        f"stiffness nor the condensation, which all solvers share. {tables.OUTER_TIMES}",
+        "Uzawa's method was given one step on all problems, not one tuned to each.",
         "Strict admissibility on whole edges (`strict:`, `strict-direct:`) is another problem and not compared.",
         "The problems are of one family: plane contact with dense coupling of the contact points, strictly convex "
         "inner problems. Nothing follows for others.",

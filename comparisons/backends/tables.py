@@ -8,17 +8,22 @@ from comparisons.backends import accuracies
 from comparisons.backends.accuracies import KEPT, LEVELS, REMARKS
 from comparisons.backends.measures import (
     SHIFT,
+    UNDOUBLED,
     Run,
     as_used,
     condensed_ratios,
     finite,
     geometric_mean,
     grouped,
+    mean_with_failures,
+    median,
     outcome_counts,
+    paired,
     performance_ratios,
     profile,
     shifted_mean,
     times_of,
+    untrue_on_unattained,
     untrue_share,
     warm_ratios,
 )  # fmt: skip
@@ -33,9 +38,17 @@ from comparisons.tables import Grid
 KINDS: Final = (
     ("inner", "single inner problems"),
     ("sequence", "sequences of inner problems"),
-    ("outer", "condensed outer loops"),
+    ("outer", "whole inequalities (condensed)"),
 )
 """Kind of task → its name; sequences are warm where the solver can keep something."""
+
+OUTER_TIMES: Final = (
+    "Of a whole inequality no time contains the factorisation of the stiffness. Outer loops with inner solvers make "
+    "the condensed form anew in every run, if they use it; the method `condensed` takes the Schur complement of the "
+    "contact's unknowns from the factor and changes variables; `uzawa` makes the compliance of the contact points. All "
+    "that is in their times."
+)
+"""What the times of whole inequalities contain."""
 
 _TRUE_AT: Final = (1.0, 2.0, 10.0)
 _LONGEST_LIST: Final = 40
@@ -64,7 +77,7 @@ def overview(runs: Sequence[Run]) -> Table:
         rows.append((solver, *shares, percent(untrue_share(told)), str(told[FALSE_ALARM]) if told else NOTHING))
     reading = (
         "Share of the runs whose answers the certificate confirms, on problems that have a solution: single inner "
-        "problems, sequences (all steps), condensed outer loops, each at three levels of accuracy. "
+        "problems, sequences (all steps), whole inequalities condensed, each at three levels of accuracy. "
         '*untrue*: how often "solved" was said of an inner problem without being true; *false alarms*: how often a '
         "problem with a solution was called infeasible or unbounded. *none*: not part of this study."
     )
@@ -84,21 +97,28 @@ def _share(runs: Sequence[Run]) -> str:
 def truth(runs: Sequence[Run]) -> Table:
     """What was said of each inner problem, beside whether it was true."""
     headings = (
-        "solver", "said solved, true", "said solved, untrue", "said infeasible, untrue", "gave up, certified",
-        "gave up", "no answer", "\"solved\" true",
+        "solver", "said solved, true", "said solved, untrue", "of these where nobody was certified",
+        "said infeasible, untrue", "gave up, certified", "gave up", "no answer", "\"solved\" true",
     )  # fmt: skip
     rows = []
+    nobody = untrue_on_unattained(runs)
     for solver, counts in outcome_counts(runs).items():
         share = untrue_share(counts)
-        cells = [str(counts[each]) for each in (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)]
-        rows.append((solver, *cells, percent(None if share is None else 1.0 - share)))
+        right, untrue, *others = (
+            str(counts[each]) for each in (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
+        )
+        share = None if share is None else 1.0 - share
+        rows.append((solver, right, untrue, str(nobody[solver]), *others, percent(share)))
     reading = (
-        "Numbers of inner problems that at least one solver solved at that level and in that form, those of "
-        "sequences counted one by one (a run that ended without an answer counts once). "
-        "True means that the certificate, computed on the original data, passes at the "
-        "level's tolerance; the solver was asked for a hundredth of that."
+        "Numbers of inner problems that have a solution, those of sequences counted one by one (a run that ended "
+        "without an answer counts once). True means that the certificate, computed on the original data, passes at "
+        "the level's tolerance. *Of these where nobody was certified*: the part of the untrue said of problems on "
+        "which no answer of any solver was certified at that level and in that form."
     )
-    failure = "Columns two, three, five and six are failures; two and three are wrong answers, the others honest ones."
+    failure = (
+        "*Said solved, untrue* and *said infeasible, untrue* are wrong answers; *gave up* and *no answer* are honest "
+        "failures."
+    )
     return Table("truth", Grid("What was said, and what was true", headings, rows), reading, failure)
 
 
@@ -107,7 +127,9 @@ def speeds(runs: Sequence[Run], kind: str, name: str) -> Table:
     chosen = of_kind(runs, kind)
     headings = ["solver"]
     headings += [
-        f"{level}: {text}" for level in LEVELS for text in ("fastest", "within 2 ×", "within 10 ×", "mean time")
+        f"{level}: {text}"
+        for level in LEVELS
+        for text in ("fastest", "within 2 ×", "within 10 ×", "mean time", "mean, failures at the limit")
     ]
     columns: dict[str, list[str]] = {solver: [] for solver in dict.fromkeys(run.solver for run in chosen)}
     for level in LEVELS:
@@ -116,15 +138,25 @@ def speeds(runs: Sequence[Run], kind: str, name: str) -> Table:
         for solver, cells in columns.items():
             mine = ratios.get(solver, [])
             cells += [percent(profile(mine, at)) if mine else NOTHING for at in _TRUE_AT]
-            cells.append(_mean_time([run for run in at_level if run.solver == solver]))
+            own = [run for run in at_level if run.solver == solver]
+            cells += [_mean_time(own), seconds(mean_with_failures(own))]
     grid = Grid(f"Times: {name}", tuple(headings), [(solver, *cells) for solver, cells in columns.items()])
     reading = (
         "Shares of the problems that a solver solved as fast as the fastest, within twice and within ten times its "
         "time, at each level: values of the performance profiles at 1, 2 and 10. *mean time*: geometric mean, "
         f"shifted by {seconds(SHIFT)}, over the problems this solver solved, with their number: where numbers "
-        "differ, the means are of different problems and cannot be compared."
+        "differ, the means are of different problems and cannot be compared. *mean, failures at the limit*: the same "
+        f"over all problems, every failure counted as if it had taken the whole time limit of a case{_limit(chosen)}, "
+        "as benchmarks often do: comparable between solvers, but where there are failures it tells their number more "
+        "than a time." + (f" {OUTER_TIMES}" if kind == OUTER else "")
     )
-    return Table(f"times-{kind}", grid, reading, "A failure has no time: it lowers the shares and is not in the mean.")
+    failure = "A failure has no time: it lowers the shares, is not in the mean time, and counts the limit in the other."
+    return Table(f"times-{kind}", grid, reading, failure)
+
+
+def _limit(runs: Sequence[Run]) -> str:
+    limits = {run.limit for run in runs}
+    return f" ({seconds(limits.pop())})" if len(limits) == 1 else ""
 
 
 def _mean_time(runs: Sequence[Run]) -> str:
@@ -149,11 +181,11 @@ def errors(runs: Sequence[Run]) -> Table:
     rows = []
     for (solver, level), group in grouped(chosen, lambda run: (run.solver, run.level)).items():
         medians = [
-            scientific(_median(finite(getattr(run, name) for run in group)), 2)
+            scientific(median(finite(getattr(run, name) for run in group)), 2)
             for name in ("accuracy", "primal", "dual", "complementarity")
         ]
-        iterations = _median([run.iterations for run in group if run.iterations])
-        spreads = _median(finite(run.spread for run in group))
+        iterations = median([run.iterations for run in group if run.iterations])
+        spreads = median(finite(run.spread for run in group))
         failed = sum(not run.certified for run in group)
         rows.append((solver, level, *medians, significant(iterations), percent(spreads), f"{failed} of {len(group)}"))
     reading = (
@@ -164,11 +196,6 @@ def errors(runs: Sequence[Run]) -> Table:
     )
     failure = "The last column counts the runs whose certificate fails; the medians are over all runs with an answer."
     return Table("errors", Grid("Errors and iterations", headings, rows), reading, failure)
-
-
-def _median(values: Sequence[float]) -> float | None:
-    ordered = sorted(values)
-    return ordered[len(ordered) // 2] if ordered else None
 
 
 def kinds(runs: Sequence[Run]) -> Table:
@@ -188,13 +215,48 @@ def kinds(runs: Sequence[Run]) -> Table:
     return Table("kinds", Grid("What is difficult for whom", headings, rows), reading, failure)
 
 
+def twins(runs: Sequence[Run]) -> Table:
+    """Single inner problems with rows given twice, beside the same with each given once."""
+    columns = grouped_pairs(runs)
+    solvers = dict.fromkeys(run.solver for pairs in columns.values() for run, _ in pairs)
+    rows = [
+        (solver, *(
+            text
+            for pairs in columns.values()
+            for side in (0, 1)
+            for text in _certified_and_lost([pair[side] for pair in pairs if pair[side].solver == solver])
+        ))
+        for solver in solvers
+    ]  # fmt: skip
+    names = (name for doubled in columns for name in (doubled, UNDOUBLED[doubled]))
+    headings = ("solver", *(f"{name}: {text}" for name in names for text in ("certified", "no answer")))
+    reading = (
+        "Single inner problems with every contact point (doubled_rows) or every equation (doubled_equation) given "
+        "twice, beside the same problems with each given once: shares that the certificate confirms, and runs in which "
+        "the solver failed or was ended, over both forms and all levels that both were run at."
+    )
+    return Table("twins", Grid("Rows given twice", headings, rows), reading, "Both: no certificate, and no answer.")
+
+
+def grouped_pairs(runs: Sequence[Run]) -> dict[str, list[tuple[Run, Run]]]:
+    """Problem with rows given twice → (run, run on the same problem with each given once)."""
+    found: dict[str, list[tuple[Run, Run]]] = {}
+    for pair in paired(runs, UNDOUBLED):
+        found.setdefault(pair[0].problem, []).append(pair)
+    return found
+
+
+def _certified_and_lost(runs: Sequence[Run]) -> tuple[str, str]:
+    return _share(runs), str(sum(run.lost for run in runs)) if runs else NOTHING
+
+
 def warm(runs: Sequence[Run]) -> Table:
     """Time of warm over that of cold sequences."""
     rows = []
     for solver, ratios in warm_ratios(runs).items():
         faster = sum(ratio < 1.0 for ratio in ratios)
         texts = [significant(value, 2) for value in (geometric_mean(ratios), min(ratios), max(ratios))]
-        rows.append((solver, KEPT[solver], *texts, f"{faster} of {len(ratios)}"))
+        rows.append((solver, KEPT.get(solver, NOTHING), *texts, f"{faster} of {len(ratios)}"))
     headings = ("solver", "what it keeps", "mean ratio", "smallest", "largest", "faster")
     reading = (
         "Time of a sequence of inner problems solved warm, over that of the same problems solved cold, where both were "
@@ -215,7 +277,7 @@ def forms(runs: Sequence[Run]) -> Table:
     reading = (
         "Time of a single inner problem, and of a whole outer loop, in all unknowns over that of the same problem "
         "condensed on the contact, where both were certified. The condensation of an inner problem is made once for "
-        "all solvers and is not in the times; that of an outer loop is."
+        "all solvers and is not in the times; that of an outer loop is made in every run, and is."
     )
     return Table("forms", Grid("All unknowns against condensed", headings, rows), reading, "Failed runs have no ratio.")
 
@@ -246,7 +308,7 @@ def _words(runs: Iterable[Run]) -> str:
 
 def failures(runs: Sequence[Run]) -> Table:
     """Runs that ended without an answer or by a failure of the back end, grouped by what was said."""
-    chosen = [run for run in runs if run.seconds is None or run.status == "backend_failed"]
+    chosen = [run for run in runs if run.lost]
     groups = grouped(chosen, lambda run: (run.solver, run.status, run.reason[:120]))
     rows = [
         (solver, status.replace("_", " "), str(len(group)), _where(group), reason or NOTHING)

@@ -9,8 +9,8 @@
 
 Before anything is timed the solver does the task once on the smallest problem, so that imports and first uses do not
 count. Problem and form are there already: the factorisation of K and the condensation of an inner problem belong to no
-solver. Inner problems are posed at `Instance.centre`, the same for all solvers. Every run of an outer loop with condensed
-inner problems condenses anew; the package's own methods find what they need in the factors.
+solver. Inner problems are posed at `Instance.centre`, the same for all solvers. Every run of an outer loop with
+condensed inner problems condenses anew; the package's own methods find what they need in the factors.
 """
 
 import time
