@@ -21,13 +21,22 @@ def check_suffix(option: str, path: str | Path, suffix: str) -> None:
         raise InputError(option, str(path), f"give a file name that ends in {suffix}")
 
 
-def writable_folder(path: str | Path) -> Path:
-    """Make the folder if it is missing, and find out before any work is done whether it can be written."""
+def writable_folder(path: str | Path, field: str = "output") -> Path:
+    """Make the folder if it is missing, and find out before any work is done whether it can be written.
+
+    Raises
+    ------
+    InputError
+        If it cannot, or is a file; about `field`, the option that named it.
+
+    """
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
+    except FileExistsError as error:
+        raise InputError(field, str(path), "is a file, not a folder: give another place") from error
     except (OSError, ValueError) as error:  # ValueError: a name no folder can have
-        raise unwritable(folder, error) from error
+        raise unwritable(folder, error, field) from error
     return folder

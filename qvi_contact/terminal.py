@@ -1,10 +1,11 @@
 """How the project's command lines behave: one-line errors, progress on standard error."""
 
 import io
+import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any, Protocol, TextIO, cast
 
 import click
 
@@ -21,20 +22,97 @@ class Advance(Protocol):
 
 
 def run(command: click.Command, name: str) -> None:
-    """Run a command; anything wrong with the input is one line on standard error and exit status 2."""
+    """Run a command and exit.
+
+    Anything wrong with the input, and a standard output that cannot be written, is one line on standard error and exit
+    status 2. A reader that has gone away, as in ``… | head -1``, is no fault: the command ends in silence.
+    """
     _accept_any_character()
+    with _remembered_output() as output:
+        try:
+            status = _status(command, name)
+            if sys.stdout is not None:  # None where the shell has closed it
+                sys.stdout.flush()
+        except OSError as error:
+            if error is not output.error:
+                raise
+            status = _unwritten(name, error)
+    sys.exit(status)
+
+
+def _status(command: click.Command, name: str) -> int:
+    """Run a command; its exit status."""
     try:
-        sys.exit(command.main(prog_name=name, standalone_mode=False) or 0)
+        return int(command.main(prog_name=name, standalone_mode=False) or 0)
     except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.format_message(), err=True)
-        sys.exit(2)
+        _say(error.format_message())
+        return 2
     except click.ClickException as error:
-        _complain(name, error.format_message())
+        return _complain(name, error.format_message())
     except QVIError as error:
-        _complain(name, str(error))
+        return _complain(name, str(error))
     except (click.Abort, KeyboardInterrupt):
-        click.echo(f"{name}: interrupted", err=True)
-        sys.exit(130)
+        _say(f"{name}: interrupted")
+        return 130
+
+
+class _Output:
+    """Standard output that remembers why it could not be written, so that no other failure is taken for that one."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.error: OSError | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        with self._remembering():
+            return self._stream.write(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        with self._remembering():
+            self._stream.writelines(lines)
+
+    def flush(self) -> None:
+        with self._remembering():
+            self._stream.flush()
+
+    @contextmanager
+    def _remembering(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self.error = error
+            raise
+
+    def give_up(self) -> None:
+        """Let what is left in its buffer go nowhere when the interpreter ends, which would complain about it."""
+        with suppress(OSError, ValueError):  # a stream without a file
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
+
+
+@contextmanager
+def _remembered_output() -> Iterator[_Output]:
+    stream = sys.stdout
+    output = _Output(stream)
+    if stream is not None:
+        sys.stdout = cast("TextIO", output)
+    try:
+        yield output
+    finally:
+        sys.stdout = stream
+        if output.error is not None:
+            output.give_up()
+
+
+def _unwritten(name: str, error: OSError) -> int:
+    """Exit status of a command whose standard output could not be written; 1 as click has it if nobody reads it."""
+    if isinstance(error, BrokenPipeError):
+        return 1
+    return _complain(name, f"standard output: cannot be written ({error.strerror or error})")
 
 
 def _accept_any_character() -> None:
@@ -44,9 +122,15 @@ def _accept_any_character() -> None:
             stream.reconfigure(errors="replace")
 
 
-def _complain(name: str, message: str) -> None:
-    click.echo(f"{name}: {' '.join(message.split())}", err=True)
-    sys.exit(2)
+def _complain(name: str, message: str) -> int:
+    """Say in one line what is wrong; the exit status."""
+    _say(f"{name}: {' '.join(message.split())}")
+    return 2
+
+
+def _say(line: str) -> None:
+    with suppress(OSError):  # there is no place left to complain at
+        click.echo(line, err=True)
 
 
 @contextmanager

@@ -38,10 +38,10 @@ def replacing(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def unwritable(path: Path, error: OSError | ValueError) -> InputError:
-    """The error for a place where nothing can be written."""
+def unwritable(path: Path, error: OSError | ValueError, field: str = "output") -> InputError:
+    """The error for a place where nothing can be written; `field` is the option that named it."""
     reason = getattr(error, "strerror", None) or str(error)
-    return InputError("output", str(path), f"cannot be written ({reason}): give another place, or make room there")
+    return InputError(field, str(path), f"cannot be written ({reason}): give another place, or make room there")
 
 
 def _rename(temporary: Path, target: Path) -> None:

@@ -19,9 +19,7 @@ QUICK_STORE = "results/solvers/solvers-quick.sqlite"
 @click.command(cls=ListCommand)
 @study_options(STORE, timeout=30.0, memory=4096)
 @click.option("--quick", is_flag=True, help=f"Few problems, a minute or two; its own store, {QUICK_STORE}.")
-@click.option(
-    "--only", "only", multiple=True, metavar="NAME…", help="These solvers alone, in a --store of their own."
-)
+@click.option("--only", "only", multiple=True, metavar="NAME…", help="These solvers alone, in a --store of their own.")
 @click.option("--out", metavar="FOLDER", default="results/solvers", show_default=True, callback=folder_option,
               help="Folder of the report.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")

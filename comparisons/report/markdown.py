@@ -77,6 +77,6 @@ def _grid(grid: Grid) -> list[str]:
     """The lines of a table, and an empty one."""
     if not grid.rows:
         return [NO_ROWS, ""]
-    headings = tuple(as_markdown(heading_text(text)).replace("|", "\\|") for text in grid.headings)
+    headings = tuple(as_markdown(heading_text(text)) for text in grid.headings)
     rows = [tuple(map(as_markdown, row)) for row in grid.rows]
     return [*markdown_table(Grid("", headings, rows)).splitlines(), ""]

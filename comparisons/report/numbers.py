@@ -9,8 +9,7 @@ from typing import Final
 
 import numpy as np
 
-NOTHING: Final = "none"
-"""Text of a number there is not."""
+from comparisons.cells import NOTHING as NOTHING
 
 _UNITS_OF_TIME: Final = ((7200.0, "h", 3600.0), (120.0, "min", 60.0), (1.0, "s", 1.0), (1e-3, "ms", 1e-3))
 _MICROSECONDS: Final = ("µs", 1e-6)

@@ -15,7 +15,7 @@ from threading import Event, Lock, Timer
 from typing import IO, Any, Final
 
 from comparisons.study.limits import IDLE
-from comparisons.study.outcome import CRASHED, MEMORY, REFUSED, TIMEOUT, Outcome, names_shortage, one_line
+from comparisons.study.outcome import CRAMPED, CRASHED, MEMORY, REFUSED, TIMEOUT, Outcome, names_shortage, one_line
 
 LIMITING: Final = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Environment variables with the number of threads, read by libraries when they are loaded."""
@@ -73,11 +73,11 @@ class Child:
         self._used = 0.0
 
     def run(self, values: Mapping[str, Any]) -> Outcome:
-        """Do a case, whatever comes of it; `REFUSED` if there is no process to do it."""
-        refusal = self._start()
+        """Do a case, whatever comes of it; `REFUSED` or `CRAMPED` if there is no process to do it."""
+        refusal = self._start(self._terms.memory)
         if refusal:
             self._end()
-            return Outcome(REFUSED, refusal)
+            return Outcome(CRAMPED if self._is_cramped() else REFUSED, refusal)
         began = time.perf_counter()
         answer, late = self._ask(values, self._terms.timeout)
         seconds = time.perf_counter() - began
@@ -102,8 +102,19 @@ class Child:
         self._end()
         self._complaints.close()
 
-    def _start(self) -> str:
-        """Start the process unless there is one; returns why there is none."""
+    def _is_cramped(self) -> bool:
+        """Whether the process that could not be started can be without the limit of memory.
+
+        This is tried: libraries say what they like when they get no memory, or die without a word.
+        """
+        if self._terms.memory is None:
+            return False
+        refusal = self._start(None)
+        self._end()
+        return not refusal
+
+    def _start(self, memory: int | None) -> str:
+        """Start the process, with this limit of memory, unless there is one; returns why there is none."""
         rested = time.monotonic() - self._used
         if self._process is not None and self._process.poll() is None and rested < IDLE / 2.0:
             return ""  # a case for one that has waited longer might come just when it ends by itself
@@ -115,7 +126,7 @@ class Child:
                 self._process = self._popen()
         except OSError as error:
             return f"no process can be started ({error.strerror})"
-        order = {"task": self._terms.task, "packages": self._terms.packages, "memory": self._terms.memory}
+        order = {"task": self._terms.task, "packages": self._terms.packages, "memory": memory}
         answer, late = self._ask(order, _LOADING)
         if answer is None:
             answer = {"refused": self._verdict(self._end(), late, _LOADING)[1]}

@@ -30,6 +30,8 @@ _CONNECTING: Final = 10.0  # seconds
 _FETCHING: Final = 30.0  # seconds for one outcome
 _LOOK: Final = 0.5  # seconds between two looks at the cluster's workers
 _ATTEMPTS: Final = 2
+_WITHOUT_PORT: Final = ("inproc", "ucx")  # schemes whose addresses `distributed` itself does not take apart
+_REMEDY: Final = "give the address that dask scheduler prints, as tcp://host:8786"
 _LOST: Final = "the worker of the cluster was lost"
 
 
@@ -41,16 +43,38 @@ def outcomes(terms: Terms, cases: Sequence[Case], address: str) -> Generator[tup
     Raises
     ------
     InputError
-        If `distributed` is missing, or the cluster cannot be reached or is lost.
+        If `distributed` is missing, or the cluster has no such address, cannot be reached, or is lost.
 
     """
-    _check_installed(address)
+    check(address)
     with _quiet(), closing(_client(address)) as client:
         dispatch = _Dispatch(client, address, terms, deque(_Trial(case) for case in cases))
         try:
             yield from dispatch.outcomes()
         finally:
             dispatch.end()
+
+
+def check(address: str) -> None:
+    """Refuse an address that cannot be a scheduler's, as `distributed` reads it, before anything is done.
+
+    Raises
+    ------
+    InputError
+        If `distributed` is missing, or the address is not scheme://host:port with a scheme it knows.
+
+    """
+    _check_installed(address)
+    from distributed.comm.addressing import get_address_host_port, parse_address
+    from distributed.comm.registry import get_backend
+
+    try:
+        scheme, _ = parse_address(address, strict=True)
+        get_backend(scheme)
+        if scheme not in _WITHOUT_PORT:
+            get_address_host_port(address, strict=True)
+    except (ValueError, ImportError) as error:
+        raise InputError("dask", address, f"is not scheme://host:port with a known scheme: {_REMEDY}") from error
 
 
 def _check_installed(address: str) -> None:
@@ -76,19 +100,28 @@ def _quiet() -> Iterator[None]:
 
 
 def _client(address: str) -> "Client":
-    from distributed import Client
-
     try:
-        client = Client(address, timeout=_CONNECTING, set_as_default=False)
+        client = _quiet_client()(address, timeout=_CONNECTING, set_as_default=False)
     except Exception as error:  # of many kinds, for whatever answers there
-        remedy = "no scheduler answers there: give the address that dask scheduler prints, as tcp://host:8786"
-        raise InputError("dask", address, remedy) from error
+        raise InputError("dask", address, f"no scheduler answers there: {_REMEDY}") from error
     try:
         client.wait_for_workers(1, timeout=_CONNECTING)
     except Exception as error:
         client.close()
         raise InputError("dask", address, "the cluster has no workers: start some") from error
     return client
+
+
+def _quiet_client() -> "type[Client]":
+    """Dask's client; one that was only half built, for want of a scheduler, cannot always be closed, and goes so."""
+    from distributed import Client
+
+    class QuietClient(Client):  # type: ignore[misc]
+        def __del__(self) -> None:
+            with suppress(Exception):
+                super().__del__()
+
+    return QuietClient
 
 
 @dataclass

@@ -15,6 +15,7 @@ TIMEOUT: Final = "timeout"
 MEMORY: Final = "memory"
 CRASHED: Final = "crashed"
 REFUSED: Final = "refused"
+CRAMPED: Final = "cramped"
 
 FAILURES: Final[Mapping[str, str]] = {
     ERROR: "the task raised an exception, or returned something that is not plain",
@@ -24,7 +25,8 @@ FAILURES: Final[Mapping[str, str]] = {
 }
 """Status of a row without a result → what it means. `DONE` is the status of all others.
 
-`REFUSED` is never a row's: the task cannot be loaded, so that the study has to end.
+`REFUSED` and `CRAMPED` are never a row's: the task cannot be loaded, at all or in the memory allowed, so that the study
+has to end.
 """
 
 _SHORTAGE: Final = ("MemoryError", "bad_alloc", "Cannot allocate memory", "failed to map segment")
@@ -38,7 +40,7 @@ class Outcome:
     Attributes
     ----------
     status : str
-        `DONE`, or one of `FAILURES`.
+        `DONE`, one of `FAILURES`, or why there can be no row.
     reason : str
         Why there is no result, in one line; empty if there is one.
     result : Mapping

@@ -117,12 +117,13 @@ def write_json(path: str | Path, study: StoredStudy) -> None:
             environments.append(row.environment)
         rows.append({**vars(row), "environment": environments.index(row.environment)})
     document = {"schema": FORMAT, "study": study.declaration, "environments": environments, "rows": rows}
-    write_text(path, json.dumps(_finite(document), indent=1, allow_nan=False) + "\n")
+    write_text(path, json.dumps(finite_json(document), indent=1, allow_nan=False) + "\n")
 
 
-def _finite(value: Any) -> Any:
+def finite_json(value: Any) -> Any:
+    """The value for JSON, in mappings and sequences too: numbers JSON has not are "nan", "inf" and "-inf"."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, Mapping):
-        return {name: _finite(item) for name, item in value.items()}
-    return [_finite(item) for item in value] if isinstance(value, list) else value
+        return {name: finite_json(item) for name, item in value.items()}
+    return [finite_json(item) for item in value] if isinstance(value, list | tuple) else value

@@ -10,7 +10,7 @@ from pathlib import Path
 from comparisons.study import cluster, pool
 from comparisons.study.children import Terms
 from comparisons.study.declaration import Case, Study
-from comparisons.study.outcome import REFUSED
+from comparisons.study.outcome import CRAMPED, REFUSED, Outcome
 from comparisons.study.progress import study_progress
 from comparisons.study.store import finished_keys, writing
 from qvi_contact.errors import InputError
@@ -94,8 +94,8 @@ def run_study(
     Raises
     ------
     InputError
-        If the store cannot be used, the task cannot be loaded in a worker, or the cluster cannot be reached. Rows that
-        were finished are in the store.
+        If the store cannot be used, the task cannot be loaded in a worker, at all or with so little memory, or the
+        cluster cannot be reached. Rows that were finished are in the store.
 
     """
     _check(workers, timeout, memory, threads)
@@ -103,6 +103,8 @@ def run_study(
     run = StudyRun(study, Path(store_path))
     run.before = len(finished_keys(run.store, study))
     if not run.complete:
+        if dask is not None:
+            cluster.check(dask)
         terms = Terms(study.task, study.packages, threads, timeout, memory)
         try:
             _do(run, terms, workers, dask, progress)
@@ -129,11 +131,17 @@ def _do(run: StudyRun, terms: Terms, workers: int, dask: str | None, progress: b
             closing(_outcomes(terms, pending, workers, dask)) as outcomes,
         ):
             for case, outcome in outcomes:
-                if outcome.status == REFUSED:
-                    raise InputError("Study.task", terms.task, outcome.reason)
+                _check_loaded(terms, outcome)
                 store.append(case, outcome)
                 run.statuses[outcome.status] += 1
                 advance()
+
+
+def _check_loaded(terms: Terms, outcome: Outcome) -> None:
+    if outcome.status == CRAMPED:
+        raise InputError("memory", terms.memory, f"is too little (MiB) to load {terms.task}: give more, or no limit")
+    if outcome.status == REFUSED:
+        raise InputError("Study.task", terms.task, outcome.reason)
 
 
 def _outcomes(terms: Terms, cases: Sequence[Case], workers: int, dask: str | None) -> Generator[pool.Done]:

@@ -7,7 +7,11 @@ readers that do not wait for the writer, is worth nothing at a few rows a second
 place in the folder too (synchronous = EXTRA), before the next case is counted as begun.
 
 One run at a time may write: it holds a lock on an empty database beside the store, through the locks of SQLite that
-every system has and that go with the process, however it dies. Reading is possible meanwhile.
+every system has and that go with the process, however it dies. Reading is possible meanwhile. That database, the file
+.lock, stays: a run that removed it could take it from under another one that has just opened it, and a third would then
+make a new one, so that two of them would write. It may be deleted when no run is at work.
+
+A store without rows is nobody's: the next study takes it, so that a run which came to nothing stands in no one's way.
 """
 
 import json
@@ -19,6 +23,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from comparisons.study.declaration import Case, Study
+from comparisons.study.differences import differences
 from comparisons.study.outcome import Outcome
 from comparisons.study.plain import canonical
 from comparisons.study.rows import Row, StoredStudy
@@ -141,10 +146,10 @@ def writing(path: Path, study: Study) -> Iterator[Store]:
         If it cannot be written, is in use, damaged, or not a store of this study.
 
     """
-    writable_folder(path.parent)
+    writable_folder(path.parent, "store")
     with _locked(path), _opened(path, create=True) as connection:
         if not _is_of(connection, path, study):
-            _create(connection, study)
+            _take(connection, study)
         _try_to_write(connection)
         yield Store(path, connection)
 
@@ -155,6 +160,7 @@ def _locked(path: Path) -> Iterator[None]:
     lock = target.with_name(f"{target.name}.lock")
     try:
         with closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
+            connection.execute("PRAGMA journal_mode = MEMORY")  # in a file, SIGKILL would leave it behind
             connection.execute("BEGIN EXCLUSIVE")
             yield
     except sqlite3.OperationalError as error:
@@ -197,16 +203,19 @@ def _damaged(path: Path) -> InputError:
 
 
 def _is_of(connection: sqlite3.Connection, path: Path, study: Study) -> bool:
-    """Whether the store is this study's; False if the file is still empty."""
+    """Whether the store is this study's; False if it is still nobody's, having no rows."""
     found = _declaration(connection, path)
     wanted = study.declaration()
     if found is None:
         return False
-    if found != wanted:
-        names = [f"{each['name']} (version {each['version']})" for each in (found, wanted)]
-        other = names[0] if names[0] != names[1] else f"{names[0]} with other settings"
-        raise InputError("store", str(path), f"belongs to the study {other}: give another file")
-    return True
+    if found == wanted:
+        return True
+    if connection.execute('SELECT EXISTS (SELECT * FROM "rows")').fetchone() == (0,):
+        return False
+    names = [f"{each['name']} (version {each['version']})" for each in (found, wanted)]
+    same = names[0] == names[1]
+    other = f"{names[0]} with other settings ({differences(found, wanted)})" if same else names[0]
+    raise InputError("store", str(path), f"belongs to the study {other}: give another file")
 
 
 def _declaration(connection: sqlite3.Connection, path: Path) -> dict[str, Any] | None:
@@ -229,14 +238,16 @@ def _declaration(connection: sqlite3.Connection, path: Path) -> dict[str, Any] |
     return declaration
 
 
-def _create(connection: sqlite3.Connection, study: Study) -> None:
-    """Make the tables, all or none."""
+def _take(connection: sqlite3.Connection, study: Study) -> None:
+    """Make the store this study's, and the tables unless there are some: all or nothing."""
     connection.execute("BEGIN IMMEDIATE")
     with connection:
-        connection.execute(f"PRAGMA application_id = {_APPLICATION}")
-        connection.execute(f"PRAGMA user_version = {SCHEMA}")
-        for statement in _TABLES:
-            connection.execute(statement)
+        if connection.execute("SELECT count(*) FROM sqlite_schema").fetchone() == (0,):
+            connection.execute(f"PRAGMA application_id = {_APPLICATION}")
+            connection.execute(f"PRAGMA user_version = {SCHEMA}")
+            for statement in _TABLES:
+                connection.execute(statement)
+        connection.execute("DELETE FROM study")
         now = datetime.now(UTC).isoformat(timespec="seconds")
         connection.execute("INSERT INTO study VALUES (?, ?)", (canonical(study.declaration()), now))
 

@@ -16,12 +16,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from comparisons.study import Outcome, columns, read_study, run_study, write_csv, write_json
 from comparisons.study import store as stores
 from comparisons.study.declaration import case_key
+from comparisons.study.differences import differences
 from comparisons.study.plain import canonical, plain
 from qvi_contact import InputError
 from tests.comparisons.study_demo import ENVIRONMENT, SMALL
@@ -31,7 +32,7 @@ VALUES = st.recursive(
     SCALARS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3)
 )
 CASES = st.dictionaries(st.text(), VALUES, max_size=5)
-few = settings(max_examples=40)
+few = settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])  # which a busy machine is
 
 
 def shuffled(value):
@@ -212,6 +213,18 @@ with store.writing(Path({str(path)!r}), SMALL) as opened:
         with stores.writing(path, SMALL) as store:
             assert store.keys() == {case.key for case in SMALL.cases[:2]}
 
+    def test_killed_without_leaving_a_journal(self, tmp_path):
+        script = f"""
+import os
+from pathlib import Path
+from comparisons.study import store
+from tests.comparisons.study_demo import SMALL
+with store.writing(Path({str(tmp_path / "a")!r}), SMALL):
+    os.kill(os.getpid(), {int(signal.SIGKILL)})
+"""
+        subprocess.run([sys.executable, "-c", script], check=False, cwd=Path(__file__).parents[2])
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "a.lock"]
+
 
 class TestExport:
     """Rows for others."""
@@ -325,17 +338,30 @@ class TestRefused:
         [
             ({"name": "other"}, "belongs to the study small .version 1.: give"),
             ({"version": 2}, "small .version 1."),
-            ({"seed": 6}, "with other settings"),
-            ({"task": "package.module:other"}, "with other settings"),
-            ({"keep": lambda case: case["mesh"] == 4}, "with other settings"),
+            ({"seed": 6}, r"with other settings .seed: 5 there, 6 here.: give another file"),
+            ({"task": "package.module:other"}, ".task: package.module:function there, package.module:other here."),
+            ({"repeats": 3}, ".repeats: 2 there, 3 here."),
+            ({"keep": lambda case: case["mesh"] == 4}, ".other combinations: 4 there, 2 here."),
+            ({"factors": {"mesh": (4,), "friction": (0.1, 0.2, 0.3)}},
+             ".mesh: 2 values there, 1 here; friction: 1 value there, 3 here."),
+            ({"factors": {"mesh": (4, 16), "friction": (0.1,)}}, ".mesh: 8 there, 16 here."),
+            ({"factors": {"mesh": (8, 4), "friction": (0.1,)}}, ".mesh: the same values in another order."),
+            ({"factors": {"friction": (0.1,), "mesh": (4, 8)}}, ".the factors in another order."),
+            ({"factors": {"mesh": (4, 8), "method": ("a",)}}, ".friction: only there; method: only here."),
         ],
-    )
+    )  # fmt: skip
     def test_another_study(self, tmp_path, change, word):
         path = filled(tmp_path / "a")
         before = path.read_bytes()
         with pytest.raises(InputError, match=word):
             run_study(replace(SMALL, **change), path)
         assert path.read_bytes() == before
+
+    def test_long_lists_of_values_are_shortened(self):
+        there, here = (replace(SMALL, factors={"mesh": tuple(range(n, n + 5))}).declaration() for n in (0, 10))
+        assert differences(there, here) == "mesh: 0, 1, 2 and 2 more there, 10, 11, 12 and 2 more here"
+        there["factors"][0][1] = ["x" * 99] * 5
+        assert len(differences(there, here)) < 250
 
     def test_nothing_there(self, tmp_path):
         with pytest.raises(InputError, match="cannot be opened"):
@@ -351,6 +377,16 @@ class TestRefused:
         with pytest.raises(InputError, match="damaged"):
             read_study(tmp_path / "a")
         assert len(read_study(filled(tmp_path / "a")).rows) == 2
+
+    @pytest.mark.parametrize("change", [{"seed": 6}, {"name": "other"}, {"version": 2}])
+    def test_without_rows_it_is_the_next_study_s(self, tmp_path, change):
+        """What a run leaves that came to nothing."""
+        path, other = filled(tmp_path / "a", count=0), replace(SMALL, **change)
+        assert read_study(path).declaration == SMALL.declaration()
+        assert stores.finished_keys(path, other) == set()
+        assert read_study(filled(path, other, count=1)).declaration == other.declaration()
+        with pytest.raises(InputError, match="belongs to the study"):
+            filled(path)
 
     def test_full(self, tmp_path, monkeypatch):
         path = filled(tmp_path / "a", count=2)

@@ -198,10 +198,31 @@ class TestLosses:
             run_study(SMALL, tmp_path / "a", dask=bare.address)
 
     @pytest.mark.usefixtures("hurried")
-    @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", "ftp://x", ""])
-    def test_no_scheduler(self, tmp_path, address):
+    def test_no_scheduler(self, tmp_path):
         with pytest.raises(InputError, match="no scheduler answers there"):
+            run_study(SMALL, tmp_path / "a", dask="tcp://127.0.0.1:1")
+        other = ways("plain")  # for which the store that is left has room
+        assert run_study(other, tmp_path / "a").complete
+
+    @pytest.mark.parametrize("address", ["nowhere", "127.0.0.1:8786", "ftp://x:1", "tcp://x", "tcp://x:y", ""])
+    def test_what_is_no_address_is_refused_before_anything_is_done(self, tmp_path, monkeypatch, address):
+        monkeypatch.setattr(cluster, "_client", lambda _: pytest.fail("connected"))
+        with pytest.raises(InputError, match="is not scheme://host:port") as caught:
             run_study(SMALL, tmp_path / "a", dask=address)
+        assert (caught.value.field, caught.value.value) == ("dask", address)
+        assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("address", ["tcp://x:1", "tls://[::1]:8786", "wss://x.org:8786", "inproc://10.0.0.1/2/3"])
+    def test_addresses_of_every_kind(self, address):
+        cluster.check(address)
+
+    def test_a_half_built_client_goes_quietly(self, monkeypatch, capfd):
+        """Python would tell on standard error what is raised when an object is removed."""
+        client = cluster._quiet_client()
+        half = client.__new__(client)
+        monkeypatch.setattr(client.__mro__[1], "__del__", lambda _: 1 // 0)
+        del half
+        assert capfd.readouterr().err == ""
 
     def test_no_dask(self, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "distributed", None)

@@ -155,9 +155,25 @@ class TestFailures:
             run_study(study, tmp_path / "a", workers=2)
         assert read_study(tmp_path / "a").rows == ()
 
-    def test_too_little_memory_for_the_task_ends_the_study(self, tmp_path):
-        with pytest.raises(InputError, match="cannot be loaded"):
-            run_study(ways("plain"), tmp_path / "a", memory=10)
+    @pytest.mark.parametrize("memory", [1, 10])
+    def test_too_little_memory_for_the_task_ends_the_study(self, tmp_path, memory):
+        with pytest.raises(
+            InputError, match=r"is too little .MiB. to load tests.comparisons.study_demo:failing"
+        ) as caught:
+            run_study(ways("plain"), tmp_path / "a", memory=memory)
+        assert (caught.value.field, caught.value.value) == ("memory", memory)
+        assert len(str(caught.value).splitlines()) == 1
+
+    def test_memory_is_not_blamed_for_a_task_that_cannot_be_loaded_anyway(self, tmp_path):
+        with pytest.raises(InputError, match="ModuleNotFoundError") as caught:
+            run_study(replace(SMALL, task="tests.no_such_module:f"), tmp_path / "a", memory=4000)
+        assert caught.value.field == "Study.task"
+
+    def test_a_store_that_cannot_be_made_is_named(self, tmp_path):
+        (tmp_path / "a").touch()
+        with pytest.raises(InputError, match="is a file, not a folder") as caught:
+            run_study(SMALL, tmp_path / "a" / "b.sqlite")
+        assert (caught.value.field, caught.value.value) == ("store", str(tmp_path / "a"))
 
     @pytest.mark.parametrize("name", ["workers", "timeout", "memory", "threads"])
     def test_bad_input(self, tmp_path, name):

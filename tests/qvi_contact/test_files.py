@@ -92,7 +92,7 @@ def test_a_name_that_no_file_can_have(earlier):
     assert_untouched(earlier)
 
 
-@pytest.mark.parametrize("place", ["{file}", "{file}/below", "/proc/below", "/proc", "{file}\0"])
+@pytest.mark.parametrize("place", ["{file}/below", "/proc/below", "/proc", "{file}\0"])
 def test_folders_that_cannot_be_written_or_made(earlier, place):
     folder = place.format(file=earlier)
     with pytest.raises(InputError, match="cannot be written") as caught:
@@ -100,6 +100,23 @@ def test_folders_that_cannot_be_written_or_made(earlier, place):
     assert caught.value.value == folder
     assert len(str(caught.value).splitlines()) == 1
     assert_untouched(earlier)
+
+
+@pytest.mark.parametrize("field", ["output", "store"])
+@pytest.mark.parametrize(
+    ("place", "words"), [("{file}", "is a file, not a folder"), ("{file}/below", "cannot be written")]
+)
+def test_the_option_that_named_the_folder_is_told(earlier, field, place, words):
+    folder = place.format(file=earlier)
+    with pytest.raises(InputError, match=words) as caught:
+        writable_folder(folder, field)
+    assert (caught.value.field, caught.value.value) == (field, folder)
+    assert_untouched(earlier)
+
+
+def test_the_option_is_output_unless_it_is_said(earlier):
+    with pytest.raises(InputError, match=r"^output: "):
+        writable_folder(earlier)
 
 
 def test_a_folder_is_made_with_its_parents_and_stays_empty(tmp_path):

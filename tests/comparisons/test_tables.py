@@ -1,0 +1,67 @@
+"""Tables on a narrow terminal and in Markdown."""
+
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from comparisons.tables import Grid, markdown_table, rich_table
+
+NAMES = ("direct:sparse-cholesky", "direct:sparse-lu", "qp:clarabel")
+
+
+def printed(grid, width=120):
+    screen = StringIO()
+    Console(file=screen, width=width, highlight=False, markup=False, color_system=None).print(rich_table(grid))
+    return screen.getvalue()
+
+
+def wide(first=NAMES):
+    """More columns than a terminal has room for."""
+    headings = ("solver", *(f"a long heading of {number}" for number in range(12)))
+    return Grid("Times", headings, [(name, *("12.3 microseconds",) * 12) for name in first])
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_names_of_rows_are_not_cut(width):
+    lines = printed(wide(), width).splitlines()
+    assert [line.split()[0] for line in lines if line.strip().startswith(("direct:", "qp:"))] == list(NAMES)
+    assert max(map(len, lines)) <= width
+
+
+@pytest.mark.parametrize("first", ["name", "a sentence that takes more room than there is on a terminal of this width"])
+def test_nothing_is_cut(first):
+    text = printed(Grid("", ("about", "detail"), [(first, "x" * 90)]), 40)
+    assert text.count("x") == 90
+    assert set(first.split()) <= set(text.split())
+    assert max(map(len, text.splitlines())) <= 40
+
+
+@pytest.mark.parametrize("headings", [(), ("a",), ("a", "b|c")])
+def test_no_rows(headings):
+    grid = Grid("Empty", headings, [])
+    assert all(heading in printed(grid) for heading in headings)
+    cells = [heading.replace("|", r"\|") for heading in headings]
+    assert markdown_table(grid).splitlines()[2] == f"| {' | '.join(cells)} |"
+
+
+@pytest.mark.parametrize(
+    ("cells", "numeric"),
+    [
+        (("12", "none", "3.5 ms"), True),
+        (("−12", "> 99 %", "n/a"), True),
+        (("< 1e-9", "-", ""), True),
+        (("none", "n/a", ""), False),
+        (("1", "stalled"), False),
+        (("1.2.3", "0.9.1"), False),
+    ],
+)
+def test_columns_of_numbers_stand_to_the_right(cells, numeric):
+    grid = Grid("", ("name", "value"), [("x", cell) for cell in cells])
+    assert markdown_table(grid).splitlines()[1] == f"| --- | {'---:' if numeric else '---'} |"
+    assert [column.justify for column in rich_table(grid).columns] == ["left", "right" if numeric else "left"]
+
+
+def test_bars_in_headings_and_cells_are_escaped_once():
+    lines = markdown_table(Grid("", ("|σ|", "b"), [("|x|", "1")])).splitlines()
+    assert (lines[0], lines[2]) == (r"| \|σ\| | b |", r"| \|x\| | 1 |")
