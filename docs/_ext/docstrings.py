@@ -8,6 +8,7 @@ import ast
 import inspect
 import re
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 from docutils import nodes
@@ -21,6 +22,8 @@ _CODE = re.compile(r"(``.+?``|`[^`]+`|\*\*[^*\s][^*]*\*\*)")
 _ENTRY = re.compile(r"^(?P<name>\**[\w., ]+?) : (?P<kind>.+)$")
 _SHOWN_ARRAY = re.compile(r"ndarray\[tuple\[[^\]]*\], dtype\[[^\]]*\]\]")
 _CLASS = re.compile(r"(?<![\w`.])((?:[A-Z]+[a-z]+){2,}\d*)(?![\w`.(])")
+_WORD = re.compile(r"^(\S+) {2,}(.+)$")
+_STATUS = re.compile(r"^(Exit status:) (\d .+)$")
 _BULLET = re.compile(r"^([*-] +)(.*)$")
 _ARRAY = re.compile(r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[[^\]]*\]\]")
 _MATRIX = re.compile(r"~?numpy\.ndarray\[tuple\[[^\]]*\], ~?numpy\.dtype\[[^\]]*\]\]")
@@ -213,16 +216,42 @@ def _short_types(_app: Sphinx, document: nodes.document) -> None:
 
 
 def _process_command(_app: Sphinx, _context: Any, lines: list[str]) -> None:
-    """Lines of a command's help that are kept as they are: sphinx-click makes line blocks of them."""
+    """Mark up the lines of a command's help that are kept as they are: sphinx-click makes line blocks of them."""
     text: list[str] = []
-    for line in lines:
-        if not line.startswith("|"):
-            text.append(line)
+    kept: list[str] = []
+    for line in [*lines, ""]:
+        if line.startswith("|"):
+            kept.append(line[1:].removeprefix(" "))
             continue
-        if not text or not text[-1].startswith("    "):
-            text += ["", ".. code-block:: text", ""]
-        text.append(f"    {line[1:].removeprefix(' ')}")
+        text += [*kept_lines(kept), line] if kept else [line]
+        kept = []
     lines[:] = text
+
+
+def kept_lines(lines: Sequence[str]) -> Iterator[str]:
+    """Code under a line that ends in a colon, lists of exit statuses, lists of words and what they mean."""
+    for head, body in _indented(lines):
+        word, status = _WORD.match(head), _STATUS.match(head)
+        if head.endswith(":") and body:
+            yield from (_escaped(head), *_literal(body))
+        elif status:
+            yield from (_escaped(status[1]), "", *(_item(*line.strip().split(" ", 1)) for line in (status[2], *body)))
+        elif word:
+            yield _item(word[1], " ".join([word[2], *(line.strip() for line in body)]))
+        else:
+            yield from _literal([head, *body])
+    yield ""
+
+
+def _indented(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    """Each line at the left edge with those that are indented below it."""
+    starts = [number for number, line in enumerate(lines) if not line.startswith(" ")]
+    for start, end in pairwise([*starts, len(lines)]):
+        yield lines[start], list(lines[start + 1 : end])
+
+
+def _item(word: str, meaning: str) -> str:
+    return f"* ``{word}`` {_escaped(meaning.strip())}"
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -13,12 +13,16 @@ from typing import Any
 import imagesize
 from docutils import nodes
 from markdown_it import MarkdownIt
+from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 
 REPORTS = Path(__file__).parents[2] / "comparisons" / "reports"
 MARK = "% reports"
+_LIST = ("studies", "committed-reports")  # page and anchor of that list
 
-_LARGE = 1000  # pixels
+_LARGE = 1000  # pixels, from which on a picture fills the column
+_PHONE = 350  # pixels, above which a picture leads to itself in full size
+_MANY = 4  # columns of a table that is too wide for a phone
 _PAGE = """<!doctype html>
 <html lang="en">
 <head>
@@ -40,7 +44,7 @@ th, td {{ border: 1px solid #ccc; padding: 0.2rem 0.4rem; text-align: left; }}
 
 
 def reports() -> Iterator[tuple[str, Path]]:
-    """Title and main file of each report: its page if there is one, else its Markdown."""
+    """Title and main file of each report, several in a folder or one: its page if there is one, else its Markdown."""
     for folder in sorted(path for path in REPORTS.iterdir() if path.is_dir()):
         texts = {path.stem: path for path in sorted(folder.glob("*.md"))}
         for stem, text in texts.items():
@@ -59,11 +63,38 @@ def _replace(_app: Sphinx, docname: str, source: list[str]) -> None:
     source[0] = source[0].replace(MARK, "\n".join(["```{raw} html", "<ul>", *items, "</ul>", "```"]))
 
 
+def _link(app: Sphinx, document: nodes.document) -> None:
+    """Links to a folder of reports, which the site has not, lead to the list of all."""
+    for link in document.findall(pending_xref):
+        if link["reftype"] != "myst" or link["refdomain"] == "doc":
+            continue
+        folder = (Path(app.srcdir) / link["refdoc"]).parent / link["reftarget"]
+        if folder.is_dir() and folder.resolve().is_relative_to(REPORTS):
+            link["refdomain"], link["reftarget"], link["reftargetid"] = "doc", *_LIST
+
+
 def _enlarge(app: Sphinx, document: nodes.document) -> None:
-    """Large pictures fill the column, and lead to themselves in full size."""
+    """Large pictures fill the column; all that a phone shows smaller lead to themselves in full size.
+
+    Sphinx makes such a link of every picture that has a width.
+    """
     for picture in document.findall(nodes.image):
-        if imagesize.get(Path(app.srcdir) / picture["uri"])[0] > _LARGE:
-            picture["width"] = "100%"
+        pixels = imagesize.get(Path(app.srcdir) / picture["uri"])[0]
+        if pixels > _PHONE:
+            picture["width"] = "100%" if pixels > _LARGE else f"{pixels}px"
+
+
+def _fit(_app: Sphinx, document: nodes.document) -> None:
+    """Tables of few columns fit a phone, where long names may break behind an underscore; others scroll."""
+    for table in document.findall(nodes.table):
+        if len(list(table.findall(nodes.colspec))) >= _MANY:
+            table["classes"].append("wide")
+        for name in list(table.findall(nodes.literal)):
+            first, *others = name.astext().split("_")
+            name.clear()
+            name += nodes.Text(first)
+            for part in others:
+                name += [nodes.Text("_"), nodes.raw("", "<wbr>", format="html"), nodes.Text(part)]
 
 
 def _copy(app: Sphinx, exception: Exception | None) -> None:
@@ -82,6 +113,8 @@ def _copy(app: Sphinx, exception: Exception | None) -> None:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Sphinx's entry."""
     app.connect("source-read", _replace)
+    app.connect("doctree-read", _link)
     app.connect("doctree-read", _enlarge)
+    app.connect("doctree-read", _fit)
     app.connect("build-finished", _copy)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

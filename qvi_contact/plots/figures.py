@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _PANELS: Final = 4  # at most so many contacts get a panel
 _CROSSES: Final = 36  # crosses along the longer side, so that they can be told apart
 _WIDTH: Final = 13.0  # of an overview [inch]
+_APART: Final = 0.08  # above and below what stands in an overview [inch]: its title keeps off those of the panels
 _ALL_BUT_FEW: Final = 0.99  # share of the points whose stresses set the scale
 _NOTHING: Final = 1e-6  # tractions below this share of the stress in the body count as none
 
@@ -77,6 +78,7 @@ def result_figure(result: ContactResult, units: Units | None = None) -> "Figure"
     top = _panel_height(result.problem, _WIDTH / (3 if names else 2)) + 1.6  # legends
     with settings():
         figure = new_figure(_WIDTH, top + (3.4 if names else 0.0))
+        figure.set_layout_engine("constrained", h_pad=_APART)
         parts = figure.subfigures(2 if names else 1, 1, squeeze=False, height_ratios=[top, 3.4] if names else [1.0])
         _states(parts[0, 0], result, units, with_contacts=bool(names))
         if names:
