@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 from comparisons.backends import figures, tables
-from comparisons.backends.accuracies import MARGIN
+from comparisons.backends.accuracies import LEVELS, MARGIN
 from comparisons.backends.findings import findings
 from comparisons.backends.measures import NEGLIGIBLE, Run, runs_of
+from comparisons.backends.study import QUICK_NAME
 from comparisons.report import Exhibit, Figure, Report, Section, environment_grids
 from comparisons.report.numbers import count_of
 from comparisons.study import Row, StoredStudy
@@ -28,8 +29,9 @@ def report_of(study: StoredStudy) -> Report:
     rows = study.rows
     runs = runs_of(rows)
     name = str(study.declaration["name"])
+    title = "Solvers compared on frictional contact" + (" (quick)" if name == QUICK_NAME else "")
     return Report(
-        name, "Solvers compared on frictional contact", _introduction(study, runs), findings(runs),
+        name, title, _introduction(study, runs), findings(runs),
         [_truth(runs), _speed(runs), _difficulties(runs), _sequences(runs), _details(runs, rows)],
         [tables.settings(rows), tables.left_out(sorted({run.solver for run in runs})), *environment_grids(rows)],
         _limitations(),
@@ -41,13 +43,14 @@ def _introduction(study: StoredStudy, runs: Sequence[Run]) -> str:
     problems = len({run.problem for run in runs})
     cases = int(study.declaration["cases"])
     partly = "" if len(study.rows) == cases else f" (so far: {cases} cases are declared)"
-    command = "python -m comparisons solvers" + (" --quick" if study.declaration["name"] != "solvers" else "")
+    command = "python -m comparisons solvers" + (" --quick" if study.declaration["name"] == QUICK_NAME else "")
+    levels = ", ".join(f"{level} {tolerance:g}" for level, tolerance in LEVELS.items())
     return (
         f"{count_of(solvers, 'solver')} on {count_of(problems, 'problem')} of frictional contact, "
         f"{count_of(len(runs), 'run')}{partly}, by `{command}`: convex inner problems with a given friction bound, the "
         "sequences of them that an outer loop meets, and whole outer loops, in all unknowns and condensed on the "
-        "contact, at three levels of accuracy. Nothing counts as solved unless the package's certificate passes on the "
-        "original data."
+        f"contact, at these levels of accuracy: {levels}. Nothing counts as solved unless the package's certificate "
+        "passes at that tolerance on the original data."
     )
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -51,6 +49,7 @@ def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path,
         python -m comparisons convergence --quick
         python -m comparisons convergence mesh --workers 2 --out results/convergence
     """  # noqa: D301
+    from comparisons.study.rows import finite_json
     from qvi_contact.files import writable_folder
 
     _check_store(run.store)
@@ -61,16 +60,7 @@ def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path,
     documents = [part.done(out, as_json) for part in parts]
     if as_json:
         document = {"schema": SCHEMA, "quick": quick, "studies": documents}
-        click.echo(json.dumps(_finite(document), indent=1, ensure_ascii=False, allow_nan=False))
-
-
-def _finite(value: Any) -> Any:
-    """The value for JSON; numbers that are not finite are texts, as in exported rows."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if isinstance(value, Mapping):
-        return {name: _finite(item) for name, item in value.items()}
-    return [_finite(item) for item in value] if isinstance(value, Sequence) and not isinstance(value, str) else value
+        click.echo(json.dumps(finite_json(document), indent=1, ensure_ascii=False, allow_nan=False))
 
 
 def _check_store(folder: Path) -> None:
@@ -102,7 +92,7 @@ class _Part:
         from qvi_contact.files import writable_folder
 
         if len(finished_keys(self.run.store, self.study)) < len(self.study.cases):
-            writable_folder(self.run.store.parent)
+            writable_folder(self.run.store.parent, "store")
 
     def done(self, out: Path, as_json: bool) -> dict[str, Any]:
         """Run what is missing, write the report, show it; the JSON of it."""

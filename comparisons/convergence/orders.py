@@ -36,7 +36,7 @@ def fitted_order(sizes: Sequence[float], errors: Sequence[float | None], last: i
     if len(known) < last:
         return None
     h, e = np.log(np.array(known)).T
-    return float(np.polynomial.Polynomial.fit(h, e, 1).convert().coef[1])
+    return float(np.polynomial.polynomial.polyfit(h - h.mean(), e, 1)[1])
 
 
 def reached(costs: Sequence[float], errors: Sequence[float], target: float) -> float | None:

@@ -10,6 +10,8 @@ the fitted piece in iterations and b₋ ≤ b ≤ b₊ the interval,
     wanders      none of these
     short        fewer than four residuals
 
+The interval is nominal: it is that of independent residuals, which those of an iteration are not.
+
 Where an iteration has no residual (its inner problem failed, say) the loop began anew, and only what follows counts.
 
 Source: P. K. Sen, Estimates of the regression coefficient based on Kendall's tau, J. Amer. Statist. Assoc. 63 (1968).

@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,18 +14,19 @@ from comparisons.convergence.mesh import figures, study, task
 from comparisons.convergence.mesh.corner import exponent
 from comparisons.convergence.mesh.data import Mesh, data_of
 from comparisons.convergence.mesh.errors import FORCE, TRACTIONS, Curve, curve
-from comparisons.convergence.mesh.findings import findings
+from comparisons.convergence.mesh.findings import advantage, findings
 from comparisons.convergence.mesh.overview import Overview, cost
 from comparisons.convergence.mesh.problems import PROBLEMS, Expected, towards
 from comparisons.convergence.mesh.report import report
-from comparisons.convergence.mesh.tables import failures_table, verdict
+from comparisons.convergence.mesh.tables import costs_table, failures_table, orders_table, verdict
 from comparisons.convergence.mesh.tractions import Tractions, difference, size
 from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
 from comparisons.convergence.orders import fitted_order, reached, successive_orders
 from comparisons.report import write_report
 from comparisons.study import Study, read_study, run_study
-from qvi_contact import terminal
+from qvi_contact import refine, solve, terminal
 from qvi_contact.plots.style import has_matplotlib
+from qvi_contact.refinement import adaptive
 
 GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
 
@@ -43,6 +45,9 @@ class TestOrders:
         e = [3.0 * size**1.7 for size in h]
         assert successive_orders(h, e) == [None, *[pytest.approx(1.7)] * 3]
         assert fitted_order(h, e) == pytest.approx(1.7)
+
+    def test_equal_errors_have_order_zero(self):
+        assert fitted_order([1.0, 0.5, 0.25], [0.1, 0.1, 0.1]) == pytest.approx(0.0, abs=1e-12)
 
     def test_the_last_three_decide(self):
         h = [1.0, 0.5, 0.25, 0.125]
@@ -195,6 +200,9 @@ def made_up(errors, expected, least=0.0):
         ([1.0, 0.5, 0.25, 0.125], 1.5, "settled on another order"),
         ([1.0, 0.9, 0.5, 0.1], 3.0, "orders still change"),
         ([1.0, 0.5, 0.25, 0.125], None, "settled"),
+        ([1.0, 1.0, 1.0, 1.0], None, "does not fall"),
+        ([1.0, 1.0, 1.0, 1.0], 1.0, "does not fall"),
+        ([1.0, 0.5, 0.125, 0.1249], 1.0, "orders still change"),
         ([1.0, 0.5, 1e-9, 1e-9], 1.0, "fewer than three errors that mean something"),
     ],
 )
@@ -207,6 +215,27 @@ def test_costs_are_those_of_lasting_errors():
     found = made_up([1e-2, 1e-5, 1e-3, 1e-4], None)
     assert (cost(found, 1e-3), cost(found, 1e-4), cost(found, 1e-5)) == (256, 4096, None)
     assert cost(None, 1.0) is None
+
+
+class TestAdvantage:
+    """How many times more unknowns equal cells take is known as well as meshes lie close."""
+
+    @staticmethod
+    def said(uniform, other):
+        curves = {"uniform": made_up(uniform, None), "graded": replace(made_up(other, None), sequence="graded")}
+        return advantage({name: cost(found, 1e-4) for name, found in curves.items()}, curves)
+
+    def test_between_two_numbers(self):
+        assert "take 4 to 64 times" in self.said([1, 1, 1, 1e-5], [1, 1e-5])
+        assert self.said([1, 1, 1e-5], [1, 1e-5]) == ""  # the mesh before equal cells' may be as good
+
+    def test_at_least_where_the_first_mesh_is_enough(self):
+        assert "take 4 or more times" in self.said([1, 1, 1e-5], [1e-5])
+        assert self.said([1e-5], [1e-5]) == ""
+
+    def test_not_at_all(self):
+        assert "do not reach it with 256" in self.said([1, 1], [1, 1e-5])
+        assert self.said([1, 1e-5], [1, 1]) == ""
 
 
 CHOSEN = [
@@ -316,6 +345,85 @@ class TestRun:
         assert line == ("plate 1", "uniform", "size 16", "equilibrium", "timeout", "more than 1 s")
         assert f"{len(found.data.meshes) - 1} of {len(found.data.meshes)} solves" in texts(found)
         assert len(found.curve_of(PROBLEMS["plate 1"], FORCE, "uniform").errors) == 2
+
+
+class TestBrokenChains:
+    """Chains of adaptive meshes that end before their limit."""
+
+    @pytest.fixture
+    def impatient(self, monkeypatch):
+        """Solves on more than 200 cells fail."""
+
+        def fails(problem, **options):
+            few = {"method": "condensed", "max_iterations": 1} if problem.mesh.active.sum() > 200 else {}
+            return solve(problem, **options, **few)
+
+        monkeypatch.setattr(adaptive, "solve", fails)
+
+    @staticmethod
+    def result(sequence, model="equilibrium", size=2000):
+        return task.run({"problem": "plate 0.2", "sequence": sequence, "size": size, "model": model})
+
+    @pytest.mark.usefixtures("impatient")
+    def test_a_later_solve_that_fails_has_a_record(self, rows):
+        found = self.result("goal")
+        *solved, last = found["meshes"]
+        assert {mesh["status"] for mesh in solved} == {"solved"}
+        assert (last["status"], last["accuracy"]) == ("unsolved", np.inf)
+        assert "unknowns: max iterations" in last["message"]
+        assert not found["certificate"]["passed"]
+        statuses = [mesh["status"] for mesh in self.result("reference")["meshes"]]
+        assert statuses == ["solved", "solved", "unsolved"]
+        chain = next(row for row in rows if row.case["sequence"] == "goal")
+        seen = Overview(data_of([*(row for row in rows if row is not chain), replace(chain, result=found)]))
+        (line,) = [row for row in failures_table(seen).grid.rows if "unsolved" in row]
+        assert line == ("plate 0.2", "goal", "size 300", "equilibrium", "unsolved", last["message"])
+        assert f"{len(seen.data.meshes) - 1} of {len(seen.data.meshes)} solves" in texts(seen)
+
+    def test_a_mesh_that_cannot_be_made_has_one_too(self, monkeypatch):
+        monkeypatch.setattr(task, "refine", partial(refine, thinnest=0.1))
+        found = self.result("goal")
+        assert found["meshes"][-1]["status"] == "thin_cells"
+        assert "thin" in found["meshes"][-1]["message"]
+        assert not found["certificate"]["passed"]
+
+    @pytest.mark.usefixtures("impatient")
+    def test_a_chain_that_ends_at_its_limit_has_none(self):
+        found = self.result("goal", size=256)
+        assert [mesh["status"] for mesh in found["meshes"]] == ["solved"]
+        assert found["certificate"]["passed"]
+
+
+def test_a_reference_of_the_same_models_proves_nothing(rows):
+    found = Overview(data_of(rows))
+    known = found.references["plate 1"]
+    own = replace(known.values["energy"], sequence="reference")
+    found.references["plate 1"] = replace(known, values={**known.values, "energy": own})
+    assert "4 of 4 guaranteed brackets of the energy are consistent with the reference" in texts(found)
+    assert "enclose" not in texts(found)
+
+
+def test_an_end_is_not_judged_by_itself(rows):
+    found = Overview(data_of([row for row in rows if row.case["problem"] == "block"]))
+    known = found.references["block"]
+    assert "equal cells are" in texts(found)
+    own = replace(known.values["stick ends"], sequence="uniform", uncertainty=0.1)
+    found.references["block"] = replace(known, values={**known.values, "stick ends": own})
+    assert "a value that 17 × 8 equal cells gave themselves" in texts(found)
+    assert "within that" not in texts(found)
+
+
+def test_the_report_says_what_verdicts_and_costs_are(rows, monkeypatch):
+    found = Overview(data_of(rows))
+    assert "within 10 % of the expected order" in orders_table(found).reading
+    costs = costs_table(found)
+    assert "up to 4 times apart" in costs.reading
+    assert "leave out the solves before" in costs.reading
+    assert costs.failure.endswith("the finest mesh of the sequence is still above.")
+    assert "the solves before it are extra" not in texts(found)  # none of them reaches the target
+    monkeypatch.setattr("comparisons.convergence.mesh.findings._TARGET", 0.1)
+    assert texts(found).count("the solves before it are extra") == 1
+    assert costs_table(Overview(data_of([]))).grid.rows == []
 
 
 def texts(found):

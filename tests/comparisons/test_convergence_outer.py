@@ -176,6 +176,11 @@ def rows(tmp_path_factory):
     return read_study(path).rows
 
 
+def said(rows):
+    """All findings in one text."""
+    return " ".join(finding.text for finding in findings(Entries.of(rows)))
+
+
 class TestReport:
     """The report of a tiny study."""
 
@@ -203,7 +208,7 @@ class TestReport:
         texts = " ".join(finding.text for finding in findings(Entries.of(rows)))
         assert "condensed 4 of 4" in texts
         assert "plain 3 of 4" in texts
-        assert "8 contacts, the plain loop converges up to μ = 0.5 and fails at μ = 2: cycling (1)" in texts
+        assert "8 contacts, the plain loop solves 1 of 2 μ, the largest 0.5; it fails at μ = 2: cycling (1)" in texts
         assert re.search(r"by hand \(8 contacts, 0.8 μ\), the observed one differs from it by (< )?0\.\d\d %", texts)
 
     def test_a_case_that_died_is_a_failure(self, rows):
@@ -225,6 +230,54 @@ class TestReport:
         groups = mesh_groups(Entries.of(rows))
         assert [entry.cells for entry in groups["plate", 0.1]] == [2, 3]
         assert list(groups) == [("plate", 0.1)]
+
+    def test_a_loop_that_was_stopped_has_not_failed_to_converge(self, rows):
+        victim = next(row for row in rows if row.case["loop"] == "plain" and row.case["problem"] == "contacts")
+        stopped = {"status": "max_iterations", "course": "converges", "factor": 0.96, "linearised": 0.96}
+        late = replace(victim, result={**victim.result, **stopped, "iterations": 200})
+        text = said([late if row is victim else row for row in rows])
+        assert "within 200 iterations the loops solve" in text
+        assert "still converges where it was stopped at μ = 0.5 (contraction 0.96, max_iterations)" in text
+        assert "1 still converges where it was stopped: max_iterations (1)" in text
+        assert "A linearised contraction below 1 is not always enough" not in text
+        cycle = replace(late, result={**late.result, "status": "cycling", "course": "cycles"})
+        text = said([cycle if row is victim else row for row in rows])
+        assert "A linearised contraction below 1 is not always enough" in text
+        assert "1 ends without a solution and without converging, cycling (1)" in text
+        assert "within" not in text.split("loops solve")[0]
+        assert "fails at μ = 0.5 and 2: cycling (2)" in text
+
+    def test_runs_below_and_beyond_the_bound_are_counted(self, rows):
+        plain = [row for row in rows if row.case["loop"] == "plain" and row.case["problem"] == "contacts"]
+        values = [{"sharper": bound, "status": status} for bound, status in ((1.0, "cycling"), (0.5, "solved"))]
+        made = [replace(row, result={**row.result, **value}) for row, value in zip(plain, values, strict=True)]
+        text = said(made)
+        assert "The plain loop solves 0 of 1 run below the bound μγ < 1 and 1 of 1 run beyond" in text
+        assert "up to μγ = 4 (8 contacts, μ = 2)" in text
+        assert said(made[:1]).count("beyond the bound") == 0
+        assert "sufficient" not in text
+
+    def test_starts_decide_only_where_they_do(self, rows):
+        several = [row for row in rows if row.case["problem"] == "three"]
+        assert "2 of 2 loops end in different ones from different starts" in said(several)
+        same = [replace(row, result={**row.result, "normal": 0.0}) for row in several]
+        assert "none of 2 loops end in different ones" in said(same)
+
+    def test_meshes_without_a_contraction_are_told(self, rows):
+        plates = [row for row in rows if row.case["problem"] == "plate" and row.case["loop"] == "plain"]
+        lost = [replace(row, result={**row.result, "status": "cycling", "course": "cycles"}) for row in plates]
+        assert "cannot be compared at μ = 0.1 (none on 2 of 2 meshes)" in said(lost)
+        assert "cannot be compared at μ = 0.1 (none on 1 of 2 meshes)" in said([lost[0], plates[1]])
+        far = [
+            replace(row, result={**row.result, "factor": rate}) for row, rate in zip(plates, (0.1, 0.4), strict=True)
+        ]
+        assert "changes by more than a factor of 1.5 at μ = 0.1 (0.1 to 0.4)" in said(far)
+
+    def test_intervals_are_called_nominal(self, rows, monkeypatch):
+        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
+        exhibits = {exhibit.name: exhibit for exhibit in report(rows).sections[0].exhibits}
+        for name in ("rates", "contraction"):
+            assert "interval is nominal" in exhibits[name].reading
 
     def test_the_task_tells_theory_and_time(self):
         case = {"problem": "contacts", "cells": 0, "friction": 1.0, "loop": "plain", "start": None}

@@ -26,7 +26,7 @@ class Mesh:
     status, message : str
         Of the solver, or of the row if there is no record; the message is empty if solved.
     record : Mapping
-        See `task.equilibrium`; empty where the case failed as a whole.
+        See `task.equilibrium`; empty where the case failed as a whole, and without cells where a chain broke off.
 
     """
 
@@ -58,7 +58,7 @@ class Mesh:
     @property
     def cells(self) -> str:
         """Cells along x and y, or the case's size where nothing is known."""
-        if not self.record:
+        if not self.record.get("cells"):
             return f"size {self.size}"
         return "{} × {}".format(*self.record["cells"])
 

@@ -15,21 +15,28 @@ FLOOR: Final = 1e-8
 """Relative errors that the accuracy asked of the solves leaves."""
 
 FORCE, ENERGY, TRACTIONS = "force", "energy", "tractions"
-_SAME: Final = 0.1
+SAME: Final = 0.1
 """How far, relatively, a fitted order may be from the expected one to count as the same."""
 
-_STEADY: Final = 0.05
+STEADY: Final = 0.05
 """How far, relatively, the last three orders may be from each other to count as settled."""
+
+FLAT: Final = 0.1
+"""An order of this size or below is none: the error does not fall."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A value to compare with, its uncertainty, what errors are divided by, and where it comes from."""
+    """A value to compare with, its uncertainty, what errors are divided by, and where it comes from.
+
+    `sequence` is the one of this study's meshes that it was taken from; empty if it is known from elsewhere.
+    """
 
     value: float
     uncertainty: float
     unit: float
     source: str
+    sequence: str = ""
 
     @property
     def least(self) -> float:
@@ -97,16 +104,26 @@ class Curve:
 
     @property
     def settled(self) -> bool:
-        """Whether the last three orders agree, so that the asymptotic range may be reached."""
+        """Whether the error falls and the last three orders agree, so that the asymptotic range may be reached."""
         known = [order for order in self.orders if order is not None][-3:]
-        return len(known) == 3 and max(known) - min(known) <= _STEADY * abs(known[-1])
+        return self.falls and len(known) == 3 and max(known) - min(known) <= STEADY * abs(known[-1])
+
+    @property
+    def falls(self) -> bool:
+        """Whether the error fell on the last two meshes where it means something."""
+        return self.last_order is not None and self.last_order > FLAT
+
+    @property
+    def flat(self) -> bool:
+        """Whether it fell neither there nor, by the fitted order, on the last three."""
+        return self.fitted is not None and self.fitted <= FLAT and not self.falls
 
     @property
     def as_expected(self) -> bool:
-        """Whether the fitted order is the expected one."""
-        if self.fitted is None or self.expected is None:
+        """Whether the error falls, and the fitted order is the expected one."""
+        if self.fitted is None or self.expected is None or not self.falls:
             return False
-        return abs(self.fitted - self.expected.order) <= _SAME * self.expected.order
+        return abs(self.fitted - self.expected.order) <= SAME * self.expected.order
 
 
 def references(data: Data, problem: Problem) -> References:
@@ -161,7 +178,7 @@ def _two_models(data: Data, problem: Problem, finest: list[Mesh], measure: str) 
         one, other = value_of(finest[-1], measure), value_of(others[-1], measure)
         value = (one + other) / 2.0
         source = f"stresses and displacements on {finest[-1].cells} adaptive cells; ± their difference"
-        yield Reference(value, abs(one - other), abs(value), source)
+        yield Reference(value, abs(one - other), abs(value), source, REFERENCE)
 
 
 def _bracketed(data: Data, problem: Problem) -> Iterator[Reference]:
@@ -172,7 +189,7 @@ def _bracketed(data: Data, problem: Problem) -> Iterator[Reference]:
         best = min(closed, key=lambda mesh: float(mesh.record["gap"]))
         value = (best.record["lower"] + best.record["upper"]) / 2.0
         source = f"guaranteed bounds on {best.cells} cells"
-        yield Reference(value, abs(best.record["gap"]) / 2.0, abs(value), source)
+        yield Reference(value, abs(best.record["gap"]) / 2.0, abs(value), source, best.sequence)
 
 
 def _ends(data: Data, problem: Problem) -> dict[str, Reference]:
@@ -203,7 +220,7 @@ def _candidates(data: Data, problem: Problem, kind: str, length: float) -> Itera
             middle = _middle(end)
             least = uncertainty(end) + 2.0 * abs(middle - _middle(before))
             source = f"{mesh.cells} cells ({sequence}); ± its own two values and twice the distance to the mesh before"
-            yield Reference(middle, least, length, source)
+            yield Reference(middle, least, length, source, sequence)
 
 
 def _middle(end: Mapping[str, Any]) -> float:

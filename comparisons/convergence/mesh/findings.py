@@ -1,11 +1,11 @@
 """What the meshes say, in sentences computed from them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from comparisons.convergence.mesh.errors import ENERGY, FLOOR, FORCE, Curve, end_of
 from comparisons.convergence.mesh.overview import NAMES, SHOWN, Overview, cost, ends_of, finest
 from comparisons.convergence.mesh.problems import Problem
-from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GRADED, STRICT, UNIFORM
+from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GOAL, GRADED, STRICT, UNIFORM
 from comparisons.convergence.mesh.tables import slug
 from comparisons.report import Finding
 from comparisons.report.numbers import count_of, listing, scientific, significant
@@ -25,33 +25,53 @@ def findings(overview: Overview) -> list[Finding]:
 
 def _costs(overview: Overview) -> Iterator[Finding]:
     """Unknowns for one error of the force, on equal cells and on the others."""
+    adaptive = False
     for problem in overview.problems:
         if overview.is_exact(problem) or overview.references[problem.name].least(FORCE) > _TARGET:
             continue
         found = {
             sequence: curve for sequence in SHOWN if (curve := overview.curve_of(problem, FORCE, sequence)) is not None
         }
+        if not found:
+            continue
         costs = {sequence: cost(curve, _TARGET) for sequence, curve in found.items()}
+        adaptive = adaptive or any(costs.get(sequence) is not None for sequence in (GOAL, APART))
         parts = [f"{NAMES[sequence]} {_needed(value)}" for sequence, value in costs.items()]
         text = f"{problem.title}: an error of {scientific(_TARGET, 1)} in the force takes {listing(parts)}"
-        yield Finding(f"{text}{_advantage(costs, found)}.", "costs")
+        yield Finding(f"{text}{advantage(costs, found)}.", "costs")
+    if adaptive:
+        yield Finding("Unknowns of adaptive meshes are those of the last one; the solves before it are extra.", "costs")
 
 
 def _needed(value: float | None) -> str:
     return "more unknowns than were tried" if value is None else f"{value:.0f} unknowns"
 
 
-def _advantage(costs: dict[str, float | None], curves: dict[str, Curve]) -> str:
-    """How many times more unknowns equal cells take than the best of the others."""
-    others = [value for sequence, value in costs.items() if sequence != UNIFORM and value is not None]
+def advantage(costs: Mapping[str, float | None], curves: Mapping[str, Curve]) -> str:
+    """How many times more unknowns equal cells take than the best of the others, as far as the meshes tell."""
+    others = {sequence: value for sequence, value in costs.items() if sequence != UNIFORM and value is not None}
     if not others or UNIFORM not in costs:
         return ""
-    uniform = costs[UNIFORM]
+    uniform, best = costs[UNIFORM], min(others.values())
     if uniform is None:
         most = max(mesh.unknowns for mesh in curves[UNIFORM].meshes)
         return f"; equal cells do not reach it with {most}"
-    factor = uniform / min(others)
-    return f"; equal cells take {significant(factor, 2)} times as many as the best of the others" if factor > 1 else ""
+    before = _before(curves[UNIFORM], uniform)
+    if before is None or before <= best:
+        return ""
+    least = [_before(curves[sequence], value) for sequence, value in others.items()]
+    known = [value for value in least if value is not None]
+    low = significant(before / best, 2)
+    high = f" to {significant(uniform / min(known), 2)}" if len(known) == len(least) else " or more"
+    return (
+        f"; equal cells take {low}{high} times as many as the best of the others, which is all that meshes of these "
+        "sizes tell"
+    )
+
+
+def _before(curve: Curve, unknowns: float) -> int | None:
+    """The largest number of unknowns of the curve below this one."""
+    return max((mesh.unknowns for mesh in curve.meshes if mesh.unknowns < unknowns), default=None)
 
 
 def _orders(overview: Overview) -> Iterator[Finding]:
@@ -82,6 +102,8 @@ def _not_reached(curves: list[Curve]) -> str:
         known = [f"{order:.2f}" for order in curve.orders if order is not None][-2:]
         if curve.fitted is None:
             parts.append(f"{curve.measure} (too few errors above the uncertainty)")
+        elif curve.flat:
+            parts.append(f"{curve.measure} (it does not fall, the last were {listing(known)})")
         elif not curve.as_expected and curve.settled:
             parts.append(f"{curve.measure} (settled on another one)")
         elif not curve.as_expected:
@@ -104,13 +126,15 @@ def _bounds(overview: Overview) -> Iterator[Finding]:
         ]
         best = min(meshes, key=lambda mesh: float(mesh.record["gap"]))
         enclosed = f"{len(meshes) - len(outside)} of {count_of(len(meshes), 'guaranteed bracket')} of the energy"
-        verb = "enclose" if len(meshes) - len(outside) != 1 else "encloses"
+        one = len(meshes) - len(outside) == 1
+        if reference.sequence:  # made of the same models: no proof of the brackets
+            verb = f"{'is' if one else 'are'} consistent with the reference, which comes from the same models"
+        else:
+            verb = "encloses the reference" if one else "enclose the reference"
         gap = max(float(best.record["gap"]), 0.0) / reference.unit
         close = "up to rounding" if gap < _CLOSED else f"to {scientific(gap)} of it"
         where = f"on {best.cells} cells ({NAMES[best.sequence]})"
-        yield Finding(
-            f"{problem.title}: {enclosed} {verb} the reference; the closest is closed {close} {where}.", "gaps"
-        )
+        yield Finding(f"{problem.title}: {enclosed} {verb}; the closest is closed {close} {where}.", "gaps")
 
 
 def _sides(overview: Overview) -> Iterator[Finding]:
@@ -122,10 +146,10 @@ def _sides(overview: Overview) -> Iterator[Finding]:
             if above is not None and not overview.is_exact(problem):
                 sides.setdefault(above, []).append(problem.name)
         for above, problems in sides.items():
-            text = (
-                f"{name} give too {'large' if above else 'small'} a force on all equal meshes of {listing(problems)}."
+            yield Finding(
+                f"{name} give too {'large' if above else 'small'} a force on all equal meshes whose error is above the "
+                f"reference's uncertainty, of {listing(problems)}."
             )
-            yield Finding(text)
 
 
 def _side(overview: Overview, problem: Problem, model: str | None) -> bool | None:
@@ -160,6 +184,8 @@ def _zone(overview: Overview, problem: Problem, kind: str) -> str:
     missed = [mesh.cells for mesh in overview.data.of(problem, UNIFORM) if end_of(mesh, kind) is None]
     blind = f", and {listing(missed)} cells do not show it as it is" if missed else ""
     cells = f"{curve.meshes[-1].cells} equal cells"
+    if place.sequence == UNIFORM:
+        return f"{text}, a value that {cells} gave themselves{blind}"
     if not curve.meant[-1]:
         return f"{text}, {cells} are within that{blind}"
     return f"{text}, {cells} are {scientific(curve.errors[-1] * place.unit)} {unit} off{blind}"

@@ -55,7 +55,7 @@ def study(quick: bool) -> Study:
     }
     return Study(
         "mesh (quick)" if quick else "mesh",
-        1,
+        2,
         "comparisons.convergence.mesh.task:run",
         factors,
         keep=lambda values: tuple(values[name] for name in factors) in chosen,

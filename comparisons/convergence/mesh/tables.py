@@ -1,14 +1,26 @@
 """The tables of the report."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 from comparisons.convergence.mesh.data import Mesh
-from comparisons.convergence.mesh.errors import ENERGY, FORCE, TRACTIONS, Curve, References, end_of, error_of
+from comparisons.convergence.mesh.errors import (
+    ENERGY,
+    FLAT,
+    FORCE,
+    SAME,
+    STEADY,
+    TRACTIONS,
+    Curve,
+    References,
+    end_of,
+    error_of,
+)
 from comparisons.convergence.mesh.overview import NAMES, SHOWN, TARGETS, Overview, cost, ends_of
 from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GRADED, STRICT, UNIFORM
 from comparisons.report import Table
-from comparisons.report.numbers import scientific, seconds, significant
+from comparisons.report.numbers import percent, scientific, seconds, significant
 from comparisons.tables import Grid
 
 _NOT_REACHED = "not reached"
@@ -54,10 +66,23 @@ def costs_table(overview: Overview) -> Table:
     return Table(
         "costs",
         Grid("Unknowns for a given error of the force", headings, rows),
-        "The smallest mesh from which on no finer one of the same sequence has a larger error. Targets below the "
-        "reference's uncertainty have no entry.",
-        f"“{_NOT_REACHED}”: the finest mesh of the sequence, or the one before it, is still above.",
+        "The unknowns of the smallest mesh from which on all errors of the sequence stay within the target. Meshes of "
+        f"a sequence are up to {significant(_spacing(overview), 2)} times apart in unknowns, and numbers are known to "
+        "that factor. Those of adaptive sequences are of the mesh alone and leave out the solves before it. Targets "
+        "below the reference's uncertainty have no entry.",
+        f"“{_NOT_REACHED}”: the finest mesh of the sequence is still above.",
     )
+
+
+def _spacing(overview: Overview) -> float | None:
+    """The largest ratio of unknowns on two successive meshes of a sequence."""
+    found = [
+        after.unknowns / before.unknowns
+        for curve in overview.curves
+        if curve.measure == FORCE
+        for before, after in pairwise(sorted(curve.meshes, key=lambda mesh: mesh.unknowns))
+    ]
+    return max(found, default=None)
 
 
 def _cost(overview: Overview, problem: Problem, sequence: str, target: float) -> str:
@@ -82,7 +107,9 @@ def orders_table(overview: Overview) -> Table:
         Grid("Orders of convergence", ("problem", "measure", "meshes", *_ORDERS), rows),
         "p of error ~ hᵖ with h = (number of cells)^−½, which is the cells' side where they are equal. The second "
         "order is by least squares. Expected ones are those of the singularity on equal cells. For ends of zones the "
-        "position is the root described with the figures.",
+        f"position is the root described with the figures. “As expected” is within {percent(SAME)} of the expected "
+        f"order; orders have settled if the last three are within {percent(STEADY)} of each other; where both "
+        f"orders are {FLAT:g} or less the error does not fall.",
         "A verdict other than “as expected” where an order is expected: not in the asymptotic range, or not that "
         "order.",
     )
@@ -98,6 +125,8 @@ def verdict(curve: Curve) -> str:
     """What the orders of a curve are worth."""
     if curve.fitted is None:
         return "fewer than three errors that mean something"
+    if curve.flat:
+        return "does not fall"
     if curve.as_expected:
         return "as expected"
     if not curve.settled:
@@ -202,4 +231,4 @@ def failures_table(overview: Overview) -> Table:
 
 
 def _number(order: float | None) -> str:
-    return "" if order is None else f"{order:.2f}"
+    return "" if order is None else f"{round(order, 2) + 0.0:.2f}"

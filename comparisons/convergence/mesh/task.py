@@ -13,13 +13,15 @@ from qvi_contact import ContactProblem, ContactResult, refine, solve
 from qvi_contact.bracket import bracket, refined_where_apart
 from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.mesh import RectilinearMesh
-from qvi_contact.refinement import RefinementRound
+from qvi_contact.refinement import Refinement, RefinementRound, RefinementStatus
 from solvers import Certificate, Status
 
 STRICT: Final = "strict-direct:clarabel"
 TOLERANCE: Final = 1e-8
 _OUT_OF_REACH: Final = 1e-12  # targets of chains: they end at their number of unknowns
 _CLOSING: Final = 1e-9  # gap over strain energy that is good enough
+_INTENDED: Final = (RefinementStatus.REACHED, RefinementStatus.UNKNOWNS, RefinementStatus.ROUNDS)
+"""Ends of a chain that are no failures."""
 
 Record = dict[str, Any]
 
@@ -43,7 +45,7 @@ def _records(problem: Problem, sequence: str, size: int, model: str) -> Iterator
         yield from _where_apart(problem, size)
     elif sequence == "reference":
         records, finest = _refined(problem, size, "energy")
-        yield from records[-2:] if model == "equilibrium" else [_displacements(problem, finest)]
+        yield from _last_two(records) if model == "equilibrium" else [_displacements(problem, finest)]
     else:
         make = problem.uniform if sequence == "uniform" else problem.graded
         assert make is not None
@@ -60,9 +62,10 @@ def _on_one_mesh(problem: Problem, stated: ContactProblem, model: str) -> Record
 
 
 def _refined(problem: Problem, most: int, goal: str) -> tuple[list[Record], ContactProblem]:
-    """Records of the rounds of `refine` up to a number of unknowns, and the problem on the last mesh.
+    """Records of the rounds of `refine` up to a number of unknowns, and the problem on the last mesh that was solved.
 
-    The time of a round is all that was spent until its end: adaptive meshes cost the solves before them.
+    The time of a round is all that was spent until its end: adaptive meshes cost the solves before them. A chain that
+    ends because a solve or a mesh failed has a record of that too, the last one.
     """
     records: list[Record] = []
     latest: dict[tuple[int, int], ContactResult] = {}
@@ -82,7 +85,24 @@ def _refined(problem: Problem, most: int, goal: str) -> tuple[list[Record], Cont
     refined = refine(start, None, _OUT_OF_REACH, value, max_unknowns=most, callback=keep, tolerance=TOLERANCE)
     if not records:
         records.append(equilibrium(problem, refined.result, time.perf_counter() - began))
+    elif refined.status not in _INTENDED and records[-1]["unknowns"] < most:
+        records.append(_broken_off(refined, time.perf_counter() - began))
     return records, refined.problem
+
+
+def _broken_off(refined: Refinement, seconds: float) -> Record:
+    """Record of the mesh at which a chain broke off; of that mesh only the reason is known."""
+    message = refined.reason or refined.status.advice
+    return {
+        "status": refined.status.value, "message": message, "accuracy": float("inf"), "cells": None, "unknowns": None,
+        "smallest": None, "seconds": seconds,
+    }  # fmt: skip
+
+
+def _last_two(records: list[Record]) -> list[Record]:
+    """The last two meshes that were solved, and what failed after them."""
+    solved = [place for place, record in enumerate(records) if record["status"] == Status.SOLVED.value]
+    return records[solved[-2] :] if len(solved) > 1 else records
 
 
 def _where_apart(problem: Problem, most: int) -> Iterator[Record]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.convergence.outer.entries import NAMES, Entries, Entry, body_name
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN, TOLERANCE
-from comparisons.convergence.outer.tables import mesh_groups
+from comparisons.convergence.outer.tables import NOMINAL, mesh_groups
 from comparisons.report.document import Figure
 from comparisons.report.pictures import svg_text
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
@@ -44,7 +44,7 @@ def _contraction(entries: Entries) -> Figure:
 
     return _figure(
         "rates", "Contraction of the loops against friction", draw,
-        "Factor by which the residual shrinks per iteration, with its 95 % interval, for the loops of the legend. The "
+        f"Factor by which the residual shrinks per iteration, for the loops of the legend. {NOMINAL} The "
         "thin solid line is the plain loop linearised at the solution (for the 8 contacts the value by hand lies on "
         "it), the dotted one the bound μγ. The horizontal line is 1: above it a loop cannot converge.",
         f"{_FAILED} A loop may have both a mark and a cross: it converges, but not within its limit of iterations.",
@@ -225,7 +225,7 @@ def _mesh_panel(axes: "Axes", problem: str, groups: dict[float, list[Entry]]) ->
             axes.plot(*zip(*local, strict=True), color=colour, linestyle=":", linewidth=1.0)
         failed = [entry.cells for entry in found if not entry.solved]
         axes.plot(failed, [20.0 * 1.15**number] * len(failed), "x", color=colour, markersize=7, markeredgewidth=2)
-    axes.legend(fontsize=7, frameon=False, ncols=3, loc="upper right", bbox_to_anchor=(1.0, 0.79))
+    axes.legend(fontsize=7, frameon=False, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.2))  # not over curves
 
 
 def _panels(number: int) -> tuple["Canvas", list["Axes"]]:

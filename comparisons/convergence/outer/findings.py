@@ -1,7 +1,7 @@
 """What the study says, in sentences computed from its rows."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from statistics import median
 from typing import Final
 
@@ -33,33 +33,59 @@ def _solved(entries: Entries) -> Sentences:
     parts = [
         f"{loop} {solved} of {number}" for loop, (solved, number) in sorted(counts.items(), key=lambda c: -c[1][0])
     ]
-    yield f"To a certificate at 1e-8 the loops solve: {listing(parts)}.", "runs"
-    steps = [entry.iterations for entry in entries.single if entry.loop == CONDENSED and entry.iterations]
+    limit = _limit([entry for entry in entries.single if entry.loop != CONDENSED])
+    within = f" within {limit} iterations" if limit else ""
+    if parts:
+        yield f"To a certificate at 1e-8{within} the loops solve: {listing(parts)}.", "runs"
+    found = [entry for entry in entries.single if entry.loop == CONDENSED]
+    steps = [entry.iterations for entry in found if entry.iterations]
     if steps:
+        where = "" if len(steps) == len(found) else " where it is solved"
         yield (
-            f"The condensed method has no outer loop and takes {min(steps)} to {max(steps)} iterations whatever the "
-            "friction.",
+            f"The condensed method has no outer loop and takes {min(steps)} to {max(steps)} iterations{where}, for "
+            f"{_frictions(found)}.",
             "iterations",
         )
 
 
+def _limit(entries: Sequence[Entry]) -> int | None:
+    """The number of iterations at which runs were stopped; None if none was."""
+    return max((e.result["iterations"] for e in entries if e.result and e.status == "max_iterations"), default=None)
+
+
+def _frictions(entries: Sequence[Entry]) -> str:
+    """The range of μ: "μ = 0.05 to 4"."""
+    found = [entry.friction for entry in entries]
+    return "μ = " + " to ".join(dict.fromkeys(f"{friction:g}" for friction in (min(found), max(found))))
+
+
+def _ends(entries: Sequence[Entry]) -> str:
+    """How they ended, and how many of them: "cycling (4) and stalled (1)"."""
+    return listing([f"{word} ({number})" for word, number in sorted(Counter(e.status for e in entries).items())])
+
+
+def _falling(entry: Entry) -> bool:
+    """Whether the residuals of a run that was not solved were falling to its end."""
+    return not entry.solved and entry.result.get("course") == "converges"
+
+
 def _plain_fails(entries: Entries) -> Sentences:
-    """Up to which friction the plain loop goes on each main problem."""
+    """Which frictions the plain loop solves on each main problem."""
     for body in entries.main_bodies:
         found = entries.along(body, PLAIN)
-        failed = [entry for entry in found if not entry.solved]
-        if not failed:
-            top = max(entry.friction for entry in found)
-            yield f"On {body_name(body)}, the plain loop solves every μ tried, up to {top:g}.", "rates"
+        good = [entry for entry in found if entry.solved]
+        failed = [entry for entry in found if not entry.solved and not _falling(entry)]
+        falling = [entry for entry in found if _falling(entry)]
+        if not found:
             continue
-        good = [entry.friction for entry in found if entry.solved]
-        upto = f"up to μ = {max(good):g}" if good else "for no μ tried"
-        ends = listing([f"{word} ({number})" for word, number in sorted(Counter(e.status for e in failed).items())])
-        yield (
-            f"On {body_name(body)}, the plain loop converges {upto} and fails at μ = "
-            f"{listing([f'{entry.friction:g}' for entry in failed])}: {ends}.",
-            "histories",
-        )
+        parts = [f"solves {len(good)} of {len(found)} μ" + (f", the largest {good[-1].friction:g}" if good else "")]
+        if failed:
+            parts.append(f"fails at μ = {listing([f'{entry.friction:g}' for entry in failed])}: {_ends(failed)}")
+        if falling:
+            stopped = [f"{e.friction:g} (contraction {significant(e.rate)}, {e.status})" for e in falling]
+            parts.append(f"still converges where it was stopped at μ = {listing(stopped)}")
+        see = "histories" if failed or falling else "rates"
+        yield f"On {body_name(body)}, the plain loop {'; it '.join(parts)}.", see
 
 
 def rated(entries: Entries) -> list[Entry]:
@@ -96,7 +122,8 @@ def _locally(entries: Entries) -> Sentences:
     known = [entry for entry in entries.single if entry.number("linearised") is not None]
     above = [entry for entry in known if (entry.number("linearised") or 0.0) >= 1.0]
     below = [entry for entry in known if (entry.number("linearised") or 0.0) < 1.0]
-    lucky, stuck = [e for e in above if e.solved], [e for e in below if not e.solved]
+    lucky, falling = [e for e in above if e.solved], [e for e in below if _falling(e)]
+    stuck = [e for e in below if not e.solved and not _falling(e)]
     if above:
         solved = f"{len(lucky)} of them {'is' if len(lucky) == 1 else 'are'}" if lucky else "none of them is"
         yield (
@@ -105,57 +132,76 @@ def _locally(entries: Entries) -> Sentences:
             "contraction",
         )
     if stuck:
-        ends = listing([f"{word} ({number})" for word, number in sorted(Counter(e.status for e in stuck).items())])
         places = listing(list(dict.fromkeys(f"{body_name(e.body)} at μ = {e.friction:g}" for e in stuck)))
         yield (
             f"A linearised contraction below 1 is not always enough: of {len(below)} such runs {len(stuck)} "
-            f"end without a solution, {ends}, on {places}.",
+            f"{'ends' if len(stuck) == 1 else 'end'} without a solution and without converging, {_ends(stuck)}, on "
+            f"{places}.",
+            "runs",
+        )
+    if falling:
+        yield (
+            f"Of the {count_of(len(below), 'run')} with a linearised contraction below 1, {len(falling)} still "
+            f"{'converges where it was' if len(falling) == 1 else 'converge where they were'} stopped: "
+            f"{_ends(falling)}.",
             "runs",
         )
 
 
 def _bound(entries: Entries) -> Sentences:
-    """How far beyond the bound of uniqueness the plain loop still converges."""
+    """What the plain loop does below and beyond the bound of uniqueness."""
     ratios = [
         (entry.friction / bound, entry)
         for entry in entries.single
-        if entry.loop == PLAIN and entry.solved and (bound := entry.number("sharper"))
+        if entry.loop == PLAIN and (bound := entry.number("sharper"))
     ]
-    beyond = [pair for pair in ratios if pair[0] >= 1.0]
-    if beyond:
-        ratio, entry = max(beyond, key=lambda pair: pair[0])
-        yield (
-            f"The bound μγ < 1 is sufficient and far from necessary: {len(beyond)} of {len(ratios)} runs that the "
-            f"plain loop solves are beyond it, up to μγ = {significant(ratio, 2)} ({body_name(entry.body)}, μ = "
-            f"{entry.friction:g}).",
-            "rates",
-        )
+    parts = []
+    for where, found in (
+        ("below the bound μγ < 1", [pair for pair in ratios if pair[0] < 1.0]),
+        ("beyond the bound μγ < 1", [pair for pair in ratios if pair[0] >= 1.0]),
+    ):
+        if found:
+            parts.append(f"{sum(entry.solved for _, entry in found)} of {count_of(len(found), 'run')} {where}")
+    far = max((pair for pair in ratios if pair[1].solved), key=lambda pair: pair[0], default=None)
+    if parts:
+        text = f"The plain loop solves {listing(parts)}"
+        if far is not None and far[0] >= 1.0:
+            name = body_name(far[1].body)
+            text += f", up to μγ = {significant(far[0], 2)} ({name}, μ = {far[1].friction:g})"
+        yield f"{text}.", "rates"
 
 
 def _meshes(entries: Entries) -> Sentences:
     """On which problems the contraction depends on the mesh."""
     groups = mesh_groups(entries)
     for problem in dict.fromkeys(problem for problem, _ in groups):
-        steady, others = [], []
+        kinds: dict[str, list[str]] = {"steady": [], "varies": [], "unknown": []}
         for (name, friction), found in groups.items():
-            rates = [entry.rate for entry in found if entry.rate]
-            if name != problem or len(rates) < 2:
-                continue
-            if max(rates) <= _SPREAD * min(rates) and len(rates) == len(found):
-                steady.append(f"{friction:g}")
-            else:
-                others.append(f"{friction:g} ({significant(min(rates), 2)} to {significant(max(rates), 2)})")
-        parts = [
-            *([f"stays within a factor of {_SPREAD:g} at μ = {listing(steady)}"] if steady else []),
-            *(
-                [f"does not at μ = {listing(others)}" if steady else f"varies at μ = {listing(others)}"]
-                if others
-                else []
-            ),
-        ]
-        if parts:
-            name = NAMES.get(problem, problem)
-            yield f"From mesh to mesh the contraction of the plain loop ({name}) {listing(parts)}.", "mesh"
+            if name == problem:
+                kind, text = _change(friction, found)
+                kinds[kind].append(text)
+        said = {
+            "steady": f"stays within a factor of {_SPREAD:g}",
+            "varies": "changes by more",
+            "unknown": "cannot be compared",
+        }
+        parts = [f"{words} at μ = {listing(kinds[kind])}" for kind, words in said.items() if kinds[kind]]
+        if not kinds["steady"]:
+            parts = [part.replace("changes by more", f"changes by more than a factor of {_SPREAD:g}") for part in parts]
+        name = NAMES.get(problem, problem)
+        yield f"From mesh to mesh the contraction of the plain loop ({name}) {listing(parts)}.", "mesh"
+
+
+def _change(friction: float, found: Sequence[Entry]) -> tuple[str, str]:
+    """What the contraction of one friction does from mesh to mesh, "steady", "varies" or "unknown", and μ with why."""
+    rates = [entry.rate for entry in found if entry.rate]
+    none = f"none on {len(found) - len(rates)} of {count_of(len(found), 'mesh')}"
+    if len(rates) < 2:
+        return "unknown", f"{friction:g} ({none})"
+    missing = f", {none}" if len(rates) < len(found) else ""
+    if max(rates) <= _SPREAD * min(rates):
+        return "steady", f"{friction:g}" + (f" ({none})" if missing else "")
+    return "varies", f"{friction:g} ({significant(min(rates), 2)} to {significant(max(rates), 2)}{missing})"
 
 
 def _damping(entries: Entries) -> Sentences:
@@ -177,7 +223,10 @@ def _damping(entries: Entries) -> Sentences:
             parts.append(f"{loop} {significant(median(ratios), 2)}")
         saved.append(f"{loop} {rescued}")
     if parts:
-        yield f"Iterations over those of the plain loop where that converges (medians): {listing(parts)}.", "iterations"
+        yield (
+            f"Iterations over those of the plain loop where both are solved (medians): {listing(parts)}.",
+            "iterations",
+        )
     if hard and saved:
         yield (
             f"Of the {count_of(len(hard), 'problem')} that the plain loop does not solve, the others do: "
@@ -203,15 +252,24 @@ def _times(entries: Entries) -> Sentences:
 
 
 def _solutions(entries: Entries) -> Sentences:
-    """Which of the three solutions is found."""
-    if entries.several:
-        counts = Counter(solution_found(entry) for entry in entries.several)
-        parts = [f"{name} in {counts[name]}" for name in dict.fromkeys([*(name for name, _ in SOLUTIONS), *counts])]
-        yield (
-            f"Where three solutions exist the start decides which one is found: {listing(parts)} of "
-            f"{count_of(len(entries.several), 'run')}.",
-            "solutions",
-        )
+    """Which of the three solutions is found, and whether the start decides it."""
+    if not entries.several:
+        return
+    known = [name for name, _ in SOLUTIONS]
+    counts = Counter(solution_found(entry) for entry in entries.several)
+    parts = [f"{name} in {counts[name]}" for name in dict.fromkeys([*known, *counts])]
+    ends: dict[str, set[str]] = {}
+    for entry in entries.several:
+        if entry.start is not None:
+            ends.setdefault(entry.loop, set()).add(solution_found(entry))
+    differ = sum(len(found.intersection(known)) > 1 for found in ends.values())
+    verb = "ends" if differ == 1 else "end"
+    starts = f"{differ or 'none'} of {count_of(len(ends), 'loop')} {verb} in different ones from different starts; "
+    yield (
+        f"Where three solutions exist, {starts if ends else ''}{count_of(len(entries.several), 'run')} in all: "
+        f"{listing(parts)}.",
+        "solutions",
+    )
 
 
 def _not_run(entries: Entries) -> Sentences:

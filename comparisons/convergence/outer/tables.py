@@ -9,6 +9,12 @@ from comparisons.tables import Grid
 SOLUTIONS = (("open", 0.0), ("slip", 5.0 / 3.0), ("stick", 17.0 / 9.0))
 """The three solutions of the problem that has them: state and pressure r_N; by hand, see `bodies`."""
 
+NOMINAL = (
+    "Its 95 % interval is nominal: it would hold for independent residuals, but those of an iteration depend on each "
+    "other."
+)
+"""What the intervals are worth."""
+
 _FAILS = "A status other than solved: the certificate did not pass, and no number of iterations is given."
 
 
@@ -23,8 +29,8 @@ def contraction_table(entries: Entries) -> Table:
         "contraction",
         Grid("Contraction of the plain loop", headings, rows),
         "The observed contraction is the factor by which the residual shrinks per iteration, by the slope of Theil and "
-        "Sen over its tail. `Linearised` is the spectral radius of the map s → |σ_N(s)| at the solution if points keep "
-        "their states, `exact` the value by hand, and μγ ≤ μ√κ bound the contraction from above wherever "
+        f"Sen over its tail. {NOMINAL} `Linearised` is the spectral radius of the map s → |σ_N(s)| at the solution if "
+        "points keep their states, `exact` the value by hand, and μγ ≤ μ√κ bound the contraction from above wherever "
         "the law at points equals that on traces; below 1 they prove that the solution is unique.",
         "Where the loop does not converge there is no contraction; the status says how it ended.",
     )

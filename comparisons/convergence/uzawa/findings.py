@@ -1,17 +1,18 @@
 """What the study says, in sentences computed from its rows."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from comparisons.convergence.rates import growth_order
 from comparisons.convergence.uzawa.entries import Entries, Entry, Place, place_name
 from comparisons.convergence.uzawa.methods import CONDENSED, METHODS, MOST, SHRINKING_UZAWA, UZAWA
+from comparisons.convergence.uzawa.study import HALF
 from comparisons.convergence.uzawa.tables import error_after
 from comparisons.convergence.uzawa.task import SEARCHED
 from comparisons.paper.reference import load
 from comparisons.report.document import Finding
-from comparisons.report.numbers import count_of, listing, percent, scientific, seconds, significant
+from comparisons.report.numbers import count_of, is_number, listing, percent, scientific, seconds, significant
 
 Sentences = Iterator[tuple[str, str]]
 
@@ -51,23 +52,60 @@ def _thirty(entries: Entries) -> Sentences:
         several = f"{len(late)} of {len(need)} μ"
         text += f"; with its ω_T an error of 1e-4 takes {_range(late)} iterations for {several}"
     if never:
-        text += f", and is never reached for {never}"
+        text += f", and it is not reached for good in {_length(_rough(entries))} iterations for {never} of {len(need)}"
     yield f"{text}.", "history"
 
 
+def _length(found: Sequence[Entry]) -> int:
+    """Iterations of the longest of these runs."""
+    return max((int(entry.result["iterations"]) for entry in found), default=0)
+
+
 def _why(entries: Entries) -> Sentences:
-    """The contraction that the printed step allows."""
-    rates = [rate for entry in _rough(entries) if (rate := entry.number("linearised"))]
-    shares = [share for entry in _rough(entries) if (share := entry.ratio("omega_T", "limit_T")) is not None]
-    if rates and shares:
+    """What the printed step costs, and what is left at the best step of the map."""
+    sliding = [entry for entry in _rough(entries) if is_number(rate := entry.number("linearised")) and rate]
+    shares = [share for entry in sliding if (share := entry.ratio("omega_T", "limit_T")) is not None]
+    rates = [entry.number("linearised") or 0.0 for entry in sliding]
+    if shares:
+        count, powers = load().iterations, [rate ** load().iterations for rate in rates]
         yield (
-            f"The reason is the step: ω_T = {load().omega_T:g} is {percent(min(shares))} to {percent(max(shares))} of "
-            "the limit 2 / λ_max on the paper's mesh, and the iteration linearised at the solution shrinks errors by "
-            f"{significant(min(rates))} to {significant(max(rates))} in each step, "
-            f"{significant(min(rates) ** load().iterations, 2)} to {significant(max(rates) ** load().iterations, 2)} "
-            f"in {load().iterations}.",
+            f"Where points slip ({len(sliding)} of {len(_rough(entries))} μ), ω_T = {load().omega_T:g} is "
+            f"{_span(shares, percent)} of the limit 2 / λ_max on the paper's mesh; the iteration linearised at the "
+            f"solution multiplies errors by {_range(rates)} in each step, by {_span(powers)} in {count}.",
             "paper",
         )
+    both = [(entry, best) for entry in sliding if (best := _best(entries, entry.place)) and entry.needed(_DIGIT)]
+    if both:
+        yield _step_and_condition(both), "map-plate"
+
+
+def _best(entries: Entries, place: Place) -> Entry | None:
+    """The quickest run of the map of a place, if it has one."""
+    return _quickest(entries.maps.get(place, []))
+
+
+def _step_and_condition(both: Sequence[tuple[Entry, Entry]]) -> str:
+    """How much of the iterations the step explains, and how many are left at the best one of the map."""
+    parts, left = [], []
+    for paper, best in both:
+        printed, quickest = paper.needed(_DIGIT) or 0, best.needed(_DIGIT) or 1
+        condition = paper.number("condition")
+        parts.append(
+            f"{quickest} instead of {printed} at μ = {paper.friction:g} (the step costs a factor of "
+            f"{significant(printed / quickest, 2)}; condition {significant(condition)})"
+        )
+        if quickest > load().iterations:
+            left.append(f"{paper.friction:g}")
+    most = load().iterations
+    rest = (
+        f"more than {most} are left at μ = {listing(left)}, which no constant step of the map saves"
+        if left
+        else f"no more than {most} are left"
+    )
+    return (
+        f"With the quickest step of the map on that mesh the iterations to 1e-4 are {listing(parts)}; {rest}. The "
+        "conditions are those of the dual operator on the slipping points."
+    )
 
 
 def _printed(entries: Entries) -> Sentences:
@@ -89,13 +127,14 @@ def _frictionless(entries: Entries) -> Sentences:
     """What is different without friction."""
     for entry in entries.runs("paper"):
         if entry.friction == 0.0:
-            yield (
-                "Without friction a constant step does not converge at all: every change of λ_T is ω_T itself, and "
-                f"P/2 stays within {percent(entry.number('last_error'), 2)} of E U for ever while multipliers change "
-                f"by {percent(entry.number('last_change'))} per iteration; no step below a limit helps, as the limit "
-                "is zero.",
-                "history",
+            count = f"{_length([entry])} iterations"
+            text = (
+                f"Without friction the printed step {'settles' if entry.settles else 'does not settle'} in {count}: in "
+                f"their last quarter P/2 stays within {percent(entry.number('last_error'), 2)} of E U and multipliers "
+                f"change by {percent(entry.number('last_change'))} per iteration"
             )
+            none = "; no point has a friction bound above zero, so that there is no limit 2 / λ_max to stay below"
+            yield f"{text}{none if entry.number('limit_T') is None else ''}.", "history"
     for place, found in entries.accuracies.items():
         if place[2] == 0.0:
             ends = {name: _reach([entry for entry in found if entry.run == name]) for name in (UZAWA, SHRINKING_UZAWA)}
@@ -120,27 +159,29 @@ def bounded(entries: Entries) -> list[Entry]:
 
 def _limits(entries: Entries) -> Sentences:
     """The observed limits of ω_T on the plate beside theory."""
-    found = bounded(entries)
-    if not found:
+    searches = [entry for entry in entries.runs("tangential limit") if entry.place[0] == "plate"]
+    if not searches:
         return
-    shares = [entry.number("largest") or 0.0 for entry in found]
-    upper = [(entry.number("foreseen"), entry) for entry in found]
-    beyond = [entry for limit, entry in upper if limit is not None and (entry.number("largest") or 0.0) > limit]
-    below = sum(share < 1.0 for share in shares)
-    safe = "never below it" if not below else f"below it in {below}"
-    most = max(
-        ((entry.number("largest") or 0.0) / (entry.number("foreseen") or 1.0) - 1.0 for entry in beyond), default=0.0
+    safe = sum((entry.number("largest") or 0.0) >= 1.0 for entry in searches)
+    text = (
+        f"A step ω_T of 2 / λ_max of the dual operator over all points was safe in {safe} of "
+        f"{count_of(len(searches), 'search', 'searches')} on the plate"
     )
-    excess = f"{len(beyond)}, by {percent(most, 1)} at most" if beyond else "none"
-    finest = max(entry.cells for entry in found)
-    fine = [entry.number("largest") or 0.0 for entry in found if entry.cells == finest]
-    yield (
-        f"Theory foresees the limit of ω_T: on the plate the largest step that settles is {significant(min(shares))} "
-        f"to {significant(max(shares))} times 2 / λ_max of the dual operator over all points, {safe} in "
-        f"{count_of(len(found), 'search', 'searches')}, and {significant(min(fine))} to {significant(max(fine))} "
-        f"times on {finest}² cells; it exceeds the limit of the iteration linearised at the solution in {excess}.",
-        "limits",
-    )
+    found = bounded(entries)
+    if found:
+        shares = [entry.number("largest") or 0.0 for entry in found]
+        finest = max(entry.cells for entry in found)
+        fine = [entry.number("largest") or 0.0 for entry in found if entry.cells == finest]
+        text += f"; the largest that settles is {_range(shares)} times that, on {finest}² cells {_range(fine)} times"
+    local = [ratio for entry in found if (ratio := entry.ratio("largest", "foreseen")) is not None]
+    if local:
+        early = sum((entry.ratio("smallest", "foreseen") or 1.0) < 1.0 for entry in found)
+        text += (
+            f". Steps below the limit of the iteration linearised at the solution fail in {early} of {len(local)}: the "
+            f"largest that settles is {_range(local)} times that limit, and beyond it in "
+            f"{sum(ratio > 1.0 for ratio in local)}"
+        )
+    yield f"{text}.", "limits"
 
 
 def _exact_limit(entries: Entries) -> Sentences:
@@ -159,17 +200,23 @@ def _normal(entries: Entries) -> Sentences:
     """Whether ω_N has a limit."""
     for entry in entries.runs("normal limit"):
         largest, smallest = entry.number("largest"), entry.number("smallest")
+        where = f"On {place_name(entry.place)}"
         if smallest is None:
+            none = ", so that λ_N stays zero" if not entry.result["open"] else ""
             yield (
-                f"On {place_name(entry.place)}, ω_N has no limit up to {SEARCHED[1]:g} times 2 / λ_max: "
-                f"{entry.result['open']} of {entry.result['points']} points are open, so that λ_N stays zero.",
+                f"{where}, ω_N has no limit up to {SEARCHED[1]:g} times 2 / λ_max: {entry.result['open']} of "
+                f"{entry.result['points']} points are open{none}.",
                 "limit-table",
             )
-        elif largest is not None:
+        elif largest is None:
+            yield f"{where}, no ω_N from {SEARCHED[0]:g} times 2 / λ_max on settles.", "limit-table"
+        else:
+            alone = entry.ratio("open_N", "limit_N")
+            coupled = ": the two steps limit each other" if alone is not None and smallest < alone else ""
             yield (
-                f"On {place_name(entry.place)}, runs settle up to {significant(largest)} times 2 / λ_max in ω_N, "
-                f"where the linearised iteration says {significant(entry.number('foreseen'))}: the two steps limit "
-                "each other.",
+                f"{where}, runs settle up to {significant(largest)} times 2 / λ_max in ω_N, where the linearised "
+                f"iteration says {significant(entry.number('foreseen'))} and open points alone "
+                f"{significant(alone)}{coupled}.",
                 "map-open",
             )
 
@@ -182,34 +229,78 @@ def _finer(entries: Entries) -> Sentences:
         by_friction.setdefault(entry.friction, []).append(entry)
     for friction, found in by_friction.items():
         bad = [entry.cells for entry in found if (entry.number("omega_T") or 0.0) < step]
-        parts.append(
-            f"from {min(bad)}² cells on at μ = {friction:g}" if bad else f"on no mesh tried at μ = {friction:g}"
-        )
+        lasting = bad and all(entry.cells in bad for entry in found if entry.cells > min(bad))
+        meshes = f"from {min(bad)}² cells on" if lasting else f"on {listing([f'{cells}²' for cells in bad])} cells"
+        parts.append(f"{meshes if bad else 'on no mesh tried'} at μ = {friction:g}")
     if parts:
         yield f"The printed ω_T is beyond the limit {listing(parts)}.", "limits"
 
 
 def _growth(entries: Entries) -> Sentences:
     """How iterations grow with the mesh."""
-    parts, failed = [], 0
-    for friction, found in entries.meshes.items():
-        shown = [(entry.cells, count) for entry in found if (count := entry.needed(_DIGIT)) is not None]
-        failed += sum(entry.needed("1e-06") is None for entry in found)
-        order = growth_order([c for c, _ in shown], [float(n) for _, n in shown])
-        if order is not None:
-            parts.append(f"h^−{order:.2f} at μ = {friction:g} (from {shown[0][1]} to {shown[-1][1]})")
+    parts = [_growing(friction, found) for friction, found in entries.meshes.items()]
     if parts:
-        yield f"At half the limits the iterations to 1e-4 grow like {listing(parts)}.", "mesh"
-    number = sum(len(found) for found in entries.meshes.values())
+        yield f"At half the limits the iterations to 1e-4 go like {listing(parts)}.", "mesh"
+    runs = [entry for found in entries.meshes.values() for entry in found]
+    failed = sum(entry.needed("1e-06") is None for entry in runs)
     if failed:
         yield (
-            f"An error of 1e-6 is not reached in {MOST} iterations on {failed} of {number} pairs of mesh and μ.",
+            f"An error of 1e-6 is not reached for good in {_length(runs)} iterations on {failed} of {len(runs)} pairs "
+            "of mesh and μ.",
             "meshes",
         )
 
 
+def _growing(friction: float, found: Sequence[Entry]) -> str:
+    """Order of the iterations to 1e-4 in h, their numbers, and meshes where they are not reached."""
+    shown = [(entry.cells, count) for entry in found if (count := entry.needed(_DIGIT)) is not None]
+    missed = [f"{entry.cells}²" for entry in found if entry.needed(_DIGIT) is None]
+    notes = [power_and_course(shown)] if shown else []
+    if missed:
+        notes.append(f"not reached for good in {_length(found)} on {listing(missed)} cells")
+    order = growth_order([cells for cells, _ in shown], [float(count) for _, count in shown])
+    power = "an unknown power of h" if order is None else power_of_h(order)
+    return f"{power} at μ = {friction:g} ({'; '.join(notes)})"
+
+
+def power_of_h(order: float) -> str:
+    """Of a quantity that grows like (cells a side)^order: "h^−1.50"."""
+    return f"h^{'−' if order >= 0.0 else ''}{abs(order):.2f}"
+
+
+def power_and_course(shown: Sequence[tuple[int, float]]) -> str:
+    """Values by mesh, from coarse to fine: the first, the last, and the largest and that they are not monotone."""
+    (coarse, first), (fine, last) = shown[0], shown[-1]
+    if len(shown) == 1:
+        return f"{significant(first)} on {coarse}² cells"
+    values = [value for _, value in shown]
+    text = f"{significant(first)} on {coarse}² cells, {significant(last)} on {fine}²"
+    if values == sorted(values):
+        return text
+    cells, largest = max(shown, key=lambda pair: pair[1])
+    return f"{text}; not monotone, the largest is {significant(largest)} on {cells}²"
+
+
+def condition_growth(entries: Entries) -> str:
+    """A sentence on the condition of the dual operator against the mesh; empty without three meshes of any μ."""
+    parts = []
+    for friction, found in entries.meshes.items():
+        known = [(entry.cells, value) for entry in found if (value := entry.number("condition")) is not None]
+        order = growth_order([cells for cells, _ in known], [value for _, value in known])
+        if order is not None:
+            parts.append(f"{power_of_h(order)} at μ = {friction:g} ({power_and_course(known)})")
+    return f"The condition of the dual operator on the slipping points goes like {listing(parts)}." if parts else ""
+
+
 def _equal(entries: Entries) -> Sentences:
     """Uzawa beside the others at equal accuracy: a sentence for each problem at the tightest target Uzawa meets."""
+    saved = half_over_best(entries)
+    if saved:
+        yield (
+            f"At equal accuracy Uzawa takes steps of {HALF:g} of their limits; in the maps of the same problems the "
+            f"quickest step takes {_range(saved)} times fewer iterations to 1e-4 than that, once it is known.",
+            "map-plate",
+        )
     for place, found in entries.accuracies.items():
         met = [entry for entry in found if METHODS[entry.run].is_uzawa and entry.solved and entry.target]
         if not met:
@@ -226,6 +317,17 @@ def _equal(entries: Entries) -> Sentences:
             f"{', ' + listing(parts) if parts else ''}.",
             "work",
         )
+
+
+def half_over_best(entries: Entries) -> list[float]:
+    """Iterations to 1e-4 at half of both limits over the fewest of the map, where a comparison has such a map."""
+    found = []
+    for place in entries.accuracies:
+        runs, best = entries.maps.get(place, []), _best(entries, place)
+        half = [e.needed(_DIGIT) for e in runs if (e.tangential, e.normal) == (HALF, HALF)]
+        if best is not None and half and half[0]:
+            found.append(half[0] / (best.needed(_DIGIT) or 1))
+    return found
 
 
 def _certified(entries: Entries) -> Sentences:
@@ -256,10 +358,11 @@ def _maps(entries: Entries) -> Sentences:
             yield f"{where}, {failing}, and none gets within 1e-4 in time.", _map_name(maps)
             continue
         soon = sum(count <= load().iterations for count in counts)
+        lost = f"; on {len(maps) - len(best)} none gets there" if len(best) < len(maps) else ""
         yield (
             f"{where}, {failing}; the quickest take {_range(counts)} iterations to 1e-4, no more than "
             f"{load().iterations} on {soon} of {count_of(len(maps), 'map')}, with ω_T at {_range(steps)} of its "
-            f"limit; ω_N {'makes a' if _matters(found) else 'makes no'} difference.",
+            f"limit{lost}; ω_N {'makes a' if _matters(found) else 'makes no'} difference.",
             _map_name(maps),
         )
 
@@ -273,9 +376,14 @@ def _quickest(found: list[Entry]) -> Entry | None:
     return min(good, key=lambda pair: pair[0])[1] if good else None
 
 
+def _span(values: Sequence[float], text: Callable[[float], str] = lambda value: significant(value, 2)) -> str:
+    """Smallest and largest as texts of this kind, once if they are the same."""
+    return " to ".join(dict.fromkeys(text(value) for value in (min(values), max(values))))
+
+
 def _range(values: Sequence[float]) -> str:
     """Smallest and largest, once if they are the same."""
-    return " to ".join(dict.fromkeys(significant(value) for value in (min(values), max(values))))
+    return _span(values, significant)
 
 
 def _matters(found: list[Entry]) -> bool:

@@ -6,7 +6,7 @@ from typing import Final
 from comparisons.convergence.uzawa import tables, task
 from comparisons.convergence.uzawa.entries import Entries
 from comparisons.convergence.uzawa.figures import figures
-from comparisons.convergence.uzawa.findings import findings
+from comparisons.convergence.uzawa.findings import condition_growth, findings
 from comparisons.convergence.uzawa.methods import METHODS, MOST
 from comparisons.convergence.uzawa.study import HALF
 from comparisons.paper.reference import load
@@ -38,7 +38,7 @@ _LIMITATIONS: Final = (
 def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same report."""
     entries = Entries.of(rows)
-    drawn = figures(entries)
+    drawn, growth = figures(entries), condition_growth(entries)
     sections = [
         Section(
             "The paper's run",
@@ -53,9 +53,10 @@ def report(rows: Sequence[Row]) -> Report:
             ),
             (drawn["map-plate"], drawn["map-open"], drawn["limits"], tables.limits_table(entries)),
         ),
-        Section("Finer meshes", ("The condition of the dual operator grows like 1/h.",),
-                (drawn["mesh"], tables.mesh_table(entries))),
-        Section("Equal accuracy", ("What other methods take to the accuracy that the certificate confirms.",),
+        Section("Finer meshes", (growth,) if growth else (), (drawn["mesh"], tables.mesh_table(entries))),
+        Section("Equal accuracy",
+                (f"What other methods take to the accuracy that the certificate confirms. Uzawa has {HALF:g} of its "
+                 "limits as steps, which need no search; the maps show what the best step saves.",),
                 (drawn["work"], tables.accuracy_table(entries))),
     ]  # fmt: skip
     return Report(

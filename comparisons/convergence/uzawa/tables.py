@@ -1,7 +1,7 @@
 """The tables of the report."""
 
 from comparisons.convergence.uzawa.entries import Entries, Entry, place_name
-from comparisons.convergence.uzawa.task import SEARCHED
+from comparisons.convergence.uzawa.task import ITERATIONS, LONG, SEARCHED
 from comparisons.report.document import Table
 from comparisons.report.numbers import NOTHING, percent, scientific, seconds, significant
 from comparisons.tables import Grid
@@ -31,7 +31,7 @@ def paper_table(entries: Entries) -> Table:
         "pressure; the start is the bonded plate. Iterations are those after which P/2 stays within 1e-4 and 1e-6 for "
         "good with the same step. The contraction is that of the iteration linearised at the solution, and the limit "
         "2 / λ_max of the dual operator.",
-        "`none`: not reached in 2000 iterations, or no contraction because a bound is zero.",
+        f"`none`: not reached for good in {ITERATIONS} iterations, or no contraction because a bound is zero.",
     )
 
 
@@ -98,7 +98,7 @@ def mesh_table(entries: Entries) -> Table:
         Grid("Iterations on finer meshes, both steps at half their limits", headings, rows),
         "Iterations until the normal force stays within these errors for good. The condition is λ_max / λ_min of the "
         f"dual operator on the slipping points. {_UNIT}",
-        "`none`: not reached in 20 000 iterations.",
+        f"`none`: not reached for good in {LONG} iterations.",
     )
 
 
