@@ -1,14 +1,15 @@
 """Pictures of a run: errors against costs, and bounds against the mesh."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from comparisons.peers.findings import slug
 from comparisons.peers.models import BRACKET, EQUILIBRIUM, MESHES, MODELS, Mesh
-from comparisons.peers.points import Point, Reference
+from comparisons.peers.points import KINDS, Point, Reference, contradictory
 from comparisons.report import Figure, svg_text
-from comparisons.report.numbers import scientific
+from comparisons.report.numbers import listing, scientific
 from qvi_contact.plots import GREY, has_matplotlib
 from qvi_contact.plots.style import new_figure, settings
 
@@ -16,10 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MIB: Final = 2.0**20
-_WIDTH, _PANEL, _LINE = 4.8, 3.0, 0.16  # of a picture, of a panel, of a line of a legend [inch]
+_WIDTH, _PANEL, _LINE = 4.3, 3.0, 0.18  # of a picture, of a panel, of a line of a legend [inch]
 _COLUMNS: Final = 2
 _BAR: Final = "#dce6f0"
 _BESIDE: Final = 0.075  # of a mesh's place, between two marks of the picture of bounds
+_MARGIN: Final = 2.0  # factor between the outermost marks and the frame
+_UNRESOLVED: Final = 1.0 / 3.0  # of what is resolved: the height of all marks in the grey band
+_NARROW: Final = 30.0  # largest over smallest cost, below which powers of ten are too few to label an axis
 
 _GUARANTEED: Final = (
     "Crosses are no errors but what the bracket guarantees of them without any reference: half the distance of its "
@@ -51,9 +55,9 @@ def error_figure(found: Sequence[Point], known: Reference, cost: Cost) -> Figure
         name,
         f"Error of P/2 against {cost.name}, μ = {known.friction:g}",
         _drawn(name, here, lambda axes, points: _error_curves(axes, points, known, cost)),
-        "Both axes are logarithmic; along a curve meshes get finer. Down and to the left is better. Errors are "
-        f"relative to {known.value:.6f} MPa × length, {known.source}; in the grey band, below "
-        f"{scientific(known.floor)}, nothing is resolved, and marks in it stand at one height."
+        "Both axes are logarithmic, the heights of the two panels differ; along a curve meshes get finer. Down and to "
+        f"the left is better. Errors are relative to {known.value:.6f} MPa × length, {known.source}; in the grey band, "
+        f"below {scientific(known.floor)}, nothing is resolved, and marks in it stand at one height."
         + (f" {_GUARANTEED}" if _guaranteed(here) else ""),
         "Runs without a solution have no mark; the table of all runs names them.",
     )
@@ -63,24 +67,34 @@ def bounds_figure(found: Sequence[Point], known: Reference | None, friction: flo
     """What brackets say on each mesh: intervals of P/2 and the codes' values, or an indicator."""
     here = [point for point in found if point.friction == friction]
     name = f"bounds-{slug(friction)}"
-    failure = "A mark of the equilibrium model or of the companion outside the interval of its mesh."
+    failure = (
+        "Beyond rounding and the tolerance of the solves, a mark of the equilibrium model, or of the companion of the "
+        "bracket's degree, outside the bar of its mesh. Brackets without a solution or with the lower end above the "
+        "upper one have no bar; the table of failures names them."
+    )
+    doubt = " These bounds contradict each other: something is wrong." if contradictory(here, friction) else ""
     if known is not None and _guaranteed(here):
         drawn = _drawn(name, here, lambda axes, points: _intervals(axes, points, known))
         reading = (
             "Bars: where P/2 is guaranteed to lie, by stress and displacement on one mesh, up to rounding and the "
             "tolerance of the solves. Marks: the forces of the models on the same mesh, beside the bar. Heights are "
             f"relative to {known.value:.6f} MPa × length, {known.source}, on a scale that is logarithmic on both sides "
-            f"and linear within the grey band of ± {scientific(known.floor)}. The other codes say nothing of how far "
-            "off they are."
+            f"and linear within the grey band of ± {scientific(known.floor)}; the heights of the two panels differ. A "
+            f"force alone comes without bounds.{doubt}"
         )
         return Figure(name, f"Guaranteed bounds of P/2, μ = {friction:g}", drawn, reading, failure)
     drawn = _drawn(name, here, lambda axes, points: _indicators(axes, points, known))
     reading = (
-        "The contact slips, P has no guaranteed bounds. Crosses: half the gap of the energies over their mean, for the "
-        "problem whose friction bound is that of the computed state; an indicator, not a bound. Circles: the error of "
-        "P/2 by the equilibrium model."
+        f"{doubt.strip() or 'P has no guaranteed bounds.'} Crosses: half the gap of the energies over their mean, "
+        f"for {_kinds(here)}; an indicator, not a bound. Circles: the error of P/2 by the equilibrium model, not below "
+        "what is resolved. The heights of the two panels differ."
     )
     return Figure(name, f"Indicator of the bracket, μ = {friction:g}", drawn, reading)
+
+
+def _kinds(points: Sequence[Point]) -> str:
+    """What is bracketed."""
+    return listing(list(dict.fromkeys(KINDS[point.bounds.kind] for point in points if point.bounds)))
 
 
 def _guaranteed(points: Sequence[Point]) -> bool:
@@ -97,7 +111,7 @@ def _drawn(name: str, points: Sequence[Point], draw: Callable[["Axes", Sequence[
     with settings():
         lines = 1 + max(len({point.model.name for point in of_mesh}) for _, of_mesh in panels) // _COLUMNS
         figure = new_figure(_WIDTH, len(panels) * (_PANEL + _LINE * lines))
-        axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True, sharey=True)[:, 0]
+        axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
         for (mesh, of_mesh), each in zip(panels, axes, strict=True):
             draw(each, of_mesh)
             _finish(each, mesh)
@@ -110,7 +124,7 @@ def _finish(axes: "Axes", mesh: Mesh) -> None:
     axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
     axes.set_axisbelow(True)
     handles, labels = axes.get_legend_handles_labels()
-    axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.43, -0.2), ncols=_COLUMNS, fontsize=7,
+    axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.43, -0.2), ncols=_COLUMNS, fontsize=8,
                 frameon=False, columnspacing=1.0)  # fmt: skip
 
 
@@ -121,6 +135,7 @@ def _error_curves(axes: "Axes", points: Sequence[Point], known: Reference, cost:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.xaxis.set_minor_formatter(NullFormatter())
+    heights = [height for point in points if (height := _height(point, known))]
     for model in MODELS:
         pairs = [(cost.of(p), _height(p, known)) for p in points if p.model == model]
         shown = [(x, y) for x, y in pairs if x and y]
@@ -128,10 +143,23 @@ def _error_curves(axes: "Axes", points: Sequence[Point], known: Reference, cost:
             label = _label(model.name) + (": guaranteed" if model.code == BRACKET else "")
             axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,
                       markersize=6, linewidth=1.2, label=label)  # fmt: skip
-    axes.axhspan(known.floor / 10.0, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
-    axes.set_ylim(bottom=known.floor / 10.0)
+    least, most = min(heights, default=known.floor), max(heights, default=known.floor)
+    if least < 10.0 * known.floor:
+        axes.axhspan(known.floor / 10.0, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
+        least = _MARGIN * known.floor / 10.0
+    axes.set_ylim(least / _MARGIN, _MARGIN * most)
+    _label_closely(axes, [x for point in points if (x := cost.of(point)) and _height(point, known)])
     axes.set_xlabel(cost.label)
     axes.set_ylabel("relative error of P/2 [-]")
+
+
+def _label_closely(axes: "Axes", costs: Sequence[float]) -> None:
+    """Labels at 1, 2 and 5 times powers of ten where there would be few others."""
+    from matplotlib.ticker import LogLocator, StrMethodFormatter
+
+    if costs and max(costs) < _NARROW * min(costs):
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
 
 def _height(point: Point, known: Reference) -> float | None:
@@ -139,7 +167,7 @@ def _height(point: Point, known: Reference) -> float | None:
     value = known.error(point)
     if point.bounds is not None:
         value = point.bounds.width if point.solved and point.bounds.force else None
-    return None if value is None else max(value, known.floor / 5.0)
+    return None if value is None else value if value > known.floor else _UNRESOLVED * known.floor
 
 
 def _intervals(axes: "Axes", points: Sequence[Point], known: Reference) -> None:
@@ -162,9 +190,27 @@ def _intervals(axes: "Axes", points: Sequence[Point], known: Reference) -> None:
             axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle="none",
                       markersize=5, label=_label(model.name))  # fmt: skip
     _mesh_axis(axes, cells)
-    axes.margins(y=0.05)
+    bottom, top = _limits(points, known)
+    axes.set_ylim(bottom, top)
+    axes.set_yticks(_ticks(bottom, top, known.floor))
+    axes.set_yticks([], minor=True)
     axes.set_ylabel("P/2, relative difference [-]")
     _name_once(axes)
+
+
+def _limits(points: Sequence[Point], known: Reference) -> tuple[float, float]:
+    """Bottom and top of a picture of intervals: all bars and marks are between them, and so is the grey band."""
+    ends = [end for p in points if p.solved and p.bounds and p.bounds.force for end in p.bounds.force]
+    ends += [p.half_force for p in points if p.solved and p.half_force is not None]
+    heights = [end / known.value - 1.0 for end in ends]
+    return _MARGIN * min(-known.floor, *heights), _MARGIN * max(known.floor, *heights)
+
+
+def _ticks(bottom: float, top: float, floor: float) -> list[float]:
+    """Zero, and powers of ten on both sides that are well outside the grey band, so that labels do not meet."""
+    powers = range(math.ceil(math.log10(3.0 * floor)), math.floor(math.log10(max(top, -bottom))) + 1)
+    chosen = [10.0**power for power in powers]
+    return [0.0, *(each for each in chosen if each <= top), *(-each for each in chosen if -each >= bottom)]
 
 
 def _indicators(axes: "Axes", points: Sequence[Point], known: Reference | None) -> None:
@@ -177,7 +223,7 @@ def _indicators(axes: "Axes", points: Sequence[Point], known: Reference | None) 
         shown = [(place[p.cells], p.bounds.width) for p in here if p.bounds]
         label = f"{_label(model.name)}: indicator"
         if known is not None and model.code == EQUILIBRIUM:
-            shown = [(place[p.cells], known.error(p) or known.floor) for p in here]
+            shown = [(place[p.cells], max(error, known.floor)) for p in here if (error := known.error(p)) is not None]
             label = "equilibrium: error of P/2"
         if shown:
             axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,

@@ -7,10 +7,14 @@ from typing import Any, Final, NamedTuple
 
 from comparisons.benchmark.ratios import median, spread
 from comparisons.peers.models import BRACKET, CODES, NAMED, Model
+from comparisons.report.numbers import scientific
 from comparisons.study import DONE, Row
 from comparisons.verify.plate import SETTLED
 
 SOLVED: Final = "solved"
+
+INVERTED: Final = "inverted"
+"""Status of a bracket whose lower end is above its upper one, see `Bounds.inverted`: it proves nothing."""
 
 UNCERTAINTY: Final = 3e-5
 """Of `comparisons.verify.plate.SETTLED` [MPa × length]."""
@@ -20,7 +24,6 @@ STICKING: Final = 0.25
 
 RESOLUTION: Final = 1e-8
 """Relative: bounds hold up to the tolerance of the solves, so that nothing smaller is resolved by any of them."""
-
 
 KINDS: Final = {
     "PROBLEM": "the problem itself",
@@ -43,7 +46,23 @@ class Bounds(NamedTuple):
     @property
     def force(self) -> tuple[float, float] | None:
         """Guaranteed bounds of P/2 [MPa × length], None if there are none."""
-        return None if self.lower is None or self.upper is None or not self.guaranteed else (self.lower, self.upper)
+        lower, upper = _finite(self.lower), _finite(self.upper)
+        return None if lower is None or upper is None or not self.guaranteed else (lower, upper)
+
+    @property
+    def widened(self) -> tuple[float, float] | None:
+        """`force`, wider on either side by `RESOLUTION`, up to which the solves hold."""
+        if self.force is None:
+            return None
+        lower, upper = self.force
+        return lower - RESOLUTION * abs(lower), upper + RESOLUTION * abs(upper)
+
+    @property
+    def inverted(self) -> bool:
+        """Whether the lower end, of the energy or of P, is above the upper one by more than twice `RESOLUTION`."""
+        if self.width < -RESOLUTION:
+            return True
+        return self.widened is not None and self.widened[0] > self.widened[1]
 
 
 @dataclass(frozen=True)
@@ -93,7 +112,7 @@ class Point:
 
     @property
     def solved(self) -> bool:
-        """Whether the code says so."""
+        """Whether the code says so, and no bounds are inverted."""
         return self.status == SOLVED
 
     @property
@@ -105,6 +124,11 @@ class Point:
     def spread(self) -> float | None:
         """Largest less smallest of these sums over their median."""
         return spread(self._whole)
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """Smallest and largest of these sums [s], None without any."""
+        return (min(self._whole), max(self._whole)) if self._whole else None
 
     @property
     def _whole(self) -> list[float]:
@@ -120,14 +144,23 @@ def _point(row: Row) -> Point:
     model = NAMED[row.case["model"]]
     done = row.status == DONE
     result: Mapping[str, Any] = row.result if done else {"status": row.status, "message": row.reason}
-    bounded = model.code == BRACKET and "width" in result
+    status, message = result["status"], result["message"]
+    bounded = model.code == BRACKET and status == SOLVED
+    bounds = Bounds(*(result[name] for name in Bounds._fields)) if bounded else None
+    if bounds is not None and bounds.inverted:
+        status, message = INVERTED, _inversion(bounds)
     return Point(
-        model, row.case["friction"], row.case["cells"], result["status"], result["message"],
+        model, row.case["friction"], row.case["cells"], status, message,
         _finite(result.get("half_force")), result.get("unknowns"), result.get("iterations"),
         _finite(result.get("residual")), tuple(result.get("setup", ())), tuple(result.get("solve", ())),
         result.get("before"), result.get("peak"), result.get("version"),
-        Bounds(*(result[name] for name in Bounds._fields)) if bounded else None,
+        bounds,
     )  # fmt: skip
+
+
+def _inversion(bounds: Bounds) -> str:
+    ends = "" if bounds.force is None else f", P/2 from {bounds.force[0]:.7f} to {bounds.force[1]:.7f} MPa × length"
+    return f"the lower end is above the upper one: half width {scientific(bounds.width)}{ends}"
 
 
 def _finite(value: float | None) -> float | None:
@@ -156,26 +189,50 @@ class Reference:
 
     @property
     def floor(self) -> float:
-        """Relative error below which nothing is resolved."""
-        return max(self.uncertainty / self.value, RESOLUTION)
+        """The same uncertainty, relative: errors below it are not resolved."""
+        return self.uncertainty / abs(self.value)
+
+    def difference(self, point: Point) -> float | None:
+        """P/2 of a solution less the value, relative to it; None where there is none."""
+        return None if point.half_force is None or not point.solved else point.half_force / self.value - 1.0
 
     def error(self, point: Point) -> float | None:
-        """|P/2| error of a solution, relative; None where there is none."""
-        return None if point.half_force is None or not point.solved else abs(point.half_force / self.value - 1.0)
+        """Size of the same difference: the error, up to `floor`."""
+        difference = self.difference(point)
+        return None if difference is None else abs(difference)
+
+    def side(self, point: Point) -> int:
+        """-1 if P/2 is below the value, 1 if it is above, 0 if that is not resolved or there is no solution."""
+        difference = self.difference(point) or 0.0
+        return 0 if abs(difference) <= self.floor else 1 if difference > 0.0 else -1
 
 
 def reference(found: Sequence[Point], friction: float) -> Reference | None:
-    """The narrowest guaranteed bounds of this run, or what displacement codes settle on, whichever is narrower."""
+    """The narrowest guaranteed bounds of this run, or what displacement codes settle on, whichever is narrower.
+
+    Bounds are taken as `Bounds.widened` has them; those that contradict each other (`contradictory`) are not taken.
+    """
     known = []
     settled = SETTLED[1.0] if friction >= STICKING else SETTLED.get(friction)
     if settled is not None:
         known.append(Reference(friction, settled, UNCERTAINTY, "what GetFEM and NGSolve settle on, agreeing"))
-    for point in found:
-        force = point.bounds.force if point.bounds and point.friction == friction and point.solved else None
-        if force is not None:
-            source = f"the guaranteed bounds of {named(point)}"
-            known.append(Reference(friction, sum(force) / 2.0, abs(force[1] - force[0]) / 2.0, source))
+    for point, (lower, upper) in [] if contradictory(found, friction) else guaranteed(found, friction):
+        source = f"the guaranteed bounds of {named(point)}"
+        known.append(Reference(friction, (lower + upper) / 2.0, (upper - lower) / 2.0, source))
     return min(known, key=lambda each: each.uncertainty, default=None)
+
+
+def guaranteed(found: Iterable[Point], friction: float) -> list[tuple[Point, tuple[float, float]]]:
+    """The brackets at one μ that bound P/2, each with its bounds (`Bounds.widened`), the narrowest first."""
+    here = [point for point in found if point.friction == friction and point.solved and point.bounds]
+    sure = [(point, point.bounds.widened) for point in here if point.bounds]
+    return sorted(((point, ends) for point, ends in sure if ends is not None), key=lambda pair: pair[1][1] - pair[1][0])
+
+
+def contradictory(found: Iterable[Point], friction: float) -> bool:
+    """Whether no value of P/2 is inside all guaranteed bounds at one μ, so that some of them are wrong."""
+    ends = [each for _, each in guaranteed(found, friction)]
+    return bool(ends) and max(lower for lower, _ in ends) > min(upper for _, upper in ends)
 
 
 def named(point: Point) -> str:

@@ -6,10 +6,11 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from comparisons.peers.figures import COSTS, bounds_figure, error_figure
-from comparisons.peers.findings import findings
+from comparisons.peers.findings import LARGE_SPREAD, findings
 from comparisons.peers.points import Point, Reference, missing, points, reference
 from comparisons.peers.tables import (
     bounds_table,
+    failures_table,
     meshes_grid,
     missing_table,
     models_grid,
@@ -19,6 +20,7 @@ from comparisons.peers.tables import (
 )
 from comparisons.report import Exhibit, Report, Section, Table, environment_grids
 from comparisons.report.marks import plain
+from comparisons.report.numbers import percent
 from comparisons.study import Row
 
 SCHEMA: Final = "qvi-contact/peers/2"
@@ -43,6 +45,9 @@ def peers_report(rows: Sequence[Row], command: str) -> Report:
     known = {friction: reference(found, friction) for friction in frictions}
     sections = [_section(found, friction, known[friction]) for friction in frictions]
     others = _others(found, known)
+    failures = failures_table(found)
+    if failures:
+        sections.append(Section("Failures", (), [failures]))
     if others:
         sections.append(Section("Other codes", ("Codes that did not take part in this run.",), others))
     return Report(
@@ -52,7 +57,9 @@ def peers_report(rows: Sequence[Row], command: str) -> Report:
         "by each code in one run: stresses in equilibrium (the equilibrium model), this package's displacement model "
         "(the companion), NGSolve (degree p on quadrilaterals, Nitsche's method in the variant named) and GetFEM (Q2, "
         "its integral contact brick, r = E, tolerance 1e-8). Each case has a process of its own. "
-        f"Made by `{command}`.",
+        "In the findings an error counts for a mesh only if no finer mesh of the same model has a larger one, and is "
+        "unconfirmed where no finer one is solved; times are medians, with smallest and largest where they differ by "
+        f"more than {percent(LARGE_SPREAD)}. Made by `{command}`.",
         findings(found),
         sections,
         [

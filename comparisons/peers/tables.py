@@ -65,6 +65,19 @@ def bounds_table(found: Sequence[Point], friction: float) -> Table:
     )
 
 
+def failures_table(found: Sequence[Point]) -> Table | None:
+    """Every run without a solution and why; None if all have one."""
+    failed = [point for point in found if not point.solved]
+    rows = [(p.model.name, f"{p.friction:g}", f"{p.cells}²", p.status, p.message or _NOTHING) for p in failed]
+    return Table(
+        "failures",
+        Grid("Runs without a solution", ("model", "μ", "cells", "status", "message"), rows),
+        "What the code, its process or this report says of each. Inverted: the code gives bounds, the lower one above "
+        "the upper one by more than rounding and the tolerance of the solves.",
+        "Every line.",
+    ) if rows else None  # fmt: skip
+
+
 def missing_table(found: Sequence[Point]) -> Table:
     """Codes that are not installed."""
     rows = [(CODES[key].name, CODES[key].remedy) for key in missing(found)]
@@ -122,8 +135,9 @@ def _errors(known: Reference | None) -> str:
     if known is None:
         return "No value is known that errors could be relative to."
     return (
-        f"Errors are relative to {known.value:.7f} ± {scientific(known.uncertainty, 1)}, {known.source}: below "
-        f"{scientific(known.floor)} nothing is resolved."
+        f"Errors are relative to {known.value:.7f} ± {scientific(known.uncertainty)}, {known.source}: below "
+        f"{scientific(known.floor)} nothing is resolved. There the table says what an error is at most, with this "
+        "uncertainty (≤)."
     )
 
 
@@ -131,7 +145,7 @@ def _error(point: Point, known: Reference | None) -> str:
     value = known.error(point) if known else None
     if value is None or known is None:
         return _NOTHING
-    return f"< {scientific(known.floor)}" if value < known.floor else scientific(value)
+    return scientific(value) if value > known.floor else f"≤ {scientific(value + known.floor)}"
 
 
 def _bounds(point: Point) -> tuple[str, ...]:

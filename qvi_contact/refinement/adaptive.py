@@ -266,9 +266,11 @@ class _Loop:
             most = min(_GROWTH * _unknowns(last.result), limits.max_unknowns)
             lines = marked_lines(last.coarse, last.errors, reduction * last.errors.total, most, limits.thinnest)
             problem = last.coarse.on_lines(*lines)
+        unknowns = 16 * int(problem.mesh.active.sum())
         if problem.mesh.shape == last.coarse.mesh.shape:
-            raise _StopError(RefinementStatus.THIN_CELLS)
-        if 16 * int(problem.mesh.active.sum()) > limits.max_unknowns:
+            full = unknowns >= limits.max_unknowns
+            raise _StopError(RefinementStatus.UNKNOWNS if full else RefinementStatus.THIN_CELLS)
+        if unknowns > limits.max_unknowns:
             raise _StopError(RefinementStatus.UNKNOWNS)
         return problem
 

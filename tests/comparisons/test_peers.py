@@ -333,7 +333,7 @@ class TestFailures:
         (found,) = points(read_study(tmp_path / "a.sqlite").rows)
         assert (found.status, found.message, found.half_force) == ("timeout", "more than 0.5 s", None)
         assert "Runs that end with a solution: 0 of 1." in done.stdout
-        assert "GetFEM, Q2, uniform fails on 4² at μ = 0.2 (timeout: more than 0.5 s)." in done.stdout
+        assert "GetFEM, Q2, uniform (μ = 0.2: timeout on 4²)." in done.stdout
         page = (tmp_path / "out" / "peers.html").read_text(encoding="utf-8")
         assert "timeout" in page
         assert str(tmp_path) not in page
@@ -373,12 +373,12 @@ def solution(model, cells, half_force, seconds, friction=0.2, **more):
     return row(model, cells, friction, result={**answer, **costs, **more})
 
 
-def bracketed(lower, upper, friction=1.0, guaranteed=True):
+def bracketed(lower, upper, friction=1.0, guaranteed=True, cells=8):
     """A row with a bracket, made up."""
     kind = BracketKind.STICKING if guaranteed else BracketKind.GIVEN_BOUND
     bounds = {"lower": lower, "upper": upper}  # numbers that are no bounds must not be taken for such
     more = {"width": (upper - lower) / (upper + lower), "strain_error": 0.01, "guaranteed": guaranteed}
-    return solution("bracket, p = 3, graded", 8, None, 0.1, friction, kind=kind.name, **bounds, **more)
+    return solution("bracket, p = 3, graded", cells, None, 0.1, friction, kind=kind.name, **bounds, **more)
 
 
 def said(*rows):
@@ -399,25 +399,32 @@ class TestFindings:
         ours, theirs = "equilibrium, graded", "NGSolve, p = 3, symmetric, uniform"
         for first, second in ((ours, theirs), (theirs, ours)):
             text = sentence("The smallest", solution(first, 8, 214.0, 0.02), solution(second, 16, 214.23, 0.5))
-            assert f"within 30 ms {first}, 8² cells (1.1e-3, 20 ms, 64 unknowns)" in text
-            assert f"within 1 s {second}, 16² cells (1.5e-5, 500 ms, 256 unknowns)." in text
+            assert f"within 100 ms {first}, 8² cells: 1.1e-3, 20 ms, 64 unknowns" in text
+            assert f"within 1 s {second}, 16² cells: 1.5e-5, 500 ms, 256 unknowns (unconfirmed: no finer" in text
 
     def test_errors_that_are_not_resolved_count_alike(self):
         rows = [
-            solution("GetFEM, Q2, uniform", 8, 214.23324, 0.02),
-            solution("equilibrium, graded", 8, 214.23323, 0.025),
+            solution("GetFEM, Q2, uniform", 8, SETTLED[0.2] + 1e-5, 0.02),
+            solution("equilibrium, graded", 8, SETTLED[0.2], 0.025),
         ]
         text = sentence("The smallest", *rows)
-        assert "GetFEM, Q2, uniform, 8² cells (not above the 1.4e-7 that are resolved, 20 ms" in text
+        assert "GetFEM, Q2, uniform, 8² cells: at most 1.9e-7, 20 ms" in text  # the difference and the uncertainty
         assert "equilibrium" not in text
+        text = sentence("The smallest", solution("GetFEM, Q2, uniform", 8, SETTLED[0.2] + 6e-5, 0.02))
+        assert "8² cells: 2.8e-7 ± 1.4e-7, 20 ms" in text
 
     def test_who_reaches_a_target(self):
         rows = [solution("equilibrium, graded", 8, 214.22, 0.01), solution("GetFEM, Q2, uniform", 8, 214.233, 0.2)]
-        costs = "takes equilibrium, graded, 8² cells, 10 ms and 64 unknowns; GetFEM, Q2, uniform, 8² cells, 200 ms and"
+        rows += [solution(model, 16, 214.233, 2.0) for model in ("equilibrium, graded", "GetFEM, Q2, uniform")]
+        costs = "takes equilibrium, graded, 8² cells: 10 ms, 64 unknowns; GetFEM, Q2, uniform, 8² cells: 200 ms, 64"
         assert costs in sentence("An error of 1e-4 at μ = 0.2", *rows)
-        text = sentence("An error of 1e-5 at μ = 0.2", *rows)
-        assert "takes GetFEM, Q2, uniform" in text
-        assert "the equilibrium model: on no mesh here" in text
+        assert "is reached by no model" in sentence("An error of 1e-6 at μ = 0.2", *rows)
+        text = sentence("An error of 1e-6 at μ = 0.2", *rows, solution("GetFEM, Q2, graded", 8, 214.23313, 0.3))
+        assert "takes GetFEM, Q2, graded, 8² cells: 300 ms" in text
+        assert text.endswith("; the equilibrium model: on no mesh here.")
+
+    def test_a_target_is_reached_with_the_uncertainty_of_the_reference(self):
+        rows = [solution("GetFEM, Q2, uniform", 8, SETTLED[0.2] * (1.0 + 0.9e-6), 0.1)]
         assert "is reached by no model" in sentence("An error of 1e-6 at μ = 0.2", *rows)
 
     def test_an_error_that_a_finer_mesh_does_not_confirm_is_chance(self):
@@ -426,9 +433,36 @@ class TestFindings:
         known = reference(found, 0.2)
         first, last = pairs = [(point, known.error(point)) for point in found]
         assert lasting_error(pairs, first[0]) == last[1] == lasting_error(pairs, last[0]) > first[1]
-        assert "GetFEM, Q2, uniform are smaller" in sentence("At μ = 0.2 some errors", *rows)
-        assert "(3.2e-5, 10 ms" in sentence("The smallest", *rows)
-        assert not [text for text in said(*rows) if text.startswith("On uniform meshes")]
+        assert "by chance: GetFEM (1 model)." in sentence("Forces below or above", *rows)
+        assert "8² cells: 3.2e-5" not in sentence("The smallest", *rows)
+        assert "4² cells: 3.2e-5, 10 ms, 16 unknowns." in sentence("The smallest", *rows)
+        assert "no order can be given for GetFEM (1 model)" in sentence("On uniform meshes", *rows)
+
+    def test_a_finer_mesh_that_fails_confirms_nothing(self):
+        fails = row("GetFEM, Q2, graded", 16, status="crashed", reason="signal 11")
+        rows = [solution("GetFEM, Q2, graded", 8, 214.23325, 0.01), fails]
+        unconfirmed = "10 ms, 64 unknowns (unconfirmed: no finer mesh of it is solved)"
+        for start in ("An error of 1e-6", "An error of 1e-4", "The smallest"):
+            assert unconfirmed in sentence(start, *rows)
+            assert unconfirmed not in sentence(start, *rows, solution("GetFEM, Q2, graded", 32, 214.23326, 5.0))
+
+    def test_what_is_confirmed_comes_first(self):
+        rows = [solution("GetFEM, Q2, graded", 8, 214.23325, 0.01)]
+        rows += [solution("GetFEM, Q2, uniform", cells, 214.23326, 0.05) for cells in (8, 16)]
+        for start in ("An error of 1e-6", "The smallest"):
+            assert "GetFEM, Q2, uniform, 8² cells" in sentence(start, *rows)
+            assert "graded" not in sentence(start, *rows)
+
+    def test_large_spreads_of_times_are_told(self):
+        repeated = {"setup": [0.0] * 3, "solve": [0.04, 0.05, 1.1]}
+        text = sentence("An error of 1e-4", solution("GetFEM, Q2, graded", 8, 214.233, 0.0, **repeated))
+        assert "8² cells: 50 ms (40 ms to 1.1 s), 64" in text
+        repeated["solve"] = [0.045, 0.05, 0.055]
+        text = sentence("An error of 1e-4", solution("GetFEM, Q2, graded", 8, 214.233, 0.0, **repeated))
+        assert "8² cells: 50 ms (45 to 55 ms), 64" in text
+        repeated["solve"] = [0.049, 0.05, 0.051]
+        text = sentence("An error of 1e-4", solution("GetFEM, Q2, graded", 8, 214.233, 0.0, **repeated))
+        assert "8² cells: 50 ms, 64" in text
 
     def test_errors_that_are_not_resolved_may_grow(self):
         rows = [solution("GetFEM, Q2, uniform", n, f, 0.01) for n, f in ((4, 214.233231), (8, 214.233232))]
@@ -437,35 +471,74 @@ class TestFindings:
     def test_order_and_side(self):
         offset = SETTLED[0.2] * 1e-4
         rows = [solution("equilibrium, uniform", cells, SETTLED[0.2] - offset / cells, 0.1) for cells in (4, 16)]
-        assert "p = 0.50 (equilibrium)" in sentence("On uniform meshes at μ = 0.2", *rows)
-        assert sentence("Always below the right value", *rows).endswith("μ = 0.2: equilibrium, uniform.")
-        rows[0] = solution("equilibrium, uniform", 4, 214.24, 0.1)
-        assert "Always" not in " ".join(said(*rows))
+        assert "p = 0.50 for the equilibrium model (1 model)." in sentence("On uniform meshes at μ = 0.2", *rows)
+        assert sentence("Forces below or above", *rows).endswith("the equilibrium model: 1 below on all meshes.")
 
-    def test_guaranteed_bounds_and_who_is_outside(self):
-        forces = (214.3676, 214.36775, 214.368)
-        rows = [solution("GetFEM, Q2, uniform", 4 * n, force, 0.1, 1.0) for n, force in enumerate(forces, start=1)]
-        text = sentence("At μ = 1 P/2 is guaranteed", bracketed(214.3677, 214.3678), bracketed(214.2, 214.4), *rows)
-        assert "between 214.3677000 and 214.3678000 MPa × length, 2.3e-7 either way" in text
-        assert "2 of their 3 forces are proved to be outside" in text
-        assert "no displacement code's force" in sentence("At μ = 1 P/2 is guaranteed", bracketed(214.3677, 214.3678))
+    @pytest.mark.parametrize(
+        ("differences", "side"),
+        [
+            ((4e-5, -2e-5), "1 on both sides"),
+            ((4e-5, 2e-5, 3e-5), "1 above on all meshes"),
+            ((4e-5, 1e-6, 4e-7), "1 above on all meshes"),
+            ((4e-5, 1e-5, -1e-7), "1 too close on some mesh to tell"),
+            ((4e-5, -1e-5, 1e-7), "1 on both sides"),
+        ],
+    )
+    def test_errors_that_change_side_or_grow_or_are_small_have_no_order(self, differences, side):
+        rows = [
+            solution("GetFEM, Q2, uniform", 8 * 2**number, SETTLED[0.2] * (1.0 + each), 0.1)
+            for number, each in enumerate(differences)
+        ]
+        text = sentence("On uniform meshes", *rows)
+        assert "no order can be given for GetFEM (1 model): their errors change side" in text
+        assert "p =" not in text
+        assert f"GetFEM: {side}." in sentence("Forces below or above", *rows)
+
+    def test_forces_of_every_code_are_counted_against_the_bounds_of_their_own_mesh(self):
+        lower, upper = 214.3677, 214.3678
+        rows = [bracketed(lower, upper), bracketed(lower + 4e-5, upper - 4e-5, cells=32)]
+        rows += [solution("equilibrium, graded", 8, lower * (1.0 - 0.9 * RESOLUTION), 0.1, 1.0)]
+        rows += [solution("companion, p = 3, graded", 8, upper * (1.0 + 0.9 * RESOLUTION), 0.1, 1.0)]
+        rows += [solution("companion, p = 2, graded", 8, upper * (1.0 + 1.2 * RESOLUTION), 0.1, 1.0)]
+        rows += [solution("GetFEM, Q2, graded", 8, lower * (1.0 - 1.2 * RESOLUTION), 0.1, 1.0)]
+        other = solution("GetFEM, Q2, graded", 16, 214.36775, 0.1, 1.0), solution("GetFEM, Q2, uniform", 8, 0.0, 0.1, 1)
+        text = sentence("Forces at μ = 1", *rows, *other)
+        assert "the equilibrium model 1 of 1; the companion 1 of 2 (1 above); GetFEM 0 of 1 (1 below)." in text
+        assert text.endswith("2 forces on meshes without bounds: not counted.")
+        assert "not counted" not in sentence("Forces at μ = 1", *rows)
+        assert not [text for text in said(*rows[:2]) if text.startswith("Forces at")]
+
+    def test_guaranteed_bounds_are_widened_by_what_the_solves_hold_to(self):
+        text = sentence("At μ = 1 P/2 is guaranteed", bracketed(214.3677, 214.3678), bracketed(214.2, 214.4))
+        assert "between 214.3676979 and 214.3678021 MPa × length, 2.4e-7 either way" in text
+
+    def test_bounds_that_contradict_each_other_are_not_used(self):
+        rows = [bracketed(214.367650, 214.367655), bracketed(214.367670, 214.367675)]
+        assert "2 meshes contradict each other" in sentence("At μ = 1", *rows)
+        assert reference(points(rows), 1.0).value == SETTLED[1.0]
+        assert "guaranteed to lie" not in " ".join(said(*rows))
 
     def test_an_indicator_is_called_so(self):
         rows = [bracketed(214.1, 214.3, 0.2, guaranteed=False), solution("equilibrium, graded", 8, 214.2, 0.1)]
-        text = sentence("At μ = 0.2 the contact slips", *rows)
+        text = sentence("At μ = 0.2 P has no guaranteed bounds", *rows)
         assert "the bracket is an indicator, for the problem with the friction bound of the computed state held" in text
-        assert "falls to 4.7e-4 of the energy" in text
-        assert "the error of P/2 on that mesh is 1.6e-4" in text
+        assert "smallest half width is 4.7e-4 of the energy" in text
+        assert text.endswith("while the error of the equilibrium model's P/2 on that mesh is 1.6e-4.")
+        assert sentence("At μ = 0.2 P has", rows[0]).endswith("of the energy (bracket, p = 3, graded, 8² cells).")
         assert "guaranteed to lie" not in " ".join(said(*rows))
 
-    def test_failures_are_counted_and_told(self):
+    def test_failures_are_counted_and_told(self, monkeypatch):
+        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
         result = {"status": "not converged", "message": "residual 1e-3", "half_force": 214.2, "residual": float("inf")}
         rows = [row("GetFEM, Q2, graded", n, result=result) for n in (4, 8)]
         rows += [row("GetFEM, Q2, graded", 16, status="crashed", reason="signal 11")]
         rows += [solution("equilibrium, graded", 8, 214.2, 0.1)]
-        assert "Runs that end with a solution: 1 of 4." in said(*rows)
-        text = "4² at μ = 0.2 and 8² at μ = 0.2 (not converged: residual 1e-3); 16² at μ = 0.2 (crashed: signal 11)."
-        assert sentence("GetFEM, Q2, graded fails on", *rows).endswith(text)
+        text = "Without: GetFEM, Q2, graded (μ = 0.2: not converged on 4² and 8², crashed on 16²)."
+        assert sentence("Runs that end with a solution: 1 of 4.", *rows).endswith(text)
+        told = tables.failures_table(points(rows)).grid.rows
+        assert [line[-2:] for line in told[1:]] == [("not converged", "residual 1e-3"), ("crashed", "signal 11")]
+        assert "failures" in [each.name for part in report.peers_report(rows, "").sections for each in part.exhibits]
+        assert tables.failures_table(points(rows[3:])) is None
         (shown,) = {reference(points(rows), 0.2).error(point) for point in points(rows)[:3]}
         assert shown is None
         report.as_json(rows)
@@ -495,19 +568,36 @@ class TestReference:
         )
         known = reference(points([wide, narrow, slips]), 1.0)
         assert known.value == pytest.approx(214.367655, abs=1e-9)
-        assert known.uncertainty == pytest.approx(5e-6)
+        assert known.uncertainty == pytest.approx(5e-6 + RESOLUTION * known.value)
         assert "guaranteed bounds of bracket, p = 3, graded, 8² cells" in known.source
         assert reference(points([wide]), 1.0).value == SETTLED[1.0]
         assert reference(points([slips]), 0.2).value == SETTLED[0.2]
 
     def test_nothing_below_the_tolerance_is_resolved(self):
-        assert reference(points([bracketed(209.0, 209.0 + 1e-12, 0.0)]), 0.0).floor == RESOLUTION
+        assert reference(points([bracketed(209.0, 209.0 + 1e-12, 0.0)]), 0.0).floor >= RESOLUTION
+
+    @pytest.mark.parametrize("guaranteed", [True, False])
+    def test_inverted_bounds_are_a_failure(self, guaranteed):
+        rows = [bracketed(214.3678, 214.3677, 1.0, guaranteed), bracketed(214.3, 214.4, 1.0, guaranteed)]
+        inverted, right = points(rows)
+        assert (inverted.status, inverted.solved, right.solved) == ("inverted", False, True)
+        assert "lower end is above the upper one: half width -2.3e-7" in inverted.message
+        assert reference([inverted, right], 1.0).value == SETTLED[1.0]
+        assert "Without: bracket, p = 3, graded (μ = 1: inverted on 8²)." in " ".join(said(*rows))
+        assert "2.3e-7" not in " ".join(said(*rows))
+        shown = tables.bounds_table([inverted], 1.0).grid.rows[0]
+        assert "inverted" in shown
+
+    def test_rounding_inverts_nothing(self):
+        (point,) = points([bracketed(209.0 + 1e-6, 209.0, 0.0)])
+        assert point.solved
+        assert reference([point], 0.0).uncertainty > 0.0
 
 
 def test_errors_below_the_uncertainty_are_shown_as_such():
     found = points([solution("equilibrium, graded", 8, SETTLED[0.2] * (1.0 + 3e-8), 0.1)])
     (cells,) = tables.rows_table(found, reference(found, 0.2), 0.2).grid.rows
-    assert "< 1.4e-7" in cells
+    assert "≤ 1.7e-7" in cells  # with the uncertainty of the value itself
 
 
 @pytest.mark.skipif(not has_matplotlib(), reason="matplotlib is not installed")
@@ -548,6 +638,23 @@ class TestFigures:
         assert figures._height(point, known) == pytest.approx(abs(214.365 / SETTLED[1.0] - 1.0))
         (bounds,) = points([bracketed(214.365, 214.368)])
         assert figures._height(bounds, known) == pytest.approx(0.0015 / 214.3665)
+
+    def test_marks_that_are_not_resolved_stand_at_one_height(self):
+        found = points([solution("equilibrium, graded", n, SETTLED[0.2] * (1.0 + n * 1e-9), 0.1) for n in (8, 16)])
+        known = reference(found, 0.2)
+        (height,) = {figures._height(point, known) for point in found}
+        assert known.floor / 10.0 < height < known.floor
+
+    @pytest.mark.parametrize("last", [(213.9, 214.5), (214.36, 214.37)])
+    def test_all_bars_and_marks_are_inside_the_picture_of_bounds(self, last):
+        found = points([bracketed(*last), *self.ROWS[:3], bracketed(214.365, 214.368)])
+        known = reference(found, 1.0)
+        graded = [point for point in found if point.friction == 1.0 and point.model.mesh == "graded"]
+        bottom, top = figures._limits(graded, known)
+        ends = [end / known.value - 1.0 for end in (*last, 214.365, 214.368)]
+        assert bottom < min(ends) < max(ends) < top
+        ticks = figures._ticks(bottom, top, known.floor)
+        assert bottom <= min(ticks) < 0.0 < max(ticks) <= top
 
     def test_bounds_are_bars_and_an_indicator_is_named_so(self):
         found = points(self.ROWS)

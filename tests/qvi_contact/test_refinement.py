@@ -219,6 +219,12 @@ class TestEnds:
         assert "above the target" in outcome.message
         assert "max_unknowns" in outcome.status.advice
 
+    def test_a_mesh_with_just_as_many_unknowns_as_allowed(self):
+        allowed = refine(compressed_plate(0.2), None, 1e-9, max_rounds=2).rounds[-1].unknowns
+        outcome = refine(compressed_plate(0.2), None, 1e-9, max_unknowns=allowed)
+        assert outcome.rounds[-1].unknowns == allowed
+        assert outcome.status is RefinementStatus.UNKNOWNS
+
     def test_rounds(self):
         outcome = refine(compressed_plate(0.2), None, 1e-9, max_rounds=2)
         assert (outcome.status, len(outcome.rounds)) == (RefinementStatus.ROUNDS, 2)
