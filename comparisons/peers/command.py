@@ -8,15 +8,18 @@ import click
 from comparisons.options import ListCommand, folder_option
 from comparisons.study.options import RunOptions, study_options
 
+_FOLDER = "results/peers"
+
 
 @click.command(cls=ListCommand)
-@study_options("peers.sqlite", timeout=300.0)
+@study_options(f"{_FOLDER}/peers.sqlite", timeout=300.0)
 @click.option("--friction", type=float, multiple=True, default=(0.2, 1.0), help="μ.", show_default=True)
 @click.option("--cells", type=int, multiple=True, default=(8, 16, 32, 64), help="Cells a side.", show_default=True)
 @click.option("--repeat", type=int, default=3, help="Most repetitions, within 20 s.", show_default=True)
 @click.option("--getfem", metavar="PYTHON", help="Another Python, in which GetFEM is installed.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
-@click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder for the report.")
+@click.option("--out", metavar="FOLDER", default=_FOLDER, callback=folder_option, show_default=True,
+              help="Folder of the report.")  # fmt: skip
 def peers(
     options: RunOptions,
     friction: tuple[float, ...],
@@ -24,7 +27,7 @@ def peers(
     repeat: int,
     getfem: str | None,
     as_json: bool,
-    out: Path | None,
+    out: Path,
 ) -> None:
     """The compressed plate by displacement codes beside the equilibrium model: accuracy for its cost.
 
@@ -36,8 +39,8 @@ def peers(
 
     \b
     Examples:
-        python -m comparisons peers --friction 0.2 --cells 8 16 --store small.sqlite
-        python -m comparisons peers --getfem /usr/bin/python3 --out results/peers
+        python -m comparisons peers --getfem /usr/bin/python3
+        python -m comparisons peers --friction 0.2 --cells 8 16 --store small.sqlite --out results/small
     """  # noqa: D301
     from comparisons.peers import measure, report
     from comparisons.peers.cases import peers_study
@@ -51,13 +54,13 @@ def peers(
     if getfem is not None:
         os.environ[measure.GETFEM] = getfem
     study = peers_study(friction, cells, repeat)
-    folder = None if out is None else writable_folder(out)
+    folder = writable_folder(out)
     options.run(study)
     rows = read_study(options.store).rows
     if as_json:
         click.echo(report.as_json(rows))
     document = report.peers_report(rows, _command(study.factors["friction"], study.factors["cells"], repeat))
-    written = [] if folder is None else write_report(document, folder)
+    written = write_report(document, folder)
     if not as_json:
         show(document, written)
 
