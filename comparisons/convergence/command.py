@@ -104,7 +104,11 @@ class _Part:
         stored = read_study(self.run.store)
         report: Report = import_module(f"comparisons.convergence.{self.name}.report").report(stored.rows)
         if self.quick:
-            report = replace(report, name=f"{report.name}-quick", title=f"{report.title} (quick)")
+            told, typed = f"convergence {self.name}`", f"convergence {self.name} --quick`"
+            report = replace(
+                report, name=f"{report.name}-quick", title=f"{report.title} (quick)",
+                introduction=report.introduction.replace(told, typed),
+            )  # fmt: skip
         written = write_report(report, out)
         if not as_json:
             show(report, written)

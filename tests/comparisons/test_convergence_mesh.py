@@ -538,3 +538,5 @@ class TestCommand:
         assert part["findings"] == [finding.text for finding in report(rows).findings]
         assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(part["files"])
         assert "convergence-mesh-quick.html" in part["files"]
+        text = (tmp_path / "out" / "convergence-mesh-quick.md").read_text(encoding="utf-8")
+        assert "`python -m comparisons convergence mesh --quick`" in text

@@ -212,6 +212,15 @@ class TestSentences:
         assert "steps of 0.5 of their limits; in the maps of the same problems the quickest step takes 3 times" in text
         assert "quickest step takes" not in said([equal, map_row(row, 0.2, 90, 0.5), map_row(row, 0.2, 30)])
 
+    def test_the_tightest_target_that_uzawa_meets(self, row):
+        def met(target, status):
+            return replace(row, case={**row.case, "run": "Uzawa", "target": target, "place": ["plate", 2, 0.1]},
+                           result={**row.result, "status": status, "seconds": [1.0]})  # fmt: skip
+
+        assert "Uzawa meets 1e-2, the tightest target: " in said([met(1e-2, "solved")])
+        tighter = [met(1e-2, "solved"), met(1e-4, "max_iterations"), met(1e-6, "max_iterations")]
+        assert "Uzawa meets 1e-2, not 1e-4: " in said(tighter)
+
     def test_a_printed_step_that_is_too_large_on_some_meshes(self, limit_rows):
         steps = (0.5e-5, 2e-5, 0.5e-5)
         found = [replace(r, result={**r.result, "omega_T": w}) for r, w in zip(limit_rows, steps, strict=True)]

@@ -311,8 +311,10 @@ def _equal(entries: Entries) -> Sentences:
             entry for entry in found if entry.target == best.target and not METHODS[entry.run].is_uzawa and entry.solved
         ]
         parts = [f"{e.run} {count_of(e.result['iterations'], 'iteration')} and {seconds(e.seconds, 2)}" for e in others]
+        tighter = max((e.target for e in found if e.target and e.target < (best.target or 0.0)), default=None)
+        end = "the tightest target" if tighter is None else f"not {scientific(tighter, 1)}"
         yield (
-            f"On {place_name(place)}, Uzawa meets {scientific(best.target, 1)} and no tighter target: {best.run} takes "
+            f"On {place_name(place)}, Uzawa meets {scientific(best.target, 1)}, {end}: {best.run} takes "
             f"{count_of(best.result['iterations'], 'iteration')} and {seconds(best.seconds, 2)}"
             f"{', ' + listing(parts) if parts else ''}.",
             "work",
