@@ -88,10 +88,11 @@ def parse(name, words):
     """As the command would: a `click.UsageError` for what it does not know."""
     command = GROUPS[name]
     context = click.Context(command)
-    while isinstance(command, click.Group):
+    while isinstance(command, click.Group) and words:
         name, command, words = command.resolve_command(context, words)
         context = click.Context(command, parent=context, info_name=name)
-    command.make_context(name, list(words))
+    if not isinstance(command, click.Group):  # a group alone shows its help
+        command.make_context(name, list(words))
 
 
 def run(name, words):

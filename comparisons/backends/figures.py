@@ -4,7 +4,7 @@ import statistics
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
-from comparisons.backends.accuracies import LEVELS, TABLE
+from comparisons.backends.accuracies import LEVELS
 from comparisons.backends.measures import (
     Run,
     area,
@@ -32,9 +32,9 @@ UNTIL: Final = 100.0
 HIGHLIGHTED: Final = 5
 """Curves of a panel that have a colour."""
 
+_RATIOS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that axes tell
 _PALE: Final = "#c8c8c8"
 _COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, "#000000")
-_TURNS: Final = (0, 4, 4)  # so that solvers that are often best differ in colour
 _MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "p")
 _LINES: Final = ("-", "--", "-.", ":")
 _LEVEL_LOOKS: Final = ((BLUE, "o"), (VERMILLION, "s"), (GREEN, "^"))
@@ -52,25 +52,43 @@ def profiles(runs: Sequence[Run], name: str) -> str:
     with settings():
         figure = new_figure(3.9 * len(levels), 4.4)
         panels = figure.subplots(1, len(levels), sharey=True, squeeze=False)[0]
-        for axes, level in zip(panels, levels, strict=True):
-            _profile_panel(axes, performance_ratios(times_of(run for run in runs if run.level == level)))
+        ratios = [performance_ratios(times_of(run for run in runs if run.level == level)) for level in levels]
+        looks = _looks([_coloured(each) for each in ratios])
+        for axes, level, each in zip(panels, levels, ratios, strict=True):
+            _profile_panel(axes, each, looks)
             axes.set_title(f"{level}: certified at {LEVELS[level]:.0e}", fontsize=9)
             axes.set_xlabel("time over that of the fastest [-]")
         panels[0].set_ylabel("share of problems solved [-]")
         return svg_text(figure, name)
 
 
-def _profile_panel(axes: "Axes", ratios: Mapping[str, Sequence[float]]) -> None:
+def _coloured(ratios: Mapping[str, Sequence[float]]) -> list[str]:
+    """The best solvers by area, those that solve nothing left out."""
+    best = sorted(ratios, key=lambda solver: (-area(ratios[solver], UNTIL), solver))
+    return [solver for solver in best if finite(ratios[solver])][:HIGHLIGHTED]
+
+
+def _looks(panels: Sequence[Sequence[str]]) -> dict[str, tuple[str, str, str]]:
+    """Colour, marker and line of each solver of a picture; colours repeat from the eighth on, other markers do not."""
+    solvers = dict.fromkeys(solver for panel in panels for solver in panel)
+    return {
+        solver: (_COLOURS[k % len(_COLOURS)], _MARKERS[k % len(_MARKERS)], _LINES[k % len(_LINES)])
+        for k, solver in enumerate(solvers)
+    }
+
+
+def _profile_panel(
+    axes: "Axes", ratios: Mapping[str, Sequence[float]], looks: Mapping[str, tuple[str, str, str]]
+) -> None:
     """The best by area in colour with markers, the others in grey."""
     from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 
-    best = sorted(ratios, key=lambda solver: (-area(ratios[solver], UNTIL), solver))
-    coloured = [solver for solver in best if finite(ratios[solver])][:HIGHLIGHTED]
-    for solver in (each for each in reversed(best) if each not in coloured):
+    coloured = _coloured(ratios)
+    for solver in (each for each in ratios if each not in coloured):
         x, y = steps(ratios[solver], UNTIL)
         axes.step(x, y, where="post", color=_PALE, linewidth=0.9, zorder=1)
     for solver in coloured:
-        colour, marker, line = _look(solver)
+        colour, marker, line = looks[solver]
         x, y = steps(ratios[solver], UNTIL)
         label = f"{solver} ({_solved(ratios[solver])})"
         axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
@@ -84,13 +102,6 @@ def _profile_panel(axes: "Axes", ratios: Mapping[str, Sequence[float]]) -> None:
     axes.grid(visible=True, color="#e6e6e6", linewidth=0.5)
     if coloured:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=8, frameon=False)
-
-
-def _look(solver: str) -> tuple[str, str, str]:
-    """Colour, marker and line of a solver, the same in all pictures; no two have the same colour and marker."""
-    place = list(TABLE).index(solver) if solver in TABLE else 0
-    turn = _TURNS[place // len(_COLOURS)]
-    return _COLOURS[(place + turn) % len(_COLOURS)], _MARKERS[place % len(_MARKERS)], _LINES[place % len(_LINES)]
 
 
 def _solved(ratios: Sequence[float]) -> str:
@@ -156,7 +167,7 @@ def warmth(runs: Sequence[Run], name: str) -> str:
     ratios = warm_ratios(runs)
     if not has_matplotlib() or not ratios:
         return ""
-    from matplotlib.ticker import StrMethodFormatter
+    from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 
     solvers = sorted(ratios, key=lambda solver: -(geometric_mean(ratios[solver]) or 0.0))
     with settings():
@@ -171,8 +182,9 @@ def warmth(runs: Sequence[Run], name: str) -> str:
             )
         axes.set_yticks(range(len(solvers)), solvers)
         axes.set_xscale("log")
-        for every in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
-            every(StrMethodFormatter("{x:g}"))
+        axes.xaxis.set_major_locator(FixedLocator(_RATIOS))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("time of the warm over that of the cold sequence [-]")
         axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
         return svg_text(figure, name)

@@ -8,7 +8,7 @@ from comparisons.backends.findings import findings
 from comparisons.backends.measures import NEGLIGIBLE, Run, runs_of
 from comparisons.backends.study import QUICK_NAME
 from comparisons.report import Exhibit, Figure, Report, Section, environment_grids
-from comparisons.report.numbers import count_of
+from comparisons.report.numbers import count_of, scientific
 from comparisons.study import Row, StoredStudy
 
 _PROFILE = (
@@ -44,7 +44,7 @@ def _introduction(study: StoredStudy, runs: Sequence[Run]) -> str:
     cases = int(study.declaration["cases"])
     partly = "" if len(study.rows) == cases else f" (so far: {cases} cases are declared)"
     command = "python -m comparisons solvers" + (" --quick" if study.declaration["name"] == QUICK_NAME else "")
-    levels = ", ".join(f"{level} {tolerance:g}" for level, tolerance in LEVELS.items())
+    levels = ", ".join(f"{level} {scientific(tolerance, 1)}" for level, tolerance in LEVELS.items())
     return (
         f"{count_of(solvers, 'solver')} on {count_of(problems, 'problem')} of frictional contact, "
         f"{count_of(len(runs), 'run')}{partly}, by `{command}`: convex inner problems with a given friction bound, the "

@@ -372,7 +372,11 @@ class TestMeasures:
         assert "less with a (0.5)" in text
 
     def test_no_two_solvers_look_alike(self):
-        assert len({figures._look(solver)[:2] for solver in accuracies.TABLE}) == len(accuracies.TABLE)
+        looks = figures._looks([["a", "b", "c", "d", "e"], ["e", "f", "a"], ["g"]])
+        assert list(looks) == ["a", "b", "c", "d", "e", "f", "g"]
+        assert len({colour for colour, _, _ in looks.values()}) == len(looks)
+        many = figures._looks([list(accuracies.TABLE)])
+        assert len({look[:2] for look in many.values()}) == len(accuracies.TABLE)
 
     def test_sequences_are_taken_warm_where_they_can_be(self):
         runs = [run(task="cold"), run(task="warm"), run(task="cold", solver="b"), run()]
