@@ -39,7 +39,8 @@ class SolveError(QVIError):
     """Raised on request (``throw=True``) when a solve ends without a certified answer."""
 
 
-def _shorten(value: object, limit: int = 80) -> str:
-    """`repr` on one line, cut after `limit` characters."""
+def _shorten(value: object, limit: int = 120) -> str:
+    """`repr` on one line, in at most `limit` characters: of a path its end says more than its middle."""
     text = " ".join(repr(value).split())
-    return text if len(text) <= limit else text[: limit - 1] + "…"
+    half = (limit - 1) // 2
+    return text if len(text) <= limit else f"{text[:half]}…{text[-half:]}"

@@ -178,6 +178,14 @@ class TestProblems:
         assert len(distances) >= 5
         assert distances[-1] < 1e-2 * distances[0]
 
+    def test_a_sequence_begins_after_the_step_that_it_is_posed_at(self):
+        problem = instance("graded_8")
+        centre = problem.centre("condensed")
+        after = problem.qvi.threshold(np.maximum(-centre.n0, 0.0))
+        assert problem.bounds[0] == pytest.approx(after, rel=1e-6, abs=1e-6 * after.max())
+        full = problem.centre("full")
+        assert full.n0 == pytest.approx(centre.n0, abs=1e-6 * np.abs(centre.n0).max())
+
     def test_what_is_open_sticks_and_slips_is_the_whole_contact(self):
         facts = instance("ssnv128_8").facts
         assert facts["open"] + facts["stick"] + facts["slip"] == pytest.approx(1.0)

@@ -290,8 +290,8 @@ def test_wrong_files_and_places_are_one_line(capfd, tmp_path, tiny):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("qvi_contact.solver.solve", lambda *_, **__: pytest.fail("it was solved first"))
         for kind, name in (("npz", "a.npz"), ("fclib", "a.hdf5")):
-            assert "cannot be written" in refused(capfd, "export", kind, tiny, tmp_path / "file" / name)
-    assert "cannot be written" in refused(capfd, "export", "qpbenchmark", tmp_path / "file", tiny)
+            assert "is a file, not a folder" in refused(capfd, "export", kind, tiny, tmp_path / "file" / name)
+    assert "is a file, not a folder" in refused(capfd, "export", "qpbenchmark", tmp_path / "file", tiny)
     assert "FOLDER" in refused(capfd, "export", "qpbenchmark", "", tiny)
     assert "different names" in refused(capfd, "export", "qpbenchmark", tmp_path / "set", tiny, tiny)
     assert (tmp_path / "file").read_text(encoding="utf-8") == "kept"
