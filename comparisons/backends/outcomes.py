@@ -19,8 +19,6 @@ from solvers.status import Status
 
 RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP = "right", "untrue", "false alarm", "modest", "gave up"
 
-OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP)
-
 NO_ANSWER: Final = "no answer"
 """Of a run that ended without a result: out of time or memory, or the process died."""
 

@@ -2,6 +2,8 @@
 
 from typing import Final, NamedTuple
 
+from comparisons.settled import SETTLED as EVERY_SETTLED
+
 CONVERGED: Final = {
     32: 214.10403803,
     64: 214.15964926,
@@ -13,13 +15,11 @@ CONVERGED: Final = {
 
 CONVERGED_FRICTION: Final = 0.2
 
-SETTLED: Final = {0.2: 214.23323, 1.0: 214.36766}
+SETTLED: Final = {friction: EVERY_SETTLED[friction] for friction in (0.2, 1.0)}
 """P/2 on which displacement codes settle, by μ (1: the contact sticks everywhere) [MPa × length]."""
 
-SETTLED_UNCERTAINTY: Final = 2e-5
-"""Of `SETTLED` [MPa × length]: relative errors below 1e-7 mean nothing."""
-
 MEANINGLESS: Final = 1e-7
+"""Relative errors below this say nothing: so uncertain are the values of `SETTLED`."""
 
 ACCURACY_TARGETS: Final = ((1e-4, 0.020), (1e-5, 0.060), (3e-6, 0.200))
 """Relative error of P/2 and the time [s] in which it should be reached, with one thread."""

@@ -120,9 +120,6 @@ _MECHANICS: Final[Mapping[str, Callable[[float, tuple[int, int]], ContactProblem
     "block": lambda friction, cells: dragged_block(friction, (2 * cells[0], cells[1])),
 }
 
-WITHOUT_MESH: Final = tuple(_ALGEBRA)
-"""Names of the problems that have no cells."""
-
 
 def body(problem: str, cells: int, friction: float) -> Body:
     """Build a problem by its name; `cells` a side (height), 0 where there is no mesh."""

@@ -8,16 +8,13 @@ from typing import Any, Final, NamedTuple
 from comparisons.benchmark.ratios import median, spread
 from comparisons.peers.models import BRACKET, CODES, NAMED, Model
 from comparisons.report.numbers import scientific
+from comparisons.settled import SETTLED, UNCERTAINTY
 from comparisons.study import DONE, Row
-from comparisons.verify.plate import SETTLED
 
 SOLVED: Final = "solved"
 
 INVERTED: Final = "inverted"
 """Status of a bracket whose lower end is above its upper one, see `Bounds.inverted`: it proves nothing."""
-
-UNCERTAINTY: Final = 3e-5
-"""Of `comparisons.verify.plate.SETTLED` [MPa × length]."""
 
 STICKING: Final = 0.25
 """From this μ on the whole contact sticks."""

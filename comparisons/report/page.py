@@ -36,7 +36,7 @@ def as_page(report: Report) -> str:
     """The report as HTML."""
     known = labels(report)
     return (
-        _environment()
+        page_environment("comparisons.report")
         .get_template("page.html")
         .render(
             report=report,
@@ -51,11 +51,12 @@ def as_page(report: Report) -> str:
     )
 
 
-def _environment() -> "Environment":
+def page_environment(package: str) -> "Environment":
+    """Templates of a package's folder; all they are given is escaped, and nothing may be missing."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("comparisons.report", "."),
+        loader=PackageLoader(package, "."),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from comparisons.settled import SETTLED, SOURCE
 from comparisons.verify.chapter import Chapter
-from comparisons.verify.plate import SETTLED, SOURCE
 from comparisons.verify.proof import Proof, both, by_hand, certified
 from comparisons.verify.row import Kind, Row, absolute, at_least, at_most
 from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Symmetry, Traction, solve

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
+from comparisons.settled import SETTLED, SOURCE
 from comparisons.verify.chapter import Chapter
-from comparisons.verify.plate import SETTLED, SOURCE
 from comparisons.verify.proof import Proof, both, certified, certified_companion
 from comparisons.verify.row import Kind, Row, at_least, at_most, relative
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction, solve

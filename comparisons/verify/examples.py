@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
+from comparisons.settled import SETTLED
+from comparisons.settled import SOURCE as DISPLACEMENT_CODES
 from comparisons.verify.chapter import Chapter
 from comparisons.verify.measures import edge_states, runs, traction_difference, value_at
-from comparisons.verify.plate import SETTLED
-from comparisons.verify.plate import SOURCE as DISPLACEMENT_CODES
 from comparisons.verify.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
 from comparisons.verify.row import Kind, Row, absolute, at_most, relative, word
 from comparisons.verify.ssnv128 import SOURCE as CODE_ASTER

@@ -4,16 +4,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
+from comparisons.settled import SETTLED, SOURCE
 from comparisons.verify.chapter import Chapter
 from comparisons.verify.proof import certified
 from comparisons.verify.row import Kind, Row, at_least, at_most, relative
 from qvi_contact import Contact, ContactProblem, refine, solve
 from qvi_contact.gallery import compressed_plate
 
-SETTLED: Final = {0.05: 210.60643, 0.1: 212.24243, 0.15: 213.55884, 0.2: 214.23323, 0.25: 214.36766, 1.0: 214.36766}
-"""P/2 [MPa × length] on which GetFEM 5.4.2 and NGSolve 6.2 settle, agreeing; ± 3e-5. From μ = 0.25 all sticks."""
-
-SOURCE: Final = "GetFEM 5.4.2 and NGSolve 6.2, agreeing; ± 3e-5"
 _GRADED: Final = ((48, 48), 0.86)
 _COARSE: Final = ((32, 32), 0.8)
 

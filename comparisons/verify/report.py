@@ -52,17 +52,9 @@ def as_markdown(document: Document, picture: bool = False) -> str:
 
 def as_html(document: Document, picture: str = "") -> str:
     """The manual as one HTML page that loads nothing."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from comparisons.report.page import page_environment
 
-    environment = Environment(
-        loader=PackageLoader("comparisons.verify", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    template = environment.get_template("manual.html")
+    template = page_environment("comparisons.verify").get_template("manual.html")
     chapters = [
         chapter | {"problems": [problem | {"grid": texts.grid(problem)} for problem in chapter["problems"]]}
         for chapter in document["chapters"]

@@ -23,10 +23,10 @@ from comparisons.peers import cases, command, figures, measure, models, report, 
 from comparisons.peers.codes import companion, equilibrium, ngsolve_nitsche, process
 from comparisons.peers.figures import COSTS, bounds_figure, error_figure
 from comparisons.peers.findings import findings, lasting_error
-from comparisons.peers.points import RESOLUTION, UNCERTAINTY, points, reference
+from comparisons.peers.points import RESOLUTION, points, reference
+from comparisons.settled import SETTLED, UNCERTAINTY
 from comparisons.study import read_study
 from comparisons.study.rows import Row
-from comparisons.verify.plate import SETTLED
 from qvi_contact import InputError, solve, terminal
 from qvi_contact.bracket import BracketKind, bracket
 from qvi_contact.gallery import compressed_plate
