@@ -42,8 +42,8 @@ nitpick_ignore_regex = [
     (r"py:.*", r"(Any|Array|ArrayLike|Axes|Console|QuadMesh|Figure|IO|Module|NDArray|Protocol|Self)"),
     (r"py:.*", r"(str|int|float|bool|None|object|tuple|list|dict|Path|Mapping|Sequence|Callable|Iterable|Iterator)"),
     # parts that nobody outside needs
-    (r"py:class", r"qvi_contact\.(contact_rows|elimination|element|plates|problem_document|scaling)\.\w+"),
+    (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),
     (r"py:class", r"qvi_contact\.companion\.(elasticity|space|state)\.\w+"),
-    (r"py:class", r"qvi_contact\.(mesh\.Edge\w+|plots\.figures\.LoadHistory)"),
-    (r"py:class", r"solvers\.(factorisation\.dissection|linear)\.\w+"),
+    (r"py:class", r"qvi_contact\.(mesh\.rectilinear\.Edge\w+|plots\.figures\.LoadHistory)"),
+    (r"py:class", r"solvers\.(factorisation\.dissection|inequality\.linear)\.\w+"),
 ]

@@ -13,64 +13,64 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from qvi_contact.bracket import refined_where_apart
     from qvi_contact.companion import solve_companion
-    from qvi_contact.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
-    from qvi_contact.contact import ContactLine, ContactState
-    from qvi_contact.discretization import Discretization, discretize
+    from qvi_contact.discretization.discretization import Discretization, discretize
     from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError
-    from qvi_contact.fields import Expression, Polynomial
-    from qvi_contact.history import History, loop_area, solve_history
-    from qvi_contact.limit import limit_load_factor
-    from qvi_contact.lines import graded_lines
-    from qvi_contact.material import Material, Region
-    from qvi_contact.mesh import RectilinearMesh
-    from qvi_contact.problem import ContactProblem
-    from qvi_contact.problem_file import ProblemFile, load_problem
-    from qvi_contact.problem_writer import save_problem
+    from qvi_contact.files.problem_file import ProblemFile, load_problem
+    from qvi_contact.files.problem_writer import save_problem
+    from qvi_contact.files.stored import load_result
+    from qvi_contact.mesh.lines import graded_lines
+    from qvi_contact.mesh.rectilinear import RectilinearMesh
+    from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
+    from qvi_contact.problem.fields import Expression, Polynomial
+    from qvi_contact.problem.material import Material, Region
+    from qvi_contact.problem.problem import ContactProblem
     from qvi_contact.refinement import Refinement, RefinementStatus, refine
-    from qvi_contact.result import ContactResult
-    from qvi_contact.solver import solve
-    from qvi_contact.stored import load_result
-    from qvi_contact.stress import principal_stresses
-    from qvi_contact.verification import verify_result
+    from qvi_contact.solution.contact_line import ContactLine, ContactState
+    from qvi_contact.solution.history import History, loop_area, solve_history
+    from qvi_contact.solution.limit import limit_load_factor
+    from qvi_contact.solution.result import ContactResult
+    from qvi_contact.solution.solver import solve
+    from qvi_contact.solution.stress import principal_stresses
+    from qvi_contact.verification.verification import verify_result
 
 _HOME = {
-    "Contact": "conditions",
-    "ContactLine": "contact",
-    "ContactProblem": "problem",
-    "ContactResult": "result",
-    "ContactState": "contact",
-    "Discretization": "discretization",
-    "Displacement": "conditions",
-    "Expression": "fields",
-    "History": "history",
+    "Contact": "problem.conditions",
+    "ContactLine": "solution.contact_line",
+    "ContactProblem": "problem.problem",
+    "ContactResult": "solution.result",
+    "ContactState": "solution.contact_line",
+    "Discretization": "discretization.discretization",
+    "Displacement": "problem.conditions",
+    "Expression": "problem.fields",
+    "History": "solution.history",
     "InputError": "errors",
-    "Material": "material",
-    "Polynomial": "fields",
-    "ProblemFile": "problem_file",
+    "Material": "problem.material",
+    "Polynomial": "problem.fields",
+    "ProblemFile": "files.problem_file",
     "QVIError": "errors",
-    "RectilinearMesh": "mesh",
+    "RectilinearMesh": "mesh.rectilinear",
     "Refinement": "refinement",
     "RefinementStatus": "refinement",
-    "Region": "material",
-    "RigidPlate": "conditions",
+    "Region": "problem.material",
+    "RigidPlate": "problem.conditions",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
-    "Symmetry": "conditions",
-    "Traction": "conditions",
-    "discretize": "discretization",
-    "graded_lines": "lines",
-    "limit_load_factor": "limit",
-    "load_problem": "problem_file",
-    "load_result": "stored",
-    "loop_area": "history",
-    "principal_stresses": "stress",
+    "Symmetry": "problem.conditions",
+    "Traction": "problem.conditions",
+    "discretize": "discretization.discretization",
+    "graded_lines": "mesh.lines",
+    "limit_load_factor": "solution.limit",
+    "load_problem": "files.problem_file",
+    "load_result": "files.stored",
+    "loop_area": "solution.history",
+    "principal_stresses": "solution.stress",
     "refine": "refinement",
     "refined_where_apart": "bracket",
-    "save_problem": "problem_writer",
-    "solve": "solver",
+    "save_problem": "files.problem_writer",
+    "solve": "solution.solver",
     "solve_companion": "companion",
-    "solve_history": "history",
-    "verify_result": "verification",
+    "solve_history": "solution.history",
+    "verify_result": "verification.verification",
 }
 
 __all__ = [

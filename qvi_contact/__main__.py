@@ -1,5 +1,5 @@
 """`python -m qvi_contact` is the command `qvi-contact`."""
 
-from qvi_contact.cli import main
+from qvi_contact.command.cli import main
 
 main()

@@ -11,34 +11,34 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from solvers.certificate import Certificate, certify
-    from solvers.edges import EdgeRows
+    from solvers.basics.status import Status
+    from solvers.certificate.certificate import Certificate, certify
+    from solvers.certificate.feasibility import Feasibility, check_feasibility
     from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError
-    from solvers.feasibility import Feasibility, check_feasibility
+    from solvers.inequality.edges import EdgeRows
+    from solvers.inequality.problem import EnergyRoot, FrictionQVI
+    from solvers.inequality.traces import Traces
     from solvers.inner.registry import available
-    from solvers.problem import EnergyRoot, FrictionQVI
-    from solvers.solution import Iteration, QVISolution
+    from solvers.solution.solution import Iteration, QVISolution
     from solvers.solve import solve_qvi
-    from solvers.status import Status
-    from solvers.traces import Traces
 
 _HOME = {
-    "Certificate": "certificate",
-    "EdgeRows": "edges",
-    "EnergyRoot": "problem",
-    "Feasibility": "feasibility",
-    "FrictionQVI": "problem",
+    "Certificate": "certificate.certificate",
+    "EdgeRows": "inequality.edges",
+    "EnergyRoot": "inequality.problem",
+    "Feasibility": "certificate.feasibility",
+    "FrictionQVI": "inequality.problem",
     "InputError": "errors",
-    "Iteration": "solution",
+    "Iteration": "solution.solution",
     "QVIError": "errors",
-    "QVISolution": "solution",
+    "QVISolution": "solution.solution",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
-    "Status": "status",
-    "Traces": "traces",
+    "Status": "basics.status",
+    "Traces": "inequality.traces",
     "available": "inner.registry",
-    "certify": "certificate",
-    "check_feasibility": "feasibility",
+    "certify": "certificate.certificate",
+    "check_feasibility": "certificate.feasibility",
     "solve_qvi": "solve",
 }
 

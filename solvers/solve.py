@@ -7,20 +7,20 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from solvers.basics.status import Status
+from solvers.basics.types import Vector
 from solvers.condensed.method import CondensedOptions, solve_condensed
 from solvers.errors import InputError, SolveError, SolverUnavailableError
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.choice import using
-from solvers.finish import Outcome, finish, no_outcome
-from solvers.fixed_point import FixedPointOptions, solve_fixed_point
-from solvers.forms import CONDENSED_LIMIT
+from solvers.fixed_point.forms import CONDENSED_LIMIT
+from solvers.fixed_point.method import FixedPointOptions, solve_fixed_point
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
-from solvers.problem import FrictionQVI
-from solvers.solution import QVISolution
-from solvers.status import Status
+from solvers.solution.finish import Outcome, finish, no_outcome
+from solvers.solution.solution import QVISolution
 from solvers.strict.names import STRICT_DEFAULT, is_strict
 from solvers.strict.threshold import strict_pressure
-from solvers.types import Vector
 from solvers.uzawa import UzawaOptions, solve_uzawa
 
 Method = Literal["condensed", "fixed-point", "uzawa"]

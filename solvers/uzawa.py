@@ -36,15 +36,15 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from solvers.certificate import certify
-from solvers.compliance import Compliance
+from solvers.basics.status import Status
+from solvers.basics.types import Vector
+from solvers.certificate.certificate import certify
 from solvers.errors import InputError
-from solvers.finish import Outcome, finish
+from solvers.inequality.compliance import Compliance
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import versions
-from solvers.problem import FrictionQVI
-from solvers.solution import Iteration, QVISolution
-from solvers.status import Status
-from solvers.types import Vector
+from solvers.solution.finish import Outcome, finish
+from solvers.solution.solution import Iteration, QVISolution
 
 Rule = Literal["printed", "accumulating"]
 Decay = Literal["geometric", "harmonic"]

@@ -15,7 +15,7 @@ from comparisons.study.outcome import DONE, FAILURES
 from qvi_contact import RefinementStatus
 from qvi_contact.cli import group as qvi_contact
 from solvers import Status
-from solvers.measures import MEASURES
+from solvers.certificate.measures import MEASURES
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"

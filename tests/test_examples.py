@@ -8,8 +8,8 @@ import pytest
 
 from qvi_contact import load_problem, solve
 from qvi_contact.gallery import compressed_plate, ssnv128
-from qvi_contact.history import solve_history
-from qvi_contact.limit import limit_load_factor
+from qvi_contact.solution.history import solve_history
+from qvi_contact.solution.limit import limit_load_factor
 from solvers import Status
 
 FOLDER = Path(__file__).parent.parent / "examples"

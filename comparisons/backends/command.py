@@ -40,7 +40,7 @@ def solvers(options: RunOptions, quick: bool, only: tuple[str, ...], out: Path, 
     from comparisons.backends.study import declared
     from comparisons.report import show, write_report
     from comparisons.study import read_study
-    from qvi_contact.files import writable_folder
+    from qvi_contact.basics.writing import writable_folder
 
     study = declared(_chosen(only), quick)
     options = _with_store(options, quick, bool(only))

@@ -15,7 +15,7 @@ solution, and as giving up where there is none.
 
 from typing import Final
 
-from solvers.status import Status
+from solvers.basics.status import Status
 
 RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP = "right", "untrue", "false alarm", "modest", "gave up"
 

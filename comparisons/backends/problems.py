@@ -34,13 +34,13 @@ from qvi_contact import (
     Traction,
     discretize,
 )
-from qvi_contact.conditions import Condition
 from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.problem.conditions import Condition
 from solvers import FrictionQVI, QVISolution, certify, solve_qvi
-from solvers.forms import Form, ProblemForm, make_form
+from solvers.basics.types import Vector
+from solvers.fixed_point.forms import Form, ProblemForm, make_form
 from solvers.inner.problem import Centre
 from solvers.inner.registry import make_inner
-from solvers.types import Vector
 
 GRADING: Final = 0.6
 STEPS: Final = 6

@@ -24,11 +24,11 @@ from comparisons.backends import accuracies
 from comparisons.backends.outcomes import outcome
 from comparisons.backends.problems import Instance, instance
 from solvers import Certificate, QVISolution, certify, solve_qvi
-from solvers.forms import Form
+from solvers.basics.status import Status
+from solvers.basics.types import Vector
+from solvers.fixed_point.forms import Form
 from solvers.inner.problem import InnerSolution
 from solvers.inner.registry import make_inner
-from solvers.status import Status
-from solvers.types import Vector
 
 INNER, COLD, WARM, OUTER = "inner", "cold", "warm", "outer"
 TASKS: Final = (INNER, COLD, WARM, OUTER)

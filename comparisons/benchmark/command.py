@@ -41,8 +41,8 @@ def benchmark(
     """  # noqa: D301
     from comparisons.benchmark import report, rows, study
     from comparisons.benchmark.plan import Plan
-    from qvi_contact.files import writable_folder
-    from qvi_contact.terminal import progress
+    from qvi_contact.basics.terminal import progress
+    from qvi_contact.basics.writing import writable_folder
 
     plan = Plan(cells, friction, threads, repeat, not no_naive, factorisation, limit)
     folder = None if out is None else writable_folder(out)

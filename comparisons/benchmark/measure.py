@@ -16,8 +16,8 @@ from comparisons.benchmark.naive import cvxpy_loop
 from comparisons.benchmark.plan import TOLERANCE
 from qvi_contact import ContactProblem, ContactResult, discretize, solve
 from qvi_contact.gallery import compressed_plate
+from solvers.basics.types import Sparse
 from solvers.factorisation import factorise
-from solvers.types import Sparse
 
 _NOTHING: Final = np.zeros(0, dtype=np.int64)
 _PARTS: Final = ("factorisation", "interior_point", "certificate")

@@ -11,7 +11,7 @@ import numpy as np
 
 from qvi_contact import Discretization
 from solvers import FrictionQVI, certify
-from solvers.types import Vector, load
+from solvers.basics.types import Vector, load
 
 _ITERATIONS: Final = 100
 _INNER: Final = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-12)  # as of the package's own loops

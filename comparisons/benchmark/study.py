@@ -9,7 +9,7 @@ from comparisons.benchmark.plan import GRADED, GRADED_FRICTION, LOOPS, Loop, Pat
 from comparisons.benchmark.process import records
 from comparisons.benchmark.ratios import median, predicted
 from comparisons.machine import machine, versions
-from qvi_contact.terminal import Advance
+from qvi_contact.basics.terminal import Advance
 from solvers.factorisation import available_backends
 from solvers.factorisation.choice import SHARED
 

@@ -28,8 +28,8 @@ from scipy.fft import dct
 
 from comparisons.convergence.linearised import Linearised, linearised
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction, discretize
-from qvi_contact.conditions import Condition
 from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.problem.conditions import Condition
 from solvers import FrictionQVI, QVISolution, solve_qvi
 
 POINTS: Final = 8

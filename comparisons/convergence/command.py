@@ -50,7 +50,7 @@ def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path,
         python -m comparisons convergence mesh --workers 2 --out results/convergence
     """  # noqa: D301
     from comparisons.study.rows import finite_json
-    from qvi_contact.files import writable_folder
+    from qvi_contact.basics.writing import writable_folder
 
     _check_store(run.store)
     writable_folder(out)
@@ -89,7 +89,7 @@ class _Part:
     def check(self) -> None:
         """A store of another study, a damaged one, or one that cannot be written is found before anything is run."""
         from comparisons.study.store import finished_keys
-        from qvi_contact.files import writable_folder
+        from qvi_contact.basics.writing import writable_folder
 
         if len(finished_keys(self.run.store, self.study)) < len(self.study.cases):
             writable_folder(self.run.store.parent, "store")

@@ -29,10 +29,10 @@ from typing import Any, Final
 import numpy as np
 from scipy.linalg import eigh, eigvals, eigvalsh, pinvh
 
-from solvers.compliance import Compliance
-from solvers.problem import FrictionQVI
-from solvers.solution import QVISolution
-from solvers.types import BoolVector, Matrix, Vector
+from solvers.basics.types import BoolVector, Matrix, Vector
+from solvers.inequality.compliance import Compliance
+from solvers.inequality.problem import FrictionQVI
+from solvers.solution.solution import QVISolution
 
 _NOTHING: Final = 1e-9
 """Eigenvalues below this share of the largest are zero."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from qvi_contact.problem_file import ProblemFile
+    from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.result import ContactResult
 
 _PROBLEM = click.argument("problem", metavar="PROBLEM")
@@ -42,10 +42,10 @@ def qpbenchmark(folder: str, problems: tuple[str, ...]) -> None:
         qpbenchmark results/test_set/friction_contact.py --results-path results/test_set/qps.csv run
     """  # noqa: D301
     from comparisons.exchange import quadratic_programs as programs
+    from qvi_contact.basics.terminal import progress
+    from qvi_contact.basics.writing import writable_folder
     from qvi_contact.errors import InputError
-    from qvi_contact.files import writable_folder
-    from qvi_contact.problem_file import load_problem
-    from qvi_contact.terminal import progress
+    from qvi_contact.files.problem_file import load_problem
 
     if not folder:
         raise InputError("FOLDER", folder, "give the name of a folder")
@@ -145,7 +145,7 @@ def import_file(file: str, method: str | None, inner: str | None, tolerance: flo
 
 def _check_target(file: str, suffix: str) -> None:
     """Find out before any work is done whether the file can be written; a missing folder is made."""
-    from qvi_contact.files import check_suffix, writable_folder
+    from qvi_contact.basics.writing import check_suffix, writable_folder
 
     check_suffix("FILE", file, suffix)
     writable_folder(Path(file).parent)
@@ -155,8 +155,8 @@ def _solved(path: str) -> "tuple[ProblemFile, ContactResult]":
     """The problem file, and its result with the file's own options; of a history the first step."""
     import numpy as np
 
-    from qvi_contact.problem_file import load_problem
-    from qvi_contact.solver import solve
+    from qvi_contact.files.problem_file import load_problem
+    from qvi_contact.solution.solver import solve
 
     source = load_problem(path)
     with source.named_errors(), np.errstate(all="ignore"):

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.sparse import csc_matrix
 
 from qvi_contact import ContactProblem, ContactResult, solve
-from qvi_contact.files import replacing, write_text
+from qvi_contact.basics.writing import replacing, write_text
 from qvi_contact.gallery import compressed_plate, ssnv128
-from solvers.forms import Form, make_form
+from solvers.basics.types import Sparse, Vector
+from solvers.fixed_point.forms import Form, make_form
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerProblem
-from solvers.problem import FrictionQVI
-from solvers.types import Sparse, Vector
 
 TEST_SET = "friction_contact.py"
 SPARSE_TEST_SET = "friction_contact_sparse.py"

@@ -15,7 +15,7 @@ from solvers.exchange import (
     solve_local,
     state_of,
 )
-from solvers.solution import QVISolution
+from solvers.solution.solution import QVISolution
 from solvers.solve import solve_qvi
 
 

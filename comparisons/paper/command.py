@@ -24,8 +24,8 @@ def paper(out: Path | None, as_json: bool) -> None:
     written only if --out is given.
     """
     from comparisons.paper import report, study
-    from qvi_contact.files import writable_folder
-    from qvi_contact.terminal import progress
+    from qvi_contact.basics.terminal import progress
+    from qvi_contact.basics.writing import writable_folder
 
     folder = None
     if out is not None or not as_json:

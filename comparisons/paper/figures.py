@@ -6,7 +6,7 @@ import numpy as np
 
 from comparisons.paper.study import PaperStudy, half_force
 from qvi_contact import ContactResult
-from qvi_contact.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.plots import (
     BLUE,
     GREEN,

@@ -17,10 +17,10 @@ from comparisons.paper.study import (
     traction_difference,
 )
 from qvi_contact import ContactResult
-from qvi_contact.files import replacing, write_text
+from qvi_contact.basics.terminal import Advance
+from qvi_contact.basics.writing import replacing, write_text
 from qvi_contact.plots import has_matplotlib
 from qvi_contact.plots.style import settings
-from qvi_contact.terminal import Advance
 from solvers import Status
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import numpy as np
 
 from comparisons.paper.reference import Reference, load
 from qvi_contact import ContactResult, Discretization, discretize, principal_stresses, solve
+from qvi_contact.basics.terminal import Advance
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.terminal import Advance
 from solvers import available
 
 SHRINKING = 100.0

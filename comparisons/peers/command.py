@@ -46,8 +46,8 @@ def peers(
     from comparisons.peers.cases import peers_study
     from comparisons.report import show, write_report
     from comparisons.study import read_study
+    from qvi_contact.basics.writing import writable_folder
     from qvi_contact.errors import InputError
-    from qvi_contact.files import writable_folder
 
     if options.threads != 1:
         raise InputError("threads", options.threads, "leave it at 1: every code runs on one thread")

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from comparisons.peers.models import CODES, NAMED
 from comparisons.study.children import environment
-from qvi_contact.conditions import Contact
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem.conditions import Contact
 
 TASK: Final = f"{__name__}:run"
 """As `comparisons.study` names it."""

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from comparisons.report.order import position
+from qvi_contact.basics.terminal import run
 from qvi_contact.errors import InputError
-from qvi_contact.terminal import run
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, ConsoleMessage, Error, Locator, Page, Route

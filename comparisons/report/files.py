@@ -7,7 +7,7 @@ from comparisons.report.document import Report
 from comparisons.report.labels import figures, picture_file
 from comparisons.report.markdown import as_text
 from comparisons.report.page import as_page
-from qvi_contact.files import writable_folder, write_text
+from qvi_contact.basics.writing import writable_folder, write_text
 
 
 def write_report(report: Report, folder: str | Path) -> list[Path]:

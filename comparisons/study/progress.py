@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from qvi_contact.terminal import Advance, error_console
+from qvi_contact.basics.terminal import Advance, error_console
 
 if TYPE_CHECKING:
     from rich.progress import ProgressColumn

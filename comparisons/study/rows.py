@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from qvi_contact.files import write_text
+from qvi_contact.basics.writing import write_text
 
 FORMAT: Final = "qvi-contact/study/1"
 """Schema of the exported JSON."""

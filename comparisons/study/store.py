@@ -27,8 +27,8 @@ from comparisons.study.differences import differences
 from comparisons.study.outcome import Outcome
 from comparisons.study.plain import canonical
 from comparisons.study.rows import Row, StoredStudy
+from qvi_contact.basics.writing import writable_folder
 from qvi_contact.errors import InputError
-from qvi_contact.files import writable_folder
 
 SCHEMA: Final = 1
 """Version of the tables, in the file's user_version."""

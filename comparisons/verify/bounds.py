@@ -12,9 +12,9 @@ from comparisons.verify.proof import Proof, both, by_hand, certified
 from comparisons.verify.row import Kind, Row, absolute, at_least, at_most
 from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Symmetry, Traction, solve
 from qvi_contact.bracket import Bracket, bracket
-from qvi_contact.conditions import Condition
 from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.problem.conditions import Condition
 
 _PUSH: Final = 1e-3
 _MESHES: Final = (

@@ -24,8 +24,8 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool) 
         python -m comparisons verify --only ssnv128 limits --quick
     """  # noqa: D301
     from comparisons.verify import registry, report, study
-    from qvi_contact.files import writable_folder
-    from qvi_contact.terminal import progress
+    from qvi_contact.basics.terminal import progress
+    from qvi_contact.basics.writing import writable_folder
 
     chapters = registry.choose(only)
     folder = None if out is None else writable_folder(out)

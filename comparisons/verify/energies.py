@@ -15,8 +15,8 @@ from comparisons.verify.proof import Proof, both, certified, certified_companion
 from comparisons.verify.row import Kind, Row, at_least, at_most, relative
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction, solve
 from qvi_contact.companion import solve_companion
-from qvi_contact.conditions import Condition
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem.conditions import Condition
 
 _MESH: Final = ((64, 64), 0.93)
 _DISPLACEMENT: Final = 1e-3

@@ -11,9 +11,9 @@ from comparisons.verify.measures import stress_error
 from comparisons.verify.proof import certified
 from comparisons.verify.row import Kind, Row, absolute, relative
 from qvi_contact import Contact, ContactProblem, ContactResult, Material, RectilinearMesh, Symmetry, Traction, solve
-from qvi_contact.conditions import Condition
 from qvi_contact.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem.conditions import Condition
 
 Plane = Literal["stress", "strain"]
 

@@ -16,7 +16,7 @@ from comparisons.verify.ssnv128 import SOURCE as CODE_ASTER
 from comparisons.verify.ssnv128 import TANGENTIAL_FORCE
 from qvi_contact import ContactResult, History, InputError, ProblemFile, load_problem, loop_area, solve, solve_history
 from qvi_contact.companion import solve_companion
-from qvi_contact.limit import limit_load
+from qvi_contact.solution.limit import limit_load
 from solvers import Status
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"

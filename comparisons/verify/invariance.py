@@ -22,9 +22,9 @@ from qvi_contact import (
     Traction,
     solve,
 )
-from qvi_contact.checks import FloatArray
-from qvi_contact.conditions import Condition
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem.conditions import Condition
 
 _WIDTH, _HEIGHT, _CELLS, _GRADING, _FRICTION = 1.5, 1.0, (4, 3), 0.8, 0.12
 _STEEL: Final = Material(2.09e5, 0.3)

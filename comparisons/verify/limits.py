@@ -9,9 +9,9 @@ from comparisons.verify.chapter import Chapter
 from comparisons.verify.proof import bounded, by_hand, certified, infeasible
 from comparisons.verify.row import Kind, Row, absolute, at_most, relative, word
 from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve
-from qvi_contact.checks import FloatArray
-from qvi_contact.conditions import Condition
-from qvi_contact.limit import limit_load
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.problem.conditions import Condition
+from qvi_contact.solution.limit import limit_load
 
 _STEEL: Final = Material(1000.0, 0.3)
 _MESHES: Final = {

@@ -10,7 +10,7 @@ from comparisons.verify.measures import runs, stress_error
 from comparisons.verify.proof import Proof, certified
 from comparisons.verify.row import Kind, Row, absolute, relative, word
 from qvi_contact import ContactResult, solve
-from qvi_contact.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.exact import ExactState
 from qvi_contact.gallery import sliding_block, stick_slip_block
 

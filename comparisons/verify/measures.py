@@ -3,7 +3,7 @@
 import numpy as np
 
 from qvi_contact import ContactLine, ContactResult, ContactState
-from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.exact import ExactState
 
 _POINTS = 60

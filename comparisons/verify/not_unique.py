@@ -8,7 +8,7 @@ import numpy as np
 from comparisons.verify.chapter import Chapter
 from comparisons.verify.proof import by_hand, certified_algebra
 from comparisons.verify.row import Kind, Row, absolute, word
-from qvi_contact.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray
 from solvers import Certificate, FrictionQVI, certify, solve_qvi
 
 _W: Final = np.array([[1.0, 0.8], [0.8, 1.0]])

@@ -6,9 +6,9 @@ import numpy as np
 
 from qvi_contact import ContactResult
 from qvi_contact.companion import CompanionResult
-from qvi_contact.limit import LimitLoad
+from qvi_contact.solution.limit import LimitLoad
 from solvers import QVISolution, Status
-from solvers.feasibility import is_farkas
+from solvers.certificate.feasibility import is_farkas
 
 GAP = 1e-7
 """Largest relative gap between a limit load and its dual bound, and largest violation of the laws at it."""

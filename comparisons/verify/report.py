@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from comparisons.tables import Grid, markdown_table, rich_table
 from comparisons.verify import texts
-from qvi_contact.files import write_text
+from qvi_contact.basics.writing import write_text
 from qvi_contact.plots import has_matplotlib
 
 Document = dict[str, Any]

@@ -7,7 +7,7 @@ from typing import Any
 from comparisons.machine import machine, versions
 from comparisons.verify.chapter import Chapter, Problem, sentence
 from comparisons.verify.row import Row, crash
-from qvi_contact.terminal import Advance
+from qvi_contact.basics.terminal import Advance
 
 Document = dict[str, Any]
 

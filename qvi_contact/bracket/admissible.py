@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.given import GivenProblem, contact_tractions
-from qvi_contact.checks import FloatArray
 from qvi_contact.errors import InputError
-from qvi_contact.result import ContactResult
+from qvi_contact.solution.result import ContactResult
 from solvers import Status, solve_qvi
 from solvers.strict.quadratics import largest
 

@@ -5,17 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qvi_contact.basics.checks import finite_number
 from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible_stress
 from qvi_contact.bracket.data import data_reasons
 from qvi_contact.bracket.forces import force_bounds
 from qvi_contact.bracket.given import GivenProblem, contact_tractions, given_problem
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
-from qvi_contact.checks import finite_number
 from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.errors import InputError
-from qvi_contact.result import ContactResult
-from qvi_contact.work import obstacle_work, support_work
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.work import obstacle_work, support_work
 from solvers.strict.threshold import strict_bound
 
 _MISFIT = 1e-9  # prescribed tractions missed, relative to the unit of stress, that count

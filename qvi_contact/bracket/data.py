@@ -9,11 +9,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.polynomial import legendre
 
-from qvi_contact.checks import Field, FloatArray, evaluate
+from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.companion import bernstein
-from qvi_contact.conditions import Contact, Displacement, Traction
-from qvi_contact.mesh import Edges
-from qvi_contact.problem import ContactProblem
+from qvi_contact.mesh.rectilinear import Edges
+from qvi_contact.problem.conditions import Contact, Displacement, Traction
+from qvi_contact.problem.problem import ContactProblem
 
 _CELL: FloatArray = (np.arange(13.0) + 0.5) / 13.0
 _CELL_DEGREE = 5  # of φ in x and in y: the work of its stresses is then integrated exactly

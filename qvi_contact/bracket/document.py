@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from qvi_contact.basics.units import Units
 from qvi_contact.bracket.outcome import Bracket
-from qvi_contact.units import Units
 
 
 def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:

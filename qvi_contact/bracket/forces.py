@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qvi_contact.basics.checks import Field
 from qvi_contact.bracket.outcome import Bounds
-from qvi_contact.checks import Field
-from qvi_contact.conditions import Contact, Displacement, Traction
-from qvi_contact.discretization import Discretization
-from qvi_contact.problem import ContactProblem
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.problem.conditions import Contact, Displacement, Traction
+from qvi_contact.problem.problem import ContactProblem
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.outcome import BracketKind
-from qvi_contact.checks import FloatArray
-from qvi_contact.conditions import Contact
-from qvi_contact.contact import ContactState
-from qvi_contact.contact_rows import joined
-from qvi_contact.discretization import Discretization, discretize
+from qvi_contact.discretization.contact_rows import joined
+from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.errors import InputError
-from qvi_contact.problem import ContactProblem
-from qvi_contact.result import ContactResult
-from qvi_contact.work import normal_and_shear
+from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_line import ContactState
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.work import normal_and_shear
 from solvers import FrictionQVI
 from solvers.strict.threshold import strict_bound
 

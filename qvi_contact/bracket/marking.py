@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from qvi_contact.basics.checks import FloatArray, IntArray, finite_number
 from qvi_contact.bracket.outcome import Bracket
-from qvi_contact.checks import FloatArray, IntArray, finite_number
 from qvi_contact.errors import InputError
-from qvi_contact.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.marking import regular_lines
 
 

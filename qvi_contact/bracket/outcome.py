@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.units import Units
 from qvi_contact.companion import CompanionResult
-from qvi_contact.problem import ContactProblem
-from qvi_contact.result import ContactResult
-from qvi_contact.units import Units
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.result import ContactResult
 
 _ROUNDING = 1e-9  # of the strain energy
 _NOTHING = 1e-14  # of the strain energy: parts of the gap that are rounding

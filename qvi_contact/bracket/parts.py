@@ -13,15 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.bracket.outcome import EdgeParts
-from qvi_contact.checks import FloatArray, IntArray, evaluate
 from qvi_contact.companion import CompanionResult, bernstein
-from qvi_contact.contact_rows import ContactRows
-from qvi_contact.discretization import Discretization
-from qvi_contact.hermite import gauss_legendre
-from qvi_contact.loads import contact_named
-from qvi_contact.mesh import HORIZONTAL, Edges
-from qvi_contact.stress import gauss_stresses
+from qvi_contact.discretization.contact_rows import ContactRows
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import contact_named
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
+from qvi_contact.solution.stress import gauss_stresses
 
 _CELL_POINTS = 6  # Gauss points along each side of a cell: exact up to degree 11
 _EDGE_POINTS = 12

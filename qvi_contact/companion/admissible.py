@@ -7,7 +7,7 @@ below the gap. The body is then solved once more for these contact displacements
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.companion.dual import Contacts, DualProblem
 
 _SWEEPS = 60

@@ -11,8 +11,8 @@ from math import comb
 import numpy as np
 from numpy.polynomial import legendre
 
-from qvi_contact.checks import FloatArray
-from qvi_contact.hermite import gauss_legendre
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.element.hermite import gauss_legendre
 
 _END = 1e-6  # so far inside the ends a step on a grid line is not seen, a peak there is
 

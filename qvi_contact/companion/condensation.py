@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
-from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.data import Supports
 from qvi_contact.companion.elasticity import Elasticity
 from solvers.factorisation import Factorisation, FactorisationError

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qvi_contact.checks import Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
 from qvi_contact.companion import bernstein
 from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.space import Space
-from qvi_contact.conditions import Displacement, Traction
-from qvi_contact.hermite import gauss_legendre
-from qvi_contact.mesh import HORIZONTAL, Edges
-from qvi_contact.problem import ContactProblem
-from qvi_contact.scaling import Scales
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
+from qvi_contact.problem.conditions import Displacement, Traction
+from qvi_contact.problem.problem import ContactProblem
 
 LOAD_POINTS = 10
 """Gauss points an edge and direction for data given as functions, at least; see `load_points`."""

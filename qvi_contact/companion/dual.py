@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.companion.condensation import CondensedBody
 from qvi_contact.companion.traces import Trace
 from qvi_contact.errors import InputError

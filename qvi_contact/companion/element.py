@@ -15,7 +15,7 @@ from skfem import Basis, BilinearForm, MeshQuad  # type: ignore[import-untyped]
 from skfem.element import ElementH1  # type: ignore[import-untyped]
 from skfem.refdom import RefQuad  # type: ignore[import-untyped]
 
-from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 
 
 class BernsteinQuad(ElementH1):  # type: ignore[misc]  # scikit-fem has no types

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray, IntArray
-from qvi_contact.mesh import RectilinearMesh
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.mesh.rectilinear import RectilinearMesh
 
 _ON_LINE = 1e-12  # distance from a grid line, relative to the body, below which a point is on it
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.checks import FloatArray, evaluate
+from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.companion import bernstein
 from qvi_contact.companion.admissible import admissible
 from qvi_contact.companion.condensation import CondensedBody
@@ -16,12 +16,12 @@ from qvi_contact.companion.result import CompanionResult
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionState
 from qvi_contact.companion.traces import Trace, traces
-from qvi_contact.conditions import Contact
+from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.problem import ContactProblem
-from qvi_contact.scaling import Scales
+from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.problem import ContactProblem
 from solvers import Certificate, QVISolution, Status, solve_qvi
-from solvers.certificate import EXPONENTS
+from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.choice import using
 

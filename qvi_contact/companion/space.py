@@ -13,10 +13,10 @@ from scipy.sparse.csgraph import connected_components
 from skfem import MeshQuad  # type: ignore[import-untyped]
 from skfem.assembly import Dofs  # type: ignore[import-untyped]
 
-from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.element import BernsteinQuad, lattice
-from qvi_contact.mesh import HORIZONTAL, Edges, RectilinearMesh
-from qvi_contact.problem import ContactProblem
+from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges, RectilinearMesh
+from qvi_contact.problem.problem import ContactProblem
 
 
 @dataclass(frozen=True, eq=False)

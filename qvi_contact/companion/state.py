@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.dual import Contacts
 
 

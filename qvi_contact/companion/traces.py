@@ -17,16 +17,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from qvi_contact.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.companion import bernstein
 from qvi_contact.companion.data import MISFIT, edge_data, edge_moments
 from qvi_contact.companion.space import Space
-from qvi_contact.conditions import Contact, Law
+from qvi_contact.discretization.plates import COMPONENTS
+from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.mesh import HORIZONTAL, Edges
-from qvi_contact.plates import COMPONENTS
-from qvi_contact.problem import ContactProblem
-from qvi_contact.scaling import Scales
+from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
+from qvi_contact.problem.conditions import Contact, Law
+from qvi_contact.problem.problem import ContactProblem
 
 
 @dataclass(frozen=True, eq=False)

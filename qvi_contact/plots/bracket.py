@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from qvi_contact.basics.units import Units
 from qvi_contact.bracket import Bracket
 from qvi_contact.errors import InputError
 from qvi_contact.plots.style import BLUE, GREEN, ORANGE, draw_outline, frame, lines, new_figure
-from qvi_contact.units import Units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

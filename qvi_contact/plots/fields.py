@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.units import Units
 from qvi_contact.plots.style import (
     BLUE,
     VERMILLION,
@@ -15,10 +16,9 @@ from qvi_contact.plots.style import (
     lines,
     points_per_length,
 )
-from qvi_contact.result import ContactResult
-from qvi_contact.sampling import out_of_plane_factor, sample_cells, stress_component
-from qvi_contact.stress import principal_stresses
-from qvi_contact.units import Units
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.sampling import out_of_plane_factor, sample_cells, stress_component
+from qvi_contact.solution.stress import principal_stresses
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

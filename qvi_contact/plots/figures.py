@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.checks import FloatArray
-from qvi_contact.conditions import Condition, Displacement
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.plots.fields import principal_stress_map, stress_field
 from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import BLUE, GREY, new_figure, settings
 from qvi_contact.plots.tractions import contact_tractions
-from qvi_contact.problem import ContactProblem
-from qvi_contact.result import ContactResult
-from qvi_contact.sampling import out_of_plane_factor, von_mises
-from qvi_contact.stress import principal_stresses
-from qvi_contact.units import Units
+from qvi_contact.problem.conditions import Condition, Displacement
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.sampling import out_of_plane_factor, von_mises
+from qvi_contact.solution.stress import principal_stresses
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

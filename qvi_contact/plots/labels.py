@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from qvi_contact.checks import FloatArray
-from qvi_contact.conditions import Condition, Displacement, Traction
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.problem.conditions import Condition, Displacement, Traction
 
 _WRAP: Final = 44  # characters in a line of the legend
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray, IntArray
-from qvi_contact.contact import ContactState
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
-from qvi_contact.mesh import HORIZONTAL, Edges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
 from qvi_contact.plots.style import GREY, STATE_LOOK, draw_outline, frame, legend_below, lines
 from qvi_contact.plots.symbols import ground
-from qvi_contact.result import ContactResult
-from qvi_contact.units import Units
+from qvi_contact.solution.contact_line import ContactState
+from qvi_contact.solution.result import ContactResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.checks import Field, FloatArray, evaluate
-from qvi_contact.conditions import Condition, Contact, Displacement, Symmetry, Traction
+from qvi_contact.basics.checks import Field, FloatArray, evaluate
+from qvi_contact.basics.units import Units
 from qvi_contact.plots.labels import alignment, merged, value_range, wrapped
 from qvi_contact.plots.style import (
     BLUE,
@@ -22,8 +22,8 @@ from qvi_contact.plots.style import (
     require_matplotlib,
 )
 from qvi_contact.plots.symbols import Run, arrows, ground, runs
-from qvi_contact.problem import ContactProblem
-from qvi_contact.units import Units
+from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
+from qvi_contact.problem.problem import ContactProblem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

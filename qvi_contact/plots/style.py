@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray
-from qvi_contact.contact import ContactState
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
-from qvi_contact.files import replacing
-from qvi_contact.mesh import RectilinearMesh
+from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.solution.contact_line import ContactState
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray
-from qvi_contact.mesh import HORIZONTAL, Edges, RectilinearMesh
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges, RectilinearMesh
 from qvi_contact.plots.style import lines
 
 if TYPE_CHECKING:

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray, IntArray
-from qvi_contact.contact import ContactLine, ContactState
-from qvi_contact.element import GAUSS_COUNT
-from qvi_contact.hermite import gauss_legendre
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.units import Units
+from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT
+from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.plots.style import BLUE, GREY, VERMILLION
-from qvi_contact.units import Units
+from qvi_contact.solution.contact_line import ContactLine, ContactState
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

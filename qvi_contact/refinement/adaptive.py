@@ -6,15 +6,15 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray, positive_number
+from qvi_contact.basics.checks import FloatArray, positive_number
 from qvi_contact.errors import InputError, QVIError
-from qvi_contact.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.estimate import CellErrors, cell_errors
 from qvi_contact.refinement.grids import coarser, finer
 from qvi_contact.refinement.marking import marked_lines
 from qvi_contact.refinement.outcome import Refinement, RefinementRound, RefinementStatus
-from qvi_contact.result import ContactResult
-from qvi_contact.solver import solve
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.solver import solve
 from solvers import Status
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]

@@ -16,14 +16,14 @@ are so on the fine one. With friction the bound moves too, which counts in eithe
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.checks import FloatArray, IntArray, evaluate
-from qvi_contact.contact_rows import ContactRows
-from qvi_contact.element import GAUSS_COUNT, STRESS_DERIVATIVES, Line
-from qvi_contact.hermite import gauss_legendre, scaled_hermite
-from qvi_contact.mesh import HORIZONTAL, RectilinearMesh
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.discretization.contact_rows import ContactRows
+from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT, STRESS_DERIVATIVES, Line
+from qvi_contact.element.hermite import gauss_legendre, scaled_hermite
+from qvi_contact.mesh.rectilinear import HORIZONTAL, RectilinearMesh
 from qvi_contact.refinement.grids import parents
-from qvi_contact.result import ContactResult
-from qvi_contact.stress import cell_stress
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.stress import cell_stress
 
 
 def nodal_table(result: ContactResult) -> FloatArray:

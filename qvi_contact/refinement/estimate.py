@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qvi_contact.checks import BoolArray, FloatArray
-from qvi_contact.mesh import RectilinearMesh
+from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.refinement.differences import cell_energy, contact_defect, directional_energy, gauss_stress
 from qvi_contact.refinement.grids import spread, summed
-from qvi_contact.result import ContactResult
+from qvi_contact.solution.result import ContactResult
 
 _HIGHEST = 4.0  # rate of the energy for smooth stresses
 _LOWEST_IN_CELLS = 0.8

@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from qvi_contact.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.mesh import RectilinearMesh
-from qvi_contact.problem import ContactProblem
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.problem.problem import ContactProblem
 
 _HORIZONTAL_SETS = ("bottom", "top", "horizontal")
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qvi_contact.checks import BoolArray, FloatArray
-from qvi_contact.mesh import HORIZONTAL
-from qvi_contact.problem import ContactProblem
+from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.mesh.rectilinear import HORIZONTAL
+from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.estimate import CellErrors
 
 _SMOOTH = 1.0 / 16.0  # factor of an interval away from what makes its neighbour singular

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-from qvi_contact.checks import FloatArray
-from qvi_contact.problem import ContactProblem
-from qvi_contact.result import ContactResult
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.result import ContactResult
 
 
 class RefinementStatus(StrEnum):

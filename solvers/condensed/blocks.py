@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.sparse import csr_matrix, diags, vstack
 
-from solvers.types import Matrix, Sparse, Vector
+from solvers.basics.types import Matrix, Sparse, Vector
 
 Rows: TypeAlias = Sparse | Matrix
 """Rows (q, k), a csr matrix or a dense array."""

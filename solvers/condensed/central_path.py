@@ -13,8 +13,8 @@ H. B. Keller, 1977).
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from solvers.basics.types import Vector
 from solvers.condensed.interior_point import InteriorPoint, Newton, Step
-from solvers.types import Vector
 
 _FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01
 _GROWTH = 1.5

@@ -18,12 +18,12 @@ Equations are solved for some of the coordinates (`equations`).
 
 import numpy as np
 
+from solvers.basics.types import IntVector, Matrix, Vector
 from solvers.condensed.blocks import Rows, add_product, mapped, scaled, stacked, transposed
 from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
 from solvers.condensed.reduction import Base, Reduction
-from solvers.problem import FrictionQVI
-from solvers.types import IntVector, Matrix, Vector
+from solvers.inequality.problem import FrictionQVI
 
 FRICTION_SHARES = (1000.0, 100.0, 1e4, 10.0)
 """s λ of friction bounds and caps over s λ of normal bounds on the central path, one after the other if need be: with 1

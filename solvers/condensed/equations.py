@@ -10,8 +10,8 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.sparse import csr_matrix
 
+from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.condensed.frictionless import Frictionless
-from solvers.types import IntVector, Matrix, Sparse, Vector
 
 _DEPENDENT = 1e-10  # rows of A, scaled to length one, that are shorter than this beside the others repeat them
 

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, diags
 from scipy.sparse.linalg import splu
 
+from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.condensed.blocks import Rows
-from solvers.rows import echelon
-from solvers.types import IntVector, Matrix, Sparse, Vector
+from solvers.inequality.rows import echelon
 
 
 @dataclass(frozen=True, eq=False)

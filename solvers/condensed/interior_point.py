@@ -16,10 +16,10 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from solvers.basics.types import Matrix, Vector
 from solvers.condensed.blocks import Rows
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.saddle import Saddle
-from solvers.types import Matrix, Vector
 
 _STEP = 0.99  # of the way to the nearest bound
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this

@@ -27,15 +27,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from solvers.basics.status import Status
 from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
 from solvers.condensed.reduction import Base, Reduction
 from solvers.errors import InputError
-from solvers.finish import Outcome, finish
-from solvers.problem import SLOW_CONTRACTION, FrictionQVI
-from solvers.solution import Iteration, QVISolution
-from solvers.status import Status
+from solvers.inequality.problem import SLOW_CONTRACTION, FrictionQVI
+from solvers.solution.finish import Outcome, finish
+from solvers.solution.solution import Iteration, QVISolution
 
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
 _SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measures`

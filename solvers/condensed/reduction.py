@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix, diags
 
+from solvers.basics.types import Matrix, Vector
 from solvers.condensed.blocks import Rows, stored
 from solvers.factorisation.base import State
-from solvers.problem import FrictionQVI
-from solvers.traces import trace_coordinates
-from solvers.types import Matrix, Vector
+from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.traces import trace_coordinates
 
 
 @dataclass(eq=False)

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.condensed.blocks import Rows
 from solvers.condensed.complementarity import Complementarity
-from solvers.types import BoolVector, IntVector, Matrix, Vector
 
 _REFINEMENTS = 2
 

@@ -21,15 +21,15 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from solvers.certificate import certify
+from solvers.basics.files import replacing
+from solvers.basics.status import Status
+from solvers.basics.types import Sparse
+from solvers.certificate.certificate import certify
 from solvers.errors import InputError
 from solvers.exchange.files import unreadable
-from solvers.files import replacing
-from solvers.problem import FrictionQVI
-from solvers.solution import QVISolution
-from solvers.status import Status
-from solvers.traces import Traces
-from solvers.types import Sparse
+from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.traces import Traces
+from solvers.solution.solution import QVISolution
 
 FORMAT = "qvi_contact.FrictionQVI"
 VERSION = 1

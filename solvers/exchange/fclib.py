@@ -27,11 +27,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
+from solvers.basics.files import replacing
+from solvers.basics.types import Matrix, Module, Sparse, Vector, load
 from solvers.errors import InputError
 from solvers.exchange.files import finite, unreadable
 from solvers.exchange.local_problem import LARGEST, ContactState, LocalProblem
-from solvers.files import replacing
-from solvers.types import Matrix, Module, Sparse, Vector, load
 
 _KIND = "an FCLIB file (HDF5)"
 _OWN = "qvi_contact"

@@ -32,14 +32,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from solvers.certificate import Certificate, certify
+from solvers.basics.types import Matrix, Vector
+from solvers.certificate.certificate import Certificate, certify
 from solvers.errors import InputError
 from solvers.exchange.files import finite
-from solvers.forms import CondensedForm, Simplified
-from solvers.problem import FrictionQVI
-from solvers.solution import QVISolution
+from solvers.fixed_point.forms import CondensedForm, Simplified
+from solvers.inequality.problem import FrictionQVI
+from solvers.solution.solution import QVISolution
 from solvers.solve import solve_qvi
-from solvers.types import Matrix, Vector
 
 LARGEST = 6000
 """Rows 2c up to which problems are taken: their matrices are treated as dense."""

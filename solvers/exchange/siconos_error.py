@@ -19,9 +19,9 @@ from typing import Literal
 
 import numpy as np
 
+from solvers.basics.types import Vector
 from solvers.errors import InputError
 from solvers.exchange.local_problem import LocalProblem
-from solvers.types import Vector
 
 
 def siconos_error(

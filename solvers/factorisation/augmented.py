@@ -26,10 +26,10 @@ from scipy import __version__ as scipy_version
 from scipy.linalg import blas, lapack
 from scipy.sparse import csr_array, diags_array
 
+from solvers.basics.types import BoolVector, IntVector, Matrix, Module, Sparse, Vector, load
 from solvers.errors import InputError
 from solvers.factorisation.base import Factorisation, State
 from solvers.factorisation.errors import FactorisationError
-from solvers.types import BoolVector, IntVector, Matrix, Module, Sparse, Vector, load
 
 ORTHOGONAL: Final = "qr"
 """Name of this back end."""

@@ -7,9 +7,9 @@ from typing import ClassVar, Final, TypeAlias
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
+from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.errors import FactorisationError
-from solvers.types import IntVector, Matrix, Sparse, Vector
 
 State: TypeAlias = Matrix
 """A right-hand side after elimination of the interior, (n,) or (n, j): the back end's own numbers on I, g̃ on Γ."""

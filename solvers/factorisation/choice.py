@@ -7,12 +7,12 @@ from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from solvers.basics.types import IntVector, Sparse
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.dissection import SharedSubdomains, SubdomainTree
 from solvers.factorisation.registry import BACKENDS, chosen, factorise, resolve
 from solvers.factorisation.threads import limited_blas, thread_count
-from solvers.types import IntVector, Sparse
 
 SHARED: Final = "shared-subdomains"
 CHOICES: Final = ("auto", SHARED, *BACKENDS)

@@ -13,12 +13,12 @@ from typing import Final
 
 import numpy as np
 
+from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector, load
 from solvers.factorisation.base import Factorisation, State, check_pivots, symmetrised
 from solvers.factorisation.cholmod_factor import trailing_block
 from solvers.factorisation.errors import FactorisationError
 from solvers.factorisation.ordering import interface_last
 from solvers.factorisation.threads import limited_blas, thread_count
-from solvers.types import IntVector, Matrix, Module, Sparse, Vector, load
 
 __all__ = ["Cholmod", "factorise", "version"]
 

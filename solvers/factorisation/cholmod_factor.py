@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.types import IntVector, Matrix, Module, Vector
+from solvers.basics.types import IntVector, Matrix, Module, Vector
 
 _NAME: Final = b"CHOLMOD FACTOR D L"  # cvxopt's name of a real factor made from the lower triangle
 _LONG, _REAL, _DOUBLE = 2, 1, 0  # itype, xtype, dtype

@@ -22,10 +22,10 @@ import numpy as np
 import scipy
 from scipy.linalg import blas, lapack
 
+from solvers.basics.types import IntVector, Matrix, Vector
 from solvers.factorisation.base import Factorisation, State, check_pivots
 from solvers.factorisation.errors import FactorisationError
 from solvers.factorisation.threads import limited_blas
-from solvers.types import IntVector, Matrix, Vector
 
 _LARGE: Final = 2e8  # operations from which several threads pay for themselves
 

@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from solvers.types import IntVector, Sparse
+from solvers.basics.types import IntVector, Sparse
 
 MinimumDegree: TypeAlias = Callable[[Sparse], IntVector]
 """A symmetric pattern (m, m) with full diagonal → its elimination order, a permutation of 0 … m − 1."""

@@ -13,11 +13,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation.base import Factorisation, State, symmetrised
 from solvers.factorisation.errors import FactorisationError, Reason
 from solvers.factorisation.mkl import library, limited_threads, version
 from solvers.factorisation.threads import thread_count
-from solvers.types import IntVector, Matrix, Sparse, Vector
 
 __all__ = ["Pardiso", "factorise", "version"]
 

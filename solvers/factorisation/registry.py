@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from solvers.basics.types import IntVector, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import Factorisation, NoInterior
 from solvers.factorisation.errors import FactorisationError
-from solvers.types import IntVector, Module, Sparse, load
 
 BACKENDS: Final = ("pardiso", "cholmod", "superlu")
 """Names of the back ends, the fastest first."""

@@ -8,10 +8,10 @@ import scipy
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu, spsolve_triangular
 
+from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector
 from solvers.factorisation.base import Factorisation, State, check_pivots, symmetrised
 from solvers.factorisation.errors import FactorisationError
 from solvers.factorisation.ordering import interface_last
-from solvers.types import IntVector, Matrix, Module, Sparse, Vector
 
 __all__ = ["SuperLU", "factorise", "version"]
 

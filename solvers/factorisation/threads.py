@@ -8,8 +8,8 @@ from functools import lru_cache
 from importlib.util import find_spec
 from typing import Final
 
+from solvers.basics.types import Module, load
 from solvers.factorisation import mkl
-from solvers.types import Module, load
 
 VARIABLES: Final = ("MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Environment variables that bound the threads of MKL, the first that is set."""

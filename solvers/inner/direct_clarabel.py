@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix, triu, vstack
 
+from solvers.basics.status import Status
+from solvers.basics.types import Module, Vector, load
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.guard import BackendFailure, attempt, updated_solve
 from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
 from solvers.inner.qp_backends import CLARABEL_WORDS
-from solvers.problem import FrictionQVI
-from solvers.status import Status
-from solvers.types import Module, Vector, load
 
 _FLOOR = 1e-12
 

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix, triu, vstack
 
+from solvers.basics.status import Status
+from solvers.basics.types import Module, Vector, load
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerSolution, inner_residual, no_result
 from solvers.inner.qp_backends import OSQP_WORDS
-from solvers.problem import FrictionQVI
-from solvers.status import Status
-from solvers.types import Module, Vector, load
 
 _FLOOR = 1e-11
 _MAX_ITERATIONS = 50_000

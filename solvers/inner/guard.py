@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
-from solvers.types import Module, Vector
+from solvers.basics.types import Module, Vector
 
 _Answer = TypeVar("_Answer")
 

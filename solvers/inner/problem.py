@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, vstack
 
-from solvers.problem import FrictionQVI
-from solvers.status import Status
-from solvers.types import Sparse, Vector
+from solvers.basics.status import Status
+from solvers.basics.types import Sparse, Vector
+from solvers.inequality.problem import FrictionQVI
 
 _EMPTY_ROW = 1e-9  # of the largest traction: violation of a row without unknowns that counts
 

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from solvers.basics.status import Status
+from solvers.basics.types import Vector, load
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.guard import BackendFailure, attempt
 from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
 from solvers.inner.qp_backends import BACKENDS, QPBackend
-from solvers.problem import FrictionQVI
-from solvers.status import Status
-from solvers.types import Vector, load
 
 
 class QPSolver:

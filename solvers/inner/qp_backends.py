@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from solvers.status import Status
+from solvers.basics.status import Status
 
 _FOUND = MappingProxyType({"found": Status.SOLVED, "not found": Status.BACKEND_FAILED})
 

@@ -6,9 +6,9 @@ from importlib.util import find_spec
 from typing import Any
 
 from solvers.errors import InputError, SolverUnavailableError
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner import qp_backends, socp
 from solvers.inner.problem import InnerSolver
-from solvers.problem import FrictionQVI
 from solvers.strict.names import STRICT_DEFAULT, is_strict
 
 _DIRECT = ("clarabel", "osqp")

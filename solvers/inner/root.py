@@ -4,8 +4,8 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 
+from solvers.basics.types import Sparse
 from solvers.errors import InputError
-from solvers.types import Sparse
 
 
 def square_root(K: Sparse) -> Sparse:

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from solvers.basics.status import Status
+from solvers.basics.types import Vector, load
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.guard import BackendFailure, solve_cvxpy
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.root import square_root
-from solvers.problem import FrictionQVI
-from solvers.status import Status
-from solvers.types import Vector, load
 
 
 @dataclass(frozen=True)

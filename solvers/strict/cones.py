@@ -18,12 +18,12 @@ from types import MappingProxyType
 import numpy as np
 from scipy.sparse import csc_matrix, vstack
 
+from solvers.basics.status import Status
+from solvers.basics.types import BoolVector, Matrix, Sparse, Vector
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerSolution, no_result
-from solvers.problem import FrictionQVI
-from solvers.status import Status
 from solvers.strict.quadratics import largest
 from solvers.strict.threshold import bilateral_edges, edge_rows
-from solvers.types import BoolVector, Matrix, Sparse, Vector
 
 CLARABEL_SETTINGS: Mapping[str, float] = MappingProxyType(
     {

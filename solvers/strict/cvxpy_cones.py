@@ -7,14 +7,14 @@ import time
 
 import numpy as np
 
+from solvers.basics.status import Status
+from solvers.basics.types import Module, Vector, load
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.guard import BackendFailure, solve_cvxpy
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.root import square_root
 from solvers.inner.socp import BACKENDS, WORDS
-from solvers.problem import FrictionQVI
-from solvers.status import Status
 from solvers.strict.cones import CLARABEL_SETTINGS, ConeProblem
-from solvers.types import Module, Vector, load
 
 
 class StrictSOCPSolver:

@@ -8,14 +8,14 @@ import time
 import numpy as np
 from scipy.sparse import block_diag, csc_matrix, hstack, identity, triu, vstack
 
+from solvers.basics.status import Status
+from solvers.basics.types import Sparse, Vector, load
+from solvers.inequality.problem import FrictionQVI
 from solvers.inner.direct_clarabel import DirectClarabel
 from solvers.inner.guard import BackendFailure, attempt, updated_solve
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.qp_backends import CLARABEL_WORDS
-from solvers.problem import FrictionQVI
-from solvers.status import Status
 from solvers.strict.cones import CLARABEL_SETTINGS, ConeProblem, cone_coordinates
-from solvers.types import Sparse, Vector, load
 
 
 class DirectStrictClarabel:

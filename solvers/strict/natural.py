@@ -25,9 +25,9 @@ Source of Moreau's decomposition: J.-J. Moreau, C. R. Acad. Sci. Paris 255 (1962
 
 import numpy as np
 
+from solvers.basics.types import Matrix, Vector
 from solvers.strict.cones import cone_coordinates
 from solvers.strict.quadratics import is_nonnegative
-from solvers.types import Matrix, Vector
 
 _ROUNDING = 1e-14  # of the bound
 

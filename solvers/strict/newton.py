@@ -25,8 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lstsq
 
-from solvers.compliance import Compliance
-from solvers.problem import FrictionQVI
+from solvers.basics.types import BoolVector, Matrix, Vector
+from solvers.inequality.compliance import Compliance
+from solvers.inequality.problem import FrictionQVI
 from solvers.strict.natural import project
 from solvers.strict.quadratics import in_dual
 from solvers.strict.support import least_part
@@ -38,7 +39,6 @@ from solvers.strict.threshold import (
     strict_bound,
     threshold_of_ends,
 )
-from solvers.types import BoolVector, Matrix, Vector
 
 _LARGEST = 256  # edges
 _STEPS = 15

@@ -10,8 +10,8 @@ Source: Karlin, Studden, Tchebycheff Systems, ch. II (Markov-Lukács); here for 
 
 import numpy as np
 
-from solvers.edges import quadratic_basis
-from solvers.types import BoolVector, Matrix, Vector
+from solvers.basics.types import BoolVector, Matrix, Vector
+from solvers.inequality.edges import quadratic_basis
 
 
 def is_nonnegative(b: Matrix, slack: float = 0.0) -> BoolVector:

@@ -14,7 +14,7 @@ Source: Boyd, Vandenberghe, Convex Optimization, 2004, ch. 11 (barrier method) a
 
 import numpy as np
 
-from solvers.types import Matrix, Vector
+from solvers.basics.types import Matrix, Vector
 
 _WORTH = 1e-10  # of the largest work: what a better decomposition must be able to save
 _FIRST, _LAST, _FACTOR = 1.0, 1e13, 6.0  # weights of the objective against the barrier

@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solvers.edges import EdgeRows, affine_basis
-from solvers.problem import FrictionQVI
+from solvers.basics.types import BoolVector, Matrix, Vector
+from solvers.inequality.edges import EdgeRows, affine_basis
+from solvers.inequality.problem import FrictionQVI
 from solvers.strict.quadratics import affine_below, is_nonnegative, product, raised, smallest
-from solvers.types import BoolVector, Matrix, Vector
 
 _ROUNDING = 1e-10  # of the values of a field: difference from a polynomial that is none
 _FINE = 33  # places between the points where fields are looked at

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from comparisons.study import Study, study_options
-from qvi_contact.terminal import run
+from qvi_contact.basics.terminal import run
 
 DEMO = Study(
     "demo",

@@ -238,7 +238,7 @@ def test_export_and_import_commands(capfd, tmp_path, tiny):
 
 
 def _normal_force(path: Path) -> float:
-    from qvi_contact.problem_file import load_problem
+    from qvi_contact.files.problem_file import load_problem
 
     return solve(load_problem(path).problem).contacts["plate"].normal_force
 
@@ -288,7 +288,7 @@ def test_wrong_files_and_places_are_one_line(capfd, tmp_path, tiny):
     assert "--penalty" in refused(capfd, "export", "fclib", tiny, tmp_path / "a.hdf5", "--penalty", "-1")
     (tmp_path / "file").write_text("kept", encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("qvi_contact.solver.solve", lambda *_, **__: pytest.fail("it was solved first"))
+        patch.setattr("qvi_contact.solution.solver.solve", lambda *_, **__: pytest.fail("it was solved first"))
         for kind, name in (("npz", "a.npz"), ("fclib", "a.hdf5")):
             assert "is a file, not a folder" in refused(capfd, "export", kind, tiny, tmp_path / "file" / name)
     assert "is a file, not a folder" in refused(capfd, "export", "qpbenchmark", tmp_path / "file", tiny)

@@ -17,7 +17,7 @@ from comparisons.verify.study import as_record
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Symmetry, Traction, solve
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.limit import LimitLoad
+from qvi_contact.solution.limit import LimitLoad
 from solvers import Status
 
 PROOF = Proof(passed=True, text="by hand")

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction, solve
-from qvi_contact.claims import (
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.result import ContactResult
+from qvi_contact.verification.claims import (
     compared,
     difference,
     missed_tractions,
@@ -16,10 +18,8 @@ from qvi_contact.claims import (
     scales_difference,
     worse_than_claimed,
 )
-from qvi_contact.gallery import compressed_plate
-from qvi_contact.result import ContactResult
 from solvers import Certificate
-from solvers.certificate import EXPONENTS
+from solvers.certificate.certificate import EXPONENTS
 
 
 def test_each_entry_by_its_own_size():

@@ -274,7 +274,7 @@ def test_without_a_state_there_are_no_fields(shell, sliding, tmp_path):
     ],
 )
 def test_targets_are_checked_before_the_work(shell, plate, monkeypatch, option, target, words):
-    monkeypatch.setattr("qvi_contact.problem_file.load_problem", None)
+    monkeypatch.setattr("qvi_contact.files.problem_file.load_problem", None)
     monkeypatch.chdir(plate.parent)
     status, out, err = shell("solve", "plate.toml", option, target)
     assert (status, out) == (2, "")

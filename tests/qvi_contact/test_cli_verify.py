@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from qvi_contact import save_problem, solve, terminal
-from qvi_contact.archive import Archive
 from qvi_contact.cli import group
 from qvi_contact.export import write_npz
+from qvi_contact.files.archive import Archive
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 
@@ -136,7 +136,7 @@ def test_steps_of_a_history_are_verified_each(shell, tmp_path):
 
 def test_a_wrong_result_is_status_1(shell, folder, monkeypatch):
     """The certificate of the solve is not what decides: here the verification disagrees."""
-    monkeypatch.setattr("qvi_contact.verification.worse_than_claimed", lambda *_: 1.0)
+    monkeypatch.setattr("qvi_contact.verification.verification.worse_than_claimed", lambda *_: 1.0)
     status, out, _ = shell("solve", folder / "plate.toml", "--certificate")
     assert status == 1
     assert out.splitlines()[-1] == "not verified: claimed measures"

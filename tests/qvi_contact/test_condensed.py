@@ -24,8 +24,8 @@ from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint
 from solvers.condensed.method import CondensedOptions
 from solvers.condensed.reduction import Reduction
-from solvers.linear import interface_of
-from solvers.traces import trace_coordinates
+from solvers.inequality.linear import interface_of
+from solvers.inequality.traces import trace_coordinates
 
 FRICTIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 FEW = 25

@@ -7,8 +7,14 @@ import pytest
 from scipy.linalg import null_space
 
 from qvi_contact import Contact, ContactState, Material, RectilinearMesh, discretize, exact, solve
-from qvi_contact.contact import STATE_TOLERANCE, _project_normal, _project_tangential, contact_line, contact_states
 from qvi_contact.gallery import compressed_plate, sliding_block
+from qvi_contact.solution.contact_line import (
+    STATE_TOLERANCE,
+    _project_normal,
+    _project_tangential,
+    contact_line,
+    contact_states,
+)
 from solvers import Status
 
 OPEN, STICK, SLIP = ContactState

@@ -6,11 +6,11 @@ import sympy
 from numpy.polynomial import Polynomial
 
 from qvi_contact import Material, RectilinearMesh
-from qvi_contact.assembly import energy_matrix
-from qvi_contact.element import Grid
-from qvi_contact.hermite import gauss_legendre, hermite, scaled_hermite
-from qvi_contact.loads import cell_points
-from qvi_contact.traces import EdgePoints
+from qvi_contact.discretization.assembly import energy_matrix
+from qvi_contact.discretization.loads import cell_points
+from qvi_contact.discretization.traces import EdgePoints
+from qvi_contact.element.bogner_fox_schmit import Grid
+from qvi_contact.element.hermite import gauss_legendre, hermite, scaled_hermite
 
 GRADED = RectilinearMesh([3.0, 3.5, 3.6, 5.0], [-1.0, 0.0, 0.2])
 COMPLIANCE = np.array([[1.0, -0.3, 0.1], [-0.3, 1.2, -0.2], [0.1, -0.2, 2.6]])  # every coupling present

@@ -22,10 +22,10 @@ from qvi_contact import (
     principal_stresses,
     solve,
 )
-from qvi_contact.contact import ContactState
 from qvi_contact.export import summary, write_json, write_npz, write_vtu
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.sampling import von_mises
+from qvi_contact.solution.contact_line import ContactState
+from qvi_contact.solution.sampling import von_mises
 from qvi_contact.units import Units
 from solvers import Status
 

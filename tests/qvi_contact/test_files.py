@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from qvi_contact.basics.writing import replacing, writable_folder, write_text
 from qvi_contact.errors import InputError
-from qvi_contact.files import replacing, writable_folder, write_text
 
 
 @pytest.fixture

@@ -17,8 +17,8 @@ from qvi_contact import (
     Traction,
     solve,
 )
-from qvi_contact.conditions import RigidPlate
-from qvi_contact.history import loop_area, solve_history
+from qvi_contact.problem.conditions import RigidPlate
+from qvi_contact.solution.history import loop_area, solve_history
 from solvers import Status
 
 YOUNG, PRESSURE, FRICTION, WIDTH, HEIGHT = 1000.0, 10.0, 0.3, 2.0, 1.0

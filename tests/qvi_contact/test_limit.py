@@ -18,7 +18,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.gallery import stick_slip_block
-from qvi_contact.limit import limit_load, limit_load_factor
+from qvi_contact.solution.limit import limit_load, limit_load_factor
 from solvers import Status
 
 STEEL = Material(1000.0, 0.3)

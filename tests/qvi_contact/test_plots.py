@@ -28,9 +28,8 @@ from qvi_contact import (
     principal_stresses,
     solve,
 )
-from qvi_contact.contact import ContactLine
+from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.gallery import compressed_plate, sliding_block
-from qvi_contact.hermite import gauss_legendre
 from qvi_contact.plots import (
     contact_tractions,
     deformed_contact,
@@ -45,7 +44,8 @@ from qvi_contact.plots import (
     save_figure,
     stress_field,
 )
-from qvi_contact.sampling import out_of_plane_factor, sample_cells, von_mises
+from qvi_contact.solution.contact_line import ContactLine
+from qvi_contact.solution.sampling import out_of_plane_factor, sample_cells, von_mises
 from qvi_contact.units import Units
 from solvers import Status
 

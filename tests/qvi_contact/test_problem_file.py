@@ -26,10 +26,10 @@ from qvi_contact import (
     save_problem,
     solve,
 )
+from qvi_contact.files.problem_document import SolveTable
+from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.files.problem_writer import problem_to_toml
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem_document import SolveTable
-from qvi_contact.problem_file import problem_from_toml
-from qvi_contact.problem_writer import problem_to_toml
 from qvi_contact.units import Units
 from solvers.condensed.method import CondensedOptions
 from solvers.fixed_point import FixedPointOptions

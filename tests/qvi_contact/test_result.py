@@ -16,7 +16,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.gallery import compressed_plate, sliding_block
-from qvi_contact.mesh import SIDES
+from qvi_contact.mesh.rectilinear import SIDES
 from solvers import Status
 
 FORCE = 209.0

@@ -10,14 +10,14 @@ from scipy.optimize import linprog
 import comparisons.verify.bounds as bounds_chapter
 from comparisons.verify.proof import by_hand
 from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve
-from qvi_contact.archive import Archive, digest
 from qvi_contact.companion import solve_companion
 from qvi_contact.export import write_npz
+from qvi_contact.files.archive import Archive, digest
+from qvi_contact.files.stored import load_result
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.stored import load_result
 from qvi_contact.verification import verify_file
 from solvers import EdgeRows, FrictionQVI, Iteration, Status, certify
-from solvers.edges import quadratic_basis
+from solvers.inequality.edges import quadratic_basis
 
 STRICT = "strict-direct:clarabel"
 GAUSS = (np.polynomial.legendre.leggauss(4)[0] + 1.0) / 2.0

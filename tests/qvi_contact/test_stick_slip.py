@@ -22,7 +22,7 @@ import pytest
 from qvi_contact import ContactState, solve
 from qvi_contact.errors import InputError
 from qvi_contact.gallery import stick_slip_block
-from qvi_contact.lines import graded_lines
+from qvi_contact.mesh.lines import graded_lines
 from solvers import Status
 
 OPEN, STICK, SLIP = ContactState

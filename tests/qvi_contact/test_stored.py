@@ -23,10 +23,10 @@ from qvi_contact import (
     solve,
     solve_history,
 )
-from qvi_contact.archive import FORMAT_VERSION, Archive, digest, write_archive
 from qvi_contact.export import field_arrays, write_npz
+from qvi_contact.files.archive import FORMAT_VERSION, Archive, digest, write_archive
+from qvi_contact.files.stored import load_result
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.stored import load_result
 from qvi_contact.units import Units
 from qvi_contact.verification import verify_file
 from solvers import Status

@@ -21,8 +21,8 @@ from qvi_contact import (
 )
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128, stick_slip_block
 from solvers import Status, certify, solve_qvi
-from solvers.edges import affine_basis, quadratic_basis
-from solvers.forms import make_form
+from solvers.fixed_point.forms import make_form
+from solvers.inequality.edges import affine_basis, quadratic_basis
 from solvers.inner.registry import make_inner
 from solvers.strict.threshold import strict_pressure, strict_threshold
 from tests.qvi_contact.states import solved

@@ -19,8 +19,8 @@ from qvi_contact import (
     discretize,
 )
 from qvi_contact import substructures as module
+from qvi_contact.discretization.substructures import substructures, why_not
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
-from qvi_contact.substructures import substructures, why_not
 from solvers.factorisation.dissection import SharedSubdomains
 from solvers.factorisation.threads import limited_blas
 

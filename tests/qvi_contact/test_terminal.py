@@ -15,7 +15,7 @@ from qvi_contact import terminal
 FULL = Path("/dev/full")
 SCRIPT = """
 import sys, click
-from qvi_contact.terminal import run
+from qvi_contact.basics.terminal import run
 
 @click.command()
 @click.option("--lines", default=1)

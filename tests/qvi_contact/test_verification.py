@@ -19,12 +19,12 @@ from qvi_contact import (
     solve,
     solve_history,
 )
-from qvi_contact.contact import ContactLine, ContactState
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.result import ContactResult, Energies, PlateMotion
+from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.verification import verify_result
 from solvers import Certificate, Status, certify
-from solvers.certificate import EXPONENTS
+from solvers.certificate.certificate import EXPONENTS
 from solvers.inner.direct_clarabel import DirectClarabel
 
 FREE = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, random_array, vstack
 
+from solvers.basics.types import IntVector, Matrix, Vector
 from solvers.errors import InputError
 from solvers.factorisation import FactorisationError, factorise
 from solvers.factorisation.augmented import factorise_root
-from solvers.types import IntVector, Matrix, Vector
 
 
 def _strip(cells: int, seed: int = 0) -> tuple[csr_array, Matrix]:

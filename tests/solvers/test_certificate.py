@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solvers import FrictionQVI, InputError, certify, solve_qvi
-from solvers.certificate import EXPONENTS, scales_at
+from solvers.certificate.certificate import EXPONENTS, scales_at
 from tests.solvers.conftest import one_contact, random_problem, two_contacts
 
 EXACT = [  # state, load, friction, z, m_N, m_T of one contact, by hand

@@ -187,7 +187,9 @@ def test_lack_of_memory_in_mechanics(monkeypatch, name):
     assert "fewer cells" in result.message
 
 
-@pytest.mark.parametrize("place", ["solvers.condensed.reduction.trace_coordinates", "solvers.linear.cho_factor"])
+@pytest.mark.parametrize(
+    "place", ["solvers.condensed.reduction.trace_coordinates", "solvers.inequality.linear.cho_factor"]
+)
 def test_lack_of_memory_outside_the_factorisation(monkeypatch, place):
     """The dense algebra on the contact needs memory as well."""
 

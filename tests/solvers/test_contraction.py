@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solvers import Iteration, Status, solve_qvi
-from solvers.contraction import observed_contraction
+from solvers.solution.contraction import observed_contraction
 from tests.solvers.conftest import one_contact
 
 

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from qvi_contact.hermite import gauss_legendre
+from qvi_contact.element.hermite import gauss_legendre
 from solvers import EdgeRows, InputError
-from solvers.edges import affine_basis, quadratic_basis
+from solvers.inequality.edges import affine_basis, quadratic_basis
 
 NUMBERS = st.floats(-10, 10, allow_subnormal=False)
 EDGES = EdgeRows(gauss_legendre(4)[0])

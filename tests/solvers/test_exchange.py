@@ -14,7 +14,6 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 import solvers.exchange
 from solvers import FrictionQVI, InputError, Status, Traces, certify, solve_qvi
-from solvers.compliance import Compliance
 from solvers.exchange import (
     ContactState,
     LocalProblem,
@@ -28,6 +27,7 @@ from solvers.exchange import (
     write_fclib,
 )
 from solvers.exchange.siconos_error import project
+from solvers.inequality.compliance import Compliance
 
 h5py = pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
 

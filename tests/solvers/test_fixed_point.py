@@ -12,8 +12,8 @@ from solvers import (
     check_feasibility,
     solve_qvi,
 )
-from solvers.feasibility import is_farkas
-from solvers.finish import Outcome, finish
+from solvers.certificate.feasibility import is_farkas
+from solvers.solution.finish import Outcome, finish
 from tests.solvers.conftest import dragged_block, one_contact, random_problem, two_contacts
 
 INNER = "direct:clarabel"

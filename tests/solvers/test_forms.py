@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from solvers import InputError, Status, solve_qvi
-from solvers.compliance import Compliance
-from solvers.forms import CondensedForm, FullForm, Simplified, make_form
+from solvers.fixed_point.forms import CondensedForm, FullForm, Simplified, make_form
+from solvers.inequality.compliance import Compliance
 from solvers.inner.problem import Centre
 from solvers.inner.registry import make_inner
 from tests.solvers.conftest import dragged_block, random_problem

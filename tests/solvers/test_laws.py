@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solvers import FrictionQVI, InputError, Status, available, certify, solve_qvi
-from solvers.feasibility import AdmissibleRows, check_feasibility, is_farkas
+from solvers.certificate.feasibility import AdmissibleRows, check_feasibility, is_farkas
 from tests.covering import every_pair
 from tests.solvers.conftest import random_problem
 

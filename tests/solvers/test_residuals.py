@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solvers import FrictionQVI, certify
-from solvers.measures import MEASURES
-from solvers.residuals import law_residuals
+from solvers.certificate.measures import MEASURES
+from solvers.inequality.residuals import law_residuals
 from tests.solvers.conftest import one_contact, random_problem
 
 SCALES = {"stress": 2.0, "displacement": 0.5, "energy": 4.0}  # k = 4

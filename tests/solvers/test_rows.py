@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
-from solvers.rows import independent_rows, spanning_rows
+from solvers.inequality.rows import independent_rows, spanning_rows
 
 SHAPES = {"tall": (20, 6, 4), "wide": (5, 30, 3), "full": (4, 4, 4), "nothing": (3, 5, 0)}
 

@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from qvi_contact.hermite import gauss_legendre
+from qvi_contact.element.hermite import gauss_legendre
 from solvers import EdgeRows, FrictionQVI, InputError, SolverUnavailableError, Status, available, certify, solve_qvi
-from solvers.edges import affine_basis, quadratic_basis
-from solvers.forms import make_form
+from solvers.fixed_point.forms import make_form
+from solvers.inequality.edges import affine_basis, quadratic_basis
 from solvers.inner.problem import Centre
 from solvers.inner.registry import make_inner
 from solvers.strict.cones import strict_contradiction

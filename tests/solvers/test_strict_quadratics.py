@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from solvers.edges import affine_basis, quadratic_basis
+from solvers.inequality.edges import affine_basis, quadratic_basis
 from solvers.strict.natural import natural_bound, project, slip_size
 from solvers.strict.quadratics import affine_below, in_dual, is_nonnegative, largest, product, raised, smallest
 from solvers.strict.support import distance_to_dual, support

@@ -11,9 +11,9 @@ from qvi_contact.gallery import compressed_plate
 from solvers import InputError
 from solvers.factorisation import factorise
 from solvers.factorisation.augmented import factorise_root
-from solvers.linear import interface_of
-from solvers.rows import echelon
-from solvers.traces import Traces, trace_coordinates
+from solvers.inequality.linear import interface_of
+from solvers.inequality.rows import echelon
+from solvers.inequality.traces import Traces, trace_coordinates
 
 
 @st.composite

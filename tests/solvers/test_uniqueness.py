@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate
 from solvers import FrictionQVI, solve_qvi
-from solvers.uniqueness import LARGEST, uniqueness_bound
+from solvers.certificate.uniqueness import LARGEST, uniqueness_bound
 from tests.solvers.conftest import one_contact, random_problem, two_contacts
 
 
@@ -136,7 +136,7 @@ def test_without_a_moving_bound_the_stress_is_unique():
 def test_large_contacts_say_why_there_is_none(monkeypatch):
     qvi = independent_problem(0)
     assert 2 * qvi.m < LARGEST
-    monkeypatch.setattr("solvers.uniqueness.LARGEST", 2 * qvi.m - 1)
+    monkeypatch.setattr("solvers.certificate.uniqueness.LARGEST", 2 * qvi.m - 1)
     found = uniqueness_bound(qvi)
     assert found.bound is found.sharper is None
     assert not found.satisfied
@@ -147,5 +147,5 @@ def test_solutions_compute_it_once_and_only_when_asked(monkeypatch):
     solution = solve_qvi(one_contact(0.5, (-1.0, -3.0)))
     assert "uniqueness" not in solution.__dict__
     first = solution.uniqueness
-    monkeypatch.setattr("solvers.solution.uniqueness_bound", None)
+    monkeypatch.setattr("solvers.solution.solution.uniqueness_bound", None)
     assert solution.uniqueness is first

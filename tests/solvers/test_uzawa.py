@@ -86,7 +86,7 @@ def test_infeasible():
 def test_with_equalities_and_without_the_dense_compliance(monkeypatch):
     qvi = random_problem(4, equalities=2)
     dense = solve_qvi(qvi, method="uzawa", iterations=50)
-    monkeypatch.setattr("solvers.compliance._DENSE_LIMIT", 0)
+    monkeypatch.setattr("solvers.inequality.compliance._DENSE_LIMIT", 0)
     sparse = solve_qvi(qvi, method="uzawa", iterations=50)
     assert sparse.z == pytest.approx(dense.z, abs=1e-10)
     assert qvi.A @ dense.z == pytest.approx(qvi.b, abs=1e-10)

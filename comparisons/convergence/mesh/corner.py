@@ -18,7 +18,7 @@ r^(λ−1). Source: M. L. Williams, J. Appl. Mech. 19 (1952); J. R. Barber, Elas
 import numpy as np
 from scipy.optimize import brentq
 
-from qvi_contact.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray
 
 _SAMPLES = 400
 

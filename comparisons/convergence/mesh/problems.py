@@ -12,10 +12,10 @@ from comparisons.convergence.mesh.tractions import Field, quadrature
 from comparisons.settled import SETTLED, UNCERTAINTY
 from comparisons.verify.ssnv128 import TANGENTIAL_FORCE
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Symmetry, Traction
-from qvi_contact.checks import FloatArray
-from qvi_contact.conditions import Condition
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.exact import ExactState
 from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
+from qvi_contact.problem.conditions import Condition
 
 _PUSH: Final = 1e-3
 _STICKING: Final = 0.25  # from here on the plate sticks everywhere

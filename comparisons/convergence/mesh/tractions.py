@@ -6,7 +6,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 
 Field: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """σ_N and σ_T [stress] at coordinates s along a contact, arrays of one shape."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from comparisons.convergence.mesh.tractions import edge_lines, ordered
-from qvi_contact.checks import BoolArray, FloatArray
+from qvi_contact.basics.checks import BoolArray, FloatArray
 
 TOLERANCE: Final = 1e-6
 """Of the largest |σ_N|: smaller values of f are zero."""

@@ -12,10 +12,10 @@ from qvi_contact import Contact, solve
 from qvi_contact.bracket.document import document, lines
 from qvi_contact.cli import group
 from qvi_contact.errors import InputError
+from qvi_contact.files.problem_file import load_problem
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import save_figure
 from qvi_contact.plots.bracket import bracket_figure
-from qvi_contact.problem_file import load_problem
 from qvi_contact.units import Units
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -19,7 +19,7 @@ from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.element import BernsteinQuad, lattice, reference_matrices
 from qvi_contact.companion.solver import moduli
 from qvi_contact.companion.space import Space
-from qvi_contact.scaling import Scales
+from qvi_contact.discretization.scaling import Scales
 from solvers import Status
 from tests.covering import every_pair
 

@@ -8,11 +8,11 @@ import pytest
 
 from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, RectilinearMesh, Symmetry, Traction
 from qvi_contact.companion import solve_companion
-from qvi_contact.companion.export import write_vtu
-from qvi_contact.companion.plots import deformed_figure
+from qvi_contact.files.companion import write_vtu
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.plots import save_figure
-from qvi_contact.sampling import von_mises
+from qvi_contact.plots.companion import deformed_figure
+from qvi_contact.solution.sampling import von_mises
 from qvi_contact.units import Units
 from solvers import Status
 

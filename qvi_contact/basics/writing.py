@@ -1,0 +1,42 @@
+"""Files that are either there whole or not there at all."""
+
+import tempfile
+from pathlib import Path
+
+from qvi_contact.errors import InputError
+from solvers.basics.files import replacing, unwritable
+
+__all__ = ["check_suffix", "replacing", "writable_folder", "write_text"]
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file in UTF-8, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def check_suffix(option: str, path: str | Path, suffix: str) -> None:
+    """Refuse a file name that does not end in `suffix`."""
+    if Path(path).suffix.lower() != suffix:
+        raise InputError(option, str(path), f"give a file name that ends in {suffix}")
+
+
+def writable_folder(path: str | Path, field: str = "output") -> Path:
+    """Make the folder if it is missing, and find out before any work is done whether it can be written.
+
+    Raises
+    ------
+    InputError
+        If it cannot, or is a file; about `field`, the option that named it.
+
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except FileExistsError as error:
+        raise InputError(field, str(path), "is a file, not a folder: give another place") from error
+    except (OSError, ValueError) as error:  # ValueError: a name no folder can have
+        raise unwritable(folder, error, field) from error
+    return folder

@@ -1,0 +1,1 @@
+"""The command `qvi-contact`: options, reports, outlines of problems."""

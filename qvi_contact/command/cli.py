@@ -1,0 +1,441 @@
+"""The command `qvi-contact`."""
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from qvi_contact.basics.terminal import progress, run
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Bracket
+    from qvi_contact.files.problem_file import ProblemFile
+    from qvi_contact.solution.history import History
+    from qvi_contact.solution.result import ContactResult
+    from qvi_contact.verification.verification import Verification
+
+_FILE = click.argument("file", metavar="FILE")
+_JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="qvi-contact")
+def group() -> None:
+    """Frictional contact computed from the stress side.
+
+    An elastic body is described by an Airy stress function, so every computed stress is in equilibrium; contact with
+    Coulomb friction is a complementarity problem on the contact, and every answer carries a certificate.
+
+    \b
+    Problems are TOML files; the folder examples has commented ones:
+        qvi-contact check examples/punch.toml --plot punch.png
+        qvi-contact solve examples/punch.toml --plot answer.png --npz answer.npz
+        qvi-contact verify answer.npz
+    \b
+    The paper the method comes from:
+        python -m comparisons paper
+    """  # noqa: D301  # click wants the character \b, not the two
+
+
+@group.command()
+@_FILE
+@click.option("--method", help="Outer method, see: qvi-contact methods")
+@click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
+@click.option("--factorisation", help="Sparse factorisation, see: qvi-contact methods")
+@click.option("--threads", type=int, help="Threads of the linear algebra.  [default: one; all if it pays]")
+@click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
+@_JSON
+@click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
+@click.option("--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu).")
+@click.option("--npz", metavar="NPZ", help="Write all as NumPy arrays (.npz), which qvi-contact verify can check.")
+@click.option("--save-json", metavar="JSON", help="Write what --json prints to a file.")
+@click.option("--certificate", is_flag=True, help="Check the result anew and print the table: numbers and meanings.")
+def solve(
+    file: str,
+    method: str | None,
+    inner: str | None,
+    factorisation: str | None,
+    threads: int | None,
+    tolerance: float | None,
+    as_json: bool,
+    plot: str | None,
+    vtk: str | None,
+    npz: str | None,
+    save_json: str | None,
+    certificate: bool,
+) -> int:
+    """Solve the problem in FILE and report forces and states of its contacts.
+
+    Options override what [solve] says in the file. A file with a [history] is solved step by step; the picture is then
+    one of forces and loops, and fields are those of the last step. With --certificate all that the result (of each
+    step) claims is computed anew: the exit status is 1 if anything disagrees, and --json has it as "verification".
+
+    \b
+    Exit status: 0 solved, with a passing certificate
+                 1 not solved: the message says why, such as a load that friction cannot carry
+                 2 something is wrong with the input
+
+    \b
+    Examples:
+        qvi-contact solve examples/compressed_plate.toml
+        qvi-contact solve examples/punch.toml --inner socp:clarabel --plot punch.png
+        qvi-contact solve examples/punch.toml --certificate
+        qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
+        qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
+    """  # noqa: D301
+    import numpy as np
+
+    from qvi_contact.command.targets import checked_targets
+    from qvi_contact.files.problem_file import load_problem
+
+    targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json)
+    problem_file = load_problem(file)
+    given = {
+        "method": method, "inner": inner, "tolerance": tolerance, "factorisation": factorisation, "threads": threads,
+    }  # fmt: skip
+    with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
+        options = _options(problem_file, {name: value for name, value in given.items() if value is not None})
+        history, steps = _solved(problem_file, options)
+        checked = _verified(steps, tolerance) if certificate else ()
+        document = _as_document(problem_file, steps, checked) if as_json or save_json else {}
+        _write(problem_file, history, steps[-1], targets, document)
+    if as_json:
+        click.echo(_json(document))
+    else:
+        _show(problem_file, history, steps, checked)
+    return 0 if _all_solved(problem_file, steps) and all(found.passed for found in checked) else 1
+
+
+@group.command()
+@click.argument("result", metavar="RESULT")
+@click.option("--tolerance", type=float, help="Of the certificate.  [default: the one of the result]")
+@_JSON
+def verify(result: str, tolerance: float | None, as_json: bool) -> int:
+    """Check everything that the file RESULT claims, from the file alone.
+
+    RESULT is an archive written by "qvi-contact solve --npz" or qvi_contact.export.write_npz. The problem in it is
+    discretised anew, the certificate computed anew from unknowns and multipliers, and tractions, gaps, slips, states,
+    forces, energies and stresses are computed anew and compared with those in the file. Each row of the table says
+    what was found, what is allowed, and what it means.
+
+    A result that was not solved fails; where its certificate is good enough for you, say so by --tolerance. Files with
+    Python functions for loads or gaps cannot hold their problem and cannot be checked.
+
+    \b
+    Exit status: 0 everything holds
+                 1 something does not: the last line names it
+                 2 the file cannot be read, or is no result
+
+    \b
+    Examples:
+        qvi-contact verify answer.npz
+        qvi-contact verify answer.npz --tolerance 1e-6 --json
+    """  # noqa: D301
+    import numpy as np
+
+    from qvi_contact.verification.verification import verify_file
+
+    with np.errstate(all="ignore"):  # what overflows fails
+        found = verify_file(result, tolerance)
+    click.echo(_json(found.document()) if as_json else found.table())
+    return 0 if found.passed else 1
+
+
+@group.command()
+@_FILE
+@click.option("--plot", metavar="PICTURE", help="Draw mesh, boundary parts and loads: .png, .svg or .pdf.")
+@_JSON
+def check(file: str, plot: str | None, as_json: bool) -> None:
+    """Read FILE and say what was understood, without solving.
+
+    Builds the mesh, finds every boundary part its condition, adds up the loads, and counts the unknowns.
+
+    \b
+    Example:
+        qvi-contact check examples/bracket.toml --plot bracket.png
+    """  # noqa: D301
+    from qvi_contact.command.outline import outline
+    from qvi_contact.command.report import heading_lines, outline_lines
+    from qvi_contact.command.targets import checked_targets
+    from qvi_contact.files.problem_file import load_problem
+
+    checked_targets(file, plot=plot)
+    problem_file = load_problem(file)
+    found = outline(problem_file)
+    if plot is not None:
+        from qvi_contact.plots import problem_figure, save_figure
+
+        save_figure(plot, problem_figure(problem_file.problem, problem_file.units))
+    if as_json:
+        click.echo(_json(found))
+        return
+    for line in (*heading_lines(problem_file), *outline_lines(found, problem_file.units)):
+        click.echo(line)
+
+
+@group.command()
+@_FILE
+@click.option("--degree", type=int, default=2, show_default=True, help="Of the displacement elements, 2 to 4.")
+@click.option("--tolerance", type=float, default=1e-8, show_default=True, help="Of all solves, at most 1e-6.")
+@_JSON
+@click.option("--plot", metavar="PICTURE", help="Draw where the bounds are apart: .png, .svg or .pdf.")
+@click.option("--vtk", metavar="VTU", help="Write the displacements for ParaView (.vtu).")
+def bracket(file: str, degree: int, tolerance: float, as_json: bool, plot: str | None, vtk: str | None) -> int:
+    """Solve the problem in FILE from both sides, which says how far off the answer can be.
+
+    Beside the stress, displacement elements are solved on the same grid. The two energies enclose that of the exact
+    solution. For contacts without Coulomb friction, and where all of them stick, the bounds are guaranteed; where they
+    slip the friction bound is held fixed, and the gap is an indicator. Where one displacement drives the problem, its
+    force is enclosed too. The output names what is bracketed, and every reason why it is not guaranteed.
+
+    \b
+    Exit status: 0 solved, and both bounds found
+                 1 not so: the message says why
+                 2 something is wrong with the input
+
+    \b
+    Examples:
+        qvi-contact bracket examples/punch.toml --plot apart.png
+        qvi-contact bracket examples/compressed_plate.toml --degree 3 --json
+    """  # noqa: D301
+    import math
+
+    import numpy as np
+
+    from qvi_contact.bracket.bounds import bracket as bracketed
+    from qvi_contact.command.targets import checked_targets
+    from qvi_contact.files.problem_file import load_problem
+    from qvi_contact.solution.solver import solve as solve_one
+
+    targets = checked_targets(file, plot=plot, vtk=vtk)
+    problem_file = load_problem(file)
+    _refuse_history(problem_file)
+    with problem_file.named_errors(), np.errstate(all="ignore"):
+        options = _options(problem_file, {"tolerance": tolerance})
+        result = solve_one(problem_file.problem, **options)
+        found = bracketed(result, degree, tolerance) if result.has_state else None
+        _write_bracket(problem_file, found, targets)
+    _show_bracket(problem_file, result, found, as_json)
+    return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
+
+
+@group.command()
+@_FILE
+@click.option("--load", "loads", metavar="NAME", multiple=True, required=True, help="A load to multiply; repeatable.")
+@_JSON
+def limit(file: str, loads: tuple[str, ...], as_json: bool) -> int:
+    """Largest multiple of the named loads that the contacts can carry while the others stay.
+
+    It is an upper bound: friction may give way before, which only solve can tell. Loads of one name are multiplied
+    together. NAME is the name of a traction (its edge set if it has none), of a contact whose plate is driven by force,
+    or "body" for the body force. With a [history] the problem at its first time is taken. The exit status is 1 if no
+    multiple can be carried.
+
+    \b
+    Example:
+        qvi-contact limit examples/dragged_block_holds.toml --load drag
+    """  # noqa: D301
+    import math
+
+    from qvi_contact.files.problem_file import load_problem
+    from qvi_contact.solution.limit import limit_load_factor
+
+    problem_file = load_problem(file)
+    with problem_file.named_errors():
+        factor = limit_load_factor(problem_file.problem, loads=list(loads))
+    outcome = "bounded" if math.isfinite(factor) else "unbounded" if factor > 0 else "none"
+    message = {
+        "bounded": f"no solution beyond {factor + 0.0:.9g} times these loads; below only solve can tell",
+        "unbounded": "no upper limit",
+        "none": "no multiple can be carried",
+    }[outcome]
+    if as_json:
+        number = factor if outcome == "bounded" else None
+        click.echo(_json({"loads": list(loads), "outcome": outcome, "factor": number, "message": message}))
+    else:
+        click.echo(f"{', '.join(loads)}: {message}")
+    return 1 if factor == -math.inf else 0
+
+
+@group.command()
+@_JSON
+def methods(as_json: bool) -> None:
+    """List the methods, inner solvers and factorisations that can be used here.
+
+    Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
+    qpsolvers, "direct:…" solvers kept alive between outer iterations, "socp:…" second-order cone programs through
+    cvxpy. "strict:…" and "strict-direct:…" hold the contact law on whole edges instead of at their Gauss points. More
+    back ends come with: python -m pip install 'qvi-contact[solvers]'
+    """
+    from solvers import available
+    from solvers.factorisation import available_backends
+    from solvers.factorisation.choice import SHARED
+    from solvers.solve import METHODS
+
+    strict = available("strict") + available("strict-direct")
+    factorisations = {SHARED: "uniform rectangles of one material", **available_backends()}
+    if as_json:
+        document = {
+            "methods": list(METHODS), "inner": list(available()), "strict": list(strict),
+            "factorisation": factorisations,
+        }  # fmt: skip
+        click.echo(_json(document))
+        return
+    listed = tuple(f"{name}  ({what})" for name, what in factorisations.items())
+    groups = {
+        "methods": METHODS, "inner solvers": available(), "strict inner solvers": strict, "factorisations": listed,
+    }  # fmt: skip
+    for title, names in groups.items():
+        click.echo("\n  ".join([title, *names]))
+
+
+def _options(file: "ProblemFile", given: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of `solve`: those of the file, less the options of a method that is not taken, and those given."""
+    from solvers.solve import default_method
+
+    options = dict(file.solve_options)
+    if "method" in given and given["method"] != default_method(options):
+        kept = ("inner", "tolerance", "factorisation", "threads")
+        options = {name: value for name, value in options.items() if name in kept}
+    return options | given
+
+
+def _solved(file: "ProblemFile", options: dict[str, Any]) -> "tuple[History | None, tuple[ContactResult, ...]]":
+    """The history, if there is one, and the results of its steps."""
+    from qvi_contact.solution.solver import solve as solve_one
+
+    if not file.times:
+        return None, (solve_one(file.problem, **options),)
+    from qvi_contact.solution.history import solve_history
+
+    with progress(file.title or "history", len(file.times)) as advance:
+        history = solve_history(file.problems, callback=lambda *_: advance(), **options)
+    return history, history.steps
+
+
+def _all_solved(file: "ProblemFile", steps: "tuple[ContactResult, ...]") -> bool:
+    return len(steps) == len(file.problems) and all(step.status == "solved" for step in steps)
+
+
+def _verified(steps: "tuple[ContactResult, ...]", tolerance: float | None) -> "tuple[Verification, ...]":
+    from qvi_contact.verification.verification import verify_result
+
+    return tuple(verify_result(step, tolerance) for step in steps)
+
+
+def _as_document(
+    file: "ProblemFile", steps: "tuple[ContactResult, ...]", checked: "tuple[Verification, ...]"
+) -> dict[str, Any]:
+    """Summaries, with what was verified, if it was."""
+    from qvi_contact.files.export import summary
+
+    found = [summary(step, file.units) for step in steps]
+    for step, verification in zip(found, checked, strict=False):
+        step["verification"] = verification.document()
+    heading = {"title": file.title, "solved": _all_solved(file, steps)}
+    if not file.times:
+        return heading | found[0]
+    return heading | {"times": list(file.times), "steps": found}
+
+
+def _refuse_history(file: "ProblemFile") -> None:
+    if file.times:
+        from qvi_contact.errors import InputError
+
+        raise InputError(
+            "history", f"{len(file.times)} steps", "a bracket is of one solve: give a file without [history]"
+        )
+
+
+def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[str, str]) -> None:
+    """Write the files asked for, as far as there is a displacement and a gap."""
+    import math
+
+    companion = None if found is None else found.companion
+    if found is None or companion is None or not companion.has_state:
+        if targets:
+            click.echo(f"qvi-contact: there is no displacement to write to {', '.join(targets.values())}", err=True)
+        return
+    if "plot" in targets and not math.isfinite(found.gap):
+        click.echo(f"qvi-contact: a bound is missing, so there is no gap to draw in {targets['plot']}", err=True)
+    elif "plot" in targets:
+        from qvi_contact.plots.bracket import bracket_figure
+        from qvi_contact.plots.style import save_figure
+
+        save_figure(targets["plot"], bracket_figure(found, file.units, file.title))
+    if "vtk" in targets:
+        from qvi_contact.files.companion import write_vtu
+
+        write_vtu(targets["vtk"], companion, file.units)
+
+
+def _show_bracket(file: "ProblemFile", result: "ContactResult", found: "Bracket | None", as_json: bool) -> None:
+    """Result and bracket for people, or as one JSON document."""
+    from qvi_contact.bracket.document import document, lines
+    from qvi_contact.command.report import heading_lines, result_lines
+    from qvi_contact.files.export import summary
+
+    if as_json:
+        bounds = None if found is None else document(found, file.units)
+        click.echo(_json({"title": file.title, **summary(result, file.units), "bracket": bounds}))
+        return
+    for line in (*heading_lines(file), *result_lines(result, file.units)):
+        click.echo(line)
+    for line in () if found is None else ("", *lines(found, file.units)):
+        click.echo(line)
+
+
+def _write(
+    file: "ProblemFile",
+    history: "History | None",
+    last: "ContactResult",
+    targets: dict[str, str],
+    document: dict[str, Any],
+) -> None:
+    """Write the files asked for."""
+    if "save_json" in targets:
+        from qvi_contact.basics.writing import write_text
+
+        write_text(targets["save_json"], _json(document) + "\n")
+    if "plot" in targets:
+        from qvi_contact import plots
+
+        if history is not None and history.steps[0].has_state and last.problem.contacts:
+            plots.save_figure(targets["plot"], plots.history_figure(history, file.units))
+        else:
+            plots.save_figure(targets["plot"], plots.result_figure(last, file.units))
+    fields = {option: path for option, path in targets.items() if option in ("vtk", "npz")}
+    if fields and not last.has_state:
+        click.echo(f"qvi-contact: there is no stress state to write to {', '.join(fields.values())}", err=True)
+    elif fields:
+        from qvi_contact.files import export
+
+        for option, path in fields.items():
+            if option == "vtk":
+                export.write_vtu(path, last, file.units)
+            else:
+                export.write_npz(path, last, file.units, file.title)
+
+
+def _show(
+    file: "ProblemFile",
+    history: "History | None",
+    steps: "tuple[ContactResult, ...]",
+    checked: "tuple[Verification, ...]",
+) -> None:
+    """The report for people."""
+    from qvi_contact.command.report import heading_lines, history_lines, result_lines, verification_lines
+
+    lines = result_lines(steps[0], file.units) if history is None else history_lines(history, file.times, file.units)
+    for line in (*heading_lines(file), *lines, *verification_lines(checked, file.times)):
+        click.echo(line)
+
+
+def _json(document: object) -> str:
+    import json
+
+    return json.dumps(document, indent=2, allow_nan=False)
+
+
+def main() -> None:
+    """Entry point."""
+    run(group, "qvi-contact")

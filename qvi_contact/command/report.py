@@ -1,0 +1,126 @@
+"""Results and problems as plain text for a terminal."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from qvi_contact.basics.units import Units
+from qvi_contact.files.problem_file import ProblemFile
+from qvi_contact.solution.contact_line import ContactLine, ContactState
+from qvi_contact.solution.history import History
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.verification.verification import Verification
+
+_STATES = [state.name.lower() for state in ContactState]
+_HIDDEN = ("kind", "edges", "length", "joint")
+
+
+def heading_lines(file: ProblemFile) -> Iterator[str]:
+    """Title and description."""
+    yield from filter(None, (file.title, *file.description.strip().splitlines()))
+
+
+def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
+    """Status, remarks, certificate, and one line for each contact."""
+    yield result.message
+    yield from (f"remark: {remark}" for remark in result.remarks)
+    if not result.has_state:
+        return
+    if result.solution.factorisation:
+        yield f"factorisation: {result.solution.factorisation}"
+    summary = result.certificate.summary()
+    if summary not in result.message:
+        yield summary
+    rows = [
+        [line.name, f"{line.normal_force:.6g}", f"{line.tangential_force:.6g}", *_shares(line)]
+        for line in result.contacts.values()
+    ]
+    if rows:
+        yield ""
+        yield from _table(["contact", f"normal [{units.force}]", f"tangential [{units.force}]", *_STATES], rows)
+    for name, motion in result.plates.items():
+        moved = f"({motion.x:.6g}, {motion.y:.6g}) {units.length}"
+        yield f"plate {name} moves by {moved}, turns by {motion.rotation:.6g} rad"
+
+
+def history_lines(history: History, times: Sequence[float], units: Units) -> Iterator[str]:
+    """One table for each contact, a row for each step, then what became of it all."""
+    for contact in history.steps[0].problem.contacts:
+        rows = []
+        for number, (step, t) in enumerate(zip(history.steps, times, strict=False), 1):
+            row = [str(number), f"{t:.6g}", str(step.status)]
+            if step.has_state:
+                line = step.contacts[contact.name]
+                row += [f"{line.normal_force:.6g}", f"{line.tangential_force:.6g}", *_shares(line)]
+            rows.append(row)
+        yield f"contact {contact.name}, forces in {units.force}"
+        yield from _table(["step", "t", "status", "normal", "tangential", *_STATES], rows)
+        yield ""
+    yield f"energy lost in friction: {float(history.dissipated.sum()):.6g} {units.energy}"
+    remarks = dict.fromkeys(remark for step in history.steps for remark in step.remarks)
+    yield from (f"remark: {remark}" for remark in remarks)
+    yield f"{history.status}: {history.message}"
+
+
+def verification_lines(checked: Sequence[Verification], times: Sequence[float]) -> Iterator[str]:
+    """The table of the one result; of several the verdict of each step, and the table of the first that fails."""
+    if len(checked) == 1:
+        yield from ("", checked[0].table())
+        return
+    failed = next((found for found in checked if not found.passed), None)
+    for number, (found, t) in enumerate(zip(checked, times, strict=False), 1):
+        yield f"step {number}, t = {t:.6g}: {found.summary()}"
+    if failed is not None:
+        yield from ("", failed.table())
+
+
+def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
+    """What `qvi_contact.command.outline.outline` found, as text."""
+    mesh = outline["mesh"]
+    yield (
+        f"mesh: {mesh['columns']} × {mesh['rows']} cells, {mesh['cells']} of them in the body, "
+        f"{mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} wide; x from {mesh['x'][0]:g} to "
+        f"{mesh['x'][1]:g}, y from {mesh['y'][0]:g} to {mesh['y'][1]:g}"
+    )
+    yield f"unknowns: {outline['unknowns']}, contact points: {outline['contact_points']}"
+    for material in outline["materials"]:
+        yield (
+            f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
+            f"plane {material['plane']}, {material['cells']} cells"
+        )
+    for condition in outline["boundary"]:
+        yield f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length}){_data(condition)}"
+    for load in outline["loads"]:
+        yield (
+            f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
+            f"moment {load['moment']:.6g} {units.moment} about the origin"
+        )
+    if outline["solve"]:
+        yield "solve: " + ", ".join(f"{key} = {value}" for key, value in outline["solve"].items())
+    times = outline["times"]
+    if times:
+        yield f"history: {len(times)} steps, t from {times[0]:g} to {times[-1]:g}"
+    yield from (f"remark: {remark}" for remark in outline["remarks"])
+
+
+def _shares(line: ContactLine) -> list[str]:
+    """Shares of the contact's length that are open, stick and slip."""
+    length = line.weights.sum()
+    return [f"{100.0 * line.weights[line.state == state].sum() / length:.1f} %" for state in ContactState]
+
+
+def _data(condition: Mapping[str, Any]) -> str:
+    """What is given, without what goes without saying."""
+    given = {key: value for key, value in condition.items() if key not in _HIDDEN and value not in (None, "unilateral")}
+    given |= given.pop("plate", {})
+    given = {key: value for key, value in given.items() if value != 0.0 or key in ("x", "y", "friction")}
+    text = ", ".join(f"{key} = {value}" for key, value in given.items())
+    return f": {text}" if text else ""
+
+
+def _table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Columns, the first one to the left, the others to the right; short rows are filled up."""
+    filled = [list(heading), *([*row, *[""] * (len(heading) - len(row))] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*filled, strict=True)]
+    for row in filled:
+        cells = [row[0].ljust(widths[0]), *(text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True))]
+        yield "  ".join(cells).rstrip()

@@ -1,0 +1,180 @@
+"""Rigid plates driven by force and moment: equality rows, whose multipliers are the plates' motions.
+
+With t the traction on the body, φ included, a plate with prescribed resultants adds the rows A u = b of
+
+    ∫ t_x ds = F_x,   ∫ t_y ds = F_y,   ∫ [(x − x₀) t_y − (y − y₀) t_x] ds = M
+
+divided by ℓ S, moments by ℓ r S, with ℓ the contact's length. A motion a of the plate would enter the load vector as
+Aᵀ(ℓ a), and stationarity K z − f + … + Aᵀν = 0 has the multiplier in its place: ℓ a = −ν.
+
+Wherever a force is given, its moment is taken off the third row and arms count from the contact's centre instead of the
+pivot, however far away that is; r is ℓ, or the arm that is left if a force is not given and the pivot is farther away.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.discretization.contact_rows import ContactRows, joined, stacked
+from qvi_contact.discretization.loads import physical, potential_at
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.rectilinear import HORIZONTAL, VERTICAL
+from qvi_contact.problem.conditions import RigidPlate
+from qvi_contact.problem.problem import ContactProblem
+
+COMPONENTS = ("force_x", "force_y", "moment")
+
+_DEPENDENT = 1e-9  # a row that is shorter than this, less its part along the others, follows from equilibrium
+_BALANCED = 1e-9  # imbalance, relative to the loads, that passes as round-off
+
+
+@dataclass(frozen=True)
+class PlateRow:
+    """One equality row.
+
+    Attributes
+    ----------
+    contact : str
+        Name of the contact.
+    component : str
+        "force_x", "force_y" or "moment".
+    given : float
+        The prescribed resultant [stress × length], moments about the pivot [stress × length²].
+    size : float
+        The resultant that 1 on the row's right-hand side stands for.
+    motion : float
+        Minus this times the row's multiplier is the plate's motion [length], for a moment the rotation [rad].
+
+    """
+
+    contact: str
+    component: str
+    given: float
+    size: float
+    motion: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlateRows:
+    """Equality rows in the unknowns z.
+
+    Attributes
+    ----------
+    A, b : (p, n) sparse array and (p,) array
+        Independent rows.
+    rows : tuple of PlateRow
+        What they are.
+    determined : tuple of PlateRow
+        Resultants left out because equilibrium with the other loads gives them anyway; motions in these components
+        are not determined, and taken as zero.
+
+    """
+
+    A: sparse.csr_array
+    b: FloatArray
+    rows: tuple[PlateRow, ...]
+    determined: tuple[PlateRow, ...]
+
+
+def plate_rows(
+    problem: ContactProblem,
+    scales: Scales,
+    contacts: tuple[ContactRows, ...],
+    basis: sparse.csr_array,
+    particular: FloatArray,
+) -> PlateRows:
+    """Rows of all plates, those that follow from the rest of the problem left out.
+
+    Raises
+    ------
+    InputError
+        If a prescribed resultant contradicts equilibrium with the other loads.
+
+    """
+    rows, matrices, values = [], [], []
+    for contact, condition in zip(contacts, problem.contacts, strict=True):
+        if condition.plate is not None:
+            plate, centre, length = condition.plate, centre_of(problem, scales, contact), contact.points.weights.sum()
+            reference = plate.reference(*centre)
+            arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
+            for component, row, constant in _resultants(problem, scales, contact, plate, reference):
+                moment = component == "moment"
+                given = float(getattr(plate, component))
+                reduced = plate.moment_about(*centre) if moment else given
+                divisor = float(length * (max(length, arm) if moment else 1.0))
+                size = scales.stress * divisor * scales.length ** (2 if moment else 1)
+                motion = scales.displacement / divisor / (scales.length if moment else 1.0)
+                rows.append(PlateRow(contact.name, component, given, size, motion))
+                matrices.append(sparse.csr_array(row / divisor))
+                values.append(reduced / size - constant / divisor)
+    full = stacked(matrices, len(particular))
+    A, b = sparse.csr_array(full @ basis), joined([np.array(values)]) - full @ particular
+    kept = _independent(A.toarray(), b, _row_lengths(full), rows)
+    return PlateRows(
+        sparse.csr_array(A[kept]),
+        b[kept],
+        tuple(row for index, row in enumerate(rows) if index in kept),
+        tuple(row for index, row in enumerate(rows) if index not in kept),
+    )
+
+
+def centre_of(problem: ContactProblem, scales: Scales, contact: ContactRows) -> tuple[float, float]:
+    """Centre of a contact's line [length]."""
+    x, y = physical(problem, scales, contact.points.coordinates)
+    weights = contact.points.weights
+    return float(np.average(x, weights=weights)), float(np.average(y, weights=weights))
+
+
+def _resultants(
+    problem: ContactProblem,
+    scales: Scales,
+    contact: ContactRows,
+    plate: RigidPlate,
+    reference: tuple[float, float],
+) -> list[tuple[str, sparse.csr_array, float]]:
+    """(component, row over all degrees of freedom, what φ contributes) for each one given, dimensionless."""
+    points = contact.points
+    x, y = physical(problem, scales, points.coordinates)
+    arm_x, arm_y = (x - reference[0]) / scales.length, (y - reference[1]) / scales.length
+    zero = np.zeros(len(x))
+    factors = {"force_x": (zero + 1.0, zero), "force_y": (zero, zero + 1.0), "moment": (-arm_y, arm_x)}
+    potential = points.point_sign * potential_at(problem, scales, points.coordinates)
+    normal_axes = (VERTICAL, HORIZONTAL)
+    found = []
+    for component in COMPONENTS:
+        if getattr(plate, component) is None:
+            continue
+        row, constant = sparse.csr_array((1, 4 * problem.mesh.node_count)), 0.0
+        for axis, factor in enumerate(factors[component]):
+            weights = points.weights * factor
+            row = row + sparse.csr_array(weights[None, :]) @ points.traction(axis)
+            constant += float(weights @ (potential * (points.point_axis == normal_axes[axis])))
+        found.append((component, sparse.csr_array(row), constant))
+    return found
+
+
+def _row_lengths(rows: sparse.csr_array) -> FloatArray:
+    return np.asarray(np.sqrt(rows.multiply(rows).sum(axis=1))).ravel()
+
+
+def _independent(A: FloatArray, b: FloatArray, sizes: FloatArray, rows: list[PlateRow]) -> list[int]:
+    """Indices of the rows that the ones before them do not determine; a contradiction raises."""
+    kept: list[int] = []
+    for index, row in enumerate(rows):
+        combination = np.linalg.lstsq(A[kept].T, A[index], rcond=None)[0] if kept else np.zeros(0)
+        rest = A[index] - combination @ A[kept]
+        if np.linalg.norm(rest) > _DEPENDENT * sizes[index]:
+            kept.append(index)
+            continue
+        contradiction = float(b[index] - combination @ b[kept])
+        if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
+            needed = row.given - contradiction * row.size
+            needed = 0.0 if abs(needed) <= _BALANCED * max(abs(row.given), row.size) else needed
+            remedy = (
+                f"equilibrium of {row.contact!r} with the other loads demands {needed:.6g}: correct it, or leave it out"
+            )
+            raise InputError(f"RigidPlate.{row.component}", row.given, remedy)
+    return kept

@@ -1,0 +1,1 @@
+"""Documents in and out: problem files, archives of results, VTU."""

@@ -1,0 +1,353 @@
+"""Results as files for other programs: JSON summary, NumPy archive, VTU for ParaView.
+
+Every file is either written whole or not at all.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, IntArray, positive_number
+from qvi_contact.basics.units import Units
+from qvi_contact.basics.writing import check_suffix, replacing, write_text
+from qvi_contact.errors import InputError
+from qvi_contact.files.archive import write_archive
+from qvi_contact.files.stored import solution_arrays
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_line import ContactLine, ContactState
+from qvi_contact.solution.result import ContactResult, Energies
+from qvi_contact.solution.sampling import out_of_plane_factor, sample_cells, von_mises
+from qvi_contact.solution.stress import principal_stresses
+from solvers.basics.types import load
+
+SUMMARY_VERSION: Final = 1
+"""Grows when an entry of `summary` changes its meaning or goes away; new entries may come at any time."""
+
+
+def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]:
+    """What came out, as a document of plain values that JSON can hold.
+
+    Parameters
+    ----------
+    result : ContactResult
+        The result, solved or failed.
+    units : Units, optional
+        Names of the units.
+
+    Returns
+    -------
+    dict
+        Physical quantities are ``{"value": …, "unit": …}``, the rest plain. What does not exist, such as contacts of an
+        infeasible problem or measures that could not be computed, is None. Signs are those of `ContactLine` and
+        `Resultant`: the largest pressure is the largest −σ_N, the largest shear and slip are absolute values.
+
+    """
+    units = units or Units()
+    solution, certificate = result.solution, result.certificate
+    document = {
+        "format": "qvi_contact summary",
+        "version": SUMMARY_VERSION,
+        "units": {name: getattr(units, name) for name in ("length", "stress", "force", "moment", "energy")},
+        "status": str(result.status),
+        "solved": solution.solved,
+        "message": result.message,
+        "advice": result.status.advice,
+        "remarks": list(result.remarks),
+        "certificate": {
+            "passed": certificate.passed,
+            "tolerance": certificate.tolerance,
+            "accuracy": certificate.accuracy,
+            "worst": certificate.worst,
+            "measures": dict(certificate.measures),
+            "limits": certificate.limits,
+            "signed": dict(certificate.signed),
+        },
+        "contraction": solution.contraction,
+        "iterations": result.iterations,
+        "method": solution.method,
+        "inner": solution.inner,
+        "factorisation": solution.factorisation,
+        "form": solution.form,
+        "seconds": dict(solution.timings),
+        "versions": dict(solution.versions),
+        "mesh": _mesh(result, units),
+        **(_state(result, units) if result.has_state else dict.fromkeys(_STATE_KEYS)),
+    }
+    return {key: _plain(value) for key, value in document.items()}
+
+
+def write_json(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
+    """Write `summary` as a JSON file in UTF-8.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    result : ContactResult
+        The result, solved or failed.
+    units : Units, optional
+        Names of the units.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+
+    """
+    write_text(path, json.dumps(summary(result, units), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def write_npz(path: str | Path, result: ContactResult, units: Units | None = None, title: str = "") -> None:
+    """Write everything about a result as a NumPy archive that `numpy.load` reads without pickle.
+
+    `qvi_contact.load_result` makes the result again, and `qvi-contact verify` checks all that the file claims.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, ending in .npz.
+    result : ContactResult
+        A result with a stress state.
+    units : Units, optional
+        Names of the units, kept with the problem.
+    title : str
+        What to call the problem.
+
+    Raises
+    ------
+    InputError
+        If there is no stress state, the suffix is another one, or the file cannot be written.
+
+    Notes
+    -----
+    The fields are
+
+    * ``x_lines`` (nx + 1,), ``y_lines`` (ny + 1,) [length], ``active`` (ny, nx), ``material`` (ny, nx);
+    * ``airy`` (ny + 1, nx + 1, 4): Φ, Φ_x, Φ_y, Φ_xy at the nodes [stress × length²; × length; × length; stress], up to
+      an affine function; NaN at nodes outside the body;
+    * ``gauss_x``, ``gauss_y`` (cells, 16) [length] and ``gauss_stress`` (cells, 16, 3): σ_xx, σ_yy, σ_xy [stress];
+    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has, forces included, and
+      with a plate ``<name>.motion``: x, y [length] and rotation [rad];
+    * ``energies``: strain, load, complementary, dissipation [stress × length²]; ``traction_misfit`` [stress];
+    * ``status``, ``message``: texts.
+
+    What the fields are made from is there too:
+
+    * ``problem``: the text of a problem file; empty if functions are Python's, which no file can hold, and
+      ``problem_missing`` then says which. Such a file has all fields, but cannot be checked;
+    * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``; ``freed``: nodes
+      whose prescribed shear is given up; ``earlier_slip``: of load steps before this one, at all contact points;
+      ``strict``: whether bounds hold on whole edges;
+    * ``z``, ``normal_multiplier``, ``tangential_multiplier``, ``equality_multiplier``, ``threshold``: of `QVISolution`;
+    * ``certificate`` (JSON) and ``tolerance``; ``method``, ``inner``, ``form``, ``factorisation``, ``iterations``,
+      ``corrections``, ``history``, ``history_status``, ``timings``, ``versions``;
+    * ``format``, ``format_version`` and ``digest``, see `qvi_contact.files.archive`.
+
+    """
+    check_suffix("npz", path, ".npz")
+    write_archive(path, {**field_arrays(result), **solution_arrays(result, units, title)})
+
+
+def field_arrays(result: ContactResult) -> dict[str, Any]:
+    """Mesh, stresses, contacts and energies of a result, as `write_npz` describes them."""
+    return {**_body_arrays(result), **_contact_arrays(result.contacts), **_numbers(result)}
+
+
+def write_vtu(path: str | Path, result: ContactResult, units: Units | None = None, subdivisions: int = 4) -> None:
+    """Write stresses as an unstructured VTK grid, which ParaView opens; needs the extra ``vtk`` (meshio).
+
+    Every cell is divided into subdivisions² quadrilaterals of its own, that share no points with those of other cells,
+    so that normal stresses may jump between cells as they do in the element.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, ending in .vtu.
+    result : ContactResult
+        A result with a stress state.
+    units : Units, optional
+        If given, names of fields end in their unit, as in "stress [MPa]".
+    subdivisions : int
+        Quadrilaterals along each side of a cell; stresses of an element are cubic, those between points linear.
+
+    Raises
+    ------
+    InputError
+        If meshio is missing, there is no stress state, the suffix is another one, or the file cannot be written.
+
+    Notes
+    -----
+    Point data: "stress" with the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors (zz = ν(xx + yy) in plane
+    strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function. Cell
+    data: "material", 0 for the body's own and then the number of the region.
+
+    """
+    if find_spec("meshio") is None:
+        raise InputError("vtk", "meshio", "VTU files need meshio: python -m pip install 'qvi-contact[vtk]'")
+    check_suffix("vtk", path, ".vtu")
+    if isinstance(subdivisions, bool) or subdivisions != int(positive_number("subdivisions", subdivisions)):
+        raise InputError("subdivisions", subdivisions, "give a whole number of at least 1")
+    r = int(subdivisions)
+    points, point_data = _point_data(result, r, units)
+    material = np.repeat(result.problem.material_numbers[result.problem.mesh.active], r * r)
+    quads = _quads(int(result.problem.mesh.active.sum()), r)
+    meshio = load("meshio")
+    mesh = meshio.Mesh(points, [("quad", quads)], point_data=point_data, cell_data={"material": [material]})
+    with replacing(path) as temporary:
+        mesh.write(temporary, file_format="vtu")
+
+
+_STATE_KEYS: Final = ("contacts", "plates", "energies", "resultants", "traction_misfit")
+
+
+def _state(result: ContactResult, units: Units) -> dict[str, Any]:
+    """The part of the summary that needs a stress state."""
+    energies = result.energies
+    plates = {
+        name: {
+            "x": _quantity(motion.x, units.displacement),
+            "y": _quantity(motion.y, units.displacement),
+            "rotation": _quantity(motion.rotation, "rad"),
+        }
+        for name, motion in result.plates.items()
+    }
+    values = (
+        {name: _contact(line, units) for name, line in result.contacts.items()},
+        plates,
+        {name: _quantity(getattr(energies, name), units.energy) for name in energies.__dataclass_fields__},
+        {name: _resultant(result, name, units) for name in result.problem.mesh.edge_names},
+        _quantity(result.traction_misfit, units.stress),
+    )
+    return dict(zip(_STATE_KEYS, values, strict=True))
+
+
+def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
+    """Forces, lengths and extremes of one contact."""
+    lengths = {state.name.lower(): float(line.weights[line.state == state].sum()) for state in ContactState}
+    return {
+        "normal_force": _quantity(line.normal_force, units.force),
+        "tangential_force": _quantity(line.tangential_force, units.force),
+        "length": {name: _quantity(length, units.length) for name, length in lengths.items()},
+        "largest_pressure": _quantity((-line.normal_stress).max(), units.stress),
+        "largest_shear": _quantity(np.abs(line.tangential_stress).max(), units.stress),
+        "largest_gap": _quantity(line.gap.max(), units.displacement),
+        "largest_slip": _quantity(np.abs(line.slip).max(), units.displacement),
+        "points": len(line.x),
+    }
+
+
+def _resultant(result: ContactResult, edges: str, units: Units) -> dict[str, Any]:
+    found = result.resultant(edges)
+    return {
+        "x": _quantity(found.x, units.force),
+        "y": _quantity(found.y, units.force),
+        "moment": _quantity(found.moment, units.moment),
+    }
+
+
+def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:
+    mesh, qvi = result.problem.mesh, result.discretization.qvi
+    smallest, largest = (float(f([f(np.diff(mesh.x)), f(np.diff(mesh.y))])) for f in (np.min, np.max))
+    return {
+        "columns": mesh.shape[1],
+        "rows": mesh.shape[0],
+        "cells": int(mesh.active.sum()),
+        "nodes": int(mesh.active_nodes.sum()),
+        "unknowns": qvi.n,
+        "contact_points": qvi.m,
+        "smallest_cell": _quantity(smallest, units.length),
+        "largest_cell": _quantity(largest, units.length),
+    }
+
+
+def _quantity(value: float | np.floating[Any], unit: str) -> dict[str, Any]:
+    return {"value": float(value), "unit": unit}
+
+
+def _plain(value: object) -> object:
+    """The same with None for what JSON has no number for."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def airy_units(result: ContactResult) -> FloatArray:
+    """Units (4,) of Φ, Φ_x, Φ_y, Φ_xy: S L², S L, S L, S of `Scales`."""
+    scales = result.discretization.scales
+    return np.asarray(scales.airy / np.array([1.0, scales.length, scales.length, scales.length**2]))
+
+
+def _body_arrays(result: ContactResult) -> dict[str, Any]:
+    mesh = result.problem.mesh
+    x, y, stress = result.gauss_stress()
+    airy = result.nodal * airy_units(result) / result.discretization.grid.dof_scales
+    return {
+        "x_lines": mesh.x,
+        "y_lines": mesh.y,
+        "active": mesh.active,
+        "material": result.problem.material_numbers,
+        "airy": np.where(mesh.active_nodes[..., None], airy, np.nan),
+        "gauss_x": x,
+        "gauss_y": y,
+        "gauss_stress": stress,
+    }
+
+
+def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
+    """Fields of every `ContactLine`, with its resultant forces."""
+    names = [field.name for field in fields(ContactLine) if field.name != "name"]
+    names += ["normal_force", "tangential_force"]
+    return {f"{name}.{field}": getattr(line, field) for name, line in contacts.items() for field in names}
+
+
+def _numbers(result: ContactResult) -> dict[str, Any]:
+    """Energies, motion of plates, misfit of tractions."""
+    energies, motions = result.energies, result.plates
+    return {
+        "energies": np.array([getattr(energies, field.name) for field in fields(Energies)]),
+        "traction_misfit": result.traction_misfit,
+        **{f"{name}.motion": np.array([motion.x, motion.y, motion.rotation]) for name, motion in motions.items()},
+    }
+
+
+def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Points (m, 3) of all cells, (r + 1)² each, row by row, and the fields there."""
+    samples, active = sample_cells(result, np.linspace(0.0, 1.0, r + 1)), result.problem.mesh.active
+    stress, airy = (_by_cell(values, result.problem) for values in (samples.stress, samples.airy))
+    x = _by_cell(np.broadcast_to(samples.x, samples.airy.shape), result.problem)
+    y = _by_cell(np.broadcast_to(samples.y[:, :, None, None], samples.airy.shape), result.problem)
+    factor = np.repeat(out_of_plane_factor(result.problem)[active], (r + 1) ** 2)
+    xx, yy, xy = stress.T
+    zero = np.zeros_like(xx)
+    first, second, _ = principal_stresses(stress)
+    mises = von_mises(stress, factor)
+    found = {"stress": np.column_stack([xx, yy, factor * (xx + yy), xy, zero, zero]), "von Mises": mises}
+    found |= {"principal 1": first, "principal 2": second}
+    if units is not None:
+        found = {f"{name} [{units.stress}]": values for name, values in found.items()}
+    found["Airy function" + (f" [{units.moment}]" if units else "")] = airy
+    return np.column_stack([x, y, zero]), found
+
+
+def _by_cell(values: FloatArray, problem: ContactProblem) -> FloatArray:
+    """Samples (ny, n, nx, n, …) as one row of points after the other, cell by cell of the body."""
+    cells = np.moveaxis(values, 2, 1)[problem.mesh.active]
+    return cells.reshape(-1, *values.shape[4:])
+
+
+def _quads(cells: int, r: int) -> IntArray:
+    """Corners of r² quadrilaterals in each cell, counterclockwise, (cells r², 4)."""
+    first = (np.arange(r)[:, None] * (r + 1) + np.arange(r)).ravel()
+    corners = first[:, None] + np.array([0, 1, r + 2, r + 1])
+    return np.asarray((r + 1) ** 2 * np.arange(cells)[:, None, None] + corners).reshape(-1, 4)

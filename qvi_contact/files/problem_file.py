@@ -1,0 +1,139 @@
+"""Problem files: contact problems as TOML, which people can write and programs can keep.
+
+A file can never run code: functions are numbers, polynomials or expressions of `qvi_contact.problem.fields`.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from qvi_contact.basics.units import Units
+from qvi_contact.errors import InputError
+from qvi_contact.files.problem_builder import Reader, file_path
+from qvi_contact.files.problem_document import Document, TimeRange, parse
+from qvi_contact.problem.problem import ContactProblem
+
+_LARGEST_FILE: Final = 20_000_000  # bytes
+
+
+@dataclass(frozen=True, eq=False)
+class ProblemFile:
+    """What a problem file says.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        The problem, at the first time if there is a history.
+    title, description : str
+        What the author calls it.
+    units : Units
+        Labels of the numbers' units.
+    solve_options : mapping
+        Arguments for `qvi_contact.solve`.
+    times : tuple of float
+        Times of the load steps; empty without a history.
+
+    """
+
+    problem: ContactProblem
+    title: str
+    description: str
+    units: Units
+    solve_options: Mapping[str, Any]
+    times: tuple[float, ...]
+    _document: Document = field(repr=False)
+
+    def problem_at(self, t: float) -> ContactProblem:
+        """The problem with another value of t in its expressions, on the same mesh.
+
+        Raises
+        ------
+        InputError
+            If an expression has a bad value at that time.
+
+        """
+        try:
+            return Reader(self._document, t).problem(self.problem.mesh)
+        except InputError as error:
+            raise InputError(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
+
+    @cached_property
+    def problems(self) -> tuple[ContactProblem, ...]:
+        """The problems of all load steps; without a history the one there is."""
+        return tuple(self.problem_at(t) for t in self.times) or (self.problem,)
+
+    @contextmanager
+    def named_errors(self) -> Iterator[None]:
+        """Input errors raised in the block, such as loads out of balance, get their path in the file."""
+        try:
+            yield
+        except InputError as error:
+            path = file_path(self._document, error)
+            if path == error.field:
+                raise
+            raise InputError(path, error.value, error.remedy) from error
+
+
+def load_problem(path: str | Path) -> ProblemFile:
+    """Read a problem file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML file; the folder ``examples`` shows how to write them.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or anything in it is wrong; the field is the path inside the file, such as
+        ``contacts[1].friction``, counted from 0.
+
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            content = stream.read(_LARGEST_FILE + 1)
+    except (OSError, ValueError) as error:  # ValueError: a name no file can have
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError("file", str(path), f"cannot be read ({reason}): give the name of a problem file") from error
+    if len(content) > _LARGEST_FILE:
+        raise InputError("file", str(path), f"give a problem file of at most {_LARGEST_FILE} bytes")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        remedy = f"is no text in UTF-8 (byte {error.start}): save it in that encoding"
+        raise InputError("file", str(path), remedy) from error
+    return problem_from_toml(text)
+
+
+def problem_from_toml(text: str) -> ProblemFile:
+    """Read a problem from TOML text; see `load_problem`."""
+    document = parse(text.replace("\r\n", "\n"))
+    times = _times(document)
+    reader = Reader(document, times[0] if times else None)
+    found = ProblemFile(
+        problem=reader.problem(reader.mesh()),
+        title=document.title,
+        description=document.description,
+        units=Units(document.units.length, document.units.stress),
+        solve_options=document.solve.model_dump(exclude_none=True),
+        times=times,
+        _document=document,
+    )
+    _ = found.problems  # checks the other times
+    return found
+
+
+def _times(document: Document) -> tuple[float, ...]:
+    if document.history is None:
+        return ()
+    times = document.history.times
+    if isinstance(times, TimeRange):
+        return tuple(np.linspace(times.start, times.stop, times.steps + 1).tolist())
+    if not times:
+        raise InputError("history.times", times, "give at least one time")
+    return tuple(times)

@@ -1,0 +1,203 @@
+"""From a `ContactProblem` to the TOML text of a problem file."""
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.basics.units import Units
+from qvi_contact.basics.writing import write_text
+from qvi_contact.errors import InputError
+from qvi_contact.files.problem_builder import FIELDS, TABLES
+from qvi_contact.files.problem_document import VERSION
+from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.problem.conditions import Condition, Contact, Traction
+from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.types import load
+
+_WIDTH: Final = 110  # characters in a line of numbers
+_ABSENT: Final = {"gap": 0.0, "offset": 0.0, "cohesion": 0.0}  # the values that need not be written
+
+
+def save_problem(path: str | Path, problem: ContactProblem, **details: Any) -> None:
+    """Write a problem file, whole or not at all; details are those of `problem_to_toml`."""
+    write_text(path, problem_to_toml(problem, **details))
+
+
+def problem_to_toml(
+    problem: ContactProblem,
+    *,
+    title: str = "",
+    description: str = "",
+    units: Units | None = None,
+    solve_options: Mapping[str, Any] | None = None,
+    times: Sequence[float] = (),
+) -> str:
+    """A problem as the text of a problem file, from which `problem_from_toml` makes the same problem.
+
+    Numbers are kept to the last digit. Conditions get ordered by kind, which has no meaning.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem; its functions must be numbers, `Polynomial` or `Expression`.
+    title, description : str
+        What to call it.
+    units : Units, optional
+        Labels of the numbers' units.
+    solve_options : mapping, optional
+        Arguments for `solve` to be taken by default.
+    times : sequence of float
+        Times of the load steps, of which the problem is to be the first; by default the one of expressions in t.
+
+    Raises
+    ------
+    InputError
+        If a function is one of Python, which a file cannot hold, or expressions disagree about constants or time.
+
+    """
+    writer = _Writer()
+    document: dict[str, Any] = {"version": VERSION, "title": title, "description": description}
+    potential = writer.field("body_potential", problem.body_potential)
+    if potential != 0.0:
+        document["body_potential"] = potential
+    document["units"] = {} if units is None else {"length": units.length, "stress": units.stress}
+    document["constants"] = writer.constants  # filled by what follows
+    document["mesh"] = _mesh(problem.mesh)
+    document["edges"], document["joints"] = _edges(problem.mesh), _joints(problem.mesh)
+    material = problem.material
+    document["material"] = {"young": material.young, "poisson": material.poisson, "plane": material.plane}
+    document["regions"] = [_region(region) for region in problem.regions]
+    for kind, name in TABLES.items():
+        chosen = [condition for condition in problem.conditions if isinstance(condition, kind)]
+        document[name] = [writer.condition(name, i, condition) for i, condition in enumerate(chosen)]
+    document["solve"] = dict(solve_options or {})
+    if len(times) or writer.time is not None:
+        document["history"] = {"times": list(times) if len(times) else [writer.time]}
+    text = _toml({key: value for key, value in document.items() if value not in ({}, [], "")})
+    problem_from_toml(text)  # refuses what Python takes and a file does not, such as names of several lines
+    return text
+
+
+class _Writer:
+    """Writes functions, and collects what they have in common."""
+
+    def __init__(self) -> None:
+        self.constants: dict[str, float] = {}
+        self.time: float | None = None
+
+    def field(self, path: str, value: object) -> object:
+        """A number, text or table for a field."""
+        if isinstance(value, Polynomial):
+            return {"polynomial": [list(row) for row in value.coefficients]}
+        if isinstance(value, Expression):
+            self._collect(path, value)
+            return value.text
+        if callable(value):
+            remedy = "a Python function cannot be written to a file: take an Expression, a Polynomial or a number"
+            raise InputError(path, value, remedy)
+        return value
+
+    def _collect(self, path: str, value: Expression) -> None:
+        for name, number in value.constants.items():
+            if self.constants.setdefault(name, number) != number:
+                remedy = f"the constant {name} is {self.constants[name]!r} elsewhere, and a file has one value for it"
+                raise InputError(path, value.text, f"{remedy}: rename one of them")
+        if value.uses_time:
+            if self.time not in (None, value.t):
+                raise InputError(path, value.text, f"t is {self.time!r} elsewhere: give all expressions one time")
+            self.time = value.t
+
+    def condition(self, name: str, index: int, condition: Condition) -> dict[str, Any]:
+        """The table of a condition, without what goes without saying."""
+        table: dict[str, Any] = {"edges": condition.edges}
+        for key in FIELDS[name]:
+            value = self.field(f"{name}[{index}].{key}", getattr(condition, key))
+            if value is not None and value != _ABSENT.get(key):
+                table[key] = value
+        if isinstance(condition, Traction | Contact) and condition.name != condition.edges:
+            table["name"] = condition.name
+        if isinstance(condition, Contact):
+            if condition.law != "unilateral":
+                table["law"] = condition.law
+            if condition.plate is not None:
+                plate = {key: getattr(condition.plate, key) for key in ("force_x", "force_y", "moment", "pivot")}
+                table["plate"] = {key: value for key, value in plate.items() if value is not None}
+        return table
+
+
+def _toml(document: Mapping[str, Any]) -> str:
+    """TOML as people write it: one [table] or [[table]] after the other, short lists on one line."""
+    tables = {key: value for key, value in document.items() if isinstance(value, dict | list)}
+    blocks = ["".join(_entry(key, value) for key, value in document.items() if key not in tables)]
+    for key, value in tables.items():
+        heading = f"[{key}]" if isinstance(value, dict) else f"[[{key}]]"
+        found = [value] if isinstance(value, dict) else value
+        blocks += [f"{heading}\n" + "".join(_entry(name, item) for name, item in table.items()) for table in found]
+    return "\n".join(blocks)
+
+
+def _entry(key: str, value: object) -> str:
+    name = load("tomli_w").dumps({key: 0}).removesuffix(" = 0\n")
+    line = f"{name} = {_inline(value)}"
+    if isinstance(value, list) and all(isinstance(item, float) for item in value):
+        line = textwrap.fill(line, _WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return line + "\n"
+
+
+def _inline(value: object) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(_entry(key, item).strip() for key, item in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    plain = value.item() if isinstance(value, np.generic) else value
+    return str(load("tomli_w").dumps({"value": plain}).removeprefix("value = ").rstrip("\n"))
+
+
+def _mesh(mesh: RectilinearMesh) -> dict[str, Any]:
+    table: dict[str, Any] = {"x": mesh.x.tolist(), "y": mesh.y.tolist()}
+    removed = list(_rectangles(~mesh.active))
+    if removed:
+        table["remove"] = [{"x": _ends(mesh.x, columns), "y": _ends(mesh.y, rows)} for rows, columns in removed]
+    return table
+
+
+def _ends(lines: FloatArray, cells: slice) -> list[float]:
+    return [float(lines[cells.start]), float(lines[cells.stop])]
+
+
+def _rectangles(mask: BoolArray) -> Iterator[tuple[slice, slice]]:
+    """Disjoint rectangles (rows, columns) that make up a mask: each as long, then as high as it can be."""
+    left = mask.copy()
+    while left.any():
+        row, column = (int(index) for index in np.argwhere(left)[0])
+        gap = np.flatnonzero(~left[row, column:])
+        columns = slice(column, column + int(gap[0]) if len(gap) else mask.shape[1])
+        gap = np.flatnonzero(~left[row:, columns].all(axis=1))
+        rows = slice(row, row + int(gap[0]) if len(gap) else mask.shape[0])
+        left[rows, columns] = False
+        yield rows, columns
+
+
+def _edges(mesh: RectilinearMesh) -> list[dict[str, Any]]:
+    return [_range(name, "side", mesh) for name in mesh.named if name not in mesh.joint_names]
+
+
+def _joints(mesh: RectilinearMesh) -> list[dict[str, Any]]:
+    return [_range(name, "direction", mesh) for name in mesh.joint_names]
+
+
+def _range(name: str, facing: str, mesh: RectilinearMesh) -> dict[str, Any]:
+    chosen = mesh.named[name]
+    table = {"name": name, facing: chosen.side, "start": chosen.start, "stop": chosen.stop, "at": chosen.at}
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def _region(region: Any) -> dict[str, Any]:
+    table = {"x": region.x, "y": region.y, "young": region.material.young, "poisson": region.material.poisson}
+    return {key: value for key, value in table.items() if value is not None}

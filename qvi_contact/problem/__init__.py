@@ -1,0 +1,19 @@
+"""What is to be solved: mesh, material and conditions as one problem."""
+
+from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
+from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.material import Material, Region
+from qvi_contact.problem.problem import ContactProblem
+
+__all__ = [
+    "Contact",
+    "ContactProblem",
+    "Displacement",
+    "Expression",
+    "Material",
+    "Polynomial",
+    "Region",
+    "RigidPlate",
+    "Symmetry",
+    "Traction",
+]

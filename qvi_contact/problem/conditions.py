@@ -1,0 +1,236 @@
+"""Boundary conditions on named edge sets, one Cartesian component at a time.
+
+With stresses as the unknown, a prescribed traction is the essential condition and a prescribed displacement the
+natural one. Every boundary edge needs exactly one condition for each of its two Cartesian components.
+
+A `Contact` on a joint inside the body rules no boundary edge.
+
+Signs: n is the outward normal; the tangent is the coordinate direction along the edge (+x on horizontal edges, +y on
+vertical ones), whichever way the edge faces. σ_N = n·σn is negative under pressure, σ_T is the tangential component of
+the traction σn, u_N and u_T are the components of the displacement.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, get_args
+
+from qvi_contact.basics.checks import Field, check_field, finite_number
+from qvi_contact.errors import InputError
+
+Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
+"""What a contact does across its line: it may open, it keeps its distance, or it does not move at all."""
+
+
+def _check_components(kind: str, x: Field | None, y: Field | None) -> None:
+    if x is None and y is None:
+        raise InputError(f"{kind}.x", None, "give at least one of the components x and y")
+    for name, value in (("x", x), ("y", y)):
+        if value is not None:
+            check_field(f"{kind}.{name}", value)
+
+
+def _name_after_edges(condition: "Traction | Contact", kind: str) -> None:
+    """Check the name, and take that of the edge set if there is none."""
+    if not isinstance(condition.name, str):
+        raise InputError(f"{kind}.name", condition.name, "give a string")
+    if not condition.name:
+        object.__setattr__(condition, "name", condition.edges)
+
+
+@dataclass(frozen=True)
+class Traction:
+    """Prescribed traction σn (1.5).
+
+    Parameters
+    ----------
+    edges : str
+        Name of an edge set of the mesh.
+    x, y : float or function of (x, y), optional
+        Cartesian components of the traction that acts on the body [stress]; None leaves a component to another
+        condition.
+    name : str, optional
+        What a limit analysis calls this load; the edge set's name by default.
+
+    Notes
+    -----
+    Exact if the normal component is linear along each cell edge, and the tangential one continuous and quadratic
+    along each. Anything else is projected so that the resultant force and moment of every cell edge are kept.
+
+    """
+
+    edges: str
+    x: Field | None = None
+    y: Field | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        _check_components("Traction", self.x, self.y)
+        _name_after_edges(self, "Traction")
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Prescribed displacement (1.4).
+
+    Parameters
+    ----------
+    edges : str
+        Name of an edge set of the mesh.
+    x, y : float or function of (x, y), optional
+        Cartesian components of the displacement [length]; None leaves a component to another condition.
+
+    """
+
+    edges: str
+    x: Field | None = None
+    y: Field | None = None
+
+    def __post_init__(self) -> None:
+        _check_components("Displacement", self.x, self.y)
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """Line of symmetry: no normal displacement, no tangential traction.
+
+    Parameters
+    ----------
+    edges : str
+        Name of an edge set of the mesh.
+
+    """
+
+    edges: str
+
+
+@dataclass(frozen=True)
+class RigidPlate:
+    """A rigid obstacle driven by force rather than by displacement.
+
+    For each component given, the resultant of the tractions on the body is prescribed,
+
+        ∫ t_x ds = force_x,   ∫ t_y ds = force_y,   ∫ [(x − x₀) t_y − (y − y₀) t_x] ds = moment,
+
+    and the plate's motion in that component is unknown: the multiplier of the equation. In the other components the
+    plate does not move beyond the contact's `gap` and `offset`.
+
+    Parameters
+    ----------
+    force_x, force_y : float, optional
+        Force on the body a unit of thickness [stress × length]; a plate that presses down on the top has force_y < 0.
+    moment : float, optional
+        Moment on the body about the pivot, counterclockwise [stress × length²].
+    pivot : (float, float)
+        The point (x₀, y₀) that the moment and the plate's rotation refer to [length].
+
+    """
+
+    force_x: float | None = None
+    force_y: float | None = None
+    moment: float | None = None
+    pivot: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.force_x is None and self.force_y is None and self.moment is None:
+            raise InputError("RigidPlate", None, "give at least one of force_x, force_y and moment")
+        for name in ("force_x", "force_y", "moment"):
+            if getattr(self, name) is not None:
+                finite_number(f"RigidPlate.{name}", getattr(self, name))
+        if not isinstance(self.pivot, (tuple, list)) or len(self.pivot) != 2:
+            raise InputError("RigidPlate.pivot", self.pivot, "give a pair (x, y)")
+        object.__setattr__(self, "pivot", tuple(finite_number("RigidPlate.pivot", value) for value in self.pivot))
+
+    def reference(self, x: float, y: float) -> tuple[float, float]:
+        """Arms of the moment count from here [length]: x, y as far as the forces that go with them are given."""
+        return x if self.force_y is not None else self.pivot[0], y if self.force_x is not None else self.pivot[1]
+
+    def moment_about(self, x: float, y: float) -> float:
+        """The given moment about the pivot, less that of the given forces acting at (x, y) [stress × length²]."""
+        x, y = self.reference(x, y)
+        forces = (x - self.pivot[0]) * (self.force_y or 0.0) - (y - self.pivot[1]) * (self.force_x or 0.0)
+        return (self.moment or 0.0) - forces
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact with dry friction, against a rigid obstacle (1.6) or between two blocks of the body.
+
+        σ_N ≤ 0,   u_N ≤ g,   (u_N − g) σ_N = 0                             unilateral
+        u_N = g                                                             bilateral, tied
+        |σ_T| ≤ b(σ_N) = min(c + μ|σ_N|, t_max)
+        |σ_T| < b ⇒ u_T = w,   (u_T − w) σ_T ≤ 0                            unilateral, bilateral
+        u_T = w                                                             tied
+
+    On a joint (an edge set made by `RectilinearMesh.with_joint`) u stands for the displacement of the lower or left
+    block less that of the upper or right one, n points from the former to the latter, and g is how far the joint
+    stands open without load.
+
+    Parameters
+    ----------
+    edges : str
+        Name of an edge set or joint of the mesh.
+    friction : float or function of (x, y)
+        Coefficient of friction μ ≥ 0. With μ = 0 and a cohesion the law is Tresca's.
+    gap : float or function of (x, y)
+        Position g of the obstacle along the outward normal [length]: positive where it stands away from the body,
+        negative where a rigid plate is pushed into it.
+    offset : float or function of (x, y)
+        Tangential displacement w of the obstacle along the tangent [length].
+    name : str, optional
+        Key of this contact in the result; the edge set's name by default.
+    cohesion : float or function of (x, y)
+        Cohesion c ≥ 0 [stress]. It acts wherever the law does, also where the contact is open.
+    shear_limit : float or function of (x, y), optional
+        Cap t_max ≥ 0 of |σ_T| [stress].
+    law : "unilateral", "bilateral" or "tied"
+        Whether the contact may open and slip, slip only, or neither. A tied contact takes no friction, cohesion or
+        limit.
+    plate : RigidPlate, optional
+        Drives the obstacle by force and moment; not on joints.
+
+    """
+
+    edges: str
+    friction: Field
+    gap: Field = 0.0
+    offset: Field = 0.0
+    name: str = ""
+    cohesion: Field = 0.0
+    shear_limit: Field | None = None
+    law: Law = "unilateral"
+    plate: RigidPlate | None = None
+
+    def __post_init__(self) -> None:
+        check_field("Contact.friction", self.friction, minimum=0.0)
+        check_field("Contact.gap", self.gap)
+        check_field("Contact.offset", self.offset)
+        check_field("Contact.cohesion", self.cohesion, minimum=0.0)
+        if self.shear_limit is not None:
+            check_field("Contact.shear_limit", self.shear_limit, minimum=0.0)
+        _name_after_edges(self, "Contact")
+        if self.law not in get_args(Law):
+            raise InputError("Contact.law", self.law, f"give one of {', '.join(get_args(Law))}")
+        if self.plate is not None and not isinstance(self.plate, RigidPlate):
+            raise InputError("Contact.plate", self.plate, "give a RigidPlate")
+        frictional: dict[str, Any] = {"friction": 0.0, "cohesion": 0.0, "shear_limit": None}
+        for field, absent in frictional.items():
+            value = getattr(self, field)
+            if self.law == "tied" and (callable(value) or value != absent):
+                raise InputError(f"Contact.{field}", value, "a tied contact does not slip: leave this out")
+
+    @classmethod
+    def tresca(cls, edges: str, bound: Field, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> "Contact":
+        """Unilateral contact with Tresca's law |σ_T| ≤ bound [stress], whatever the pressure."""
+        return cls(edges, 0.0, gap, offset, name, cohesion=bound)
+
+    @classmethod
+    def frictionless(cls, edges: str, gap: Field = 0.0, name: str = "") -> "Contact":
+        """Unilateral contact without friction (Signorini)."""
+        return cls(edges, 0.0, gap, 0.0, name)
+
+    @classmethod
+    def tied(cls, edges: str, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> "Contact":
+        """Neither opens nor slips: u_N = g, u_T = w; reports tractions like any contact."""
+        return cls(edges, 0.0, gap, offset, name, law="tied")
+
+
+Condition: TypeAlias = Traction | Displacement | Symmetry | Contact

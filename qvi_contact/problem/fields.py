@@ -1,0 +1,170 @@
+"""Functions of position that can be written down in a file: polynomials and expressions."""
+
+import ast
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from qvi_contact.basics.checks import FloatArray, finite_number
+from qvi_contact.errors import InputError
+from solvers.basics.types import load
+
+_LONGEST: Final = 2000  # characters of an expression
+_VARIABLES: Final = ("x", "y", "t")
+
+FUNCTIONS: Final[Mapping[str, Any]] = MappingProxyType(
+    {
+        "abs": np.abs, "sign": np.sign, "sqrt": np.sqrt, "exp": np.exp, "log": np.log,
+        "sin": np.sin, "cos": np.cos, "tan": np.tan, "arcsin": np.arcsin, "arccos": np.arccos, "arctan": np.arctan,
+        "sinh": np.sinh, "cosh": np.cosh, "tanh": np.tanh, "hypot": np.hypot,
+        "min": np.minimum, "max": np.maximum, "where": np.where,
+    }
+)  # fmt: skip
+"""Functions that expressions may call."""
+
+_ARGUMENTS: Final = {"hypot": 2, "min": 2, "max": 2, "where": 3}  # all others take one
+
+_OPERATORS: Final = {
+    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
+    ast.USub: np.negative, ast.UAdd: np.positive,
+    ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
+}  # fmt: skip
+_NODES: Final = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call, ast.Name, ast.Load, ast.Constant)
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """The function Σ_ij c_ij xⁱ yʲ.
+
+    Parameters
+    ----------
+    coefficients : nested sequence of float
+        ``coefficients[i][j]`` is c_ij; short rows are filled up with zeros.
+
+    """
+
+    coefficients: Sequence[Sequence[float]]
+
+    def __post_init__(self) -> None:
+        try:
+            rows = tuple(tuple(float(value) for value in row) for row in self.coefficients)
+        except (TypeError, ValueError) as error:
+            raise InputError("Polynomial", self.coefficients, "give rows of numbers, [i][j] for xⁱ yʲ") from error
+        if not any(rows) or not all(np.isfinite(value) for row in rows for value in row):
+            raise InputError("Polynomial", self.coefficients, "give finite coefficients, at least one")
+        object.__setattr__(self, "coefficients", rows)
+
+    @cached_property
+    def _table(self) -> FloatArray:
+        table = np.zeros((len(self.coefficients), max(map(len, self.coefficients))))
+        for i, row in enumerate(self.coefficients):
+            table[i, : len(row)] = row
+        return table
+
+    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Values at (x, y)."""
+        return np.asarray(polynomial.polyval2d(x, y, self._table))
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A function written as text, such as ``"1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)"``.
+
+    The text is parsed by `simpleeval` into a tree of numbers, the names below, + - * / **, comparisons and the
+    `FUNCTIONS`; anything else is refused, so an expression can never run code.
+
+    Parameters
+    ----------
+    text : str
+        The expression in x, y [length] and t (pseudo-time of a load history).
+    constants : mapping
+        Further names and their numbers; ``pi`` is always there.
+    t : float
+        Value of t.
+
+    Raises
+    ------
+    InputError
+        If the text is no such expression, naming the part that is wrong.
+
+    """
+
+    text: str
+    constants: Mapping[str, float] = field(default_factory=dict)
+    t: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, value in self.constants.items():
+            if name in (*_VARIABLES, "pi", *FUNCTIONS):
+                raise InputError(f"constants.{name}", value, "this name means something already: choose another one")
+            finite_number(f"constants.{name}", value)
+        _ = self._tree  # parsed now, so that a bad text is refused here
+        try:
+            self(np.array([0.25, 0.75]), np.array([0.25, 0.75]))
+        except ArithmeticError:
+            pass  # at that point; where it counts the values are checked
+        except Exception as error:
+            raise InputError("expression", self.text, f"cannot be evaluated: {error}") from error
+
+    @cached_property
+    def _tree(self) -> ast.expr:
+        if not isinstance(self.text, str) or len(self.text) > _LONGEST:
+            raise InputError("expression", self.text, f"give a text of at most {_LONGEST} characters")
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", SyntaxWarning)  # such as for 1(x): refused below
+                tree = ast.parse(self.text.strip(), mode="eval")
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            raise InputError("expression", self.text, f"is not an expression in x, y and t ({error})") from error
+        called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+        for node in ast.walk(tree):
+            if id(node) not in called:
+                _check_node(self.text, node, (*_VARIABLES, "pi", *self.constants))
+        return tree.body
+
+    @property
+    def uses_time(self) -> bool:
+        """Whether t occurs."""
+        return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree))
+
+    def at_time(self, t: float) -> "Expression":
+        """The same expression at another t."""
+        return Expression(self.text, self.constants, finite_number("t", t))
+
+    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Values at (x, y)."""
+        names = {**self.constants, "pi": np.pi, "x": np.asarray(x, float), "y": np.asarray(y, float), "t": self.t}
+        evaluator = load("simpleeval").SimpleEval(operators=_OPERATORS, functions=dict(FUNCTIONS), names=names)
+        with np.errstate(all="ignore"):  # what is not finite is refused where it is used
+            value = evaluator.eval(self.text, previously_parsed=self._tree)
+        return np.array(np.broadcast_to(np.asarray(value, dtype=float), np.shape(x)))
+
+
+def _check_node(text: str, node: ast.AST, names: Sequence[str]) -> None:
+    """Refuse whatever is not arithmetic, naming it."""
+    if isinstance(node, ast.Constant):
+        if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
+            raise InputError("expression", text, f"{node.value!r} is not a number")
+        node.value = float(node.value)  # arithmetic of whole numbers has no limit
+    elif isinstance(node, ast.Call):
+        if not isinstance(node.func, ast.Name) or node.func.id not in FUNCTIONS or node.keywords:
+            called = ast.unparse(node.func)
+            raise InputError("expression", text, f"{called} is no known function; there are {', '.join(FUNCTIONS)}")
+        wanted = _ARGUMENTS.get(node.func.id, 1)  # more would be taken for the place to write the result to
+        if len(node.args) != wanted:
+            raise InputError("expression", text, f"{node.func.id} takes {wanted} argument{'s' if wanted > 1 else ''}")
+    elif isinstance(node, ast.Name):
+        if node.id not in names:
+            raise InputError("expression", text, f"{node.id} is no known name; there are {', '.join(names)}")
+    elif not isinstance(node, (*_NODES, *_OPERATORS)):
+        part = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__
+        hint = {ast.BitXor: "write ** for powers", ast.IfExp: "write where(condition, then, else)"}.get(type(node))
+        if hint is not None:
+            raise InputError("expression", text, hint)
+        raise InputError("expression", text, f"{part} is not allowed: use numbers, x, y, t, + - * / ** and functions")

@@ -1,0 +1,114 @@
+"""Linear elastic material in plane stress or plane strain."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, positive_number
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.lines import on_line
+from qvi_contact.mesh.rectilinear import RectilinearMesh
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elastic material.
+
+    Parameters
+    ----------
+    young : float
+        Young's modulus E > 0 [stress].
+    poisson : float
+        Poisson's ratio ν: −1 < ν ≤ 0.5 in plane stress, −1 < ν < 0.5 in plane strain.
+    plane : "stress" or "strain"
+        The plane state; κ = 0 or 1 in the compliance below.
+
+    Raises
+    ------
+    InputError
+        If a constant is out of its range.
+
+    """
+
+    young: float
+    poisson: float
+    plane: Literal["stress", "strain"] = "stress"
+
+    def __post_init__(self) -> None:
+        positive_number("Material.young", self.young)
+        poisson = finite_number("Material.poisson", self.poisson)
+        if self.plane not in ("stress", "strain"):
+            raise InputError("Material.plane", self.plane, "give 'stress' or 'strain'")
+        if not -1.0 < poisson <= 0.5:
+            raise InputError("Material.poisson", poisson, "give a number above -1 and at most 0.5")
+        if self.plane == "strain" and poisson == 0.5:
+            remedy = "give a number below 0.5: plane strain of an incompressible body has a singular compliance"
+            raise InputError("Material.poisson", poisson, remedy)
+        with np.errstate(over="ignore"):
+            if not np.isfinite(self.compliance).all() or not self.compliance[0, 0] > 0.0:
+                raise InputError("Material.young", self.young, "is beyond double precision: take other units")
+
+    @property
+    def compliance(self) -> FloatArray:
+        """Compliance c, shape (3, 3) [1/stress], with (ε_xx, ε_yy, 2ε_xy) = c (σ_xx, σ_yy, σ_xy).
+
+            c11 = c22 = [(1+ν) − ν(1+κν)] / E,   c12 = −ν(1+κν) / E,   c33 = 2(1+ν) / E
+
+        Equation (1.3) of Więckowski (1992), κ = 0 in plane stress and 1 in plane strain, with engineering shear.
+        """
+        nu = self.poisson
+        kappa = 1.0 if self.plane == "strain" else 0.0
+        coupling = nu * (1.0 + kappa * nu)
+        direct = 1.0 + nu - coupling
+        matrix = np.array([[direct, -coupling, 0.0], [-coupling, direct, 0.0], [0.0, 0.0, 2.0 * (1.0 + nu)]])
+        return matrix / self.young
+
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangular part of the body with a material of its own.
+
+    Parameters
+    ----------
+    material : Material
+        Its material, in the plane state of the rest of the body.
+    x, y : (float, float), optional
+        Ranges [length] whose ends lie on grid lines; None reaches across the whole mesh.
+
+    Notes
+    -----
+    Across the border the tractions agree and the bodies are bonded.
+
+    """
+
+    material: Material
+    x: tuple[float, float] | None = None
+    y: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.material, Material):
+            raise InputError("Region.material", self.material, "give a Material")
+        for name, bounds in (("x", self.x), ("y", self.y)):
+            if bounds is not None and not (isinstance(bounds, Sequence) and len(bounds) == 2):
+                raise InputError(f"Region.{name}", bounds, "give a pair (start, stop), or nothing")
+
+
+def material_numbers(mesh: RectilinearMesh, regions: Sequence[Region]) -> IntArray:
+    """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (ny, nx)."""
+    number = np.zeros(mesh.shape, dtype=np.int64)
+    for index, region in enumerate(regions):
+        columns = _cells_between("Region.x", mesh.x, region.x)
+        rows = _cells_between("Region.y", mesh.y, region.y)
+        number[rows, columns] = 1 + index
+    return number
+
+
+def _cells_between(name: str, lines: FloatArray, bounds: tuple[float, float] | None) -> slice:
+    if bounds is None:
+        return slice(None)
+    first, last = (int(np.flatnonzero(lines == on_line(name, bound, lines))[0]) for bound in bounds)
+    if first >= last:
+        raise InputError(name, bounds, "give the smaller end first")
+    return slice(first, last)

@@ -1,0 +1,251 @@
+"""Load histories: quasi-static friction, step by step.
+
+Within a step friction opposes the slip since the step before: with w_k the obstacle's offset and s_k = u_T − w_k the
+slip accumulated up to step k, step k is the static problem with the offset w_k + s_{k−1},
+
+    |σ_T| ≤ b(σ_N),   |σ_T| < b ⇒ s_k = s_{k−1},   (s_k − s_{k−1}) σ_T ≤ 0.
+
+That is the implicit Euler rule; loads and obstacles move in the steps the user gives. Slip is handed on as the
+multipliers of the Gauss points, not as their projection, so that each step starts in exactly the state the one before
+it ended in.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.discretization.discretization import discretize
+from qvi_contact.discretization.plates import centre_of
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.rectilinear import HORIZONTAL
+from qvi_contact.problem.conditions import Contact, Displacement
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.solver import solve
+from solvers import Status
+from solvers.solve import default_method
+
+_CONTINUES = (Status.SOLVED, Status.INACCURATE)
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Results of the load steps, up to the first that has none.
+
+    In each step's result `slip` and `energies.dissipation` are those of the step, from the projected slip; `dissipated`
+    and `friction_work` are computed from the multipliers, which obey the friction law at every point.
+
+    Attributes
+    ----------
+    steps : tuple of ContactResult
+        One for each load step done.
+    planned : int
+        Number of load steps asked for.
+
+    """
+
+    steps: tuple[ContactResult, ...]
+    planned: int
+
+    @property
+    def status(self) -> Status:
+        """Solved if every step was; else that of the first step that was not."""
+        return next((step.status for step in self.steps if step.status is not Status.SOLVED), Status.SOLVED)
+
+    @property
+    def message(self) -> str:
+        """One sentence about the outcome."""
+        for number, step in enumerate(self.steps, 1):
+            if step.status is not Status.SOLVED:
+                return f"step {number} of {self.planned}: {step.message}"
+        return f"all {self.planned} steps solved"
+
+    def slip(self, contact: str) -> FloatArray:
+        """Slip u_T − w accumulated up to each step at the points of a contact, shape (steps, m) [length]."""
+        return np.cumsum([step.contacts[contact].slip for step in self._states], axis=0)
+
+    @property
+    def dissipated(self) -> FloatArray:
+        """Energy lost in friction in each step, ∫ |σ_T| |s_k − s_{k−1}| ds ≥ 0, shape (steps,) [stress × length²]."""
+        return np.array([_friction_work(step, step) for step in self._states])
+
+    @property
+    def friction_work(self) -> FloatArray:
+        """The same by the trapezoidal rule, −∫ ½(σ_T,k + σ_T,k−1)(s_k − s_{k−1}) ds, shape (steps,) [stress × length²].
+
+        As long as no point opens or closes this is what enters the balance of energy between two steps: around a closed
+        cycle it is the work that obstacles and supports have done, the area of their loops. It tends to `dissipated` as
+        the steps shrink, and equals it if friction is used up at both ends of every step in which a point slips.
+        """
+        states = self._states
+        work = [_friction_work(now, last) for now, last in zip(states, [None, *states[:-1]], strict=True)]
+        return np.asarray(0.5 * (self.dissipated + np.array(work)))
+
+    def loop(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Tangential displacement of a plate and tangential force on the body in each step.
+
+        Parameters
+        ----------
+        name : str
+            A contact, whose obstacle moves by its mean offset and, driven by force, by the plate's own motion in the
+            contact's centre; or an edge set along which the tangential displacement is prescribed. A plate that also
+            moves normally or turns does more work than this loop shows.
+
+        Returns
+        -------
+        displacement, force : (steps,) arrays
+            Along the tangent [length], [stress × length].
+
+        """
+        pairs = [_driven(step, name) for step in self._states]
+        return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+
+    @property
+    def _states(self) -> tuple[ContactResult, ...]:
+        """The steps that have a state."""
+        return tuple(step for step in self.steps if step.has_state)
+
+
+def loop_area(displacement: FloatArray, force: FloatArray) -> float:
+    """∮ F dw of a polygon of steps, the work done on the body [force × length]; positive where energy is lost.
+
+    Steps are joined by straight lines, the last one not with the first.
+    """
+    return float(np.sum((force[1:] + force[:-1]) * np.diff(displacement)) / 2.0)
+
+
+def solve_history(
+    problems: Iterable[ContactProblem],
+    callback: Callable[[int, ContactResult], object] | None = None,
+    **options: Any,  # checked by solve
+) -> History:
+    """Solve a list of load steps with friction that remembers where it has slipped.
+
+    Parameters
+    ----------
+    problems : iterable of ContactProblem
+        The problem at each load step: the same mesh, regions and contacts, while loads, displacements, gaps, offsets
+        and friction may change. An `offset` is the obstacle's own tangential displacement, slip is added to it.
+    callback : callable, optional
+        Called with the number of each step, from 1, and its result. Where a step gives up the shear in a corner beside
+        a contact (see `discretize`) all steps do, and the history starts again.
+    **options
+        As for `solve`. Each step starts from the pressure of the one before it.
+
+    Returns
+    -------
+    History
+        It ends with the first step whose status is neither solved nor inaccurate.
+
+    Raises
+    ------
+    InputError
+        If there is no step, or mesh or contacts change.
+
+    """
+    steps = _checked_steps(problems)
+    all_scales = [Scales.of(problem) for problem in steps]
+    scales = max(all_scales, key=lambda scales: (scales.loaded, scales.stress))
+    freed = np.empty(0, dtype=np.int64)
+    while True:
+        results = _follow(steps, scales, freed, callback, options)
+        found = np.unique(np.concatenate([freed, *(result.discretization.freed for result in results)]))
+        if len(found) == len(freed):
+            return History(tuple(results), len(steps))
+        freed = found
+
+
+def _follow(
+    steps: Sequence[ContactProblem],
+    scales: Scales,
+    freed: IntArray,
+    callback: Callable[[int, ContactResult], object] | None,
+    options: dict[str, Any],
+) -> list[ContactResult]:
+    """All steps with the shear given up at the `freed` nodes, up to one without an answer or with other nodes freed."""
+    results: list[ContactResult] = []
+    for number, problem in enumerate(steps, 1):
+        discretization = discretize(problem, scales=scales, freed=freed)
+        if results:
+            discretization = discretization.slipped(_slip_after(results[-1]))
+            discretization.qvi.adopt(results[-1].discretization.qvi)
+        initial = {"initial": results[-1]} if results and default_method(options) == "fixed-point" else {}
+        results.append(solve(discretization, **{**options, **initial}))
+        if callback is not None:
+            callback(number, results[-1])
+        if results[-1].status not in _CONTINUES or len(results[-1].discretization.freed) != len(freed):
+            break
+    return results
+
+
+def _checked_steps(problems: Iterable[ContactProblem]) -> list[ContactProblem]:
+    steps = list(problems)
+    if not steps or not all(isinstance(problem, ContactProblem) for problem in steps):
+        raise InputError("problems", problems, "give a list of at least one ContactProblem")
+    first = steps[0]
+    for number, problem in enumerate(steps[1:], 2):
+        mesh = problem.mesh
+        if not (_same(mesh.x, first.mesh.x) and _same(mesh.y, first.mesh.y) and _same(mesh.active, first.mesh.active)):
+            raise InputError(f"problems[{number - 1}].mesh", mesh, "give every load step the same mesh")
+        if [_frame(contact) for contact in problem.contacts] != [_frame(contact) for contact in first.contacts]:
+            names = [contact.name for contact in problem.contacts]
+            raise InputError(f"problems[{number - 1}].conditions", names, "give every load step the same contacts")
+    return steps
+
+
+def _same(a: Any, b: Any) -> bool:
+    return a is b or np.array_equal(a, b)
+
+
+def _frame(contact: Contact) -> tuple[str, str, str]:
+    """What must not change in a contact."""
+    return contact.name, contact.edges, contact.law
+
+
+def _slip_after(result: ContactResult) -> list[FloatArray]:
+    """Slip since the beginning at the points of each contact, dimensionless: −λ_T on top of what came before."""
+    discretization, solution = result.discretization, result.solution
+    fresh = discretization.offsets()
+    slip = []
+    for rows, offset in zip(discretization.contacts, fresh, strict=True):
+        step = -solution.tangential_multiplier[rows.rows] / rows.points.weights if rows.law != "tied" else 0.0
+        slip.append(rows.offset - offset + step)
+    return slip
+
+
+def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
+    """−∫ σ_T (s_k − s_{k−1}) ds with the slip of one step and the traction of another (none: zero)."""
+    if other is None:
+        return 0.0
+    traction = other.solution.problem.tangential(other.solution.z)
+    return float(now.solution.tangential_multiplier @ traction) * now.discretization.scales.energy
+
+
+def _driven(step: ContactResult, name: str) -> tuple[float, float]:
+    problem, scales = step.problem, step.discretization.scales
+    if name in step.contacts:
+        index = next(i for i, rows in enumerate(step.discretization.contacts) if rows.name == name)
+        line, points = step.contacts[name], step.discretization.contacts[index].points
+        offset = step.discretization.offsets()[index] * scales.displacement
+        along = float(line.weights @ offset / line.weights.sum())
+        plate = problem.contacts[index].plate
+        if plate is not None:
+            motion, (x, y) = step.plates[name], centre_of(problem, scales, step.discretization.contacts[index])
+            in_x = motion.x - motion.rotation * (y - plate.pivot[1])
+            in_y = motion.y + motion.rotation * (x - plate.pivot[0])
+            along += in_x if points.edges.axis[0] == HORIZONTAL else in_y
+        return along, line.tangential_force
+    edges = problem.mesh.edges(name)
+    component = 0 if edges.axis[0] == HORIZONTAL else 1
+    for condition in problem.conditions:
+        value = (condition.x, condition.y)[component] if isinstance(condition, Displacement) else None
+        if condition.edges == name and value is not None:
+            middles = problem.mesh.points_along(edges, np.array([0.5]))
+            values, lengths = evaluate("Displacement", value, *middles)[:, 0], problem.mesh.edge_lengths(edges)
+            resultant = step.resultant(name)
+            return float(np.average(values, weights=lengths)), (resultant.x, resultant.y)[component]
+    raise InputError("name", name, "name a contact, or an edge set whose tangential displacement is prescribed")

@@ -1,0 +1,222 @@
+"""Limit analysis: how much of a load friction and unilateral contact can carry at all."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.optimize import linprog
+
+from qvi_contact.basics.checks import Field, FloatArray, IntArray
+from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.loads import shear_beside_contacts
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.errors import InputError, SolveError
+from qvi_contact.problem.conditions import Condition, Contact, Traction
+from qvi_contact.problem.problem import ContactProblem
+from solvers import FrictionQVI
+from solvers.certificate.feasibility import AdmissibleRows
+from solvers.inequality.rows import spanning_rows
+
+BODY = "body"
+"""What the body force is called among the loads."""
+
+_SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
+_INFEASIBLE, _UNBOUNDED = 2, 3  # status numbers of linprog
+_OPTIONS: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10, "time_limit": 300.0}
+_CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
+
+
+@dataclass(frozen=True)
+class LimitLoad:
+    """Result of a limit analysis.
+
+    Attributes
+    ----------
+    factor : float
+        The largest multiple found: its stresses keep the contact laws to `violation`. Infinity if any multiple can be
+        carried, minus infinity if none can.
+    bound : float
+        No multiple above this can be carried on this mesh: the dual bound of the multipliers found.
+    violation : float
+        Largest violation of the contact laws at `factor`, relative to the largest contact traction.
+
+    """
+
+    factor: float
+    bound: float
+    violation: float
+
+
+def limit_load_factor(problem: ContactProblem, loads: Sequence[str]) -> float:
+    """Largest multiple of the named loads that the contacts can carry while all other loads stay.
+
+        max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) at the Gauss points
+
+    A linear program in the Airy coefficients of the quasi-variational inequality. Every solution of that lies in this
+    set, so beyond the factor there is none on this mesh (a shear prescribed beside a contact is met in the resultants,
+    as `solve` does where friction cannot carry it in the corner). For Coulomb's law, whose slip is not associated, the
+    converse does not hold in general: the factor is the limit load of the associated law, an upper bound; a solution
+    below it may, but need not exist, which only `solve` can tell. Displacements, gaps and elastic constants do not
+    enter, and bilateral contacts with friction count as able to carry any shear up to their cap.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    loads : sequence of str
+        Names of the loads to multiply: of `Traction` conditions, of contacts whose `RigidPlate` prescribes forces, or
+        "body" for the body force.
+
+    Returns
+    -------
+    float
+        The factor; ``inf`` if every multiple can be carried, ``-inf`` if none can.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or the loads are out of balance.
+    SolveError
+        If the linear program is not solved to a relative accuracy of 1e-7.
+
+    """
+    limit = limit_load(problem, loads)
+    gap = limit.bound - limit.factor
+    if np.isfinite(limit.factor) and not (
+        gap <= _CERTIFIED * (1.0 + abs(limit.factor)) and limit.violation <= _CERTIFIED
+    ):
+        raise SolveError(
+            f"limit load: factor {limit.factor:.9g} and bound {limit.bound:.9g} do not agree (violation "
+            f"{limit.violation:.1e}): use a coarser or less graded mesh"
+        )
+    return limit.factor
+
+
+def limit_load(problem: ContactProblem, loads: Sequence[str]) -> LimitLoad:
+    """The linear program of `limit_load_factor` with its certificate."""
+    names = _checked_names(problem, loads)
+    low, high = _sampled(problem, names)
+    rows, slopes = _affine(low.qvi, high.qvi)
+    if rows.G.shape[0] == 0:
+        return LimitLoad(np.inf, np.inf, 0.0)
+    m = low.qvi.m
+    E, _ = spanning_rows(
+        sparse.csc_matrix(sparse.vstack([low.qvi.contact_rows, low.qvi.A]))
+    )  # of tractions y they span
+    b = low.qvi.b - _SAMPLES[0] * slopes.b
+    return _Program(rows.H @ E[: 2 * m], rows.h, slopes.h, E[2 * m :], b, slopes.b).solve()
+
+
+def _checked_names(problem: ContactProblem, loads: Sequence[str]) -> tuple[str, ...]:
+    known = [BODY]
+    known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
+    known += [contact.name for contact in problem.contacts if contact.plate is not None]
+    if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
+        raise InputError("loads", loads, f"give a list of names out of {', '.join(known)}")
+    for name in loads:
+        if name not in known:
+            raise InputError("loads", name, f"there is no such load; there are {', '.join(known)}")
+    return tuple(loads)
+
+
+def _sampled(problem: ContactProblem, names: Sequence[str]) -> tuple[Discretization, Discretization]:
+    """The problem at two load factors in the same units, with the same degrees of freedom kept."""
+    multiples = [_multiplied(problem, names, factor) for factor in _SAMPLES]
+    scales = Scales.of(multiples[1])
+    # Corners where shears disagree at one factor, or that `solve` may give up beside a contact, are given up at both.
+    freed: IntArray = np.unique([node for multiple in multiples for node, _ in shear_beside_contacts(multiple)])
+    for _ in range(2):
+        low, high = (discretize(multiple, scales=scales, freed=freed.astype(np.int64)) for multiple in multiples)
+        freed = np.unique(np.concatenate([freed, low.elimination.conflicts, high.elimination.conflicts]))
+    return low, high
+
+
+def _multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:
+    conditions = [_scaled(condition, names, factor) for condition in problem.conditions]
+    potential = _times(problem.body_potential, factor) if BODY in names else problem.body_potential
+    return replace(problem, conditions=conditions, body_potential=potential)
+
+
+def _scaled(condition: Condition, names: Sequence[str], factor: float) -> Condition:
+    """A named traction, or a named plate's forces, times the factor."""
+    if not isinstance(condition, (Traction, Contact)) or condition.name not in names:
+        return condition
+    if isinstance(condition, Traction):
+        x, y = (None if value is None else _times(value, factor) for value in (condition.x, condition.y))
+        return replace(condition, x=x, y=y)
+    forces = {name: getattr(condition.plate, name, None) for name in ("force_x", "force_y", "moment")}
+    scaled = {name: factor * value for name, value in forces.items() if value is not None}
+    return replace(condition, plate=replace(condition.plate, **scaled)) if condition.plate else condition
+
+
+def _times(field: Field, factor: float) -> Field:
+    if not callable(field):
+        return factor * field
+    function: Callable[[FloatArray, FloatArray], object] = field
+    return lambda x, y: factor * np.asarray(function(x, y), dtype=float)
+
+
+@dataclass(frozen=True)
+class _Slopes:
+    """Derivatives of right-hand sides with respect to the load factor."""
+
+    h: FloatArray
+    b: FloatArray
+
+
+def _affine(low: FrictionQVI, high: FrictionQVI) -> tuple[AdmissibleRows, _Slopes]:
+    """Rows G z ≤ h₀ + α h₁ of the admissible set; h₀ in the first."""
+    first, second = AdmissibleRows.of(low), AdmissibleRows.of(high)
+    width = _SAMPLES[1] - _SAMPLES[0]
+    slopes = _Slopes((second.h - first.h) / width, (high.b - low.b) / width)
+    return replace(first, h=first.h - _SAMPLES[0] * slopes.h), slopes
+
+
+@dataclass(frozen=True)
+class _Program:
+    """Max α s.t. G y ≤ h + α h', A y = b + α b'."""
+
+    G: FloatArray
+    h: FloatArray
+    h_slope: FloatArray
+    A: FloatArray
+    b: FloatArray
+    b_slope: FloatArray
+
+    def solve(self) -> LimitLoad:
+        """Simplex, and a bound from its multipliers."""
+        answer = self._linprog(np.append(np.zeros(self.G.shape[1]), -1.0))
+        if answer.status == _UNBOUNDED:
+            return LimitLoad(np.inf, np.inf, 0.0)
+        if answer.status == _INFEASIBLE and self._is_infeasible():
+            return LimitLoad(-np.inf, -np.inf, 0.0)
+        if answer.status != 0:
+            raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
+        y, factor = answer.x[:-1], float(answer.x[-1])
+        right = self.h + factor * self.h_slope
+        size = max(float(np.abs(self.h).max()), abs(factor) * float(np.abs(self.h_slope).max()), 1e-300)
+        violation = float(np.maximum(self.G @ y - right, 0.0).max()) / size
+        return LimitLoad(factor, self._bound(answer, y), violation)
+
+    def _linprog(self, cost: FloatArray, relaxed: bool = False) -> Any:
+        """Minimise over (y, α), or over (y, α, t ≥ 0) with G y ≤ h + α h' + t."""
+        G = np.column_stack([self.G, -self.h_slope] + relaxed * [-np.ones(len(self.h))])
+        A = np.column_stack([self.A, -self.b_slope] + relaxed * [np.zeros(len(self.b))])
+        equations: dict[str, Any] = {"A_eq": A, "b_eq": self.b} if len(self.b) else {}
+        bounds = [(None, None)] * (self.G.shape[1] + 1) + [(0.0, None)] * relaxed
+        return linprog(cost, A_ub=G, b_ub=self.h, bounds=bounds, method="highs", options=_OPTIONS, **equations)
+
+    def _is_infeasible(self) -> bool:
+        """Whether the rows cannot be met even approximately."""
+        answer = self._linprog(np.append(np.zeros(self.G.shape[1] + 1), 1.0), relaxed=True)
+        return bool(answer.status == 0 and answer.x[-1] > _CERTIFIED * max(1.0, float(np.abs(self.h).max())))
+
+    def _bound(self, answer: Any, y: FloatArray) -> float:
+        """From Σ d (h + α h' − G y) ≥ 0 with Gᵀd + Aᵀν = 0:  α ≤ (h·d + b·ν) / −(h'·d + b'·ν), rounding added."""
+        d = np.maximum(-answer.ineqlin.marginals, 0.0)
+        nu = -answer.eqlin.marginals if len(self.b) else np.zeros(0)
+        rate = -float(self.h_slope @ d + self.b_slope @ nu)
+        rounding = float(np.abs(self.G.T @ d + self.A.T @ nu) @ np.abs(y))
+        return (float(self.h @ d + self.b @ nu) + rounding) / rate if rate > 0.0 else np.inf

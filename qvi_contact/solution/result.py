@@ -1,0 +1,349 @@
+"""The answer to a contact problem: status, certificate, stresses, contact tractions, forces and energies."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.discretization.contact_rows import ContactRows
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import LOAD_POINTS, physical, prescribed_at_points
+from qvi_contact.discretization.plates import centre_of
+from qvi_contact.discretization.traces import EdgePoints
+from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT
+from qvi_contact.errors import InputError
+from qvi_contact.problem.conditions import RigidPlate, Traction
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_line import ContactLine, contact_line
+from qvi_contact.solution.stress import gauss_stresses, stress_at
+from qvi_contact.solution.work import normal_and_shear, support_work, traction
+from solvers import Certificate, Iteration, QVISolution, Status
+from solvers.certificate.feasibility import AdmissibleRows
+from solvers.strict.threshold import strict_bound
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Bracket
+
+_SHARE = 1e-3
+"""Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
+
+
+@dataclass(frozen=True)
+class Resultant:
+    """Resultant of the tractions on an edge set, a unit of thickness.
+
+    Attributes
+    ----------
+    x, y : float
+        Force on the body [stress × length].
+    moment : float
+        Moment about the origin of coordinates, counterclockwise [stress × length²].
+
+    """
+
+    x: float
+    y: float
+    moment: float
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Energies a unit of thickness [stress × length²].
+
+    Attributes
+    ----------
+    strain : float
+        ½∫ cσ:σ dx, strain energy of the body.
+    load : float
+        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds, work of the prescribed displacements.
+    complementary : float
+        strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
+    dissipation : float
+        −∫ σ_T (u_T − w) ds, work lost in friction, from the projected slip: ≥ 0 up to the mesh. Beside a prescribed
+        shear other than zero the slip is extrapolated, and this with it; `History.dissipated` does not use it.
+
+    """
+
+    strain: float
+    load: float
+    complementary: float
+    dissipation: float
+
+
+@dataclass(frozen=True)
+class PlateMotion:
+    """Motion of a rigid plate driven by force, beyond its gap and offset; zero where it is not driven.
+
+    Attributes
+    ----------
+    x, y : float
+        Translation of the pivot [length].
+    rotation : float
+        Rotation about the pivot, counterclockwise [rad].
+
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    rotation: float = 0.0
+
+
+_MOTIONS = {"force_x": "x", "force_y": "y", "moment": "rotation"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactResult:
+    """A solved (or failed) contact problem.
+
+    Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
+    Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`; an infeasible
+    problem has none even if an iteration left one behind.
+
+    Attributes
+    ----------
+    discretization : Discretization
+        The problem, its mesh and its algebraic form.
+    solution : QVISolution
+        The algebraic answer, dimensionless.
+
+    """
+
+    discretization: Discretization
+    solution: QVISolution
+
+    def __repr__(self) -> str:
+        return f"<ContactResult {self.message}>"
+
+    @property
+    def problem(self) -> ContactProblem:
+        """The problem that was solved."""
+        return self.discretization.problem
+
+    @property
+    def status(self) -> Status:
+        """How the solve ended; ``status.advice`` says what to do."""
+        return self.solution.status
+
+    @property
+    def message(self) -> str:
+        """One sentence about the outcome; for an infeasible problem which contact cannot carry the load, and why."""
+        if self.status is Status.INFEASIBLE and self.solution.farkas is not None:
+            return f"{self._overload()}: {self.solution.message}"
+        return self.solution.message
+
+    def _overload(self) -> str:
+        """What the proof of infeasibility rests on, as a sentence."""
+        assert self.solution.farkas is not None
+        qvi, y = self.solution.problem, self.solution.farkas[0]
+        normal, tangential = AdmissibleRows.of(qvi).shares(y, qvi.m)
+        names: dict[str, list[str]] = {"slides": [], "pulls": []}
+        for rows in self.discretization.contacts:
+            for reason, multipliers in (("slides", tangential), ("pulls", normal)):
+                if multipliers[rows.rows].sum() > _SHARE * (normal.sum() + tangential.sum()):
+                    names[reason].append(repr(rows.name))
+        if names["slides"]:
+            return f"The load exceeds what friction on {' and '.join(names['slides'])} can carry"
+        if names["pulls"]:
+            return f"The load pulls or tips the body off {' and '.join(names['pulls'])}, where tension is not carried"
+        return "The forces on the plates contradict the contact laws"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to know about how the data were taken, such as shears that disagree in a corner; one sentence each."""
+        remarks = self.discretization.remarks
+        if self.has_state and self.traction_misfit > 1e-6 * self.discretization.scales.stress:
+            remarks += (
+                f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
+                "single points; every edge keeps their resultant force and moment. Refine there for less.",
+            )
+        return remarks + self._inexact_bounds() if self.has_state else remarks
+
+    def _inexact_bounds(self) -> tuple[str, ...]:
+        """Contacts where a strict solve has used less than the law's own bound."""
+        qvi, found = self.solution.problem, []
+        if not qvi.strict or qvi.edges is None:
+            return ()
+        exact = strict_bound(qvi, qvi.normal(self.solution.z)).exact
+        for rows in self.discretization.contacts:
+            count = int((~exact[rows.edges]).sum())
+            if count:
+                found.append(
+                    f"On {count} edge{'s' if count > 1 else ''} of {rows.name!r} the friction bound is no quadratic "
+                    "function: a smaller one is used there, and the stresses are admissible, but friction is "
+                    "underestimated. Refine there for less."
+                )
+        return tuple(found)
+
+    @cached_property
+    def traction_misfit(self) -> float:
+        """Largest difference between prescribed and computed tractions on Γ_σ [stress].
+
+        Zero (to round-off) for data in the trace space: normal tractions linear along each edge, shear continuous and
+        quadratic. Other data are met in resultant force and moment of every edge; this is what is left pointwise.
+        """
+        known = self.discretization
+        differences = [
+            np.abs(traction(known, self.nodal, points)[component] - wanted).max()
+            for component, points, wanted in prescribed_at_points(self.problem, known.grid, known.scales, Traction)
+        ]
+        return float(max(differences, default=0.0))
+
+    @property
+    def certificate(self) -> Certificate:
+        """Residuals of the quasi-variational inequality, computed on the original data."""
+        return self.solution.certificate
+
+    @property
+    def history(self) -> tuple[Iteration, ...]:
+        """One record for each outer iteration."""
+        return tuple(self.solution.history)
+
+    @property
+    def iterations(self) -> int:
+        """Number of outer iterations."""
+        return self.solution.iterations
+
+    @property
+    def has_state(self) -> bool:
+        """Whether there is a stress state, certified or not, to evaluate."""
+        return self.status is not Status.INFEASIBLE and bool(np.isfinite(self.solution.z).all())
+
+    @cached_property
+    def nodal(self) -> FloatArray:
+        """Scaled dimensionless nodal values of Φ, shape (ny + 1, nx + 1, 4); see `Discretization.nodal_values`."""
+        z = self.solution.z
+        if not self.has_state:
+            raise InputError("result", self.status.value, f"there is no stress state to evaluate: {self.message}")
+        return self.discretization.nodal_values(z)
+
+    def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Stress at points of the body.
+
+        Parameters
+        ----------
+        x, y : array_like
+            Coordinates [length], broadcast against each other.
+
+        Returns
+        -------
+        (..., 3) array
+            σ_xx, σ_yy, σ_xy [stress], tension positive; on interior grid lines the mean of the adjacent cells.
+
+        Raises
+        ------
+        InputError
+            If a point lies outside the body.
+
+        """
+        try:
+            points_x, points_y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        except (TypeError, ValueError) as error:
+            raise InputError("stress(x, y)", (x, y), "give numbers or arrays whose shapes go together") from error
+        return stress_at(self.discretization, self.nodal, points_x, points_y)
+
+    def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coordinates x, y [length] of the 4×4 Gauss points of each cell, shape (cells, 16), and the stress there.
+
+        The stress has shape (cells, 16, 3) [stress]. Cells are counted row by row from the bottom left.
+        """
+        points, _, stress = self._gauss()
+        x, y = physical(self.problem, self.discretization.scales, points)
+        return x, y, stress * self.discretization.scales.stress
+
+    @cached_property
+    def contacts(self) -> Mapping[str, ContactLine]:
+        """Results on each contact by name."""
+        unit = self.certificate.scales.get("stress", 1.0)
+        return MappingProxyType(
+            {
+                rows.name: contact_line(self.discretization, rows, *self._contact_values(rows), unit=unit)
+                for rows in self.discretization.contacts
+            }
+        )
+
+    @cached_property
+    def plates(self) -> Mapping[str, PlateMotion]:
+        """How far each plate driven by force has moved, by the name of its contact."""
+        motion: dict[str, dict[str, float]] = {}
+        for row, multiplier in zip(self.discretization.plates.rows, self._multipliers("equality"), strict=True):
+            motion.setdefault(row.contact, {})[_MOTIONS[row.component]] = -float(multiplier) * row.motion
+        return MappingProxyType(
+            {
+                contact.name: self._about_pivot(contact.plate, rows, **motion.get(contact.name, {}))
+                for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True)
+                if contact.plate is not None
+            }
+        )
+
+    def _about_pivot(
+        self, plate: RigidPlate, rows: ContactRows, x: float = 0.0, y: float = 0.0, rotation: float = 0.0
+    ) -> PlateMotion:
+        """The motion of the pivot from that of the point the equations refer to."""
+        place = plate.reference(*centre_of(self.problem, self.discretization.scales, rows))
+        arm_x, arm_y = plate.pivot[0] - place[0], plate.pivot[1] - place[1]
+        return PlateMotion(x - rotation * arm_y, y + rotation * arm_x, rotation)
+
+    def resultant(self, edges: str) -> Resultant:
+        """Resultant of the computed tractions σn on a named edge set, joint or contact.
+
+        That of a joint acts on the lower or left block.
+        """
+        mesh, scales = self.problem.mesh, self.discretization.scales
+        named = {contact.name: contact.edges for contact in self.problem.contacts}
+        known = (*mesh.edge_names, *mesh.joint_names)
+        chosen = mesh.edges(edges if edges in known else named.get(edges, edges))
+        points = EdgePoints(self.discretization.grid, chosen, LOAD_POINTS)
+        x, y = physical(self.problem, scales, points.coordinates)
+        force_x, force_y = scales.length * points.weights * traction(self.discretization, self.nodal, points)
+        return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
+
+    @cached_property
+    def energies(self) -> Energies:
+        """Energies of the computed state."""
+        _, weights, stress = self._gauss()
+        scales, problem = self.discretization.scales, self.problem
+        strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
+        strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
+        load, dissipation = support_work(self.discretization, self.nodal), 0.0
+        for rows in self.discretization.contacts:
+            line = self.contacts[rows.name]
+            gap, offset = rows.gap * scales.displacement, rows.offset * scales.displacement
+            load += float(line.weights @ (gap * line.normal_stress + offset * line.tangential_stress))
+            dissipation -= float(line.weights @ (line.tangential_stress * line.slip))
+        return Energies(strain, load, strain - load, dissipation)
+
+    @cached_property
+    def bracket(self) -> "Bracket":
+        """Bounds of the energy and an error indicator for each cell, computed on first use; see `bracket.bracket`.
+
+        Displacement elements of degree 2 on the same grid are solved for it. Raises `InputError` without a stress
+        state, and for a step of a history.
+        """
+        from qvi_contact.bracket import bracket  # builds on this module
+
+        return bracket(self)
+
+    def _multipliers(self, kind: str) -> FloatArray:
+        """Row multipliers "normal", "tangential" or "equality"; says what is wrong if there are none."""
+        _ = self.nodal
+        return np.asarray(getattr(self.solution, f"{kind}_multiplier"))
+
+    def _contact_values(self, rows: ContactRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """σ_N, σ_T and the row multipliers m_N, m_T at the points of a contact, dimensionless."""
+        if rows.law == "tied":
+            zero = np.zeros(len(rows.gap))
+            return *normal_and_shear(self.discretization, self.nodal, rows.points), zero, zero
+        qvi, z = self.solution.problem, self.solution.z
+        normal, tangential = self._multipliers("normal"), self._multipliers("tangential")
+        chosen = rows.rows
+        return qvi.normal(z)[chosen], qvi.tangential(z)[chosen], normal[chosen], tangential[chosen]
+
+    def _gauss(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Dimensionless Gauss points, weights and stresses of all cells."""
+        points, weights, _, stress = gauss_stresses(self.discretization, self.nodal, GAUSS_COUNT)
+        return points, weights, stress

@@ -1,0 +1,245 @@
+"""What a result says, beside what its problem, unknowns and multipliers give when all is computed anew."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, evaluate
+from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.loads import LOAD_POINTS, physical
+from qvi_contact.discretization.traces import EdgePoints
+from qvi_contact.errors import InputError
+from qvi_contact.files.export import airy_units, field_arrays
+from qvi_contact.problem.conditions import Traction
+from qvi_contact.solution.result import ContactResult
+from solvers import Certificate, FrictionQVI, certify
+from solvers.certificate.certificate import EXPONENTS
+from solvers.factorisation import FactorisationError
+
+AGREEMENT: Final = 1e-8
+"""What a number may differ from the one computed anew: of its own size and 1e-4 of the largest of its kind."""
+
+_FLOOR: Final = 1e-4
+_ULPS: Final = 4.0 * float(np.finfo(np.float64).eps)  # rounding of a coordinate, as a share of it
+_LARGEST_ROUNDING: Final = 1e-6  # what a certificate may explain by rounding; whether it does may hang on rounding
+_AXES: Final = {"x_lines": "x", "gauss_x": "x", "x": "x", "y_lines": "y", "gauss_y": "y", "y": "y"}
+_ROUNDING: Final = 1e-14  # share of the terms of a traction that is rounding
+_MATRICES: Final = ("K", "N", "T", "A")
+_VECTORS: Final = ("f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral")
+
+
+@dataclass(frozen=True, eq=False)
+class Recomputed:
+    """A result made again from its problem, unknowns and multipliers.
+
+    Attributes
+    ----------
+    result : with the certificate computed anew, on the problem discretised anew
+    stress, displacement, energy : units of what is compared [stress], [length], [stress × length²]
+    rounding : what the rounding of the unknowns may change in a traction [stress]
+
+    """
+
+    result: ContactResult
+    stress: float
+    displacement: float
+    energy: float
+    rounding: float
+
+    @cached_property
+    def fields(self) -> dict[str, Any]:
+        """What `qvi_contact.export.field_arrays` lists; nothing without a stress state."""
+        return field_arrays(self.result) if self.result.has_state else {}
+
+
+def rediscretized(result: ContactResult) -> Discretization:
+    """The problem of a result discretised anew, in its units, with its nodes given up and the slip before it."""
+    known = result.discretization
+    fresh = discretize(known.problem, scales=known.scales, freed=known.freed)
+    slip = [rows.offset - new.offset for rows, new in zip(known.contacts, fresh.contacts, strict=True)]
+    return fresh.slipped(slip) if any(part.any() for part in slip) else fresh
+
+
+def recompute(result: ContactResult, fresh: Discretization, tolerance: float) -> Recomputed:
+    """Evaluate and certify again; nothing but unknowns and multipliers of the result is taken over."""
+    solution, scales = result.solution, fresh.scales
+    qvi = fresh.qvi.strictly() if solution.problem.strict else fresh.qvi
+    certificate = _certified(qvi, result, tolerance)
+    again = ContactResult(fresh, replace(solution, problem=qvi, certificate=certificate))
+    units = certificate.scales
+    z = np.abs(solution.z) if result.has_state else np.zeros(qvi.n)
+    rounding = max(float((abs(rows) @ z).max(initial=0.0)) for rows in (qvi.N, qvi.T))
+    return Recomputed(
+        again,
+        units.get("stress", 1.0) * scales.stress,
+        units.get("displacement", 1.0) * scales.displacement,
+        units.get("body_energy", 1.0) * scales.energy,
+        _ROUNDING * rounding * scales.stress,
+    )
+
+
+def _certified(qvi: FrictionQVI, result: ContactResult, tolerance: float) -> Certificate:
+    """The certificate; nothing passes where the linear system cannot be solved."""
+    solution = result.solution
+    parts = (
+        solution.z,
+        solution.normal_multiplier,
+        solution.tangential_multiplier,
+        solution.equality_multiplier,
+    )
+    try:
+        _ = qvi.bonded_error  # chooses the factorisation that the problem needs
+        return certify(qvi, *parts, tolerance=tolerance)
+    except InputError:
+        raise
+    except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
+        return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
+
+
+def difference(claimed: Any, computed: Any, unit: float = 0.0, rounding: float = 0.0) -> float:
+    """Largest difference of two arrays, each relative to its own entry and 1e-4 of the largest, or of the `unit`.
+
+    Differences below `rounding` are none. What is infinite or NaN has to be so in both. Of integers, flags and texts
+    the number of entries that differ; infinity for arrays of different shape or kind.
+    """
+    a, b = np.asarray(claimed), np.asarray(computed)
+    if a.shape != b.shape or (a.dtype.kind == "f") != (b.dtype.kind == "f"):
+        return np.inf
+    if b.dtype.kind != "f":
+        return float(np.count_nonzero(a != b))
+    finite = np.isfinite(b)
+    same = np.where(np.isnan(b), np.isnan(a), a == b)
+    if not (same | finite).all() or not np.isfinite(a[finite]).all():
+        return np.inf
+    a, b = a[finite], b[finite]
+    scale = np.abs(b) + _FLOOR * max(float(np.abs(b).max(initial=0.0)), unit)
+    apart = np.maximum(np.abs(a - b) - rounding, 0.0)
+    return _largest([apart / np.where(scale > 0.0, scale, 1.0)])
+
+
+def problem_difference(claimed: FrictionQVI, computed: FrictionQVI) -> float:
+    """Largest difference of the data of two algebraic problems, relative to the largest entry of each."""
+    if claimed.strict != computed.strict:
+        return np.inf
+    found: list[float | FloatArray] = []
+    for name in _MATRICES:
+        a, b = getattr(claimed, name), getattr(computed, name)
+        if a.shape != b.shape:
+            return np.inf
+        found.append(float(abs(a - b).max() / (abs(b).max() or 1.0)) if b.shape[0] * b.shape[1] else 0.0)
+    for name in _VECTORS:
+        a, b = (np.asarray(getattr(qvi, name), dtype=np.float64) for qvi in (claimed, computed))
+        finite = np.isfinite(b)
+        if not np.array_equal(a[~finite], b[~finite]):
+            return np.inf
+        found.append(np.abs(a[finite] - b[finite]) / (float(np.abs(b[finite]).max(initial=0.0)) or 1.0))
+    return _largest(found)
+
+
+def worse_than_claimed(claimed: Certificate, computed: Certificate) -> float:
+    """Largest excess of a measure computed anew over the one claimed, in units of its limit.
+
+    Measures with a sign count by their difference. Infinity for what is NaN, or is claimed under an unknown name.
+    """
+    limits = computed.limits
+    if claimed.signed.keys() != computed.signed.keys() or not claimed.measures.keys() <= limits.keys():
+        return np.inf
+    excess = []
+    for name, limit in limits.items():
+        now, then = computed.measures[name], claimed.measures.get(name, 0.0)
+        excess.append(0.0 if np.isinf(then) else max((now - then) / limit, 0.0) if then == then else np.inf)
+    signed = [abs(now - claimed.signed[name]) / limits[name] for name, now in computed.signed.items()]
+    return _largest(excess + signed)
+
+
+def sound(claimed: Certificate) -> Certificate:
+    """The certificate with infinity for measures that are missing, negative or NaN, so that these do not pass."""
+    measures = dict.fromkeys(EXPONENTS, np.inf)
+    return replace(claimed, measures=measures | {name: v for name, v in claimed.measures.items() if v >= 0.0})
+
+
+def scales_difference(claimed: Certificate, computed: Certificate) -> float:
+    """Largest relative difference of the scales; "rounding" may be there or not, but is small."""
+    now, then = dict(computed.scales), dict(claimed.scales)
+    if "rounding" not in now or "rounding" not in then:
+        given = then.pop("rounding", now.pop("rounding", 0.0))
+        if not 0.0 <= given <= _LARGEST_ROUNDING:
+            return np.inf
+    if now.keys() != then.keys():
+        return np.inf
+    return _largest([difference(float(then[name]), float(value)) for name, value in now.items()])
+
+
+def unexpected(claims: Mapping[str, Any], result: ContactResult, found: Recomputed) -> list[str]:
+    """Names of fields that should not be there, are missing, or of contacts that call themselves otherwise."""
+    names = sorted(claims.keys() ^ found.fields.keys())
+    if result.has_state:
+        names += [f"{name}.name" for name, line in result.contacts.items() if line.name != name]
+    return names
+
+
+def compared(claims: Mapping[str, Any], found: Recomputed) -> Iterator[tuple[str, float]]:
+    """`difference` of each field that is both claimed and computed, by name; `unexpected` has the others."""
+    for name in [name for name in found.fields if name in claims]:
+        claimed, wanted = np.asarray(claims[name]), np.asarray(found.fields[name])
+        unit, rounding = _unit_of(name, found)
+        field = name.rpartition(".")[2]
+        if claimed.shape == wanted.shape and claimed.dtype.kind == "f":
+            if field == "airy":
+                units = airy_units(found.result)
+                claimed, wanted, unit = claimed / units, wanted / units, 1.0
+            elif field in _AXES:  # distances from the corner, wherever the body stands
+                lines = found.fields[f"{_AXES[field]}_lines"]
+                claimed, wanted, rounding = claimed - lines[0], wanted - lines[0], _ULPS * float(np.abs(lines).max())
+        yield name, difference(claimed, wanted, unit, rounding)
+
+
+def _largest(values: Iterable[float | FloatArray]) -> float:
+    """Largest of all entries, 0 of none; infinity if one is NaN, which Python's max would pass over."""
+    largest = [float(np.max(value, initial=0.0)) for value in values]  # NumPy's passes NaN on
+    return np.inf if np.isnan(largest).any() else max(largest, default=0.0)
+
+
+def _unit_of(name: str, found: Recomputed) -> tuple[float, float]:
+    """Unit and rounding of a field; 0 where its own entries are the unit."""
+    field, length = name.rpartition(".")[2], found.result.discretization.scales.length
+    if field in ("gap", "slip", "motion"):
+        return found.displacement, 0.0
+    if field == "energies":
+        return found.energy, 0.0
+    if field in _AXES:
+        return _size(found), 0.0
+    if field.endswith("_force"):
+        return found.stress * length, found.rounding * length
+    if any(part in field for part in ("stress", "bound", "between", "misfit")):
+        return found.stress, found.rounding
+    return 0.0, 0.0
+
+
+def missed_tractions(result: ContactResult) -> float:
+    """Largest |∫ (σn − T) ds| over a prescribed component of the traction, relative to stress × length of its edges.
+
+    Resultants of prescribed tractions are met whatever the mesh; their distribution is what `traction_misfit` compares.
+    """
+    known, missed = result.discretization, list[float]()
+    unit = result.certificate.scales.get("stress", 1.0) * known.scales.stress
+    for condition in result.problem.conditions:
+        if not isinstance(condition, Traction):
+            continue
+        points = EdgePoints(known.grid, result.problem.mesh.edges(condition.edges), LOAD_POINTS)
+        x, y = physical(result.problem, known.scales, points.coordinates)
+        weights, found = points.weights * known.scales.length, result.resultant(condition.edges)
+        for field, computed in ((condition.x, found.x), (condition.y, found.y)):
+            if field is not None:
+                values = evaluate("Traction", field, x, y)
+                size = max(unit, float(np.abs(values).max())) * float(weights.sum())
+                missed.append(abs(computed - float(weights @ values)) / size)
+    return _largest(missed)
+
+
+def _size(found: Recomputed) -> float:
+    """Length of the longer side of the body's box."""
+    return max(float(np.ptp(found.fields[name])) for name in ("x_lines", "y_lines"))

@@ -1,0 +1,409 @@
+"""Is a result what it says? Everything it claims, checked against its own problem, unknowns and multipliers.
+
+The problem is discretised and the certificate computed anew; tractions, gaps, slips, states, forces, energies and the
+motion of plates are evaluated anew and compared; the status has to follow from the certificate. Nothing that the result
+says of itself counts, and nothing that a back end said.
+
+    from qvi_contact.verification.verification import verify_file, verify_result
+    print(verify_result(solve(problem)).table())
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import finite_number
+from qvi_contact.errors import InputError
+from qvi_contact.files.archive import OWN, Archive
+from qvi_contact.files.export import field_arrays
+from qvi_contact.files.stored import result_from_archive, solution_arrays
+from qvi_contact.solution.history import History
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.verification.claims import (
+    AGREEMENT,
+    Recomputed,
+    compared,
+    missed_tractions,
+    problem_difference,
+    recompute,
+    rediscretized,
+    scales_difference,
+    sound,
+    unexpected,
+    worse_than_claimed,
+)
+from solvers import Certificate, Status
+from solvers.certificate.feasibility import is_farkas
+from solvers.factorisation import FactorisationError
+from solvers.solution.finish import LOOSEST
+
+DOCUMENT_VERSION: Final = 1
+"""Grows when an entry of `Verification.document` changes its meaning or goes away."""
+
+_CLAIMED: Final = 0.1  # of its limit, by which a measure may be larger than it was said to be: rounding
+_SCALES: Final = 1e-6  # the stiffness of the contact that is in them is as accurate as its factorisation
+_SHOWN: Final = 5  # names in a sentence
+
+_GROUPS: Final = {
+    "x_lines": "mesh", "y_lines": "mesh", "active": "mesh", "material": "mesh",
+    "airy": "Airy function",
+    "gauss_x": "stresses", "gauss_y": "stresses", "gauss_stress": "stresses",
+    "x": "points", "y": "points", "weights": "points", "friction": "points",
+    "gap": "gap and slip", "slip": "gap and slip", "state": "states", "motion": "motion",
+    "normal_force": "forces", "tangential_force": "forces",
+}  # fmt: skip
+
+_MEANINGS: Final = {
+    "mesh": "Grid lines, active cells and materials of the problem.",
+    "Airy function": "Nodal values of the stress function, from the unknowns.",
+    "stresses": "Stress at the Gauss points of all cells, from the stress function.",
+    "energies": "Strain energy, work of prescribed displacements, dissipation.",
+    "traction_misfit": "Pointwise difference of prescribed and computed tractions.",
+    "points": "Coordinates, weights and friction coefficients of the contact points.",
+    "tractions": "σ_N, σ_T and the bound of friction, from the unknowns.",
+    "gap and slip": "Displacements relative to the obstacle, from the multipliers.",
+    "states": "Number of points whose state (open, stick, slip) is another one.",
+    "motion": "Motion of the plate driven by force, from the multipliers of its balance.",
+    "forces": "Resultants of the tractions of the contact.",
+}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One row of a verification.
+
+    Attributes
+    ----------
+    name : str
+        What was checked.
+    value : float, str or None
+        What was found, relative; a word for the status; None if there is nothing to tell.
+    limit : float or None
+        Largest absolute value that passes.
+    passed : bool or None
+        None for a fact that cannot fail.
+    meaning : str
+        What the value means.
+    worry : str
+        When to worry, and what to do then.
+
+    """
+
+    name: str
+    value: float | str | None
+    limit: float | None
+    passed: bool | None
+    meaning: str
+    worry: str = ""
+
+    def line(self, width: int) -> str:
+        """The row as text, the name filled up to `width`."""
+        value = f"{self.value:.1e}" if isinstance(self.value, float) else str(self.value or "")
+        limit = "" if self.limit is None else f"{self.limit:.1e}"
+        verdict = "" if self.passed is None else "passed" if self.passed else "FAILED"
+        return f"{self.name:<{width}}  {value:>8}  {limit:>8}  {verdict}".rstrip()
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What became of a verification.
+
+    Attributes
+    ----------
+    rows : tuple of Check
+        All checks and facts.
+    status : Status
+        The status that the result claims.
+    tolerance : float
+        Of the certificate.
+
+    """
+
+    rows: tuple[Check, ...]
+    status: Status
+    tolerance: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed: the result is what it says, and its certificate passes at the tolerance."""
+        return not self.failures
+
+    @property
+    def failures(self) -> tuple[Check, ...]:
+        """The checks that failed."""
+        return tuple(row for row in self.rows if row.passed is not None and not row.passed)
+
+    def summary(self) -> str:
+        """One line: passed, or what failed."""
+        if self.passed:
+            return f"verified: {sum(bool(row.passed) for row in self.rows)} checks passed at {self.tolerance:.0e}"
+        return f"not verified: {', '.join(row.name for row in self.failures)}"
+
+    def table(self) -> str:
+        """All rows as text, with what they mean, and the summary."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        width = max(len(row.name) for row in self.rows)
+        yield f"{'check':<{width}}  {'value':>8}  {'limit':>8}"
+        for row in self.rows:
+            yield row.line(width)
+            yield f"    {row.meaning}"
+            if row in self.failures and row.worry:
+                yield f"    {row.worry}"
+        yield self.summary()
+
+    def document(self) -> dict[str, Any]:
+        """The same as a document that JSON can hold; numbers that are not finite are None."""
+        names = ("name", "value", "limit", "passed", "meaning", "worry")
+        return {
+            "format": "qvi_contact verification",
+            "version": DOCUMENT_VERSION,
+            "passed": self.passed,
+            "status": str(self.status),
+            "tolerance": self.tolerance,
+            "failures": [row.name for row in self.failures],
+            "checks": [{name: _plain(getattr(row, name)) for name in names} for row in self.rows],
+        }
+
+
+def verify_result(result: ContactResult, tolerance: float | None = None) -> Verification:
+    """Check everything that a result claims.
+
+    Parameters
+    ----------
+    result : ContactResult
+        The result. A proof that the load cannot be carried is checked too; any other result without stresses fails.
+    tolerance : float, optional
+        Of the certificate, in (0, 1); by default the one the result was solved with, which must not be looser than
+        `solvers.solution.finish.LOOSEST` then.
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    InputError
+        If the argument is no result, the tolerance is out of range, or multipliers have another shape than the problem.
+        The steps of a `History` are verified one by one.
+
+    Notes
+    -----
+    Numbers have to agree with those computed anew to `AGREEMENT` of their size, or of 1e-4 of the largest of their
+    kind, rounding of the unknowns aside. It costs one factorisation.
+
+    """
+    if isinstance(result, History):
+        raise InputError("result", "a History", "give its steps one by one: [verify_result(step) for step in ….steps]")
+    if not isinstance(result, ContactResult):
+        raise InputError("result", result, "give a ContactResult, such as solve returns")
+    chosen = _tolerance(result, tolerance)
+    with np.errstate(all="ignore"):  # what is absurd fails by its numbers
+        found = recompute(result, rediscretized(result), chosen)
+        same = _limited(
+            "problem", problem_difference(result.solution.problem, found.result.solution.problem), AGREEMENT,
+            "The algebraic problem that was solved, beside the problem discretised anew.",
+        )  # fmt: skip
+        rows = (same, *_rows(result, _fields(result), found, _accepted(chosen, tolerance)))
+    return Verification(rows, result.status, chosen)
+
+
+def _fields(result: ContactResult) -> dict[str, Any]:
+    """What a result says; nothing where contacts are gone that its energies need, so that all of it is missing."""
+    try:
+        return field_arrays(result) if result.has_state else {}
+    except KeyError:
+        return {}
+
+
+def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:
+    """Check everything that a file claims that `qvi_contact.export.write_npz` has written; from the file alone.
+
+    Parameters
+    ----------
+    path : str or Path
+        The archive.
+    tolerance : float, optional
+        Of the certificate; by default the one the result was solved with, which must not be looser than
+        `solvers.solution.finish.LOOSEST` then: the file does not choose what it is measured by.
+
+    Raises
+    ------
+    InputError
+        If the file is no such archive, or has no problem, as `qvi_contact.files.stored.load_result` says.
+
+    """
+    archive = Archive(path)
+    with np.errstate(all="ignore"):  # what is absurd fails by its numbers
+        return _verified(archive, tolerance)
+
+
+def _verified(archive: Archive, tolerance: float | None) -> Verification:
+    result = result_from_archive(archive)
+    chosen = _tolerance(result, tolerance)
+    intact = Check(
+        "digest", "fits" if archive.intact else "does not", None, archive.intact,
+        "SHA-256 of all entries: whether the file is as it was written.",
+        "The file was changed after it was written; the other checks say whether what matters still holds.",
+    )  # fmt: skip
+    found = recompute(result, result.discretization, chosen)  # which was made from the file just now
+    rows = (intact, *_rows(result, _claims(archive, found), found, _accepted(chosen, tolerance)))
+    return Verification(rows, result.status, chosen)
+
+
+def _claims(archive: Archive, found: Recomputed) -> dict[str, Any]:
+    """Fields of an archive, whatever their names; one that is missing is an `InputError`."""
+    others = OWN | solution_arrays(found.result).keys()
+    return {name: archive.array(name) for name in (*found.fields, *archive.arrays) if name not in others}
+
+
+def _tolerance(result: ContactResult, given: float | None) -> float:
+    tolerance = result.certificate.tolerance if given is None else finite_number("tolerance", given)
+    if not 0.0 < tolerance < 1.0:
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    return tolerance
+
+
+def _accepted(tolerance: float, given: float | None) -> Check:
+    """Whether the tolerance is one that a result may bring along."""
+    limit = LOOSEST if given is None else None
+    return Check(
+        "tolerance", tolerance, limit, None if limit is None else tolerance <= limit,
+        "Of the certificate: the one the result was solved with, unless another was asked for.",
+        "A tolerance so loose says little. If it is meant, ask for it: --tolerance, or the argument tolerance.",
+    )  # fmt: skip
+
+
+def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed, accepted: Check) -> Iterator[Check]:
+    yield _status(result, found)
+    yield accepted
+    if result.status is Status.INFEASIBLE:
+        yield _proof(found)
+        return
+    for row in found.result.certificate.rows():
+        yield Check(row.name, row.value, row.limit, row.passed, row.meaning, row.worry)
+    yield _limited(
+        "claimed measures", worse_than_claimed(result.certificate, found.result.certificate), _CLAIMED,
+        "By how much the worst of these is larger than the result says, in units of its limit.",
+    )  # fmt: skip
+    yield _limited(
+        "claimed scales", scales_difference(result.certificate, found.result.certificate), _SCALES,
+        "Units of stress, displacement and energy by which these are measured.",
+    )  # fmt: skip
+    if result.has_state:
+        yield _entries(claims, result, found)
+        yield from _agreements(claims, found)
+        yield _limited(
+            "prescribed resultants", missed_tractions(found.result), AGREEMENT,
+            "Forces of the prescribed tractions on their edges: equilibrium with the loads.",
+        )  # fmt: skip
+    yield from _facts(found)
+
+
+def _limited(name: str, value: float, limit: float, meaning: str) -> Check:
+    return Check(name, float(value), limit, bool(value <= limit), meaning)
+
+
+def _entries(claims: Mapping[str, Any], result: ContactResult, found: Recomputed) -> Check:
+    names = unexpected(claims, result, found)
+    shown = ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
+    return Check(
+        "entries", float(len(names)), 0.0, not names,
+        "Number of fields that are missing, or that this problem does not have.",
+        f"Not as expected: {shown}.",
+    )  # fmt: skip
+
+
+def _agreements(claims: Mapping[str, Any], found: Recomputed) -> Iterator[Check]:
+    """Claimed and computed fields, the worst of each group."""
+    worst: dict[str, tuple[float, float, str]] = {}
+    for name, value in compared(claims, found):
+        contact, _, field = name.rpartition(".")
+        group = _GROUPS.get(field, "tractions" if contact else field)
+        label = f"{contact}: {group}" if contact else group
+        limit = 0.0 if field in ("state", "active", "material") else AGREEMENT
+        worst[label] = max(worst.get(label, (-1.0, 0.0, "")), (value, limit, group))
+    for label, (value, limit, group) in worst.items():
+        yield _limited(label, value, limit, _MEANINGS[group])
+
+
+def _status(result: ContactResult, found: Recomputed) -> Check:
+    """Whether the status follows from the certificate at the tolerance that the result was solved with."""
+    claimed = sound(result.certificate)
+    computed = replace(found.result.certificate, tolerance=claimed.tolerance)
+    status, solution = result.status, result.solution
+    if status is Status.INFEASIBLE:
+        honest = solution.farkas is not None
+    else:
+        honest = _follows(status, claimed) and _follows(status, computed)
+    word = status.value.replace("_", " ")
+    said = re.match(rf"{word}\b", solution.message) is not None
+    return Check(
+        "status", word, None, honest and said,
+        "Solved if and only if the certificate passes at the tolerance asked for; inaccurate up to 1e-4. The message "
+        "begins with the same word.",
+        "The status or the message says something else than the numbers.",
+    )  # fmt: skip
+
+
+def _follows(status: Status, certificate: Certificate) -> bool:
+    """Whether a result with a state and this certificate has this status."""
+    if status is Status.SOLVED:
+        return certificate.passed
+    return not certificate.passed and (status is not Status.INACCURATE or certificate.accuracy <= LOOSEST)
+
+
+def _proof(found: Recomputed) -> Check:
+    solution = found.result.solution
+    proved = solution.farkas is not None and is_farkas(solution.problem, *solution.farkas)
+    return Check(
+        "proof", "holds" if proved else "does not", None, proved,
+        "Farkas' multipliers: no admissible traction carries the load.",
+        "That the load cannot be carried is not proved.",
+    )  # fmt: skip
+
+
+def _facts(found: Recomputed) -> Iterator[Check]:
+    """What cannot fail and is worth knowing."""
+    result, solution = found.result, found.result.solution
+    if result.has_state:
+        yield Check(
+            "pointwise tractions", result.traction_misfit / found.stress, None, None,
+            "Largest difference of prescribed and computed tractions at a point, over the largest on the contact: data "
+            "that stresses of this mesh cannot follow; every edge keeps its resultants. Refine where it matters.",
+        )  # fmt: skip
+        excess = max((line.excess_between_points for line in result.contacts.values()), default=0.0)
+        pull = max((line.pull_between_points for line in result.contacts.values()), default=0.0)
+        yield Check(
+            "between points", max(excess, pull) / found.stress, None, None,
+            "Largest |σ_T| beyond the bound, or pull, anywhere on the contacts, over the largest traction: the law "
+            "holds at points; inner solvers 'strict:…' make it hold everywhere.",
+        )  # fmt: skip
+    if solution.contraction is not None:
+        yield Check(
+            "contraction", solution.contraction, None, None,
+            "Factor by which the residual of the outer loop shrank in its last iterations; above 0.9 it is slow.",
+        )  # fmt: skip
+    if "rounding" in solution.certificate.scales:
+        yield Check(
+            "rounding", solution.certificate.scales["rounding"], None, None,
+            "What the rounding of the unknowns alone leaves, in the energy norm; the energy is accurate to its square.",
+        )  # fmt: skip
+    with suppress(FactorisationError, ValueError):  # then the certificate has failed by the same
+        bound = solution.uniqueness
+        yield Check("uniqueness", bound.sharper, None, None, bound.sentence())
+    yield Check(
+        "not checked", None, None, None,
+        "How the result was found cannot be computed anew: iterations and their history, corrections, the last bound "
+        "of friction, timings, method, versions, and the message after its first words are what the result says.",
+    )  # fmt: skip
+
+
+def _plain(value: object) -> object:
+    return None if isinstance(value, float) and not np.isfinite(value) else value

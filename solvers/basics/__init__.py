@@ -1,0 +1,1 @@
+"""What every method uses: types, files, the words for how a solve ended."""

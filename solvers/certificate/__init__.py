@@ -1,0 +1,22 @@
+"""What is true of a state: the certificate, its measures, feasibility and uniqueness."""
+
+from solvers.certificate.certificate import EXPONENTS, Certificate, CertificateRow, certify, scales_at
+from solvers.certificate.feasibility import AdmissibleRows, Feasibility, check_feasibility, is_farkas
+from solvers.certificate.measures import MEASURES, Measure
+from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
+
+__all__ = [
+    "EXPONENTS",
+    "MEASURES",
+    "AdmissibleRows",
+    "Certificate",
+    "CertificateRow",
+    "Feasibility",
+    "Measure",
+    "UniquenessBound",
+    "certify",
+    "check_feasibility",
+    "is_farkas",
+    "scales_at",
+    "uniqueness_bound",
+]

@@ -1,0 +1,323 @@
+r"""Is this a solution? Computed on the original data, whatever the back end said.
+
+With σ_N = N z + n0, σ_T = T z + t0, λ = m / W, the stiffness k of the contact (`FrictionQVI.contact_stiffness`), the
+strain energy E_b = ½|r(z)|² (without a root ½ zᵀKz) and the scales
+
+    S   stress:        max |σ_N|, |σ_T|
+    D   displacement:  S / k
+    E   energy:        min(S D Σ W, E_b), the smaller one where the stress peaks in few small cells
+
+the measures are
+
+    equality                    max over rows of (|A z − b| − ε |A| max |z|)⁺ / B,  ε = 1e-15,
+                                B_i = b_i' + 1e-3 max b',  b' = |b| + 1e-4 |A||z|
+    normal                      max (σ_N)⁺ / S, unilateral points
+    friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
+    stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
+                                and over rows of A of |δν| B / E, Aᵀδν the part of ρ outside A z = 0
+    sign                        max of (−λ_N)⁺ / D, bilateral |λ_N| / D, and (−λ_T σ_T)⁺ / (S max(D, |λ|))
+    complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 E / (S Σ W)
+    complementarity_tangential  Σ | |m_T| thr − m_T σ_T | / E
+    energy_gap                  |primal − dual energy| / E_b for the bound s = |σ_N|
+    natural_map                 max of |σ_N − min(σ_N + k λ_N, 0)| / S, bilateral k |λ_N| / S,  and
+                                       |σ_T − clip(σ_T + k λ_T, −thr, thr)| / S
+    alart_curnier               the same over 1 + mu, with thr = thr(|min(σ_N + k λ_N, 0)|)
+    bipotential                 |Σ (thr |m_T| − m_T σ_T − m_N σ_N)| / E
+
+`residuals` has the formulas of the contact law, `strict.measures` those for bounds on whole edges, `measures` what each
+number means and when to worry.
+
+All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
+contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-6 of √(E_b k / Σ W), which stands for the stress
+in the body, that is S; where the body carries nothing either, it is the stress without the inequalities (`bonded`),
+and 1, the unit of the dimensionless problem, if that is zero or larger.
+
+An obstacle farther away than 10 E / (S Σ W), which is 10 D or less, from the body may as well stand there: the solution
+is the same, and round-off in σ_N times a gap of any size is no error.
+
+Where cells are strongly graded the rounding of z itself, ε|R||z| in stresses, may exceed the tolerance. Where |ρ| is
+above 1e-9 √(2 E_b) it is subtracted from |ρ|, up to 1e-6 √(2 E_b), and reported as the scale "rounding" in units of
+√(2 E_b): the energy is then accurate to its square, and single stresses in the smallest cells are not.
+
+Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
+energy is that of max(m_N, 0): primal − dual = Σ (thr |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
+|ρ|² = ρᵀK⁻¹ρ (K⁻¹ on the null space of A), which bounds ½ |z − z*|² in the norm of K. |ρ| is, in that norm,
+the error of z for the given multipliers, and K⁻¹ρ that error itself; K z − f is `FrictionQVI.gradient`, so that
+rounding inside K counts where the problem has a root to measure it.
+
+At a point that touches without load σ_N λ_N of size ε allows |σ_N| and λ_N of size √ε each; natural map and
+Alart-Curnier's are their minimum. Their limit is therefore looser, 10 tolerance^(3/4); that of the bipotential, which
+adds both complementarities, is 2 tolerance, that of the others the tolerance itself. Except for
+states that carry nothing, all measures are invariant to the units of stress, displacement and length, and to exchanging
+the unknowns z for c z.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from solvers.basics.types import Vector
+from solvers.certificate.measures import MEASURES, Measure
+from solvers.certificate.strict import admissible_change, strict_residuals
+from solvers.errors import InputError
+from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.residuals import largest, law_residuals
+
+_CANCELS = 1e-4  # share of the terms of A z that an error is measured by where b is small
+_ROUNDED = 1e-15  # share of the largest z in the unknowns of a row that is no error
+_BESIDE = 1e-3  # the same, of the largest other row
+_ROUNDING_FREE = 1e-9  # error of z above which one asks whether it is rounding
+_ROUNDING_LIMIT = 1e-6  # error of z that rounding may explain
+_LITTLE = 1e-7  # share of the stress in the body below which a contact carries nothing
+_NOTHING = 1e-6  # share of unit stress, or of the bonded state's, below which the whole body carries nothing
+
+EXPONENTS: Mapping[str, float] = MappingProxyType({measure.name: measure.exponent for measure in MEASURES})
+"""Measure → exponent e of its limit, a multiple of tolerance**e."""
+
+
+_Numbers = dict[str, float]
+
+
+@dataclass(frozen=True)
+class CertificateRow:
+    """One line of the certificate's table.
+
+    Attributes
+    ----------
+    name : the measure
+    value : with its sign where that means something
+    limit : largest absolute value that passes
+    meaning, worry : what it is, and when to worry
+
+    """
+
+    name: str
+    value: float
+    limit: float
+    meaning: str
+    worry: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the value is within the limit."""
+        return bool(abs(self.value) <= self.limit)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Measured violations of every condition of (D2), relative to the scales of this module.
+
+    Attributes
+    ----------
+    measures : name → value, ≥ 0; ``inf`` where it could not be computed, so that nothing missing passes
+    tolerance : the tolerance asked for
+    scales : the scales "stress", "displacement", "energy" and "body_energy", and "rounding" where that counted
+    signed : name → the same value with its sign, where that means something: "energy_gap" and "bipotential"
+
+    """
+
+    measures: Mapping[str, float]
+    tolerance: float
+    scales: Mapping[str, float] = field(default_factory=dict)
+    signed: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Measure → the value at which it fails, see `measures`."""
+        return {measure.name: measure.limit(self.tolerance) for measure in MEASURES}
+
+    @property
+    def passed(self) -> bool:
+        """Whether every measure is within its limit."""
+        return all(self.measures[name] <= limit for name, limit in self.limits.items())
+
+    @property
+    def accuracy(self) -> float:
+        """The smallest tolerance at which it would pass."""
+        return max(self._needed.values())
+
+    @property
+    def worst(self) -> str:
+        """Name of the measure that decides `accuracy`."""
+        needed = self._needed
+        return max(needed, key=needed.__getitem__)
+
+    @property
+    def _needed(self) -> dict[str, float]:
+        return {measure.name: measure.needed(self.measures[measure.name]) for measure in MEASURES}
+
+    def rows(self) -> tuple[CertificateRow, ...]:
+        """The table: each measure, its limit, what it means and when to worry."""
+        return tuple(self._row(measure) for measure in MEASURES)
+
+    def _row(self, measure: Measure) -> CertificateRow:
+        value = self.signed.get(measure.name, self.measures[measure.name])
+        return CertificateRow(measure.name, value, measure.limit(self.tolerance), measure.meaning, measure.worry)
+
+    def explain(self) -> str:
+        """The table as text, two significant digits; all numbers are relative, see the scales in `certificate`."""
+        return "\n".join(_explained(self.rows()))
+
+    def summary(self) -> str:
+        """One line: passed or failed, at which accuracy, and what limits it."""
+        verdict = "passed" if self.passed else "failed"
+        return (
+            f"certificate {verdict} at {self.tolerance:.0e}: accuracy {self.accuracy:.1e}, "
+            f"limited by {self.worst} = {self.measures[self.worst]:.1e}"
+        )
+
+
+def certify(
+    qvi: FrictionQVI,
+    z: Vector | None,
+    normal_multiplier: Vector | None,
+    tangential_multiplier: Vector | None,
+    equality_multiplier: Vector | None = None,
+    tolerance: float = 1e-8,
+) -> Certificate:
+    """Measure how well (z, m_N, m_T, ν) solves the QVI.
+
+    Parameters
+    ----------
+    qvi : FrictionQVI
+        The original data.
+    z : (n,)
+        Unknowns.
+    normal_multiplier, tangential_multiplier : (m,)
+        Row multipliers m = W λ with the signs of `FrictionQVI`.
+    equality_multiplier : (p,)
+        ν, needed if there are equalities.
+    tolerance : float
+        Relative, in (0, 1).
+
+    A missing or non-finite argument gives infinite measures; a wrong shape raises `InputError`.
+
+    """
+    if not 0 < tolerance < 1:
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    if equality_multiplier is None and qvi.p == 0:
+        equality_multiplier = np.zeros(0)
+    given = {
+        "z": (z, qvi.n),
+        "normal_multiplier": (normal_multiplier, qvi.m),
+        "tangential_multiplier": (tangential_multiplier, qvi.m),
+        "equality_multiplier": (equality_multiplier, qvi.p),
+    }
+    vectors = [_checked(name, value, size) for name, (value, size) in given.items()]
+    if any(vector is None or not np.isfinite(vector).all() for vector in vectors):
+        return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
+    with np.errstate(over="ignore", invalid="ignore"):
+        measures, scales, signed = _measure(qvi, *[vector for vector in vectors if vector is not None])
+    finite = {name: float(value) if np.isfinite(value) else np.inf for name, value in measures.items()}
+    return Certificate(finite, tolerance, scales, {name: float(v) for name, v in signed.items() if np.isfinite(v)})
+
+
+def _explained(rows: tuple[CertificateRow, ...]) -> Iterator[str]:
+    """A line of numbers and the meaning of each row."""
+    width = max(len(row.name) for row in rows)
+    yield f"{'measure':<{width}}  {'value':>8}  {'limit':>8}"
+    for row in rows:
+        verdict = "" if row.passed else "  FAILED"
+        yield f"{row.name:<{width}}  {row.value:>8.1e}  {row.limit:>8.1e}{verdict}"
+        yield f"    {row.meaning}"
+        yield f"    {row.worry}"
+
+
+def _checked(name: str, value: Vector | None, size: int) -> Vector | None:
+    if value is None:
+        return None
+    vector = np.asarray(value, dtype=np.float64)
+    if vector.shape != (size,):
+        raise InputError(name, f"shape {vector.shape}", f"give shape ({size},)")
+    return vector
+
+
+def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) -> tuple[_Numbers, _Numbers, _Numbers]:
+    """All measures, scales, and measures with their signs; the formulas stand in the module's docstring."""
+    body, gradient = qvi.state(z)
+    scales = scales_at(qvi, z, body)
+    residual = gradient + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
+    error, outside = qvi.equality_system.solve(residual)
+    square = float(residual @ error)
+    defect = 0.5 * _admissible_square(qvi, square, error, m_N)
+    law = (strict_residuals if qvi.strict else law_residuals)(qvi, z, m_N, m_T, scales)
+    E, E_b = scales["energy"], scales["body_energy"]
+    gap = (abs(law.work) + defect) / E_b
+    measures = {
+        "equality": _equality(qvi, z),
+        "stationarity": _stationarity(qvi, z, square, error, outside, scales),
+        "energy_gap": gap,
+        **law.measures,
+    }
+    return (
+        measures,
+        scales,
+        {"energy_gap": float(np.copysign(gap, law.work + defect)), "bipotential": law.bipotential / E},
+    )
+
+
+def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[str, float]:
+    """Scales "stress", "displacement", "energy" of the contact and "body_energy" of the whole state z.
+
+    `body` is the strain energy at z, if it is known already.
+    """
+    length = _nonzero(float(qvi.W.sum()))
+    stiffness = _nonzero(qvi.contact_stiffness)  # without contact, or with tractions that nothing can change, any does
+    reference = length / stiffness  # energy of unit stress
+    body = qvi.strain_energy(z) if body is None else body
+    least = _LITTLE
+    if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
+        reference = min(reference, qvi.bonded_energy or reference)
+        if body <= _NOTHING**2 * reference:
+            body, least = reference, _NOTHING
+    in_body = float(np.sqrt(body * stiffness / length))
+    stress = max(largest(qvi.normal(z)), largest(qvi.tangential(z)))
+    if stress <= least * in_body:
+        stress = in_body
+    stress = _nonzero(stress)
+    displacement = stress / stiffness
+    body = _nonzero(body)
+    energy = min(stress * displacement * length, body)
+    return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": body}
+
+
+def _stationarity(
+    qvi: FrictionQVI, z: Vector, square: float, error: Vector, outside: Vector, scales: dict[str, float]
+) -> float:
+    """Error of z for its multipliers: in the energy norm, and in the contact tractions; and the error of ν."""
+    size = float(np.sqrt(2.0 * scales["body_energy"]))
+    energy = float(np.sqrt(abs(square))) / size
+    if qvi.root is not None and energy > _ROUNDING_FREE:
+        scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
+        energy = max(energy - scales["rounding"], 0.0)
+    tractions = max(largest(qvi.N @ error), largest(qvi.T @ error)) / scales["stress"]
+    return max(energy, tractions, largest(outside * _row_sizes(qvi, z)) / scales["energy"])
+
+
+def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vector) -> float:
+    """|ρ|² once m_N is made admissible, from |ρ|² and K⁻¹ρ before: the residual changes by Nᵀ(max(m_N, 0) − m_N)."""
+    change = admissible_change(qvi, m_N) if qvi.strict else np.maximum(m_N, 0.0) - m_N
+    if not change.any():
+        return abs(square)
+    system = qvi.equality_system
+    force = qvi.N[:, system.interface].T @ change
+    return abs(square + 2.0 * float(change @ (qvi.N @ error)) + float(force @ system.solve_interface(force)[0]))
+
+
+def _equality(qvi: FrictionQVI, z: Vector) -> float:
+    sizes = _row_sizes(qvi, z)
+    rounding = _ROUNDED * np.asarray(abs(qvi.A).sum(axis=1)).ravel() * largest(z)
+    error = np.maximum(np.abs(qvi.A @ z - qvi.b) - rounding, 0.0)
+    return largest(error / np.where(sizes > 0.0, sizes, 1.0))
+
+
+def _row_sizes(qvi: FrictionQVI, z: Vector) -> Vector:
+    """What counts as large in each row of A z = b (p,): b, a share of what cancels in A z, and of the largest row."""
+    sizes = np.abs(qvi.b) + _CANCELS * (abs(qvi.A) @ np.abs(z))
+    return np.asarray(sizes + _BESIDE * sizes.max(initial=0.0))
+
+
+def _nonzero(scale: float) -> float:
+    return scale if scale > 0 else 1.0

@@ -1,0 +1,150 @@
+r"""When friction is certainly small enough for one solution only.
+
+Let Σ be the traces (σ_N, σ_T) that the body can have, with the metric (σ, τ) = Σ_i W_i (σ_N τ_N + σ_T τ_T)_i of L² on
+the contact, and 𝒲 the contact compliance: ½ (𝒲σ, σ) + (c, σ) + const is the least energy of a state with the traces σ.
+In the coordinates x = √W σ, with B = [N; T] and K⁻¹ on the null space of A,
+
+    Ĉ = √W B K⁻¹ Bᵀ √W,    𝒲 = Ĉ⁺ on Σ,    κ = λ_max / λ_min of Ĉ on Σ.
+
+**Lemma.** Where the rows of B are independent, the tractions σ¹, σ² for the bounds thr(s¹), thr(s²) obey
+
+    ‖σ_N¹ − σ_N²‖ ≤ mu γ ‖s¹ − s²‖,    γ² = λ_max(Ĉ_NN) λ_max(𝒲_TT) ≤ κ,    mu the largest one.
+
+Proof. Stationarity is 𝒲σ + c = −λ, so with d = σ¹ − σ² and e = λ¹ − λ² one has 𝒲d = −e and (𝒲d, d) = −(e, d).
+Normal part: λ_N σ_N = 0, λ_N ≥ 0 ≥ σ_N make −e_N d_N = λ_N¹ σ_N² + λ_N² σ_N¹ ≤ 0 at each point (bilateral: λ_N = 0).
+Tangential part: λ_T σ_T = thr |λ_T| for each of the two and |λ_T¹ σ_T²| ≤ |λ_T¹| thr(s²), so
+
+    −e_T d_T ≤ (thr(s²) − thr(s¹)) (|λ_T¹| − |λ_T²|) ≤ mu |s¹ − s²| |e_T|,
+
+as thr changes by at most mu |s¹ − s²|. With e_T = −(𝒲d)_T therefore
+
+    (𝒲d, d) ≤ mu ‖s¹ − s²‖ ‖(𝒲d)_T‖,  and  ‖(𝒲d)_T‖² ≤ λ_max(𝒲_TT) (𝒲d, d),  ‖d_N‖² ≤ λ_max(Ĉ_NN) (𝒲d, d),
+
+since ‖P 𝒲^½‖² is the largest eigenvalue of the block P 𝒲 P, and that of 𝒲⁻¹ = Ĉ for the other. Both blocks are bounded
+by the whole matrices, hence γ² ≤ κ. ∎
+
+**Consequence.** For mu < 1/γ, and so for mu < κ^(−1/2), the map s → |σ_N(s)| contracts: there is at most one
+solution. If every bound s ≥ 0 leaves an admissible traction there is exactly one, and the plain fixed point converges
+to it at the rate mu γ at worst.
+
+The condition is sufficient, not necessary: for larger mu there may be one solution, several, or none. κ grows like 1/h,
+as tractions at the scale of an element hardly deform the body, so the bound says less the finer the mesh.
+
+**Dependent rows.** Four points on an edge carry two parameters of σ_N and three of σ_T. Then 𝒲d = −P e only, with the
+projection P on Σ: the multipliers of single points are not determined, and the step from e_T to (𝒲d)_T fails. The
+numbers are those of the problem whose law is tested on the traces (multipliers in Σ) instead of at points; for the law
+at points they are an indicator, not a proof. `UniquenessBound.proves` says which.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh, eigvalsh, qr
+
+from solvers.basics.types import Matrix
+from solvers.inequality.problem import FrictionQVI
+
+LARGEST = 1200
+"""Contact rows 2m up to which the bound is computed, in about a second."""
+
+_RANK = 1e-10  # singular values of the scaled rows below this share of the largest are none
+_LOST = 1e-13  # eigenvalues below this share of the largest are rounding
+
+
+@dataclass(frozen=True)
+class UniquenessBound:
+    """The sufficient condition of this module for one problem.
+
+    Attributes
+    ----------
+    friction : the largest mu of points whose bound moves with the pressure
+    bound : κ^(−1/2), below which mu is small enough; infinity where no friction bound moves or no traction of the
+        contact can change; None if not computed
+    sharper : 1/γ ≥ bound, the same by blocks of the compliance
+    independent : whether contact rows are independent, so that the condition proves something for the law at points
+    reason : why there is no bound; empty if there is one
+
+    """
+
+    friction: float
+    bound: float | None = None
+    sharper: float | None = None
+    independent: bool = False
+    reason: str = ""
+
+    @property
+    def satisfied(self) -> bool:
+        """Whether mu is below the sharper bound."""
+        return self.sharper is not None and self.friction < self.sharper
+
+    @property
+    def proves(self) -> bool:
+        """Whether the solution is proved to be the only one."""
+        return self.satisfied and (self.independent or self.bound == np.inf)
+
+    def sentence(self) -> str:
+        """The fact, in one sentence."""
+        if self.sharper is None or self.bound is None:
+            return f"Sufficient bound of friction for uniqueness: not computed, {self.reason}."
+        if self.friction == 0.0:
+            return "No friction bound depends on the pressure: the stress is unique."
+        if self.bound == np.inf:
+            return "Nothing can change: equilibrium alone determines the contact tractions; the stress is unique."
+        text = (
+            f"Sufficient, not necessary for uniqueness: friction below 1/γ = {self.sharper:.2g} (the sharper of two "
+            f"bounds; the plain one, κ^(−1/2) ≤ 1/γ, is {self.bound:.2g}); here {self.friction:.3g}"
+        )
+        if not self.satisfied:
+            return f"{text}, which proves nothing: there may be one solution or several."
+        if self.proves:
+            return f"{text}: this is the only solution."
+        return f"{text}: only one, if the law is tested on the traces; for the law at single points an indicator."
+
+
+def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
+    """The bounds κ^(−1/2) and 1/γ of a problem; dense algebra, for contacts of up to `LARGEST` rows 2m."""
+    moving = (qvi.mu > 0.0) & (qvi.cap > qvi.cohesion)
+    friction = float(qvi.mu[moving].max(initial=0.0))
+    if friction == 0.0 or not qvi.n:
+        return UniquenessBound(friction, np.inf, np.inf)
+    if 2 * qvi.m > LARGEST:
+        return UniquenessBound(friction, reason=f"as {2 * qvi.m} contact rows are more than {LARGEST}")
+    C, basis = _compliance(qvi)
+    if not basis.shape[1]:
+        return UniquenessBound(friction, np.inf, np.inf)
+    values, vectors = eigh(basis.T @ C @ basis)
+    kept = values > _LOST * values[-1]
+    if (~kept).sum() > qvi.p or not kept.any():
+        return UniquenessBound(friction, reason="as the compliance of the contact is beyond double precision")
+    values, modes = values[kept], basis @ vectors[:, kept]
+    C_NN = (modes[: qvi.m] * values) @ modes[: qvi.m].T
+    W_TT = (modes[qvi.m :] / values) @ modes[qvi.m :].T
+    square = _largest_eigenvalue(C_NN) * _largest_eigenvalue(W_TT)
+    kappa = float(values[-1] / values[0])
+    sharper = 1.0 / np.sqrt(square) if square > 0.0 else np.inf
+    return UniquenessBound(friction, kappa**-0.5, float(sharper), modes.shape[1] == 2 * qvi.m)
+
+
+def _compliance(qvi: FrictionQVI) -> tuple[Matrix, Matrix]:
+    """Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be for A z = 0."""
+    system = qvi.equality_system
+    weights = np.sqrt(np.concatenate([qvi.W, qvi.W]))
+    rows = weights[:, None] * qvi.contact_rows[:, system.interface].toarray()
+    C = rows @ system.solve_interface(rows.T)[0]
+    lengths = np.linalg.norm(rows, axis=0)
+    units = np.where(lengths > 0.0, lengths, 1.0)
+    fixed = _row_space(system.A_interface / units)
+    scaled = rows / units  # columns of length one or zero
+    Q, R, _ = qr(scaled - scaled @ fixed @ fixed.T, mode="economic", pivoting=True)
+    return (C + C.T) / 2.0, Q[:, np.abs(np.diag(R)) > _RANK]
+
+
+def _row_space(A: Matrix) -> Matrix:
+    """Orthonormal columns (k, r) that span the rows of A (p, k), each taken by its direction."""
+    lengths = np.linalg.norm(A, axis=1)
+    Q, R, _ = qr((A[lengths > 0.0] / lengths[lengths > 0.0, None]).T, mode="economic", pivoting=True)
+    return np.asarray(Q[:, np.abs(np.diag(R)) > _RANK])
+
+
+def _largest_eigenvalue(matrix: Matrix) -> float:
+    return float(eigvalsh(matrix)[-1])

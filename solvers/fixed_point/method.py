@@ -1,0 +1,398 @@
+"""Fixed point on the friction bound: s ← |N z(s) + n0|, where z(s) solves the inner problem with bound mu s.
+
+| stops when                                                         | status before the certificate |
+|--------------------------------------------------------------------|-------------------------------|
+| residual ≤ tolerance and the certificate passes                    | solved                        |
+| best residual not reduced by a tenth in `patience` iterations      | stalled                       |
+| s returns to an earlier value (2 to 8 iterations ago)              | cycling; stalled if residual ≤ 1e-4 |
+| `max_iterations` done                                              | max_iterations                |
+| the inner problem fails, or stays infeasible after restarts        | that of the inner problem     |
+
+With strict bounds (`strict`) s and g are affine on every edge, and g differs from |N z + n0| where that is no such
+function, see `strict.threshold`. From residuals below 1e-2 on Newton's method on the whole problem (`strict.newton`) is
+tried, whose result ends the iteration if its certificate passes; it is the last entry of the history then, with the
+certificate's accuracy as residual.
+
+residual = |g − s| / max(|g|, S) in the norm weighted by W, g = |N z(s) + n0| and S the certificate's scale of stress.
+The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so the residual is the error.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from solvers.basics.status import Status
+from solvers.basics.types import Vector
+from solvers.certificate.certificate import certify, scales_at
+from solvers.certificate.feasibility import check_feasibility
+from solvers.errors import InputError
+from solvers.fixed_point.anderson import Anderson
+from solvers.fixed_point.forms import Form, ProblemForm, make_form
+from solvers.inequality.problem import FrictionQVI
+from solvers.inner.problem import InnerSolution, InnerSolver, contradiction, no_result
+from solvers.inner.registry import make_inner, versions
+from solvers.solution.finish import Outcome, finish, no_outcome
+from solvers.solution.solution import Iteration, QVISolution
+from solvers.strict.cones import strict_contradiction
+from solvers.strict.names import STRICT_DEFAULT
+from solvers.strict.newton import Newton
+from solvers.strict.threshold import affine_pressure, edge_rows, strict_pressure, strict_threshold
+
+Variant = Literal["plain", "damped", "anderson"]
+
+_INNER_FACTOR = 1e-4  # inner tolerance = this × outer, within the two limits below: the error of z(s) goes with
+_INNER_LIMITS = (1e-12, 1e-6)  # √tolerance where a point touches without load
+_RECOVERIES = 12
+_CLAIM_TOLERANCE = 1e-8
+_CYCLE_LENGTHS = range(2, 9)
+_CYCLE_MATCH = 1e-4  # of the residual
+_PROGRESS = 0.9
+_ROUND_OFF = 1e-13  # of the bonded pressure
+_BREAKS = 6
+_CLOSE, _CLOSER = 1e-2, 0.2  # residual at which Newton's method is tried for strict bounds, and share for another try
+_NOISE = 1e-4  # a cycle smaller than this is the inner solver's noise, not the map's
+
+
+@dataclass(frozen=True)
+class FixedPointOptions:
+    """Options of the fixed point.
+
+    Attributes
+    ----------
+    variant : "anderson" (default), "damped" s + θ (g − s), or "plain" s ← g
+    damping : θ of "damped" and mixing β of "anderson", in (0, 1]
+    memory : number of earlier iterations "anderson" uses
+    max_iterations : outer iterations
+    initial : pressure s (m,) ≥ 0 to start from; default that of the bonded solution (one linear solve)
+    inner_tolerance : default 1e-4 × tolerance, between 1e-12 and 1e-6
+    patience : iterations without progress before the iteration counts as stalled
+    form : unknowns of the inner problems, "auto" (default), "full" or "condensed", see `forms`
+    inner_options : settings of the inner solver by its own names, instead of those that `inner_tolerance` stands for;
+        some back ends ignore names they do not know
+    callback : called with every `Iteration`
+
+    """
+
+    variant: Variant = "anderson"
+    damping: float = 0.5
+    memory: int = 5
+    max_iterations: int = 100
+    initial: Any = None
+    inner_tolerance: float | None = None
+    patience: int = 15
+    form: Form = "auto"
+    inner_options: Mapping[str, Any] | None = None
+    callback: Callable[[Iteration], object] | None = None
+
+    def __post_init__(self) -> None:
+        if self.variant not in get_args(Variant):
+            raise InputError("variant", self.variant, f"give one of {', '.join(get_args(Variant))}")
+        if self.form not in get_args(Form):
+            raise InputError("form", self.form, f"give one of {', '.join(get_args(Form))}")
+        if not 0 < self.damping <= 1:
+            raise InputError("damping", self.damping, "give a number in (0, 1]")
+        for name in ("memory", "max_iterations", "patience"):
+            if not (isinstance(getattr(self, name), int) and getattr(self, name) >= 1):
+                raise InputError(name, getattr(self, name), "give a whole number ≥ 1")
+        if self.inner_tolerance is not None and not 0 < self.inner_tolerance < 1:
+            raise InputError("inner_tolerance", self.inner_tolerance, "give a number between 0 and 1")
+
+
+@dataclass(eq=False)
+class _State:
+    """Everything that changes from one outer iteration to the next."""
+
+    s: Vector
+    accelerator: Anderson | None
+    damping: float
+    feasible: Vector | None = None  # last s whose inner problem had a solution
+    previous: InnerSolution | None = None  # last result, original unknowns
+    inner: InnerSolution | None = None  # the same in those of the form
+    best: InnerSolution | None = None
+    best_s: Vector | None = None
+    best_residual: float = np.inf
+    progress: tuple[float, int] = (np.inf, 0)  # residual and number at the last substantial progress
+    past: deque[Vector] = field(default_factory=lambda: deque(maxlen=_CYCLE_LENGTHS.stop))
+    history: list[Iteration] = field(default_factory=list)
+    newton: Newton | None = None  # of strict problems
+    close: float = _CLOSE  # residual at which Newton's method is tried next
+    recoveries: int = 0
+    breaks: int = 0
+    feasibility: Any = None
+    reason: Status | None = None
+    message: str = ""
+
+
+def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions) -> QVISolution:
+    """Solve the QVI by the iteration of this module; `inner` names the inner solver."""
+    began = time.perf_counter()
+    inner_tolerance = options.inner_tolerance or float(np.clip(_INNER_FACTOR * tolerance, *_INNER_LIMITS))
+    try:
+        form = make_form(qvi, options.form)
+        solver = make_inner(inner, form.problem, inner_tolerance, options.inner_options)
+    except InputError:
+        raise
+    except Exception as error:
+        nothing = no_outcome(qvi, Status.BACKEND_FAILED, f"{inner}: {type(error).__name__}: {error}")
+        return finish(qvi, nothing, "fixed-point", inner, tolerance)
+    state = _init(qvi, options)
+    set_up = time.perf_counter()
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverging back end is judged by its residual
+        while state.reason is None:
+            _step(qvi, form, solver, state, options, tolerance)
+    outcome = _outcome(qvi, state)
+    outcome.form = form.name
+    outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
+    outcome.versions = versions(solver.packages)
+    return finish(qvi, outcome, "fixed-point", inner, tolerance)
+
+
+def _init(qvi: FrictionQVI, options: FixedPointOptions) -> _State:
+    """Start: the given pressure or that of the bonded solution."""
+    if options.initial is None:
+        s = _start(qvi, qvi.bonded)
+    else:
+        s = np.array(options.initial, dtype=np.float64)
+        if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:
+            raise InputError("initial", options.initial, f"give a finite pressure ≥ 0 of shape ({qvi.m},)")
+        s = affine_pressure(qvi, s) if qvi.strict else s
+    accelerate = options.variant == "anderson"
+    accelerator = Anderson(qvi.W, options.memory, options.damping) if accelerate else None
+    return _State(s, accelerator, 1.0 if options.variant == "plain" else options.damping)
+
+
+def _step(
+    qvi: FrictionQVI,
+    form: ProblemForm,
+    solver: InnerSolver,
+    state: _State,
+    options: FixedPointOptions,
+    tolerance: float,
+) -> None:
+    """One outer iteration: inner problem, residual, record, next s."""
+    began = time.perf_counter()
+    inner = _solve_inner(qvi, form, solver, state)
+    usable = _is_usable(inner)
+    result = form.expand(inner) if usable else no_result(qvi, inner.status, inner.message, inner.seconds)
+    number = len(state.history) + 1
+    if not usable:
+        _record(qvi, state, result, np.inf, began, options)
+        _recover(qvi, form, solver, state, result)
+    else:
+        state.inner = inner
+        g = _pressure(qvi, result.z)
+        residual = _residual(qvi, result.z, g, state.s)
+        _record(qvi, state, result, residual, began, options)
+        if residual < state.best_residual:
+            state.best, state.best_s, state.best_residual = result, state.s, residual
+        state.previous, state.feasible = result, state.s
+        if residual <= tolerance and certify(qvi, result.z, result.m_N, result.m_T, result.nu, tolerance).passed:
+            state.best, state.best_s, state.reason = result, state.s, Status.SOLVED
+            return
+        if qvi.strict and residual <= state.close and _refine(qvi, state, result, options, tolerance):
+            return
+        _check_progress(qvi, state, residual, number, options, tolerance)
+        state.past.append(state.s)
+        state.s = _next(qvi, state, g)
+    if state.reason is None and number >= options.max_iterations:
+        state.reason = Status.MAX_ITERATIONS
+
+
+def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _State) -> InnerSolution:
+    """The inner problem about the last result; a back end that fails there gets one more try about the start."""
+    threshold = form.threshold(_bound(qvi, state.s))
+    centre = form.centre(state.inner, state.previous)
+    inner = (strict_contradiction if qvi.strict else contradiction)(form.problem, threshold, centre) or solver.solve(
+        threshold, centre, state.inner
+    )
+    if not _is_usable(inner) and state.inner is not None:
+        inner = solver.solve(threshold, form.centre(None, None), None)
+    return _checked_claim(inner, form, threshold) if inner.status is Status.INFEASIBLE else inner
+
+
+def _checked_claim(inner: InnerSolution, form: ProblemForm, threshold: Vector) -> InnerSolution:
+    """A back end's "infeasible", or a failure if Clarabel finds the solution that is said not to exist."""
+    name = STRICT_DEFAULT if form.problem.strict else "direct:clarabel"
+    witness = make_inner(name, form.problem, _CLAIM_TOLERANCE)
+    if not _is_usable(witness.solve(threshold, form.centre(None, None), None)):
+        return inner
+    message = f"{inner.message}; but Clarabel solves this problem"
+    return no_result(form.problem, Status.BACKEND_FAILED, message, inner.seconds)
+
+
+def _is_usable(inner: InnerSolution) -> bool:
+    return inner.status.usable and inner.finite
+
+
+def _refine(
+    qvi: FrictionQVI, state: _State, result: InnerSolution, options: FixedPointOptions, tolerance: float
+) -> bool:
+    """Newton's method from an inner result, see `strict.newton`; whether it ends in a solution."""
+    began = time.perf_counter()
+    state.newton, state.close = state.newton or Newton(qvi), _CLOSER * state.close
+    if not state.newton.affordable:
+        return False
+    scales = scales_at(qvi, result.z)
+    stiffness = scales["stress"] / scales["displacement"]
+    refined = state.newton.refine(result.z, result.m_N, result.m_T, stiffness)
+    if refined is None:
+        return False
+    z, nu = state.newton.compliance.unknowns(np.concatenate([refined.m_N, refined.m_T]))
+    certificate = certify(qvi, z, refined.m_N, refined.m_T, nu, tolerance)
+    if not certificate.passed:
+        return False
+    state.best = replace(result, z=z, m_N=refined.m_N, m_T=refined.m_T, nu=nu)
+    state.best_s, state.reason = _pressure(qvi, z), Status.SOLVED
+    entry = Iteration(
+        len(state.history) + 1, certificate.accuracy, qvi.energy(z), qvi.resultant(z), None, refined.steps,
+        time.perf_counter() - began,
+    )  # fmt: skip
+    state.history.append(entry)
+    if options.callback is not None:
+        options.callback(entry)
+    return True
+
+
+def _residual(qvi: FrictionQVI, z: Vector, g: Vector, s: Vector) -> float:
+    stress = scales_at(qvi, z)["stress"]
+    return _norm(qvi, g - s) / max(_norm(qvi, g), stress * float(np.sqrt(qvi.W.sum())))
+
+
+def _norm(qvi: FrictionQVI, v: Vector) -> float:
+    return float(np.sqrt(qvi.W @ v**2))
+
+
+def _record(
+    qvi: FrictionQVI,
+    state: _State,
+    result: InnerSolution,
+    residual: float,
+    began: float,
+    options: FixedPointOptions,
+) -> None:
+    entry = Iteration(
+        len(state.history) + 1, residual, qvi.energy(result.z), qvi.resultant(result.z), result.status,
+        result.iterations, time.perf_counter() - began,
+    )  # fmt: skip
+    state.history.append(entry)
+    if options.callback is not None:
+        options.callback(entry)
+
+
+def _next(qvi: FrictionQVI, state: _State, g: Vector) -> Vector:
+    """Accelerated, damped or plain; round-off becomes zero, which interior points take better than 1e-30."""
+    if state.accelerator is not None:
+        s = state.accelerator.next(state.s, g)
+    else:
+        s = (1.0 - state.damping) * state.s + state.damping * g
+    scale = float(np.abs(qvi.normal(qvi.bonded)).max(initial=0.0))
+    s = np.where(s > _ROUND_OFF * scale, s, 0.0)
+    return affine_pressure(qvi, s) if qvi.strict else s
+
+
+def _pressure(qvi: FrictionQVI, z: Vector) -> Vector:
+    """The pressure at z (m,) that the next bound comes from, strict an affine function of each edge."""
+    return strict_pressure(qvi, qvi.normal(z)) if qvi.strict else np.abs(qvi.normal(z))
+
+
+def _start(qvi: FrictionQVI, z: Vector) -> Vector:
+    """The pressure at a z whose normal tractions may pull."""
+    return strict_pressure(qvi, qvi.normal(z)) if qvi.strict else qvi.pressure(z)
+
+
+def _bound(qvi: FrictionQVI, pressure: Vector) -> Vector:
+    """The bound of |σ_T| from a pressure (m,): (m,), strict its Bernstein coefficients (3e,)."""
+    return strict_threshold(qvi, pressure).coefficients.ravel() if qvi.strict else qvi.threshold(pressure)
+
+
+def _bound_at_points(qvi: FrictionQVI, pressure: Vector) -> Vector:
+    if not qvi.strict:
+        return qvi.threshold(pressure)
+    return edge_rows(qvi).at_points(strict_threshold(qvi, pressure).coefficients)
+
+
+def _check_progress(
+    qvi: FrictionQVI,
+    state: _State,
+    residual: float,
+    number: int,
+    options: FixedPointOptions,
+    tolerance: float,
+) -> None:
+    """Cycle or stagnation, see the table of this module."""
+    if residual < _PROGRESS * state.progress[0]:
+        state.progress = (residual, number)
+    match = _CYCLE_MATCH * residual * _norm(qvi, state.s)
+    for length in _CYCLE_LENGTHS:
+        seen = residual > tolerance and length <= len(state.past) and number > 2 * length
+        if seen and _norm(qvi, state.s - state.past[-length]) <= match:
+            _break_cycle(state, length, residual)
+            return
+    if number - state.progress[1] >= options.patience:
+        if _soften(state, residual):
+            state.progress = (residual, number)
+            return
+        state.reason = Status.STALLED
+        state.message = f"residual {state.best_residual:.1e} was not reduced in {options.patience} iterations"
+
+
+def _break_cycle(state: _State, length: int, residual: float) -> None:
+    """Halve Anderson's mixing and forget its memory; other variants, or one time too many, end here."""
+    if _soften(state, residual):
+        return
+    state.reason = Status.CYCLING if residual > _NOISE else Status.STALLED
+    state.message = f"the pressure repeats itself every {length} iterations"
+
+
+def _soften(state: _State, residual: float) -> bool:
+    """Halve the mixing of Anderson's steps and forget their memory; not for other variants, noise, or too often."""
+    state.breaks += 1
+    if state.accelerator is None or state.breaks > _BREAKS or residual <= _NOISE:
+        return False
+    state.accelerator.reset()
+    state.accelerator.mixing *= 0.5
+    state.past.clear()
+    return True
+
+
+def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _State, result: InnerSolution) -> None:
+    """Ask whether the load can be carried at all; if so restart, then return towards the last feasible s.
+
+    Starts are the pressure without friction, where that exists, then that of the least energy over the set of
+    `feasibility`.
+    """
+    state.recoveries += 1
+    if state.recoveries == 1 and state.feasible is None:
+        nothing = np.zeros_like(_bound(qvi, state.s))
+        smooth = solver.solve(form.threshold(nothing), form.centre(None, None), None)
+        if _is_usable(smooth):
+            state.s = _start(qvi, form.expand(smooth).z)
+            return
+    if state.feasibility is None:
+        state.feasibility = check_feasibility(qvi)
+    feasible = state.feasibility.feasible
+    start = state.feasibility.z
+    curable = result.status in (Status.INFEASIBLE, Status.BACKEND_FAILED) and feasible is True
+    if not curable or state.recoveries > _RECOVERIES:
+        state.reason, state.message = result.status, f"inner problem: {result.message}"
+    elif state.feasible is None:
+        state.s = state.feasible = _pressure(qvi, start)
+    else:
+        state.s = 0.5 * (state.s + state.feasible)
+    if state.accelerator is not None:
+        state.accelerator.reset()
+    state.damping = min(state.damping, 0.5)
+
+
+def _outcome(qvi: FrictionQVI, state: _State) -> Outcome:
+    result = state.best or no_result(qvi, Status.BACKEND_FAILED, "")
+    s = state.best_s if state.best_s is not None else state.s
+    reason = state.reason or Status.STALLED
+    return Outcome(
+        reason, result.z, result.m_N, result.m_T, result.nu, _bound_at_points(qvi, s), state.history,
+        len(state.history), state.message, feasibility=state.feasibility,
+    )  # fmt: skip

@@ -1,0 +1,125 @@
+"""The equality-constrained linear system of (D2), its interior eliminated once by a sparse factorisation."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
+from scipy.sparse import csc_matrix
+
+from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.factorisation import Factorisation, FactorisationError
+from solvers.factorisation.choice import Structure, make
+
+_REFINEMENTS = 2  # of the dense system, where there are equality rows
+_DEPENDENT = 1e-12  # directions in which equality rows are weaker than this repeat each other
+
+
+class EqualitySystem:
+    """Solves  [K Aᵀ; A 0] (x, ν) = (r, c).
+
+    The unknowns Γ that contact rows B and equality rows A touch are kept, the others eliminated by `factorise`; what is
+    left is dense:
+
+        [S A_Γᵀ; A_Γ 0] (x_Γ, ν) = (r_Γ − K_ΓI K_II⁻¹ r_I, c),    S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ.
+
+    K is (n, n), positive definite on the null space of A; A is (p, n), p = 0 allowed. Linearly dependent but
+    consistent rows of A are accepted; ν is then the one of least norm.
+
+    Parameters
+    ----------
+    K, A : as in `FrictionQVI`
+    contact_rows : B (2m, n)
+    factor : an earlier factorisation of the same K, used if its interface covers this one
+    structure : K as a tree of subdomains, see `solvers.factorisation.choice`
+
+    """
+
+    def __init__(
+        self,
+        K: Sparse,
+        A: Sparse,
+        contact_rows: Sparse,
+        factor: Factorisation | None = None,
+        structure: Structure | None = None,
+    ) -> None:
+        self.A = A
+        touched = interface_of(contact_rows, A)
+        usable = factor is not None and np.isin(touched, factor.interface, assume_unique=True).all()
+        self.factor = factor if factor is not None and usable else make(K, touched, structure)
+        self.interface: IntVector = self.factor.interface
+        self.A_interface: Matrix = A[:, self.interface].toarray()
+
+    @property
+    def schur(self) -> Matrix:
+        """S (k, k)."""
+        return self.factor.schur
+
+    def solve(self, r: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
+        """(x, ν) for right-hand sides r (n,) or (n, j) and c (p,) or (p, j), zero if not given."""
+        reduced, state = self.factor.reduce(r)
+        values, nu = self.solve_interface(reduced, c)
+        return self.factor.expand(state, values), nu
+
+    def solve_interface(self, g: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
+        """(x_Γ, ν) of the dense system for g (k,) or (k, j), the right-hand side where it vanishes elsewhere."""
+        if c is None:
+            c = np.zeros((self.A.shape[0], *g.shape[1:]))
+        return self._dense.solve(np.asarray(g), np.asarray(c))
+
+    @cached_property
+    def _dense(self) -> "_DenseSystem":
+        return _DenseSystem.of(self.schur, self.A_interface)
+
+
+@dataclass(frozen=True, eq=False)
+class _DenseSystem:
+    """[S Aᵀ; A 0] by Cholesky of S + ρ AᵀA, which changes neither x nor ν if ρ Aᵀc is added to the right-hand side."""
+
+    S: Matrix
+    A: Matrix
+    rho: float
+    cholesky: tuple[Matrix, bool]
+    relief: Matrix  # (S + ρ AᵀA)⁻¹ Aᵀ
+    values: Vector
+    vectors: Matrix  # eigenvectors of A relief that are not null
+
+    @classmethod
+    def of(cls, S: Matrix, A: Matrix) -> "_DenseSystem":
+        rho, stiffened = 0.0, S
+        if len(A):
+            square = A.T @ A
+            rho = float(np.trace(S) / max(np.trace(square), np.finfo(float).tiny)) if len(S) else 0.0
+            stiffened = S + rho * square
+        try:
+            cholesky = cho_factor(stiffened, lower=True) if len(S) else (S, True)
+        except LinAlgError as error:
+            raise FactorisationError("singular", "lapack", "the Schur complement is not positive definite") from error
+        relief = cho_solve(cholesky, A.T) if len(S) else A.T
+        values, vectors = eigh(A @ relief) if len(A) else (np.zeros(0), np.zeros((0, 0)))
+        kept = values > _DEPENDENT * values.max(initial=0.0)
+        return cls(S, A, rho, cholesky, relief, values[kept], vectors[:, kept])
+
+    def solve(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
+        if not len(self.A):
+            return (cho_solve(self.cholesky, g) if g.size else g), c
+        x, nu = self._solve(g, c)
+        for _ in range(_REFINEMENTS):
+            dx, dnu = self._solve(g - self.S @ x - self.A.T @ nu, c - self.A @ x)
+            x, nu = x + dx, nu + dnu
+        return x, nu
+
+    def _solve(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
+        x = cho_solve(self.cholesky, g + self.rho * self.A.T @ c) if g.size else g
+        weights = self.vectors.T @ (self.A @ x - c)
+        nu = self.vectors @ (weights / (self.values if g.ndim == 1 else self.values[:, None]))
+        return x - self.relief @ nu, nu
+
+
+def interface_of(contact_rows: Sparse, A: Sparse) -> IntVector:
+    """Γ: the columns in which contact or equality rows have an entry, sorted."""
+    return np.union1d(_columns(contact_rows), _columns(A))
+
+
+def _columns(matrix: Sparse) -> IntVector:
+    return np.flatnonzero(np.diff(csc_matrix(matrix).indptr)).astype(np.int64)

@@ -1,0 +1,432 @@
+"""The frictional contact problem as data: the quasi-variational inequality (D2)."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.sparse import csc_matrix, issparse, vstack
+
+from solvers.basics.types import BoolVector, Matrix, Sparse, Vector
+from solvers.errors import InputError
+from solvers.factorisation import FactorisationError
+from solvers.factorisation.augmented import ORTHOGONAL, factorise_root
+from solvers.factorisation.choice import Structure, fits
+from solvers.inequality.edges import EdgeRows
+from solvers.inequality.linear import EqualitySystem, interface_of
+from solvers.inequality.traces import Traces
+
+_ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
+_POWER_STEPS = 10
+_ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
+_NOT_POLYNOMIAL = 1e-8  # of the largest traction: what a row may differ from a polynomial on its edge
+_CORRECTIONS = 7  # defect corrections of the bonded solution at most
+
+_BY_FACTOR = ("contact_stiffness", "_bonded_and_error", "bonded", "bonded_energy")  # cached, computed with the factors
+
+SLOW_CONTRACTION = 1e-3
+"""Contraction of defect corrections above which K has lost too much to rounding, and R is factorised instead."""
+
+
+class EnergyRoot(Protocol):
+    """An affine map r(z) = R z + r₀ with RᵀR = K, evaluated without the cancellation inside an assembled K.
+
+    In mechanics r are the stresses at quadrature points, weighted so that ½|r|² is the strain energy.
+    """
+
+    def apply(self, z: Vector) -> Vector:
+        """r(z), for z (n,)."""
+        ...
+
+    def adjoint(self, r: Vector) -> Vector:
+        """Rᵀr (n,)."""
+        ...
+
+    def matrix(self) -> tuple[Sparse, Matrix]:
+        """(R as sparse rows, a place (2,) for each row), for factorising R where K has lost too much to rounding."""
+        ...
+
+    def rounding(self, z: Vector) -> float:
+        """Error of R z that the rounding of z itself may cause, a norm like |r|."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionQVI:
+    """The algebraic quasi-variational inequality (D2), dimensionless.
+
+        min ½ zᵀKz − fᵀz   s.t.  A z = b,   N z + n0 ≤ 0,   |T z + t0| ≤ thr(s),  s = |N z + n0| at the solution
+        thr(s) = min(cohesion + mu s, cap)
+
+    Where a row is bilateral, N z + n0 may have either sign and m_N = 0. Row multipliers are normal m_N ≥ 0, tangential
+    m_T (≥ 0 at the upper bound T z + t0 = +thr, ≤ 0 at the lower one) and ν of the equalities:
+
+        K z − f + Nᵀ m_N + Tᵀ m_T + Aᵀ ν = 0.
+
+    Divided by the weights they are displacements: λ = m / W, u_N − g = −λ_N ≤ 0 and u_T − w = −λ_T. Rows of
+    N and T may depend linearly on each other; multipliers of single rows are then not unique.
+
+    Attributes
+    ----------
+    K : (n, n) sparse, symmetric, positive definite on the null space of A
+    f : (n,)
+    N, T : (m, n) sparse, normal and tangential traction at the contact points
+    n0, t0 : (m,), tractions at z = 0
+    mu : (m,), friction coefficient at each point, ≥ 0
+    W : (m,), quadrature weights, > 0
+    A, b : (p, n) sparse and (p,), optional; stored as p = 0 rows when not given
+    cohesion, cap : (m,) ≥ 0, optional; 0 and infinity when not given
+    bilateral : (m,) bool, optional; nowhere when not given
+    traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
+    structure : function of the interface, optional; K as a tree of subdomains, see `factorisation.choice`
+    edges : `EdgeRows`, optional; says that rows are points of edges, with σ_N affine and σ_T quadratic on each
+    strict : whether the bounds hold on whole edges instead of at their points, see `solvers.strict`
+    root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
+        gradient of the energy more accurately than K and f, whose entries may be large and cancel
+
+    n = 0 is allowed: a statically determinate problem.
+
+    All are converted to float64 (matrices to csc) and checked; what is wrong raises `InputError`.
+
+    """
+
+    K: Sparse
+    f: Vector
+    N: Sparse
+    n0: Vector
+    T: Sparse
+    t0: Vector
+    mu: Vector
+    W: Vector
+    A: Sparse = None  # None is replaced on construction
+    b: Vector = None  # type: ignore[assignment]
+    root: EnergyRoot | None = None
+    load: Vector | None = None
+    cohesion: Vector = None  # type: ignore[assignment]
+    cap: Vector = None  # type: ignore[assignment]
+    bilateral: BoolVector = None  # type: ignore[assignment]
+    traces: Traces | None = None
+    structure: Structure | None = None
+    edges: EdgeRows | None = None
+    strict: bool = False
+
+    def __post_init__(self) -> None:
+        if (self.A is None) != (self.b is None):
+            raise InputError("A" if self.A is None else "b", None, "give A and b together, or neither")
+        if (self.root is None) != (self.load is None):
+            raise InputError("root" if self.root is None else "load", None, "give root and load together, or neither")
+        for name in ("K", "N", "T", "A"):
+            object.__setattr__(self, name, _matrix(name, getattr(self, name), self._columns(name)))
+        for name in ("f", "n0", "t0", "mu", "W", "b"):
+            object.__setattr__(self, name, _vector(name, getattr(self, name)))
+        if self.load is not None:
+            object.__setattr__(self, "load", _vector("load", self.load))
+        for name, missing in (("cohesion", 0.0), ("cap", np.inf)):
+            value = np.full(self.m, missing) if getattr(self, name) is None else getattr(self, name)
+            object.__setattr__(self, name, _vector(name, value, infinite=name == "cap"))
+        object.__setattr__(self, "bilateral", _flags("bilateral", self.bilateral, self.m))
+        self._check_shapes()
+        self._check_values()
+        if self.traces is not None:
+            self.traces.check(self.contact_rows)
+        if self.edges is not None:
+            self.edges.grouped(self.W)
+        if self.strict:
+            self._check_edges()
+
+    def _check_edges(self) -> None:
+        """`InputError` unless tractions are polynomials on edges, tried at z = 0 and with a random vector."""
+        if self.edges is None:
+            raise InputError("edges", None, "strict admissibility needs EdgeRows, which say what points make an edge")
+        v = np.random.default_rng(0).normal(size=self.n)
+        for name, fitted, rows, fixed in (
+            ("N", self.edges.ends, self.N, self.n0),
+            ("T", self.edges.bernstein, self.T, self.t0),
+        ):
+            values = rows @ v
+            size = max(float((abs(rows) @ np.abs(v)).max(initial=0.0)), float(np.abs(fixed).max(initial=0.0)))
+            for part in (values, fixed):
+                error = float(np.abs(self.edges.at_points(fitted(part)) - part).max(initial=0.0))
+                if error > _NOT_POLYNOMIAL * size:
+                    remedy = "strict admissibility needs σ_N affine and σ_T quadratic on each edge (a body force whose "
+                    remedy += "potential is not affine along a contact spoils that): leave it to the contact points"
+                    raise InputError(name, f"error {error:.1e}", remedy)
+
+    def strictly(self) -> "FrictionQVI":
+        """The same problem with the bounds on whole edges; `InputError` if `edges` do not fit the rows."""
+        return self if self.strict else self.changed(strict=True)
+
+    def _columns(self, name: str) -> int:
+        """Columns of the empty matrix that stands for a missing A."""
+        return int(self.K.shape[0]) if name == "A" else 0
+
+    def _check_shapes(self) -> None:
+        n, m, p = self.K.shape[0], self.N.shape[0], self.A.shape[0]
+        expected: dict[str, tuple[int, ...]] = {
+            "K": (n, n), "f": (n,), "N": (m, n), "n0": (m,), "T": (m, n), "t0": (m,),
+            "mu": (m,), "W": (m,), "A": (p, n), "b": (p,), "cohesion": (m,), "cap": (m,), "bilateral": (m,),
+        }  # fmt: skip
+        if self.load is not None:
+            expected["load"] = (n,)
+        for name, shape in expected.items():
+            found = getattr(self, name).shape
+            if found != shape:
+                raise InputError(name, f"shape {found}", f"give shape {shape}, as K and N say")
+
+    def _check_values(self) -> None:
+        if self.m and self.mu.min() < 0:
+            raise InputError("mu", float(self.mu.min()), "give friction coefficients ≥ 0")
+        for name in ("cohesion", "cap"):
+            if self.m and getattr(self, name).min() < 0:
+                raise InputError(name, float(getattr(self, name).min()), "give stresses ≥ 0")
+        if self.m and self.W.min() <= 0:
+            raise InputError("W", float(self.W.min()), "give quadrature weights > 0")
+        least = float(self.K.diagonal().min(initial=np.inf))
+        if least < 0 or (self.p == 0 and least <= 0):
+            raise InputError("K", least, "give a positive definite K; its diagonal is > 0")
+        asymmetry = _asymmetry(self.K)
+        if asymmetry > _ASYMMETRY:
+            raise InputError("K", f"asymmetry {asymmetry:.1e}", "give a symmetric K, such as (K + Kᵀ)/2")
+
+    @property
+    def n(self) -> int:
+        """Number of unknowns."""
+        return int(self.K.shape[0])
+
+    @property
+    def m(self) -> int:
+        """Number of contact points."""
+        return int(self.N.shape[0])
+
+    @property
+    def p(self) -> int:
+        """Number of equality rows."""
+        return int(self.A.shape[0])
+
+    def normal(self, z: Vector) -> Vector:
+        """Return the normal traction σ_N = N z + n0 (m,), ≤ 0 where admissible."""
+        return np.asarray(self.N @ z + self.n0)
+
+    def tangential(self, z: Vector) -> Vector:
+        """Tangential traction σ_T = T z + t0 (m,)."""
+        return np.asarray(self.T @ z + self.t0)
+
+    def pressure(self, z: Vector) -> Vector:
+        """Contact pressure s = max(−(N z + n0), 0), where bilateral |N z + n0| (m,)."""
+        return self.pressed(self.normal(z))
+
+    def pressed(self, normal: Vector) -> Vector:
+        """The pressure s of given normal tractions (m,)."""
+        return np.where(self.bilateral, np.abs(normal), np.maximum(-normal, 0.0))
+
+    def threshold(self, pressure: Vector) -> Vector:
+        """Bound of |σ_T| for a pressure s: min(cohesion + mu s, cap) (m,)."""
+        return np.minimum(self.cohesion + self.mu * pressure, self.cap)
+
+    @property
+    def frictionless(self) -> BoolVector:
+        """Rows whose bound is zero whatever the pressure (m,)."""
+        return np.asarray(((self.mu == 0.0) & (self.cohesion == 0.0)) | (self.cap == 0.0))
+
+    def energy(self, z: Vector) -> float:
+        """½ zᵀKz − fᵀz."""
+        return float(0.5 * z @ (self.K @ z) - self.f @ z)
+
+    def strain_energy(self, z: Vector) -> float:
+        """½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz: the size of the energy."""
+        if self.root is not None:
+            r = self.root.apply(z)
+            return 0.5 * float(r @ r)
+        return 0.5 * float(z @ (self.K @ z))
+
+    def gradient(self, z: Vector) -> Vector:
+        """Gradient of the energy (n,): Rᵀr(z) − load where there is a root, else K z − f."""
+        if self.root is not None and self.load is not None:
+            return np.asarray(self.root.adjoint(self.root.apply(z)) - self.load)
+        return np.asarray(self.K @ z - self.f)
+
+    def state(self, z: Vector) -> tuple[float, Vector]:
+        """`strain_energy` and `gradient` at once."""
+        if self.root is None or self.load is None:
+            return self.strain_energy(z), self.gradient(z)
+        r = self.root.apply(z)
+        return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
+
+    def resultant(self, z: Vector) -> float:
+        """Σ W (N z + n0), the resultant normal force (negative in compression)."""
+        return float(self.W @ self.normal(z))
+
+    @cached_property
+    def equality_system(self) -> EqualitySystem:
+        """The linear system of K and A, factored on first use and kept.
+
+        Where K is not positive definite to working precision, R is factored instead, if there is a root.
+        """
+        try:
+            return EqualitySystem(self.K, self.A, self.contact_rows, self.__dict__.get("_factor"), self.structure)
+        except FactorisationError as error:
+            if error.reason != "singular" or self.root is None:
+                raise
+            return self._orthogonal_system(self.root)
+
+    def _orthogonal_system(self, root: EnergyRoot) -> EqualitySystem:
+        R, places = root.matrix()
+        factor = factorise_root(R, interface_of(self.contact_rows, self.A), places)
+        return EqualitySystem(self.K, self.A, self.contact_rows, factor)
+
+    def adopt(self, other: "FrictionQVI") -> None:
+        """Use the factorisation of another problem if its K is the same."""
+        K, L = self.K, other.K
+        same = K.shape == L.shape and np.array_equal(K.indices, L.indices) and np.array_equal(K.data, L.data)
+        system = other.__dict__.get("equality_system")
+        if same and system is not None and "equality_system" not in self.__dict__:
+            object.__setattr__(self, "_factor", system.factor)
+
+    def refit(self) -> None:
+        """Forget a factorisation that is not the one asked for now."""
+        system = self.__dict__.get("equality_system")
+        if system is not None and not fits(system.factor):
+            for name in ("equality_system", "_factor", *_BY_FACTOR):
+                self.__dict__.pop(name, None)
+
+    @property
+    def factorisation(self) -> str:
+        """Back end and version of the factorisation made, empty if none was needed."""
+        system = self.__dict__.get("equality_system")
+        return f"{system.factor.backend}, {system.factor.version}" if system is not None else ""
+
+    def use_root(self) -> bool:
+        """Factorise R instead of K from now on; False if there is no root, or it was done before."""
+        if self.root is None or self.equality_system.factor.backend == ORTHOGONAL:
+            return False
+        self.__dict__["equality_system"] = self._orthogonal_system(self.root)
+        for name in _BY_FACTOR:
+            self.__dict__.pop(name, None)
+        return True
+
+    def changed(self, **changes: Any) -> "FrictionQVI":
+        """The same problem with other fields, K excepted; a factorisation of K is kept if it still applies."""
+        new = replace(self, **changes)
+        if "equality_system" in self.__dict__:
+            object.__setattr__(new, "_factor", self.equality_system.factor)
+        return new
+
+    @cached_property
+    def contact_rows(self) -> Sparse:
+        """[N; T] (2m, n)."""
+        return csc_matrix(vstack([self.N, self.T]))
+
+    @cached_property
+    def contact_stiffness(self) -> float:
+        """Traction that a unit of displacement λ all along the contact causes, as a scale; 0 where nothing does.
+
+        The spectral radius of [N; T] K⁻¹ [N; T]ᵀ W, by a few steps of power iteration, belongs to the finest waves; it
+        is reduced by min W / Σ W to those as long as the contact.
+        """
+        if not (self.m and self.n):
+            return 0.0
+        system = self.equality_system
+        rows = self.contact_rows[:, system.interface]
+        weights = np.concatenate([self.W, self.W])
+        v: Vector = np.ones(2 * self.m)
+        radius = 0.0
+        for _ in range(_POWER_STEPS):
+            v = np.asarray(rows @ system.solve_interface(rows.T @ (weights * v))[0])
+            radius = float(np.sqrt((weights @ v**2) / weights.sum()))
+            if radius == 0.0:
+                return 0.0
+            v = v / radius
+        return radius * float(self.W.min() / self.W.sum())
+
+    @cached_property
+    def bonded(self) -> Vector:
+        """Minimiser of the energy under A z = b alone (n,): contact that neither opens nor slips.
+
+        Defect corrections with `gradient` remove the rounding of K as long as they shrink.
+        """
+        return self._bonded_and_error[0]
+
+    @property
+    def bonded_error(self) -> float:
+        """Error of `bonded` in the energy norm, relative: how far the last defect correction still moved it.
+
+        Where the problem has no root this is not measured, and 0.
+        """
+        return self._bonded_and_error[1]
+
+    def rough_stress(self) -> float:
+        """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
+        z, _ = self.equality_system.solve(-self.gradient(np.zeros(self.n)), self.b)
+        energy, nothing = self.strain_energy(z), _ROUNDING * self.strain_energy(np.zeros(self.n))
+        return float(np.sqrt(2.0 * energy)) if energy > nothing else 0.0
+
+    @cached_property
+    def bonded_energy(self) -> float:
+        """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
+        energy, nothing = self.strain_energy(self.bonded), _ROUNDING * self.strain_energy(np.zeros(self.n))
+        return energy if energy > nothing else 0.0
+
+    @cached_property
+    def _bonded_and_error(self) -> tuple[Vector, float]:
+        """Defect corrections about z = 0; with R factorised instead of K if they shrink too slowly."""
+        z, sizes = self._corrected()
+        slow = len(sizes) > 1 and sizes[1] > SLOW_CONTRACTION * sizes[0]
+        if slow and self.use_root():
+            z, sizes = self._corrected()
+        if self.root is None:
+            return z, 0.0
+        energy, nothing = self.strain_energy(z), _ROUNDING * self.strain_energy(np.zeros(self.n))
+        return z, sizes[-1] / float(np.sqrt(2.0 * energy)) if energy > nothing else 0.0
+
+    def _corrected(self) -> tuple[Vector, list[float]]:
+        """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
+        z, sizes = np.zeros(self.n), list[float]()
+        for _ in range(_CORRECTIONS):
+            correction, _ = self.equality_system.solve(-self.gradient(z), self.b - self.A @ z)
+            sizes.append(float(np.sqrt(abs(correction @ (self.K @ correction)))))
+            if len(sizes) > 1 and not sizes[-1] < 0.5 * sizes[-2]:
+                break
+            z = z + correction
+        return z, sizes
+
+
+def _asymmetry(K: Sparse) -> float:
+    """|vᵀKw − wᵀKv| / |v|ᵀ|K||w| for two random vectors: an asymmetry does not hide from both."""
+    v, w = np.random.default_rng(0).normal(size=(2, K.shape[0]))
+    scale = float(np.abs(v) @ (abs(K) @ np.abs(w)))
+    return abs(float(v @ (K @ w) - w @ (K @ v))) / scale if scale > 0 else 0.0
+
+
+def _matrix(name: str, value: Any, columns: int) -> Sparse:
+    if value is None:
+        if name != "A":
+            raise InputError(name, None, "give a matrix")
+        return csc_matrix((0, columns))
+    try:
+        matrix = csc_matrix(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(name, type(value).__name__, "give a matrix of numbers, sparse or dense") from error
+    if not issparse(value) and np.ndim(value) != 2:
+        raise InputError(name, f"{np.ndim(value)} dimensions", "give a matrix, with two dimensions")
+    if not np.isfinite(matrix.data).all():
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    return matrix
+
+
+def _flags(name: str, value: Any, size: int) -> BoolVector:
+    flags = np.zeros(size, dtype=np.bool_) if value is None else np.array(value)
+    if flags.dtype != np.bool_:
+        raise InputError(name, flags.dtype, "give a boolean for each contact point")
+    flags.setflags(write=False)
+    return flags
+
+
+def _vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
+    try:
+        vector = np.array([] if value is None and name == "b" else value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(name, type(value).__name__, "give a vector of numbers") from error
+    if np.isnan(vector).any() or not (infinite or np.isfinite(vector).all()):
+        raise InputError(name, "NaN or infinity", "give finite numbers")
+    vector.setflags(write=False)
+    return vector

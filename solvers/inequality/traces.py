@@ -1,0 +1,125 @@
+"""Coordinates in which the contact rows [N; T] are sparse, well scaled and independent: the tractions themselves."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_matrix, csr_matrix, issparse, vstack
+from scipy.sparse.linalg import splu
+
+from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.errors import InputError
+from solvers.factorisation.augmented import OrthogonalFactor
+from solvers.factorisation.base import Factorisation
+from solvers.inequality.rows import echelon, spanning_rows
+
+_MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|
+
+
+@dataclass(frozen=True, eq=False)
+class Traces:
+    """[N; T] = E Y: tractions at the contact points from a few trace parameters y = Y z.
+
+    In mechanics y are σ_N at two points of every edge and σ_T at nodes and midpoints. Some rows of Y may be zero (the
+    trace is prescribed there) or depend on the others (equilibrium of the whole body).
+
+    Attributes
+    ----------
+    rows : Y (r, n) sparse
+    interpolation : E (2m, r) sparse
+
+    """
+
+    rows: Sparse
+    interpolation: Sparse
+
+    def __post_init__(self) -> None:
+        for name in ("rows", "interpolation"):
+            value: object = getattr(self, name)
+            if not issparse(value):
+                raise InputError(f"traces.{name}", type(value).__name__, "give a sparse matrix")
+            matrix: Any = value
+            object.__setattr__(self, name, csc_matrix(matrix, dtype=np.float64))
+
+    def check(self, contact_rows: Sparse) -> None:
+        """`InputError` unless E Y is [N; T] (2m, n), tried on a random vector."""
+        expected = (contact_rows.shape[0], self.rows.shape[0])
+        if self.interpolation.shape != expected or self.rows.shape[1] != contact_rows.shape[1]:
+            found = f"shapes {self.interpolation.shape} and {self.rows.shape}"
+            raise InputError("traces", found, "give E (2m, r) and Y (r, n)")
+        v = np.random.default_rng(0).normal(size=contact_rows.shape[1])
+        size = abs(self.interpolation) @ (abs(self.rows) @ np.abs(v))
+        error = np.abs(contact_rows @ v - self.interpolation @ (self.rows @ v))
+        if (error > _MISMATCH * size.max(initial=0.0)).any():
+            raise InputError("traces", f"error {error.max():.1e}", "give E and Y with E Y = [N; T]")
+
+
+@dataclass(frozen=True, eq=False)
+class TraceCoordinates:
+    """Coordinates y = P x of the unknowns x = z_Γ that contact or equality rows touch.
+
+    The first are independent traces, the last unknowns that complete them. Then [N; T] z = E y.
+
+    Attributes
+    ----------
+    interpolation : E (2m, k) csr
+
+    """
+
+    interpolation: csr_matrix
+    _matrix: Sparse
+    _factor: Any
+    _identity: bool
+
+    def from_unknowns(self, matrix: Matrix | Vector) -> Matrix | Vector:
+        """P⁻ᵀ times a vector (k,) or matrix (k, j): gradients in x become gradients in y."""
+        return matrix if self._identity else np.asarray(self._factor.solve(matrix, "T"))
+
+    def to_unknowns(self, y: Vector) -> Vector:
+        """Unknowns x = P⁻¹ y (k,)."""
+        return y if self._identity else np.asarray(self._factor.solve(y))
+
+    def from_values(self, x: Vector) -> Vector:
+        """Y = P x (k,)."""
+        return x if self._identity else np.asarray(self._matrix @ x)
+
+    def quadratic(self, factor: Factorisation) -> Matrix:
+        """P⁻ᵀ S P⁻¹ (k, k), symmetric; from S = UᵀU where the factor U is at hand, which S may be too coarse for."""
+        S = factor.schur
+        if self._identity:
+            return S
+        if isinstance(factor, OrthogonalFactor):
+            root = np.asarray(self.from_unknowns(np.asfortranarray(factor.schur_root.T)))
+            return np.asarray(root @ root.T)
+        half = self.from_unknowns(S)
+        full = np.asarray(self.from_unknowns(np.asfortranarray(half.T)))
+        return np.asarray((full + full.T) / 2.0)
+
+
+def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: IntVector) -> TraceCoordinates:
+    """Coordinates for the contact rows (2m, n) on the unknowns `interface` (k,).
+
+    Without `traces` rows of [N; T] themselves are chosen, by QR with pivoting of a dense matrix.
+    """
+    if traces is None:
+        E, chosen = spanning_rows(contact_rows)
+        traces = Traces(contact_rows[chosen], csc_matrix(E))
+    Y = csr_matrix(traces.rows[:, interface])
+    found = echelon(Y)
+    k = len(interface)
+    completion = csr_matrix(
+        (np.ones(len(found.free)), found.free, np.arange(len(found.free) + 1)), (len(found.free), k)
+    )
+    P = csc_matrix(vstack([Y[found.rows], completion]))
+    factor: Any = splu(P) if k else None
+    E = traces.interpolation
+    full: Any = csc_matrix((E.data, E.indices, E.indptr), E.shape)[:, found.rows]
+    full = csc_matrix(
+        (full.data, full.indices, np.append(full.indptr, np.full(len(found.free), full.nnz))), (E.shape[0], k)
+    )
+    dependent = np.setdiff1d(np.arange(Y.shape[0]), found.rows)
+    dependent = dependent[np.diff(Y.indptr)[dependent] > 0]
+    if len(dependent) and factor is not None:
+        combination = factor.solve(Y[dependent].toarray().T, "T").T
+        full = full + E[:, dependent] @ csc_matrix(combination)
+    return TraceCoordinates(csr_matrix(full), P, factor, k == 0)

@@ -1,0 +1,5 @@
+"""Public name of `solvers.certificate.measures`."""
+
+from solvers.certificate.measures import MEASURES, Measure
+
+__all__ = ["MEASURES", "Measure"]

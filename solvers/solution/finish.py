@@ -1,0 +1,96 @@
+"""The last step of every method: certificate, status, one readable sentence."""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solvers.basics.status import Status
+from solvers.basics.types import Vector
+from solvers.certificate.certificate import Certificate, certify
+from solvers.certificate.feasibility import Feasibility, check_feasibility
+from solvers.inequality.problem import FrictionQVI
+from solvers.solution.solution import Iteration, QVISolution
+
+LOOSEST = 1e-4
+"""A result whose accuracy is worse is not called inaccurate but by the reason why the iteration ended."""
+
+
+@dataclass(eq=False)
+class Outcome:
+    """What an iteration leaves behind; `reason` is its own view, before any certificate."""
+
+    reason: Status
+    z: Vector
+    m_N: Vector  # noqa: N815  # letters of (D2)
+    m_T: Vector  # noqa: N815
+    nu: Vector
+    threshold: Vector
+    history: list[Iteration]
+    iterations: int
+    message: str = ""
+    timings: dict[str, float] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    feasibility: Feasibility | None = None
+    form: str = "full"
+    check_feasible: bool = True
+    corrections: tuple[float, ...] = ()
+
+    def discard(self, qvi: FrictionQVI) -> None:
+        """Forget the point."""
+        self.z, self.m_N, self.nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
+        self.m_T = self.threshold = self.m_N
+
+
+def no_outcome(qvi: FrictionQVI, reason: Status, message: str) -> Outcome:
+    """Nothing but the reason why there is no result."""
+    z, rows, nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
+    return Outcome(reason, z, rows, rows, nu, rows, [], 0, message)
+
+
+def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, tolerance: float) -> QVISolution:
+    """Certify on the original data and decide the status; without a result, ask whether there can be one."""
+    began = time.perf_counter()
+    certificate = certify(qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, tolerance)
+    status = _status(outcome.reason, certificate)
+    feasibility = outcome.feasibility
+    undecided = status not in (Status.SOLVED, Status.INACCURATE) and outcome.check_feasible
+    if undecided and feasibility is None:
+        feasibility = check_feasibility(qvi)
+    if undecided and feasibility is not None and feasibility.feasible is False:
+        status = Status.INFEASIBLE
+    elif status is Status.INFEASIBLE:
+        status = Status.INNER_INFEASIBLE
+    farkas = feasibility.farkas if feasibility is not None and status is Status.INFEASIBLE else None
+    if status is Status.INFEASIBLE:  # where an iteration stopped means nothing then
+        outcome.discard(qvi)
+        certificate = certify(qvi, outcome.z, None, None, None, tolerance)
+    outcome.timings["certificate"] = time.perf_counter() - began
+    return QVISolution(
+        qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, outcome.threshold, certificate,
+        tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
+        _sentence(status, outcome, certificate, feasibility), dict(outcome.versions), farkas, outcome.form,
+        qvi.factorisation, outcome.corrections,
+    )  # fmt: skip
+
+
+def _status(reason: Status, certificate: Certificate) -> Status:
+    """Solved only by certificate; a stop short of it is inaccurate if the result can be used."""
+    if certificate.passed:
+        return Status.SOLVED
+    if reason in (Status.SOLVED, Status.STALLED) and certificate.accuracy <= LOOSEST:
+        return Status.INACCURATE
+    return Status.STALLED if reason is Status.SOLVED else reason
+
+
+def _sentence(status: Status, outcome: Outcome, certificate: Certificate, feasibility: Feasibility | None) -> str:
+    count = outcome.iterations
+    parts = [f"{status.value.replace('_', ' ')} after {count} iteration{'s' if count != 1 else ''}"]
+    if status is Status.INFEASIBLE and feasibility is not None:
+        parts.append(feasibility.message)
+    elif np.isfinite(certificate.accuracy):
+        parts.append(certificate.summary())
+    if outcome.message and status not in (Status.SOLVED, Status.INFEASIBLE):
+        parts.append(outcome.message)
+    text = "; ".join(parts) + "."
+    return text if status is Status.SOLVED else f"{text} {status.advice}"
