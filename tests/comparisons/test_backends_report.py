@@ -14,7 +14,7 @@ from comparisons.backends.report import report_of
 from comparisons.backends.tables import of_kind
 from comparisons.report import write_report
 from comparisons.study import StoredStudy, read_study
-from qvi_contact import terminal
+from qvi_contact.basics import terminal
 from qvi_contact.plots import has_matplotlib
 
 CHOSEN = ("qp:piqp", "qp:quadprog", "direct:osqp", "condensed")

@@ -17,7 +17,8 @@ from comparisons.benchmark import measure, plan, process, ratios, reference, rep
 from comparisons.benchmark.findings import findings
 from comparisons.cli import group
 from comparisons.study import children
-from qvi_contact import InputError, terminal
+from qvi_contact import InputError
+from qvi_contact.basics import terminal
 from qvi_contact.plots import has_matplotlib
 from solvers import SolverUnavailableError
 

@@ -7,7 +7,7 @@ import pytest
 
 from comparisons.cli import group
 from comparisons.paper import study
-from qvi_contact import terminal
+from qvi_contact.basics import terminal
 
 
 @pytest.fixture

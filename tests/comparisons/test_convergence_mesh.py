@@ -24,7 +24,8 @@ from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
 from comparisons.convergence.orders import fitted_order, reached, successive_orders
 from comparisons.report import write_report
 from comparisons.study import Study, read_study, run_study
-from qvi_contact import refine, solve, terminal
+from qvi_contact import refine, solve
+from qvi_contact.basics import terminal
 from qvi_contact.plots.style import has_matplotlib
 from qvi_contact.refinement import adaptive
 

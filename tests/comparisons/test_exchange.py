@@ -13,7 +13,8 @@ import qpsolvers
 
 from comparisons.cli import group
 from comparisons.exchange import quadratic_programs as programs
-from qvi_contact import discretize, solve, terminal
+from qvi_contact import discretize, solve
+from qvi_contact.basics import terminal
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import solve_qvi
 from solvers.exchange import load_qvi, local_problem, read_fclib, siconos_error, solve_local, state_of, write_fclib

@@ -21,7 +21,8 @@ import pytest
 from comparisons.cli import group
 from comparisons.paper import figures, report, study
 from comparisons.paper.reference import load
-from qvi_contact import ContactResult, InputError, terminal
+from qvi_contact import ContactResult, InputError
+from qvi_contact.basics import terminal
 from qvi_contact.plots.style import new_figure
 from solvers import Status, available
 

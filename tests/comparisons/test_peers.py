@@ -27,7 +27,8 @@ from comparisons.peers.points import RESOLUTION, points, reference
 from comparisons.settled import SETTLED, UNCERTAINTY
 from comparisons.study import read_study
 from comparisons.study.rows import Row
-from qvi_contact import InputError, solve, terminal
+from qvi_contact import InputError, solve
+from qvi_contact.basics import terminal
 from qvi_contact.bracket import BracketKind, bracket
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import has_matplotlib

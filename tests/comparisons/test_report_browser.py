@@ -8,7 +8,7 @@ import pytest
 
 from comparisons.report import Section, Table, write_report
 from comparisons.report import browser as looking
-from qvi_contact import terminal
+from qvi_contact.basics import terminal
 from qvi_contact.errors import InputError
 from tests.comparisons.report_parts import TIMES, sample
 

@@ -18,7 +18,8 @@ from comparisons.study import FAILURES, limits, options, read_study, run_study
 from comparisons.study import store as stores
 from comparisons.study.children import Child, Terms
 from comparisons.study.progress import rate, study_progress
-from qvi_contact import InputError, terminal
+from qvi_contact import InputError
+from qvi_contact.basics import terminal
 from tests.comparisons.study_demo import DEMO, SMALL, main, ways
 from tests.comparisons.study_processes import MARK, ROOT, alive, commands, comparable, eventually, marked, rows_in
 

@@ -17,7 +17,7 @@ from comparisons.cli import group
 from comparisons.verify import plate, registry, report, study, texts
 from comparisons.verify.chapter import Chapter
 from comparisons.verify.row import Kind, absolute
-from qvi_contact import terminal
+from qvi_contact.basics import terminal
 from tests.comparisons.verify_parts import DOCUMENT, PASSING
 
 COMMITTED = Path(report.__file__).parents[1] / "reports" / "verification"

@@ -13,7 +13,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from rich.console import Console
 
-from qvi_contact import ContactProblem, Material, RectilinearMesh, Traction, load_problem, save_problem, solve, terminal
+from qvi_contact import ContactProblem, Material, RectilinearMesh, Traction, load_problem, save_problem, solve
+from qvi_contact.basics import terminal
 from qvi_contact.cli import group
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.gallery import compressed_plate

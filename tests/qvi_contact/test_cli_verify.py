@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from qvi_contact import save_problem, solve, terminal
+from qvi_contact import save_problem, solve
+from qvi_contact.basics import terminal
 from qvi_contact.cli import group
 from qvi_contact.export import write_npz
 from qvi_contact.files.archive import Archive

@@ -18,7 +18,7 @@ from qvi_contact import (
     Traction,
     discretize,
 )
-from qvi_contact import substructures as module
+from qvi_contact.discretization import substructures as module
 from qvi_contact.discretization.substructures import substructures, why_not
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from solvers.factorisation.dissection import SharedSubdomains

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
-from qvi_contact import terminal
+from qvi_contact.basics import terminal
 
 FULL = Path("/dev/full")
 SCRIPT = """
