@@ -3,6 +3,7 @@
 By QR with pivoting of the rows scaled to one, where they are few, or by sparse elimination in their order.
 """
 
+from heapq import heapify, heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
@@ -39,51 +40,77 @@ def spanning_rows(B: Sparse) -> tuple[Matrix, IntVector]:
 
 
 class Echelon(NamedTuple):
-    """Rows that are independent, and columns whose unit vectors complete them to a basis."""
+    """Rows that are independent, in increasing order, and columns whose unit vectors complete them to a basis."""
 
     rows: IntVector
     free: IntVector
+
+
+class _Pivot(NamedTuple):
+    """A column expressed by others, among them columns that became pivots later."""
+
+    number: int
+    expression: dict[int, float]
 
 
 def echelon(Y: csr_matrix) -> Echelon:
     """Gaussian elimination row by row, each row reduced by all pivots before it.
 
     Rows along a line touch few unknowns at a time: expressed by the unknowns at the beginning of the line they stay
-    short, if pivots are taken among the unknowns that come up first in a row.
+    short, if pivots are taken among the unknowns that come up first in a row, and if rows that touch the same unknowns
+    are taken one after the other. Else all of the first kind link every unknown of a closed rim to its beginning before
+    a row of the second kind comes, and each of those walks all the way back.
     """
-    reduced: dict[int, dict[int, float]] = {}
-    chosen, seen = [], set[int]()
-    for number in range(Y.shape[0]):
+    pivots: dict[int, _Pivot] = {}
+    chosen, seen = list[int](), set[int]()
+    for number in _neighbours_together(Y):
         part = slice(Y.indptr[number], Y.indptr[number + 1])
         row = dict(zip(Y.indices[part].tolist(), Y.data[part].tolist(), strict=True))
         new = set(row) - seen
         seen |= new
-        row, size = _reduce(row, reduced)
+        row, size = _reduce(row, pivots)
         largest = max((abs(value) for value in row.values()), default=0.0)
         if largest <= _CANCELLED * size or largest == 0.0:
             continue
         candidates = [column for column in row if column in new and abs(row[column]) >= _PREFERRED * largest]
         pivot = max(candidates or row, key=lambda column: abs(row[column]))
         scale = -1.0 / row.pop(pivot)
-        reduced[pivot] = {column: scale * value for column, value in row.items() if value != 0.0}
+        expression = {column: scale * value for column, value in row.items() if value != 0.0}
+        pivots[pivot] = _Pivot(len(chosen), expression)
         chosen.append(number)
-    free = np.setdiff1d(np.arange(Y.shape[1]), np.fromiter(reduced, dtype=np.int64, count=len(reduced)))
-    return Echelon(np.array(chosen, dtype=np.int64), free)
+    free = np.setdiff1d(np.arange(Y.shape[1]), np.fromiter(pivots, dtype=np.int64, count=len(pivots)))
+    return Echelon(np.sort(np.array(chosen, dtype=np.int64)), free)
 
 
-def _reduce(row: dict[int, float], pivots: dict[int, dict[int, float]]) -> tuple[dict[int, float], float]:
-    """The row with every pivot column replaced by its expression, and the size of the terms that may cancel."""
+def _neighbours_together(Y: csr_matrix) -> list[int]:
+    """The rows in an order in which each comes right after the first one that it shares a column with."""
+    rows = np.repeat(np.arange(Y.shape[0]), np.diff(Y.indptr))
+    first = np.full(Y.shape[1], Y.shape[0])
+    np.minimum.at(first, Y.indices, rows)
+    earliest = np.full(Y.shape[0], Y.shape[0])
+    np.minimum.at(earliest, rows, first[Y.indices])
+    return [int(row) for row in np.argsort(earliest, kind="stable")]
+
+
+def _reduce(row: dict[int, float], pivots: dict[int, _Pivot]) -> tuple[dict[int, float], float]:
+    """The row with every pivot column replaced by its expression, and the size of the terms that may cancel.
+
+    Pivots come in the order in which they were found. An expression holds none of the earlier ones, so each is replaced
+    once; in another order they come back again and again, in a closed chain of rows some power of its length often.
+    """
     size = max(map(abs, row.values()), default=0.0)
-    while True:
-        held = [column for column in row if column in pivots]
-        if not held:
-            return row, size
-        for column in held:
-            value = row.pop(column)
-            for other, factor in pivots[column].items():
-                term = value * factor
-                size = max(size, abs(term))
-                row[other] = row.get(other, 0.0) + term
+    held = [(pivots[column].number, column) for column in row if column in pivots]
+    heapify(held)
+    while held:
+        _, column = heappop(held)
+        value = row.pop(column)
+        for other, factor in pivots[column].expression.items():
+            term = value * factor
+            size = max(size, abs(term))
+            if other not in row and other in pivots:
+                heappush(held, (pivots[other].number, other))
+            row[other] = row.get(other, 0.0) + term
+    return row, size
 
 
 def _pivoted(B: Sparse) -> tuple[Matrix, Matrix, IntVector, Vector, IntVector]:
