@@ -40,8 +40,9 @@ def library() -> ctypes.CDLL | None:
     return None
 
 
+@lru_cache(maxsize=1)
 def version() -> str | None:
-    """Library and version, None if it does not load."""
+    """Library and version, None if it does not load; the package's metadata are read once."""
     if library() is None:
         return None
     try:

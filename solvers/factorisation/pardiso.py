@@ -23,6 +23,7 @@ __all__ = ["Pardiso", "factorise", "version"]
 
 _POSITIVE_DEFINITE: Final = 2  # mtype: real symmetric positive definite
 _MATRIX: Final = 1  # mnum: number of the matrix of a handle, here the only one
+_PHASE, _COLUMNS, _ERROR = 3, 5, 7  # among the integer arguments
 _WIDE_FROM: Final = int(np.iinfo(np.int32).max)  # entries of K that need 64-bit integers
 _PROBES: Final = 2
 _SINGULAR: Final = 0.1 / float(np.finfo(np.float64).eps)
@@ -83,9 +84,10 @@ class Pardiso(Factorisation):
         schur = np.zeros((interface.size, interface.size))
         handle.call(Phase.NUMERIC, x=schur)
         self.schur = symmetrised(schur) if schur.size else schur
-        self._scale: Vector = K.diagonal()[interface]
         factorised = perf_counter()
-        self._check_interior(K.diagonal())
+        diagonal = K.diagonal()
+        self._scale: Vector = diagonal[interface]
+        self._check_interior(diagonal)
         self.seconds = {
             "analysis": analysed - start,
             "numeric": factorised - analysed,
@@ -160,6 +162,7 @@ class _Handle:
         if interface.size:
             self.iparm[Setting.SCHUR] = 2
             self.interface[interface] = 1
+        self._prepare()
 
     def call(self, phase: Phase, b: Matrix | None = None, x: Matrix | None = None) -> None:
         """One call of `pardiso`; `FactorisationError` for its error codes."""
@@ -175,18 +178,25 @@ class _Handle:
             self._call(Phase.RELEASE, None, None)
 
     def _call(self, phase: Phase, b: Matrix | None, x: Matrix | None) -> int:
-        wide = self.integer is np.int64
-        columns = 1 if b is None else b.shape[1]
-        integers = np.array([1, _MATRIX, _POSITIVE_DEFINITE, phase, self.size, columns, 0, 0], dtype=self.integer)
-        maxfct, mnum, mtype, number, n, nrhs, msglvl, error = (_address(integers[i:]) for i in range(8))
-        dummy = np.zeros(1)
-        (self.mkl.pardiso_64 if wide else self.mkl.pardiso)(
+        self._integers[[_PHASE, _COLUMNS, _ERROR]] = phase, 1 if b is None else b.shape[1], 0
+        right = self._nothing if b is None else _address(b)
+        left = self._nothing if x is None else _address(x)
+        self._pardiso(*self._arguments, right, left, self._error)
+        return int(self._integers[_ERROR])
+
+    def _prepare(self) -> None:
+        """Addresses of all arguments but b and x, which stay where they are, in the order of `pardiso`."""
+        numbers = [1, _MATRIX, _POSITIVE_DEFINITE, 0, self.size, 0, 0, 0]
+        self._integers = np.array(numbers, dtype=self.integer)
+        maxfct, mnum, mtype, number, n, nrhs, msglvl, self._error = (_address(self._integers[i:]) for i in range(8))
+        self._dummy = np.zeros(1)
+        self._nothing = _address(self._dummy)
+        self._arguments = (
             _address(self.pt), maxfct, mnum, mtype, number, n,
             _address(self.values), _address(self.rows), _address(self.columns), _address(self.interface),
             nrhs, _address(self.iparm), msglvl,
-            _address(dummy if b is None else b), _address(dummy if x is None else x), error,
         )  # fmt: skip
-        return int(integers[-1])
+        self._pardiso = self.mkl.pardiso_64 if self.integer is np.int64 else self.mkl.pardiso
 
 
 def _address(array: NDArray[Any]) -> ctypes.c_void_p:

@@ -1,6 +1,7 @@
 """Names of inner solvers: what exists, what is installed, and how one is built."""
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import Any
@@ -79,13 +80,16 @@ def check_name(name: str) -> str:
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
     """Package → version, "unknown" where the distribution has another name."""
-    found = {}
-    for package in packages:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "unknown"
-    return found
+    return {package: _version(package) for package in packages}
+
+
+@cache
+def _version(package: str) -> str:
+    """Read once: looking through the metadata of all packages takes longer than a small solve."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def _choices() -> str:
