@@ -238,7 +238,8 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     """All measures, scales, and measures with their signs; the formulas stand in the module's docstring."""
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
-    residual = gradient + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
+    residual = gradient + qvi.contact_rows.T @ np.concatenate([m_N, m_T]) + qvi.A.T @ nu
+    sizes = _row_sizes(qvi, z)
     error, outside = qvi.equality_system.solve(residual)
     square = float(residual @ error)
     defect = 0.5 * _admissible_square(qvi, square, error, m_N)
@@ -246,8 +247,8 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     E, E_b = scales["energy"], scales["body_energy"]
     gap = (abs(law.work) + defect) / E_b
     measures = {
-        "equality": _equality(qvi, z),
-        "stationarity": _stationarity(qvi, z, square, error, outside, scales),
+        "equality": _equality(qvi, z, sizes),
+        "stationarity": _stationarity(qvi, z, square, error, outside * sizes, scales),
         "energy_gap": gap,
         **law.measures,
     }
@@ -286,14 +287,14 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
 def _stationarity(
     qvi: FrictionQVI, z: Vector, square: float, error: Vector, outside: Vector, scales: dict[str, float]
 ) -> float:
-    """Error of z for its multipliers: in the energy norm, and in the contact tractions; and the error of ν."""
+    """Error of z for its multipliers: in the energy norm, and in the contact tractions; and `outside`, δν B."""
     size = float(np.sqrt(2.0 * scales["body_energy"]))
     energy = float(np.sqrt(abs(square))) / size
     if qvi.root is not None and energy > _ROUNDING_FREE:
         scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
         energy = max(energy - scales["rounding"], 0.0)
     tractions = max(largest(qvi.N @ error), largest(qvi.T @ error)) / scales["stress"]
-    return max(energy, tractions, largest(outside * _row_sizes(qvi, z)) / scales["energy"])
+    return max(energy, tractions, largest(outside) / scales["energy"])
 
 
 def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vector) -> float:
@@ -306,15 +307,19 @@ def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vect
     return abs(square + 2.0 * float(change @ (qvi.N @ error)) + float(force @ system.solve_interface(force)[0]))
 
 
-def _equality(qvi: FrictionQVI, z: Vector) -> float:
-    sizes = _row_sizes(qvi, z)
+def _equality(qvi: FrictionQVI, z: Vector, sizes: Vector) -> float:
+    """Error of A z = b beside the sizes B of its rows; 0 without rows."""
+    if not qvi.p:
+        return 0.0
     rounding = _ROUNDED * np.asarray(abs(qvi.A).sum(axis=1)).ravel() * largest(z)
     error = np.maximum(np.abs(qvi.A @ z - qvi.b) - rounding, 0.0)
     return largest(error / np.where(sizes > 0.0, sizes, 1.0))
 
 
 def _row_sizes(qvi: FrictionQVI, z: Vector) -> Vector:
-    """What counts as large in each row of A z = b (p,): b, a share of what cancels in A z, and of the largest row."""
+    """B (p,), what counts as large in a row of A z = b: b, a share of what cancels in A z, and of the largest row."""
+    if not qvi.p:
+        return np.zeros(0)
     sizes = np.abs(qvi.b) + _CANCELS * (abs(qvi.A) @ np.abs(z))
     return np.asarray(sizes + _BESIDE * sizes.max(initial=0.0))
 

@@ -19,10 +19,10 @@ Equations are solved for some of the coordinates (`equations`).
 import numpy as np
 
 from solvers.basics.types import IntVector, Matrix, Vector
-from solvers.condensed.blocks import Rows, add_product, mapped, scaled, stacked, transposed
 from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
 from solvers.condensed.reduction import Base, Reduction
+from solvers.inequality.blocks import Rows, add_product, mapped, scaled, stacked, transposed
 from solvers.inequality.problem import FrictionQVI
 
 FRICTION_SHARES = (1000.0, 100.0, 1e4, 10.0)

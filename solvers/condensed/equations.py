@@ -10,8 +10,9 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.sparse import csr_matrix
 
-from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.basics.types import IntVector, Matrix, Vector
 from solvers.condensed.frictionless import Frictionless
+from solvers.inequality.blocks import Rows, are_few, dense
 
 _DEPENDENT = 1e-10  # rows of A, scaled to length one, that are shorter than this beside the others repeat them
 
@@ -23,14 +24,14 @@ class Equations:
     Attributes
     ----------
     free : coordinates u
-    map : M (k, u) csr
+    map : M (k, u)
     A : (p', k), all equations
     frictionless : the coordinates and equations that points without friction bring
 
     """
 
     free: IntVector
-    map: Sparse
+    map: Rows
     A: Matrix
     frictionless: Frictionless
     _pivots: IntVector
@@ -45,18 +46,13 @@ class Equations:
         unknown = np.setdiff1d(np.arange(size), frictionless.fixed)
         lengths = np.linalg.norm(A, axis=1)
         scale = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
-        Q, R, order = qr(scale[:, None] * A[:, unknown], mode="economic", pivoting=True)
-        rank = int((np.abs(R.diagonal()) > _DEPENDENT).sum()) if len(A) else 0
+        Q, R, order = _pivoted(scale[:, None] * A[:, unknown])
+        rank = int((np.abs(R.diagonal()) > _DEPENDENT).sum())
         pivots, free = unknown[order[:rank]], np.sort(unknown[order[rank:]])
         number = np.searchsorted(free, unknown[order[rank:]])
         tail = np.zeros((rank, len(free)))
         tail[:, number] = -solve_triangular(R[:rank, :rank], R[:rank, rank:]) if rank else 0.0
-        identity = csr_matrix((np.ones(len(free)), (free, np.arange(len(free)))), (size, len(free)))
-        spread = csr_matrix((np.ones(rank), (pivots, np.arange(rank))), (size, rank))
-        return cls(
-            free, csr_matrix(identity + spread @ csr_matrix(tail)), A, frictionless, pivots, scale,
-            np.asarray(Q[:, :rank], dtype=np.float64), np.asarray(R[:rank, :rank], dtype=np.float64),
-        )  # fmt: skip
+        return cls(free, _map(size, free, pivots, tail), A, frictionless, pivots, scale, Q[:, :rank], R[:rank, :rank])
 
     def offset(self, b: Vector, tangential: Vector) -> Vector:
         """y₀ (k,): the solution of A y = b and σ_T = 0 with u = 0; b without, tangential (m,) the shear at y = 0."""
@@ -75,7 +71,7 @@ class Equations:
         inner = S[np.ix_(free, free)]
         if not len(pivots):
             return inner
-        tail = self.map[pivots].toarray()
+        tail = dense(self.map[pivots])
         mixed = S[np.ix_(free, pivots)] @ tail
         return np.asarray(inner + mixed + mixed.T + tail.T @ (S[np.ix_(pivots, pivots)] @ tail))
 
@@ -86,3 +82,23 @@ class Equations:
             nu = self._scale * (self._Q @ solve_triangular(self._R, -residual[self._pivots], trans="T"))
         residual = residual + self.A.T @ nu
         return nu[:p], self.frictionless.multipliers(residual, nu[p:], count)
+
+
+def _pivoted(A: Matrix) -> tuple[Matrix, Matrix, IntVector]:
+    """Q, R and the order of columns of a QR factorisation with pivoting; without rows all columns as they are."""
+    if not len(A):
+        return np.zeros((0, 0)), np.zeros((0, 0)), np.arange(A.shape[1])
+    Q, R, order = qr(A, mode="economic", pivoting=True)
+    return np.asarray(Q, dtype=np.float64), np.asarray(R, dtype=np.float64), np.asarray(order, dtype=np.int64)
+
+
+def _map(size: int, free: IntVector, pivots: IntVector, tail: Matrix) -> Rows:
+    """M (size, u): unit rows for the free coordinates, the tail's for the pivots, none for those that are known."""
+    if are_few(size, len(free)):
+        M = np.zeros((size, len(free)))
+        M[free, np.arange(len(free))] = 1.0
+        M[pivots] = tail
+        return M
+    identity = csr_matrix((np.ones(len(free)), (free, np.arange(len(free)))), (size, len(free)))
+    spread = csr_matrix((np.ones(len(pivots)), (pivots, np.arange(len(pivots)))), (size, len(pivots)))
+    return csr_matrix(identity + spread @ csr_matrix(tail))

@@ -12,7 +12,7 @@ from scipy.sparse import csc_matrix, csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
-from solvers.condensed.blocks import Rows
+from solvers.inequality.blocks import Rows
 from solvers.inequality.rows import echelon
 
 
@@ -33,16 +33,16 @@ class Frictionless:
     fixed: IntVector
     equations: Matrix
     kept: IntVector
-    _rows: Sparse  # E_T of the points, by all coordinates
+    _rows: Rows  # E_T of the points, by all coordinates
     _weights: Vector
 
     @classmethod
     def of(cls, points: IntVector, E_T: Rows, weights: Vector) -> "Frictionless":
         """Sort the rows E_T (m, k) of the given points; weights W (m,)."""
-        rows = csr_matrix(E_T[points])
         if not len(points):
             none = np.zeros(0, dtype=np.int64)
-            return cls(points, none, np.zeros((0, E_T.shape[1])), none, rows, weights[points])
+            return cls(points, none, np.zeros((0, E_T.shape[1])), none, E_T[points], weights[points])
+        rows = csr_matrix(E_T[points])
         rows.data[np.abs(rows.data) < 1e-14 * np.abs(rows.data).max(initial=0.0)] = 0.0
         rows.eliminate_zeros()
         touched = np.unique(rows.indices).astype(np.int64)

@@ -17,9 +17,9 @@ from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from solvers.basics.types import Matrix, Vector
-from solvers.condensed.blocks import Rows
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.saddle import Saddle
+from solvers.inequality.blocks import Rows
 
 _STEP = 0.99  # of the way to the nearest bound
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this

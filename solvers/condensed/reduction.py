@@ -12,11 +12,10 @@ lacks.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags
 
 from solvers.basics.types import Matrix, Vector
-from solvers.condensed.blocks import Rows, stored
 from solvers.factorisation.base import State
+from solvers.inequality.blocks import Rows, scaled_columns
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.traces import trace_coordinates
 
@@ -64,7 +63,7 @@ class Reduction:
         diagonal = S.diagonal()
         self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         self.stiffness: Matrix = S * self._scale * self._scale[:, None]
-        E = stored(csr_matrix(self._coordinates.interpolation @ diags(self._scale)))
+        E = scaled_columns(self._coordinates.interpolation, self._scale)
         self.E_N: Rows = E[: qvi.m]
         self.E_T: Rows = E[qvi.m :]
         A = self._coordinates.from_unknowns(self._system.A_interface.T)

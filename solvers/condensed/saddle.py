@@ -16,8 +16,8 @@ from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
-from solvers.condensed.blocks import Rows
 from solvers.condensed.complementarity import Complementarity
+from solvers.inequality.blocks import Rows
 
 _REFINEMENTS = 2
 

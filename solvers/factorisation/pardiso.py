@@ -114,8 +114,8 @@ class Pardiso(Factorisation):
         tr (D^-½ K_II D^-½)⁻¹, about 1/λ with the smallest eigenvalue λ of the matrix scaled to unit diagonal. MKL
         would give pivots (iparm[55]), but without the two-level factorisation: 15 % dearer, this 2 %.
         """
-        signs = np.random.default_rng(0).choice((-1.0, 1.0), (diagonal.size, _PROBES))
-        y = self._phase(Phase.FORWARD, signs * np.sqrt(diagonal)[:, None])
+        signs = np.random.default_rng(0).integers(2, size=(diagonal.size, _PROBES)) * 2.0 - 1.0
+        y = self._phase(Phase.FORWARD, np.asarray(signs * np.sqrt(diagonal)[:, None], dtype=np.float64))
         y[self.interface] = 0.0
         energy = float(np.max(np.sum(y * y, axis=0)))
         if not energy < _SINGULAR:

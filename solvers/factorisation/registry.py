@@ -109,7 +109,8 @@ def _checked(K: Sparse, interface: IntVector) -> tuple[Sparse, IntVector]:
     """K in compressed columns with sorted indices, and the interface as int64."""
     if len(K.shape) != 2 or K.shape[0] != K.shape[1]:
         raise InputError("K", K.shape, "give a square matrix")
-    K = csc_matrix(K, dtype=np.float64)  # no copy if it is one
+    if getattr(K, "format", "") != "csc" or K.dtype != np.float64:
+        K = csc_matrix(K, dtype=np.float64)
     if not K.has_canonical_format:
         K = K.copy()
         K.sum_duplicates()

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
+from scipy.linalg.lapack import dpotrs
 from scipy.sparse import csc_matrix
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
@@ -48,7 +49,12 @@ class EqualitySystem:
         usable = factor is not None and np.isin(touched, factor.interface, assume_unique=True).all()
         self.factor = factor if factor is not None and usable else make(K, touched, structure)
         self.interface: IntVector = self.factor.interface
-        self.A_interface: Matrix = A[:, self.interface].toarray()
+        self.A_interface: Matrix = self.on_interface(A).toarray()
+
+    def on_interface(self, rows: Sparse) -> Sparse:
+        """Columns Γ (j, k) of contact or equality rows (j, n), which have no entries in others: the same arrays."""
+        starts = np.append(rows.indptr[self.interface], rows.indptr[-1])
+        return csc_matrix((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface)))
 
     @property
     def schur(self) -> Matrix:
@@ -102,7 +108,7 @@ class _DenseSystem:
 
     def solve(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
         if not len(self.A):
-            return (cho_solve(self.cholesky, g) if g.size else g), c
+            return self._inverse(g), c
         x, nu = self._solve(g, c)
         for _ in range(_REFINEMENTS):
             dx, dnu = self._solve(g - self.S @ x - self.A.T @ nu, c - self.A @ x)
@@ -110,10 +116,14 @@ class _DenseSystem:
         return x, nu
 
     def _solve(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
-        x = cho_solve(self.cholesky, g + self.rho * self.A.T @ c) if g.size else g
+        x = self._inverse(g + self.rho * self.A.T @ c)
         weights = self.vectors.T @ (self.A @ x - c)
         nu = self.vectors @ (weights / (self.values if g.ndim == 1 else self.values[:, None]))
         return x - self.relief @ nu, nu
+
+    def _inverse(self, g: Vector | Matrix) -> Vector | Matrix:
+        """(S + ρ AᵀA)⁻¹ g; SciPy's `cho_solve` would take longer for its arguments than for small systems."""
+        return np.asarray(dpotrs(self.cholesky[0], g, lower=1)[0]) if g.size else g
 
 
 def interface_of(contact_rows: Sparse, A: Sparse) -> IntVector:
@@ -122,4 +132,5 @@ def interface_of(contact_rows: Sparse, A: Sparse) -> IntVector:
 
 
 def _columns(matrix: Sparse) -> IntVector:
-    return np.flatnonzero(np.diff(csc_matrix(matrix).indptr)).astype(np.int64)
+    columns = matrix if matrix.format == "csc" else csc_matrix(matrix)
+    return np.flatnonzero(np.diff(columns.indptr)).astype(np.int64)

@@ -5,13 +5,14 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.sparse import csc_matrix, issparse, vstack
+from scipy.sparse import csc_matrix, issparse
 
 from solvers.basics.types import BoolVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.augmented import ORTHOGONAL, factorise_root
 from solvers.factorisation.choice import Structure, fits
+from solvers.inequality.blocks import stored, transposed
 from solvers.inequality.edges import EdgeRows
 from solvers.inequality.linear import EqualitySystem, interface_of
 from solvers.inequality.traces import Traces
@@ -314,7 +315,7 @@ class FrictionQVI:
     @cached_property
     def contact_rows(self) -> Sparse:
         """[N; T] (2m, n)."""
-        return csc_matrix(vstack([self.N, self.T]))
+        return _stacked(self.N, self.T)
 
     @cached_property
     def contact_stiffness(self) -> float:
@@ -326,13 +327,15 @@ class FrictionQVI:
         if not (self.m and self.n):
             return 0.0
         system = self.equality_system
-        rows = self.contact_rows[:, system.interface]
+        rows = stored(system.on_interface(self.contact_rows))
+        columns = transposed(rows)
         weights = np.concatenate([self.W, self.W])
+        total = float(weights.sum())
         v: Vector = np.ones(2 * self.m)
         radius = 0.0
         for _ in range(_POWER_STEPS):
-            v = np.asarray(rows @ system.solve_interface(rows.T @ (weights * v))[0])
-            radius = float(np.sqrt((weights @ v**2) / weights.sum()))
+            v = np.asarray(rows @ system.solve_interface(columns @ (weights * v))[0])
+            radius = float(np.sqrt((weights @ v**2) / total))
             if radius == 0.0:
                 return 0.0
             v = v / radius
@@ -395,6 +398,16 @@ def _asymmetry(K: Sparse) -> float:
     v, w = np.random.default_rng(0).normal(size=(2, K.shape[0]))
     scale = float(np.abs(v) @ (abs(K) @ np.abs(w)))
     return abs(float(v @ (K @ w) - w @ (K @ v))) / scale if scale > 0 else 0.0
+
+
+def _stacked(upper: Sparse, lower: Sparse) -> Sparse:
+    """Rows on top of each other, both by columns; SciPy's `vstack` would go through coordinates."""
+    first = np.arange(upper.nnz) + np.repeat(lower.indptr[:-1], np.diff(upper.indptr))
+    second = np.arange(lower.nnz) + np.repeat(upper.indptr[1:], np.diff(lower.indptr))
+    data, indices = np.empty(upper.nnz + lower.nnz), np.empty(upper.nnz + lower.nnz, dtype=np.int64)
+    data[first], data[second] = upper.data, lower.data
+    indices[first], indices[second] = upper.indices, lower.indices + upper.shape[0]
+    return csc_matrix((data, indices, upper.indptr + lower.indptr), (upper.shape[0] + lower.shape[0], upper.shape[1]))
 
 
 def _matrix(name: str, value: Any, columns: int) -> Sparse:

@@ -4,13 +4,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, issparse, vstack
+from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.sparse import csc_matrix, csr_matrix, issparse
 from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
+from solvers.inequality.blocks import Rows, stored
 from solvers.inequality.rows import echelon, spanning_rows
 
 _MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|
@@ -62,12 +64,12 @@ class TraceCoordinates:
 
     Attributes
     ----------
-    interpolation : E (2m, k) csr
+    interpolation : E (2m, k)
 
     """
 
-    interpolation: csr_matrix
-    _matrix: Sparse
+    interpolation: Rows
+    _matrix: Rows
     _factor: Any
     _identity: bool
 
@@ -102,24 +104,48 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
     Without `traces` rows of [N; T] themselves are chosen, by QR with pivoting of a dense matrix.
     """
     if traces is None:
-        E, chosen = spanning_rows(contact_rows)
-        traces = Traces(contact_rows[chosen], csc_matrix(E))
+        spanned, chosen = spanning_rows(contact_rows)
+        traces = Traces(contact_rows[chosen], csc_matrix(spanned))
     Y = csr_matrix(traces.rows[:, interface])
     found = echelon(Y)
     k = len(interface)
-    completion = csr_matrix(
-        (np.ones(len(found.free)), found.free, np.arange(len(found.free) + 1)), (len(found.free), k)
-    )
-    P = csc_matrix(vstack([Y[found.rows], completion]))
-    factor: Any = splu(P) if k else None
-    E = traces.interpolation
-    full: Any = csc_matrix((E.data, E.indices, E.indptr), E.shape)[:, found.rows]
-    full = csc_matrix(
-        (full.data, full.indices, np.append(full.indptr, np.full(len(found.free), full.nnz))), (E.shape[0], k)
-    )
+    P = stored(_completed(Y[found.rows], found.free))
+    factor = _factor(P) if k else None
+    E: Any = _completed_columns(traces.interpolation, found.rows, k)
     dependent = np.setdiff1d(np.arange(Y.shape[0]), found.rows)
     dependent = dependent[np.diff(Y.indptr)[dependent] > 0]
     if len(dependent) and factor is not None:
         combination = factor.solve(Y[dependent].toarray().T, "T").T
-        full = full + E[:, dependent] @ csc_matrix(combination)
-    return TraceCoordinates(csr_matrix(full), P, factor, k == 0)
+        E = E + traces.interpolation[:, dependent] @ csc_matrix(combination)
+    return TraceCoordinates(stored(E), P, factor, k == 0)
+
+
+class _DenseFactor:
+    """LU of a small matrix, with the `solve` of SuperLU's."""
+
+    def __init__(self, matrix: Matrix) -> None:
+        self._lu, self._pivots, _ = dgetrf(matrix)
+
+    def solve(self, right: Matrix | Vector, transposed: str = "N") -> Matrix | Vector:
+        """P⁻¹ times (k,) or (k, j), for "T" P⁻ᵀ."""
+        return (
+            np.asarray(dgetrs(self._lu, self._pivots, right, trans=int(transposed == "T"))[0]) if right.size else right
+        )
+
+
+def _factor(matrix: Rows) -> Any:
+    return _DenseFactor(matrix) if isinstance(matrix, np.ndarray) else splu(csc_matrix(matrix))
+
+
+def _completed(rows: csr_matrix, free: IntVector) -> csr_matrix:
+    """Rows (r, k), and below them the unit vectors of the columns that they leave free (k − r,)."""
+    ends = rows.indptr[-1] + np.arange(1, len(free) + 1)
+    arrays: Any = np.append(rows.data, np.ones(len(free))), np.append(rows.indices, free), np.append(rows.indptr, ends)
+    return csr_matrix(arrays, (rows.shape[1],) * 2)
+
+
+def _completed_columns(E: Sparse, chosen: IntVector, k: int) -> csc_matrix:
+    """The chosen columns of E (2m, r), and behind them zeros up to k."""
+    part: Any = csc_matrix(E[:, chosen])
+    starts = np.append(part.indptr, np.full(k - len(chosen), part.nnz))
+    return csc_matrix((part.data, part.indices, starts), (E.shape[0], k))

@@ -13,14 +13,29 @@ Rows: TypeAlias = Sparse | Matrix
 _DENSE = 60_000  # entries up to which rows are kept dense
 
 
+def are_few(rows: int, columns: int) -> bool:
+    """Whether a matrix of this shape is kept dense."""
+    return rows * columns <= _DENSE
+
+
 def stored(rows: Sparse) -> Rows:
     """The rows as they are best kept."""
-    return rows.toarray() if rows.shape[0] * rows.shape[1] <= _DENSE else csr_matrix(rows)
+    return rows.toarray() if are_few(*rows.shape) else csr_matrix(rows)
+
+
+def dense(rows: Rows) -> Matrix:
+    """The rows as a dense array."""
+    return rows if isinstance(rows, np.ndarray) else np.asarray(rows.toarray())
 
 
 def scaled(factors: Vector, rows: Rows) -> Rows:
     """diag(factors) rows."""
     return factors[:, None] * rows if isinstance(rows, np.ndarray) else csr_matrix(diags(factors) @ rows)
+
+
+def scaled_columns(rows: Rows, factors: Vector) -> Rows:
+    """Rows diag(factors)."""
+    return rows * factors if isinstance(rows, np.ndarray) else csr_matrix(rows @ diags(factors))
 
 
 def stacked(parts: list[Rows]) -> Rows:
