@@ -101,7 +101,7 @@ def solve_qvi(
     method = chosen
     inner = inner or DEFAULT_INNER
     with using(factorisation, threads, qvi.n):
-        qvi.refit()
+        qvi.operator.refit()
         try:
             solution = _solve(qvi, method, inner, tolerance, options)
             if retry and solution.status in _WORTH_A_RETRY:

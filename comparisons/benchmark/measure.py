@@ -168,8 +168,8 @@ def _answer(result: ContactResult) -> dict[str, Any]:
 
 def _factorisation_seconds(result: ContactResult) -> float:
     """Analysis and elimination together, with the Schur complement, as the factorisation itself counts them."""
-    system = vars(result.solution.problem).get("equality_system")
-    return float(sum(system.factor.seconds.values())) if system is not None else 0.0
+    factor = result.solution.problem.operator.factor
+    return float(sum(factor.seconds.values())) if factor is not None else 0.0
 
 
 def _factorised(matrix: _Matrix, backend: str, threads: int) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -28,6 +29,7 @@ from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from solvers import EdgeRows, FrictionQVI, Traces
+from solvers.inequality.operator import Operator
 
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
@@ -99,20 +101,25 @@ class Discretization:
         ]
         return tuple(found)
 
-    def slipped(self, slip: Sequence[FloatArray]) -> "Discretization":
+    def slipped(self, slip: Sequence[FloatArray], operator: Operator | None = None) -> "Discretization":
         """The same problem after earlier slip: the tangential offset w of each contact grows by `slip`, dimensionless.
 
         Parameters
         ----------
         slip : sequence of (m,) arrays
             One array for each of `contacts`, at its points.
+        operator : Operator, optional
+            That of an earlier step, whose factorisation serves this one too if K is the same.
 
         """
         contacts = tuple(rows.with_offset(rows.offset + more) for rows, more in zip(self.contacts, slip, strict=True))
         change = [rows.points.weights * more for rows, more in zip(contacts, slip, strict=True) if rows.law != "tied"]
         load = self.qvi.T.T @ joined(change)
         assert self.qvi.load is not None
-        return replace(self, contacts=contacts, qvi=self.qvi.changed(f=self.qvi.f + load, load=self.qvi.load + load))
+        changes: dict[str, Any] = {"f": self.qvi.f + load, "load": self.qvi.load + load}
+        if operator is not None and operator.serves(self.qvi.K):
+            changes["shared"] = operator
+        return replace(self, contacts=contacts, qvi=self.qvi.changed(**changes))
 
     def freeing(self, nodes: IntArray) -> "Discretization":
         """The same problem, in the same units and after the same slip, with the shear at the nodes given up."""

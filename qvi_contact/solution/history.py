@@ -171,8 +171,8 @@ def _follow(
     for number, problem in enumerate(steps, 1):
         discretization = discretize(problem, scales=scales, freed=freed)
         if results:
-            discretization = discretization.slipped(_slip_after(results[-1]))
-            discretization.qvi.adopt(results[-1].discretization.qvi)
+            before = results[-1].discretization.qvi.operator
+            discretization = discretization.slipped(_slip_after(results[-1]), before)
         initial = {"initial": results[-1]} if results and default_method(options) == "fixed-point" else {}
         results.append(solve(discretization, **{**options, **initial}))
         if callback is not None:

@@ -33,7 +33,8 @@ from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
 from solvers.condensed.reduction import Base, Reduction
 from solvers.errors import InputError
-from solvers.inequality.problem import SLOW_CONTRACTION, FrictionQVI
+from solvers.inequality.equilibrium import SLOW_CONTRACTION
+from solvers.inequality.problem import FrictionQVI
 from solvers.solution.finish import Outcome, finish
 from solvers.solution.solution import Iteration, QVISolution
 
@@ -118,7 +119,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a diverging iteration is judged by its gap
         run = _start(qvi, reduction, options)
         _iterate(run)
-        if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.use_root():
+        if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.operator.use_root():
             reduction = Reduction(qvi)
             run = _start(qvi, reduction, options)
             _iterate(run)

@@ -26,7 +26,7 @@ Independent rows (Z empty) give the plain problem. No plain problem has the same
 u = W r + q with a finite W puts no restriction on r. `LocalProblem.penalised` comes as close as one likes.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -298,8 +298,8 @@ def local_problem(qvi: FrictionQVI) -> LocalProblem:
     """
     _check_expressible(qvi)
     if qvi.root is not None and qvi.n <= _ROOTED:
-        qvi = qvi.changed()  # keeps the factorisation of the caller's problem as it is
-        qvi.use_root()
+        qvi = replace(qvi)  # with an operator of its own: that of the caller's problem is left as it is
+        qvi.operator.use_root()
     nothing = Simplified(qvi, np.zeros(qvi.m, dtype=np.bool_), np.zeros((0, 0)))
     condensed = CondensedForm(nothing).problem
     rows = condensed.contact_rows.toarray()

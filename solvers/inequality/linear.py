@@ -10,7 +10,6 @@ from scipy.sparse import csc_matrix
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation, FactorisationError
-from solvers.factorisation.choice import Structure, make
 
 _REFINEMENTS = 2  # of the dense system, where there are equality rows
 _DEPENDENT = 1e-12  # directions in which equality rows are weaker than this repeat each other
@@ -19,8 +18,8 @@ _DEPENDENT = 1e-12  # directions in which equality rows are weaker than this rep
 class EqualitySystem:
     """Solves  [K Aᵀ; A 0] (x, ν) = (r, c).
 
-    The unknowns Γ that contact rows B and equality rows A touch are kept, the others eliminated by `factorise`; what is
-    left is dense:
+    The unknowns Γ that contact rows B and equality rows A touch are kept, the others eliminated by the factorisation;
+    what is left is dense:
 
         [S A_Γᵀ; A_Γ 0] (x_Γ, ν) = (r_Γ − K_ΓI K_II⁻¹ r_I, c),    S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ.
 
@@ -29,25 +28,14 @@ class EqualitySystem:
 
     Parameters
     ----------
-    K, A : as in `FrictionQVI`
-    contact_rows : B (2m, n)
-    factor : an earlier factorisation of the same K, used if its interface covers this one
-    structure : K as a tree of subdomains, see `solvers.factorisation.choice`
+    A : as in `FrictionQVI`
+    factor : a factorisation of K whose interface holds all unknowns that contact and equality rows touch
 
     """
 
-    def __init__(
-        self,
-        K: Sparse,
-        A: Sparse,
-        contact_rows: Sparse,
-        factor: Factorisation | None = None,
-        structure: Structure | None = None,
-    ) -> None:
+    def __init__(self, A: Sparse, factor: Factorisation) -> None:
         self.A = A
-        touched = interface_of(contact_rows, A)
-        usable = factor is not None and np.isin(touched, factor.interface, assume_unique=True).all()
-        self.factor = factor if factor is not None and usable else make(K, touched, structure)
+        self.factor = factor
         self.interface: IntVector = self.factor.interface
         self.A_interface: Matrix = self.on_interface(A).toarray()
 

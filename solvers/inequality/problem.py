@@ -1,55 +1,26 @@
 """The frictional contact problem as data: the quasi-variational inequality (D2)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix, issparse
 
-from solvers.basics.types import BoolVector, Matrix, Sparse, Vector
+from solvers.basics.types import BoolVector, Sparse, Vector
 from solvers.errors import InputError
-from solvers.factorisation import FactorisationError
-from solvers.factorisation.augmented import ORTHOGONAL, factorise_root
-from solvers.factorisation.choice import Structure, fits
-from solvers.inequality.blocks import stored, transposed
+from solvers.factorisation.choice import Structure
 from solvers.inequality.edges import EdgeRows
-from solvers.inequality.linear import EqualitySystem, interface_of
+from solvers.inequality.energy import Energy, EnergyRoot
+from solvers.inequality.equilibrium import Equilibrium
+from solvers.inequality.linear import EqualitySystem
+from solvers.inequality.operator import Operator
 from solvers.inequality.traces import Traces
 
+__all__ = ["EnergyRoot", "FrictionQVI"]
+
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
-_POWER_STEPS = 10
-_ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
 _NOT_POLYNOMIAL = 1e-8  # of the largest traction: what a row may differ from a polynomial on its edge
-_CORRECTIONS = 7  # defect corrections of the bonded solution at most
-
-_BY_FACTOR = ("contact_stiffness", "_bonded_and_error", "bonded", "bonded_energy")  # cached, computed with the factors
-
-SLOW_CONTRACTION = 1e-3
-"""Contraction of defect corrections above which K has lost too much to rounding, and R is factorised instead."""
-
-
-class EnergyRoot(Protocol):
-    """An affine map r(z) = R z + r₀ with RᵀR = K, evaluated without the cancellation inside an assembled K.
-
-    In mechanics r are the stresses at quadrature points, weighted so that ½|r|² is the strain energy.
-    """
-
-    def apply(self, z: Vector) -> Vector:
-        """r(z), for z (n,)."""
-        ...
-
-    def adjoint(self, r: Vector) -> Vector:
-        """Rᵀr (n,)."""
-        ...
-
-    def matrix(self) -> tuple[Sparse, Matrix]:
-        """(R as sparse rows, a place (2,) for each row), for factorising R where K has lost too much to rounding."""
-        ...
-
-    def rounding(self, z: Vector) -> float:
-        """Error of R z that the rounding of z itself may cause, a norm like |r|."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +55,8 @@ class FrictionQVI:
     strict : whether the bounds hold on whole edges instead of at their points, see `solvers.strict`
     root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
         gradient of the energy more accurately than K and f, whose entries may be large and cancel
+    shared : the `operator` of another problem with the same K, root and structure, optional; see `changed`
+    operator : `Operator`, the factorisation of K and what is computed with it, made when it is first needed
 
     n = 0 is allowed: a statically determinate problem.
 
@@ -110,8 +83,10 @@ class FrictionQVI:
     structure: Structure | None = None
     edges: EdgeRows | None = None
     strict: bool = False
+    shared: InitVar[Operator | None] = None
+    operator: Operator = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, shared: Operator | None) -> None:
         if (self.A is None) != (self.b is None):
             raise InputError("A" if self.A is None else "b", None, "give A and b together, or neither")
         if (self.root is None) != (self.load is None):
@@ -134,6 +109,15 @@ class FrictionQVI:
             self.edges.grouped(self.W)
         if self.strict:
             self._check_edges()
+        object.__setattr__(self, "operator", self._operator(shared))
+
+    def _operator(self, shared: Operator | None) -> Operator:
+        """The one to share, or a new one."""
+        if shared is None:
+            return Operator(self.K, self.root, self.structure)
+        if not shared.serves(self.K):
+            raise InputError("shared", None, "share the operator of a problem with the same K")
+        return shared
 
     def _check_edges(self) -> None:
         """`InputError` unless tractions are polynomials on edges, tried at z = 0 and with a random vector."""
@@ -231,123 +215,65 @@ class FrictionQVI:
 
     def energy(self, z: Vector) -> float:
         """½ zᵀKz − fᵀz."""
-        return float(0.5 * z @ (self.K @ z) - self.f @ z)
+        return self.potential.value(z)
 
     def strain_energy(self, z: Vector) -> float:
         """½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz: the size of the energy."""
-        if self.root is not None:
-            r = self.root.apply(z)
-            return 0.5 * float(r @ r)
-        return 0.5 * float(z @ (self.K @ z))
+        return self.potential.strain(z)
 
     def gradient(self, z: Vector) -> Vector:
         """Gradient of the energy (n,): Rᵀr(z) − load where there is a root, else K z − f."""
-        if self.root is not None and self.load is not None:
-            return np.asarray(self.root.adjoint(self.root.apply(z)) - self.load)
-        return np.asarray(self.K @ z - self.f)
+        return self.potential.gradient(z)
 
     def state(self, z: Vector) -> tuple[float, Vector]:
         """`strain_energy` and `gradient` at once."""
-        if self.root is None or self.load is None:
-            return self.strain_energy(z), self.gradient(z)
-        r = self.root.apply(z)
-        return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
+        return self.potential.state(z)
 
     def resultant(self, z: Vector) -> float:
         """Σ W (N z + n0), the resultant normal force (negative in compression)."""
         return float(self.W @ self.normal(z))
 
     @cached_property
-    def equality_system(self) -> EqualitySystem:
-        """The linear system of K and A, factored on first use and kept.
-
-        Where K is not positive definite to working precision, R is factored instead, if there is a root.
-        """
-        try:
-            return EqualitySystem(self.K, self.A, self.contact_rows, self.__dict__.get("_factor"), self.structure)
-        except FactorisationError as error:
-            if error.reason != "singular" or self.root is None:
-                raise
-            return self._orthogonal_system(self.root)
-
-    def _orthogonal_system(self, root: EnergyRoot) -> EqualitySystem:
-        R, places = root.matrix()
-        factor = factorise_root(R, interface_of(self.contact_rows, self.A), places)
-        return EqualitySystem(self.K, self.A, self.contact_rows, factor)
-
-    def adopt(self, other: "FrictionQVI") -> None:
-        """Use the factorisation of another problem if its K is the same."""
-        K, L = self.K, other.K
-        same = K.shape == L.shape and np.array_equal(K.indices, L.indices) and np.array_equal(K.data, L.data)
-        system = other.__dict__.get("equality_system")
-        if same and system is not None and "equality_system" not in self.__dict__:
-            object.__setattr__(self, "_factor", system.factor)
-
-    def refit(self) -> None:
-        """Forget a factorisation that is not the one asked for now."""
-        system = self.__dict__.get("equality_system")
-        if system is not None and not fits(system.factor):
-            for name in ("equality_system", "_factor", *_BY_FACTOR):
-                self.__dict__.pop(name, None)
-
-    @property
-    def factorisation(self) -> str:
-        """Back end and version of the factorisation made, empty if none was needed."""
-        system = self.__dict__.get("equality_system")
-        return f"{system.factor.backend}, {system.factor.version}" if system is not None else ""
-
-    def use_root(self) -> bool:
-        """Factorise R instead of K from now on; False if there is no root, or it was done before."""
-        if self.root is None or self.equality_system.factor.backend == ORTHOGONAL:
-            return False
-        self.__dict__["equality_system"] = self._orthogonal_system(self.root)
-        for name in _BY_FACTOR:
-            self.__dict__.pop(name, None)
-        return True
-
-    def changed(self, **changes: Any) -> "FrictionQVI":
-        """The same problem with other fields, K excepted; a factorisation of K is kept if it still applies."""
-        new = replace(self, **changes)
-        if "equality_system" in self.__dict__:
-            object.__setattr__(new, "_factor", self.equality_system.factor)
-        return new
+    def potential(self) -> Energy:
+        """The energy as an object of its own."""
+        return Energy(self.K, self.f, self.root, self.load)
 
     @cached_property
     def contact_rows(self) -> Sparse:
         """[N; T] (2m, n)."""
         return _stacked(self.N, self.T)
 
-    @cached_property
+    def changed(self, **changes: Any) -> "FrictionQVI":
+        """The same problem with other fields, K, root and structure excepted; it shares the operator."""
+        return replace(self, **{"shared": self.operator, **changes})
+
+    @property
+    def equality_system(self) -> EqualitySystem:
+        """The linear system of K and A, factored on first use and kept by the `operator`."""
+        return self.operator.equilibrium(self).system
+
+    @property
+    def factorisation(self) -> str:
+        """Back end and version of the factorisation made, empty if none was needed."""
+        factor = self.operator.factor
+        return f"{factor.backend}, {factor.version}" if factor is not None else ""
+
+    @property
     def contact_stiffness(self) -> float:
         """Traction that a unit of displacement λ all along the contact causes, as a scale; 0 where nothing does.
 
         The spectral radius of [N; T] K⁻¹ [N; T]ᵀ W, by a few steps of power iteration, belongs to the finest waves; it
         is reduced by min W / Σ W to those as long as the contact.
         """
-        if not (self.m and self.n):
-            return 0.0
-        system = self.equality_system
-        rows = stored(system.on_interface(self.contact_rows))
-        columns = transposed(rows)
-        weights = np.concatenate([self.W, self.W])
-        total = float(weights.sum())
-        v: Vector = np.ones(2 * self.m)
-        radius = 0.0
-        for _ in range(_POWER_STEPS):
-            v = np.asarray(rows @ system.solve_interface(columns @ (weights * v))[0])
-            radius = float(np.sqrt((weights @ v**2) / total))
-            if radius == 0.0:
-                return 0.0
-            v = v / radius
-        return radius * float(self.W.min() / self.W.sum())
+        return self.operator.equilibrium(self).contact_stiffness if self.m and self.n else 0.0
 
-    @cached_property
+    @property
     def bonded(self) -> Vector:
         """Minimiser of the energy under A z = b alone (n,): contact that neither opens nor slips.
 
         Defect corrections with `gradient` remove the rounding of K as long as they shrink.
         """
-        return self._bonded_and_error[0]
+        return self._bonded.bonded
 
     @property
     def bonded_error(self) -> float:
@@ -355,42 +281,22 @@ class FrictionQVI:
 
         Where the problem has no root this is not measured, and 0.
         """
-        return self._bonded_and_error[1]
+        return self._bonded.bonded_error
+
+    @property
+    def bonded_energy(self) -> float:
+        """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
+        return self._bonded.bonded_energy
 
     def rough_stress(self) -> float:
         """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
-        z, _ = self.equality_system.solve(-self.gradient(np.zeros(self.n)), self.b)
-        energy, nothing = self.strain_energy(z), _ROUNDING * self.strain_energy(np.zeros(self.n))
-        return float(np.sqrt(2.0 * energy)) if energy > nothing else 0.0
+        return self.operator.equilibrium(self).rough_stress()
 
-    @cached_property
-    def bonded_energy(self) -> float:
-        """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
-        energy, nothing = self.strain_energy(self.bonded), _ROUNDING * self.strain_energy(np.zeros(self.n))
-        return energy if energy > nothing else 0.0
-
-    @cached_property
-    def _bonded_and_error(self) -> tuple[Vector, float]:
-        """Defect corrections about z = 0; with R factorised instead of K if they shrink too slowly."""
-        z, sizes = self._corrected()
-        slow = len(sizes) > 1 and sizes[1] > SLOW_CONTRACTION * sizes[0]
-        if slow and self.use_root():
-            z, sizes = self._corrected()
-        if self.root is None:
-            return z, 0.0
-        energy, nothing = self.strain_energy(z), _ROUNDING * self.strain_energy(np.zeros(self.n))
-        return z, sizes[-1] / float(np.sqrt(2.0 * energy)) if energy > nothing else 0.0
-
-    def _corrected(self) -> tuple[Vector, list[float]]:
-        """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
-        z, sizes = np.zeros(self.n), list[float]()
-        for _ in range(_CORRECTIONS):
-            correction, _ = self.equality_system.solve(-self.gradient(z), self.b - self.A @ z)
-            sizes.append(float(np.sqrt(abs(correction @ (self.K @ correction)))))
-            if len(sizes) > 1 and not sizes[-1] < 0.5 * sizes[-2]:
-                break
-            z = z + correction
-        return z, sizes
+    @property
+    def _bonded(self) -> Equilibrium:
+        """With R factorised instead of K if defect corrections shrink too slowly."""
+        found = self.operator.equilibrium(self)
+        return self.operator.equilibrium(self) if found.is_slow and self.operator.use_root() else found
 
 
 def _asymmetry(K: Sparse) -> float:

@@ -80,7 +80,7 @@ def test_both_factorisations_give_one_force(friction):
     """(18, 0.6) is the last that K serves: by its root instead the force is the same."""
     problem = compressed_plate(friction, (18, 18), grading=0.6)
     by_root = discretize(problem).fitted()
-    assert by_root.qvi.use_root()
+    assert by_root.qvi.operator.use_root()
     first, second = (solve(way, method="condensed") for way in (problem, by_root))
     assert first.solution.factorisation.split(",")[0] != second.solution.factorisation.split(",")[0] == ORTHOGONAL
     assert first.status is second.status is Status.SOLVED

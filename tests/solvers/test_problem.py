@@ -1,11 +1,15 @@
-"""`FrictionQVI` refuses what is not a problem and says what to do."""
+"""`FrictionQVI` refuses what is not a problem and says what to do; problems with the same K share its factorisation."""
 
+import gc
+from dataclasses import replace
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.sparse import csc_matrix
 
 from solvers import FrictionQVI, InputError, Status, solve_qvi
 from solvers.factorisation import FactorisationError
@@ -94,3 +98,53 @@ def test_singular_stiffness_is_an_error_and_as_a_result_a_status():
         solution = solve_qvi(FrictionQVI(**data(K=np.ones((3, 3)), A=None, b=None)), method=method)
         assert solution.status is Status.ILL_CONDITIONED
         assert "positive definite" in solution.message
+
+
+class TestOperator:
+    """One factorisation for all problems with the same K, and none kept longer than it serves."""
+
+    def test_is_shared_by_changed_problems(self):
+        qvi = random_problem(3, equalities=2)
+        other = qvi.changed(f=2.0 * qvi.f, b=2.0 * qvi.b)
+        assert other.operator is qvi.operator
+        assert other.equality_system.factor is qvi.equality_system.factor
+        assert other.bonded == pytest.approx(2.0 * qvi.bonded, rel=1e-9)
+
+    def test_is_made_anew_for_unknowns_that_were_eliminated(self):
+        qvi = random_problem(3)
+        few = qvi.changed(N=csc_matrix(qvi.N.shape), T=csc_matrix(qvi.T.shape), traces=None)
+        eliminated = few.equality_system
+        assert len(eliminated.interface) < len(qvi.equality_system.interface)
+        assert few.equality_system is eliminated
+        assert few.changed().equality_system.factor is qvi.equality_system.factor
+
+    def test_of_another_matrix_is_refused(self):
+        qvi = random_problem(3)
+        with pytest.raises(InputError, match="the same K"):
+            qvi.changed(K=2.0 * qvi.K)
+        assert replace(qvi, K=2.0 * qvi.K).operator is not qvi.operator
+
+    def test_goes_with_its_problems(self):
+        """Memory of a large factorisation is freed at once, not when the garbage is collected next."""
+        qvi = random_problem(3)
+        operator, factor = ref(qvi.operator), ref(qvi.equality_system.factor)
+        _ = qvi.bonded, qvi.contact_stiffness
+        gc.disable()
+        try:
+            del qvi
+            assert operator() is None
+            assert factor() is None
+        finally:
+            gc.enable()
+
+    def test_does_not_keep_problems(self):
+        qvi = random_problem(3)
+        other = qvi.changed(f=2.0 * qvi.f)
+        _ = other.bonded
+        kept = ref(other)
+        gc.disable()
+        try:
+            del other
+            assert kept() is None
+        finally:
+            gc.enable()

@@ -1,0 +1,65 @@
+"""The energy ½ zᵀKz − fᵀz of (D2), evaluated through its root where there is one."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from solvers.basics.types import Matrix, Sparse, Vector
+
+
+class EnergyRoot(Protocol):
+    """An affine map r(z) = R z + r₀ with RᵀR = K, evaluated without the cancellation inside an assembled K.
+
+    In mechanics r are the stresses at quadrature points, weighted so that ½|r|² is the strain energy.
+    """
+
+    def apply(self, z: Vector) -> Vector:
+        """r(z), for z (n,)."""
+        ...
+
+    def adjoint(self, r: Vector) -> Vector:
+        """Rᵀr (n,)."""
+        ...
+
+    def matrix(self) -> tuple[Sparse, Matrix]:
+        """(R as sparse rows, a place (2,) for each row), for factorising R where K has lost too much to rounding."""
+        ...
+
+    def rounding(self, z: Vector) -> float:
+        """Error of R z that the rounding of z itself may cause, a norm like |r|."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """K (n, n) and f (n,), with root and load (n,) or without, see `FrictionQVI`."""
+
+    K: Sparse
+    f: Vector
+    root: EnergyRoot | None = None
+    load: Vector | None = None
+
+    def value(self, z: Vector) -> float:
+        """½ zᵀKz − fᵀz."""
+        return float(0.5 * z @ (self.K @ z) - self.f @ z)
+
+    def strain(self, z: Vector) -> float:
+        """½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz: the size of the energy."""
+        if self.root is not None:
+            r = self.root.apply(z)
+            return 0.5 * float(r @ r)
+        return 0.5 * float(z @ (self.K @ z))
+
+    def gradient(self, z: Vector) -> Vector:
+        """Rᵀr(z) − load where there is a root, else K z − f (n,)."""
+        if self.root is not None and self.load is not None:
+            return np.asarray(self.root.adjoint(self.root.apply(z)) - self.load)
+        return np.asarray(self.K @ z - self.f)
+
+    def state(self, z: Vector) -> tuple[float, Vector]:
+        """`strain` and `gradient` at once."""
+        if self.root is None or self.load is None:
+            return self.strain(z), self.gradient(z)
+        r = self.root.apply(z)
+        return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)

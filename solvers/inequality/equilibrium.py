@@ -1,0 +1,100 @@
+"""What one factorisation says of a problem (D2): the state without contact law, and the stiffness of the contact."""
+
+from functools import cached_property
+
+import numpy as np
+
+from solvers.basics.types import Sparse, Vector
+from solvers.inequality.blocks import stored, transposed
+from solvers.inequality.energy import Energy
+from solvers.inequality.linear import EqualitySystem
+
+SLOW_CONTRACTION = 1e-3
+"""Contraction of defect corrections above which K has lost too much to rounding, and R is factorised instead."""
+
+_POWER_STEPS = 10
+_ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
+_CORRECTIONS = 7  # defect corrections of the bonded solution at most
+
+
+class Equilibrium:
+    """Linear algebra of one problem with one factorisation, each part computed when it is first asked for.
+
+    Attributes
+    ----------
+    system : EqualitySystem
+        That of K and A.
+
+    """
+
+    def __init__(self, system: EqualitySystem, energy: Energy, b: Vector, contact_rows: Sparse, W: Vector) -> None:
+        self.system = system
+        self._energy, self._b, self._contact_rows, self._W = energy, b, contact_rows, W
+
+    @cached_property
+    def contact_stiffness(self) -> float:
+        """See `FrictionQVI.contact_stiffness`."""
+        if not self._contact_rows.shape[0] or not self._size:
+            return 0.0
+        rows = stored(self.system.on_interface(self._contact_rows))
+        columns = transposed(rows)
+        weights = np.concatenate([self._W, self._W])
+        total = float(weights.sum())
+        v: Vector = np.ones(len(weights))
+        radius = 0.0
+        for _ in range(_POWER_STEPS):
+            v = np.asarray(rows @ self.system.solve_interface(columns @ (weights * v))[0])
+            radius = float(np.sqrt((weights @ v**2) / total))
+            if radius == 0.0:
+                return 0.0
+            v = v / radius
+        return radius * float(self._W.min() / self._W.sum())
+
+    @property
+    def bonded(self) -> Vector:
+        """Minimiser of the energy under A z = b alone (n,), by defect corrections."""
+        return self._corrected[0]
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether defect corrections shrink so slowly that K must have lost what its root still holds."""
+        sizes = self._corrected[1]
+        return len(sizes) > 1 and sizes[1] > SLOW_CONTRACTION * sizes[0]
+
+    @cached_property
+    def bonded_energy(self) -> float:
+        """Strain energy of `bonded`; 0 if it is rounding, since all loads cancel."""
+        return self._not_rounding(self.bonded)
+
+    @cached_property
+    def bonded_error(self) -> float:
+        """How far the last defect correction still moved `bonded`, in the energy norm, relative; 0 without a root."""
+        if self._energy.root is None or self.bonded_energy == 0.0:
+            return 0.0
+        return self._corrected[1][-1] / float(np.sqrt(2.0 * self.bonded_energy))
+
+    def rough_stress(self) -> float:
+        """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
+        z, _ = self.system.solve(-self._energy.gradient(np.zeros(self._size)), self._b)
+        return float(np.sqrt(2.0 * self._not_rounding(z)))
+
+    @property
+    def _size(self) -> int:
+        return int(self._energy.K.shape[0])
+
+    def _not_rounding(self, z: Vector) -> float:
+        """Strain energy at z; 0 if it is rounding."""
+        energy, nothing = self._energy.strain(z), _ROUNDING * self._energy.strain(np.zeros(self._size))
+        return energy if energy > nothing else 0.0
+
+    @cached_property
+    def _corrected(self) -> tuple[Vector, list[float]]:
+        """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
+        z, sizes = np.zeros(self._size), list[float]()
+        for _ in range(_CORRECTIONS):
+            correction, _ = self.system.solve(-self._energy.gradient(z), self._b - self.system.A @ z)
+            sizes.append(float(np.sqrt(abs(correction @ (self._energy.K @ correction)))))
+            if len(sizes) > 1 and not sizes[-1] < 0.5 * sizes[-2]:
+                break
+            z = z + correction
+        return z, sizes

@@ -1,0 +1,94 @@
+"""K of (D2) as an operator: the one owner of its factorisation, shared by all problems that have this K."""
+
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from solvers.basics.types import IntVector, Sparse
+from solvers.factorisation import Factorisation, FactorisationError
+from solvers.factorisation.augmented import factorise_root
+from solvers.factorisation.choice import Structure, fits, make
+from solvers.inequality.energy import EnergyRoot
+from solvers.inequality.equilibrium import Equilibrium
+from solvers.inequality.linear import EqualitySystem, interface_of
+
+if TYPE_CHECKING:
+    from solvers.inequality.problem import FrictionQVI
+
+
+class Operator:
+    """K, factorised when that is first needed, and what the factorisation says of each problem.
+
+    Problems of a sequence that differ in loads, gaps or friction share one operator, and so its factorisation.
+
+    Parameters
+    ----------
+    K : (n, n) sparse
+    root : `EnergyRoot`, optional
+        Its R is factorised where K is not positive definite to working precision, or when `use_root` says so.
+    structure : optional
+        K as a tree of subdomains, see `factorisation.choice`.
+
+    """
+
+    def __init__(self, K: Sparse, root: EnergyRoot | None = None, structure: Structure | None = None) -> None:
+        self._K, self._root, self._structure = K, root, structure
+        self._rooted = False
+        self._factor: Factorisation | None = None
+        self._equilibria: WeakKeyDictionary[FrictionQVI, Equilibrium] = WeakKeyDictionary()
+
+    @property
+    def factor(self) -> Factorisation | None:
+        """The factorisation, if one was needed so far."""
+        return self._factor
+
+    def serves(self, K: Sparse) -> bool:
+        """Whether this is the operator of that matrix, entry by entry."""
+        L = self._K
+        return K.shape == L.shape and np.array_equal(K.indices, L.indices) and np.array_equal(K.data, L.data)
+
+    def equilibrium(self, problem: "FrictionQVI") -> Equilibrium:
+        """Linear algebra of a problem with this K; kept until the problem or the factorisation is gone."""
+        found = self._equilibria.get(problem)
+        if found is None:
+            system = EqualitySystem(problem.A, self._covering(interface_of(problem.contact_rows, problem.A)))
+            found = Equilibrium(system, problem.potential, problem.b, problem.contact_rows, problem.W)
+            self._equilibria[problem] = found
+        return found
+
+    def use_root(self) -> bool:
+        """Factorise R instead of K from now on; False if there is no root, or it was done before."""
+        if self._root is None or self._rooted:
+            return False
+        self._rooted = True
+        self._forget()
+        return True
+
+    def refit(self) -> None:
+        """Forget a factorisation that is not the one asked for now."""
+        if self._factor is not None and not fits(self._factor):
+            self._forget()
+
+    def _forget(self) -> None:
+        self._factor = None
+        self._equilibria.clear()
+
+    def _covering(self, interface: IntVector) -> Factorisation:
+        """The factorisation, made anew if its interface does not hold all of the one given."""
+        factor = self._factor
+        if factor is None or not np.isin(interface, factor.interface, assume_unique=True).all():
+            factor = self._factor = self._made(interface)
+        return factor
+
+    def _made(self, interface: IntVector) -> Factorisation:
+        if not self._rooted:
+            try:
+                return make(self._K, interface, self._structure)
+            except FactorisationError as error:
+                if error.reason != "singular" or self._root is None:
+                    raise
+                self._rooted = True
+        assert self._root is not None
+        R, places = self._root.matrix()
+        return factorise_root(R, interface, places)
