@@ -12,7 +12,6 @@ from solvers.basics.types import Vector
 from solvers.condensed.method import CondensedOptions, solve_condensed
 from solvers.errors import InputError, SolveError, SolverUnavailableError
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.choice import using
 from solvers.fixed_point.forms import CONDENSED_LIMIT
 from solvers.fixed_point.method import FixedPointOptions, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
@@ -100,8 +99,7 @@ def solve_qvi(
     retry = method is None and chosen == "condensed" and 2 * qvi.m <= CONDENSED_LIMIT
     method = chosen
     inner = inner or DEFAULT_INNER
-    with using(factorisation, threads, qvi.n):
-        qvi.operator.refit()
+    with qvi.operator.using(factorisation, threads):
         try:
             solution = _solve(qvi, method, inner, tolerance, options)
             if retry and solution.status in _WORTH_A_RETRY:

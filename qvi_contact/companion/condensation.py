@@ -18,7 +18,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.data import Supports
 from qvi_contact.companion.elasticity import Elasticity
 from solvers.factorisation import Factorisation, FactorisationError
-from solvers.factorisation.choice import make
+from solvers.factorisation.choice import Request, make
 
 _FREE = 1e-11  # singular value of rigid motions at supports, relative, that counts as zero
 _CORRECTIONS = 3
@@ -77,7 +77,7 @@ class CondensedBody:
         shift = float(K.diagonal().mean()) if len(free) else 0.0
         held = np.zeros(len(free))
         held[place] = shift  # back ends want a positive definite matrix; S has it on its diagonal and is freed of it
-        factor = make(sparse.csc_matrix(K + sparse.diags_array(held)), place, None)
+        factor = make(sparse.csc_matrix(K + sparse.diags_array(held)), place, None, Request())
         S = factor.schur - shift * np.eye(len(place))
         fixed = np.zeros(size)
         fixed[supports.index] = supports.values

@@ -23,7 +23,7 @@ from qvi_contact.problem.problem import ContactProblem
 from solvers import Certificate, QVISolution, Status, solve_qvi
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.choice import using
+from solvers.factorisation.choice import Request
 
 DEGREES = (2, 3, 4)
 
@@ -101,7 +101,7 @@ def solve_companion(
         _moves(problem, trace, contact) for trace, contact in zip(lines, problem.contacts, strict=True)
     ):
         reasons += (_INDICATOR,)
-    with using("auto", None, space.size):
+    with Request().limited_blas():
         try:
             condensed = CondensedBody.of(body, load, held, contacts.touched)
             dual = dual_problem(contacts, condensed)

@@ -12,7 +12,6 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import Status, solve_qvi
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.choice import using
 
 _CONDENSED_ONLY = ("gap",)  # options
 _CANNOT_CARRY = (Status.INFEASIBLE, Status.INNER_INFEASIBLE, Status.BACKEND_FAILED)
@@ -65,7 +64,7 @@ def solve(
     discretization = problem if isinstance(problem, Discretization) else discretize(problem)
     if discretization is not problem:
         name, threads = options.get("factorisation", "auto"), options.get("threads")
-        with using(name, threads, discretization.qvi.n):
+        with discretization.qvi.operator.using(name, threads):
             discretization = _fitted(discretization)
     throw = bool(options.pop("throw", False))
     if options.get("initial") is not None:

@@ -1,8 +1,7 @@
 """Which factorisation a problem gets: the one asked for, shared subdomains where they apply, or the first installed."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,7 +15,7 @@ from solvers.factorisation.threads import limited_blas, thread_count
 
 SHARED: Final = "shared-subdomains"
 CHOICES: Final = ("auto", SHARED, *BACKENDS)
-"""What `using` takes."""
+"""What can be asked for."""
 
 Structure: TypeAlias = Callable[[IntVector], SubdomainTree | None]
 """K as a tree of subdomains for an interface Γ, None where K has no such structure."""
@@ -25,65 +24,59 @@ _WORTH_SHARING: Final = 10_000  # unknowns from which on shared subdomains are f
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
 
-class _Request(NamedTuple):
+class Request(NamedTuple):
+    """The factorisation that is wanted, one of `CHOICES`, and on how many threads: None for as many as make sense."""
+
     name: str = "auto"
     threads: int | None = None
 
+    @classmethod
+    def checked(cls, name: object, threads: object) -> "Request":
+        """From what a user gave.
 
-_AUTOMATIC: Final = _Request()
-_request: ContextVar[_Request] = ContextVar("factorisation", default=_AUTOMATIC)
+        Raises
+        ------
+        SolverUnavailableError
+            The name is not in `CHOICES`, or its library does not load.
+        InputError
+            `threads` is not a whole number ≥ 1.
+
+        """
+        canonical = str(name).lower()
+        if canonical not in CHOICES:
+            raise SolverUnavailableError("factorisation", name, f"choose one of {', '.join(CHOICES)}")
+        if canonical in BACKENDS:
+            resolve(canonical)
+        if threads is None:
+            return cls(canonical)
+        if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
+            raise InputError("threads", threads, "give a whole number ≥ 1, or None")
+        return cls(canonical, int(threads))
+
+    def fits(self, factor: Factorisation) -> bool:
+        """Whether a factorisation made earlier is what is asked for."""
+        return self.name in ("auto", factor.backend) or factor.backend not in CHOICES
+
+    def limited_blas(self) -> AbstractContextManager[None]:
+        """BLAS with the threads given, one by default: on busy machines more are slower by far."""
+        return limited_blas(self.threads or 1)
 
 
-@contextmanager
-def using(name: str, threads: int | None, unknowns: int) -> Iterator[None]:
-    """Take this factorisation, and so many threads within the context, by default one, and all cores for a large K.
+def make(K: Sparse, interface: IntVector, structure: Structure | None, request: Request) -> Factorisation:
+    """Factorise K as asked for; errors of `factorise`, and `SolverUnavailableError` if sharing does not apply.
 
-    BLAS has the threads given, one by default: on busy machines more are slower by far.
-
-    Raises
-    ------
-    SolverUnavailableError
-        The name is not in `CHOICES`, or its library does not load.
-    InputError
-        `threads` is not a whole number ≥ 1.
-
+    Without a number of threads it is one, and all cores for a large K.
     """
-    canonical = str(name).lower()
-    if canonical not in CHOICES:
-        raise SolverUnavailableError("factorisation", name, f"choose one of {', '.join(CHOICES)}")
-    if canonical in BACKENDS:
-        resolve(canonical)
-    number: object = threads
-    if number is not None and (isinstance(number, bool) or not isinstance(number, int | np.integer) or number < 1):
-        raise InputError("threads", threads, "give a whole number ≥ 1, or None")
-    threads = int(threads) if threads is not None else None
-    count = threads or _sensible_threads(unknowns)
-    token = _request.set(_Request(canonical, count))
-    try:
-        with limited_blas(threads or 1):
-            yield
-    finally:
-        _request.reset(token)
-
-
-def fits(factor: Factorisation) -> bool:
-    """Whether a factorisation made earlier is what is asked for now."""
-    name = _request.get().name
-    return name in ("auto", factor.backend) or factor.backend not in CHOICES
-
-
-def make(K: Sparse, interface: IntVector, structure: Structure | None) -> Factorisation:
-    """Factorise K as asked for; errors of `factorise`, and `SolverUnavailableError` if sharing does not apply."""
-    name, threads = _request.get()
-    wanted = name if name != "auto" else chosen()
+    wanted = request.name if request.name != "auto" else chosen()
+    threads = request.threads or _sensible_threads(K.shape[0])
     if wanted == SHARED or (wanted is None and structure is not None and K.shape[0] >= _WORTH_SHARING):
         tree = structure(interface) if structure is not None else None
         if tree is not None:
-            return SharedSubdomains(tree, threads or 1)
+            return SharedSubdomains(tree, threads)
         if wanted == SHARED:
             remedy = "takes a rectangle of equal cells and one material, contact on its sides; choose another one"
             raise SolverUnavailableError("factorisation", SHARED, remedy)
-    return factorise(K, interface, name, threads or _sensible_threads(K.shape[0]))
+    return factorise(K, interface, request.name, threads)
 
 
 def _sensible_threads(unknowns: int) -> int:

@@ -1,5 +1,7 @@
 """K of (D2) as an operator: the one owner of its factorisation, shared by all problems that have this K."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -8,7 +10,7 @@ import numpy as np
 from solvers.basics.types import IntVector, Sparse
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
-from solvers.factorisation.choice import Structure, fits, make
+from solvers.factorisation.choice import Request, Structure, make
 from solvers.inequality.energy import EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
 from solvers.inequality.linear import EqualitySystem, interface_of
@@ -34,6 +36,7 @@ class Operator:
 
     def __init__(self, K: Sparse, root: EnergyRoot | None = None, structure: Structure | None = None) -> None:
         self._K, self._root, self._structure = K, root, structure
+        self._request = Request()
         self._rooted = False
         self._factor: Factorisation | None = None
         self._equilibria: WeakKeyDictionary[FrictionQVI, Equilibrium] = WeakKeyDictionary()
@@ -65,10 +68,24 @@ class Operator:
         self._forget()
         return True
 
-    def refit(self) -> None:
-        """Forget a factorisation that is not the one asked for now."""
-        if self._factor is not None and not fits(self._factor):
-            self._forget()
+    @contextmanager
+    def using(self, name: str, threads: int | None) -> Iterator[None]:
+        """Take this factorisation, and so many threads, within the context; one made earlier goes unless it fits.
+
+        Raises
+        ------
+        SolverUnavailableError, InputError
+            As `Request.checked`.
+
+        """
+        before, self._request = self._request, Request.checked(name, threads)
+        try:
+            if self._factor is not None and not self._request.fits(self._factor):
+                self._forget()
+            with self._request.limited_blas():
+                yield
+        finally:
+            self._request = before
 
     def _forget(self) -> None:
         self._factor = None
@@ -84,7 +101,7 @@ class Operator:
     def _made(self, interface: IntVector) -> Factorisation:
         if not self._rooted:
             try:
-                return make(self._K, interface, self._structure)
+                return make(self._K, interface, self._structure, self._request)
             except FactorisationError as error:
                 if error.reason != "singular" or self._root is None:
                     raise

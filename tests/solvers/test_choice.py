@@ -19,7 +19,7 @@ from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import FrictionQVI, InputError, Status, solve_qvi
 from solvers.errors import SolverUnavailableError
 from solvers.factorisation import available_backends, choice, registry, set_default
-from solvers.factorisation.choice import SHARED, using
+from solvers.factorisation.choice import SHARED, Request
 from solvers.solve import METHODS
 from tests.solvers.conftest import random_problem
 
@@ -137,12 +137,22 @@ def test_threads_change_nothing(threads):
 
 
 def test_a_context_ends():
-    with using("superlu", 1, 10):
-        assert choice._request.get().name == "superlu"
-    assert choice._request.get() == choice._AUTOMATIC
-    with pytest.raises(ZeroDivisionError), using("superlu", 1, 10):
+    """Whatever happens inside; what was made in it stays, as "auto" is content with it."""
+    operator = random_problem(0, n=40).operator
+    with operator.using("superlu", 1):
+        assert operator._request == Request("superlu", 1)
+    assert operator._request == Request()
+    with pytest.raises(ZeroDivisionError), operator.using("superlu", 1):
         _ = 1 / 0
-    assert choice._request.get() == choice._AUTOMATIC
+    assert operator._request == Request()
+
+
+def test_problems_do_not_ask_for_each_other():
+    """A solve inside the context of another one takes what it asks for itself."""
+    first, second = (discretize(compressed_plate(0.2)).qvi for _ in range(2))
+    with first.operator.using("superlu", 1), second.operator.using("auto", 2):
+        assert first.equality_system.factor.backend == "superlu"
+        assert second.equality_system.factor.backend == BACKENDS[0]
 
 
 def singular():

@@ -35,9 +35,8 @@ class EquilibriumPlate:
     def solve(self) -> dict[str, Any]:
         """As `qvi_contact.solve` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
         from qvi_contact import solve
-        from solvers.factorisation.choice import using
 
-        with using("auto", 1, self._discretization.qvi.n):
+        with self._discretization.qvi.operator.using("auto", 1):
             fitted = self._discretization.fitted()
         result = solve(fitted, method="condensed", tolerance=TOLERANCE, threads=1)
         answer: dict[str, Any] = {
