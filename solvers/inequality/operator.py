@@ -41,6 +41,10 @@ class Operator:
         self._factor: Factorisation | None = None
         self._equilibria: WeakKeyDictionary[FrictionQVI, Equilibrium] = WeakKeyDictionary()
 
+    def __reduce__(self) -> tuple[type["Operator"], tuple[object, ...]]:
+        """Copies and pickles of a problem factorise anew: factors live in the memory of a library."""
+        return Operator, (self._K, self._root, self._structure)
+
     @property
     def factor(self) -> Factorisation | None:
         """The factorisation, if one was needed so far."""

@@ -1,6 +1,8 @@
 """`FrictionQVI` refuses what is not a problem and says what to do; problems with the same K share its factorisation."""
 
+import copy
 import gc
+import pickle
 from dataclasses import replace
 from typing import Any
 from weakref import ref
@@ -148,3 +150,11 @@ class TestOperator:
             assert kept() is None
         finally:
             gc.enable()
+
+    @pytest.mark.parametrize("copied", [copy.deepcopy, lambda qvi: pickle.loads(pickle.dumps(qvi))])
+    def test_of_a_copy_factorises_anew(self, copied):
+        qvi = random_problem(3)
+        solution = solve_qvi(qvi)
+        again = solve_qvi(copied(qvi))
+        assert again.problem.operator is not qvi.operator
+        assert np.array_equal(again.z, solution.z)
