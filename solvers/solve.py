@@ -9,14 +9,15 @@ import numpy as np
 
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
+from solvers.basics.watch import Progress, expired, tell, watched
 from solvers.condensed.method import CondensedOptions, solve_condensed
 from solvers.errors import InputError, SolveError, SolverUnavailableError
 from solvers.factorisation import FactorisationError
 from solvers.fixed_point.forms import CONDENSED_LIMIT
-from solvers.fixed_point.method import FixedPointOptions, solve_fixed_point
+from solvers.fixed_point.method import FixedPointOptions, initial_pressure, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
-from solvers.solution.finish import Outcome, finish, no_outcome
+from solvers.solution.finish import Outcome, finish, no_outcome, out_of_time
 from solvers.solution.solution import QVISolution
 from solvers.strict.names import STRICT_DEFAULT, is_strict
 from solvers.strict.threshold import strict_pressure
@@ -29,8 +30,14 @@ _WORTH_A_RETRY = (
     Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
     Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
 )  # fmt: skip
-_GENERAL = ("method", "inner", "tolerance", "throw", "factorisation", "threads")
+_GENERAL = ("method", "inner", "tolerance", "throw", "factorisation", "threads", "time_limit")
+_START = "initial"
+"""Option of the fixed point that does not choose it: by default its use is left to the fall-back."""
+
 DEFAULT_INNER = "qp:clarabel"
+
+LEAST_SECONDS = 15.0
+"""The fall-back may take as long again as the method before it, and at least so many seconds."""
 
 _HOPELESS = 1e-4
 """Relative error of the solution without inequalities, in the energy norm, above which nothing is attempted."""
@@ -54,6 +61,7 @@ def solve_qvi(
     throw: bool = False,
     factorisation: str = "auto",
     threads: int | None = None,
+    time_limit: float | None = None,
     **options: Any,
 ) -> QVISolution:
     """Solve the quasi-variational inequality (D2).
@@ -64,7 +72,9 @@ def solve_qvi(
         The problem, dimensionless.
     method : str, optional
         "condensed", "fixed-point" or "uzawa". By default "condensed", and "fixed-point" where that fails and the
-        contact is not large; another one if an inner solver or options are given that only that one takes.
+        contact is not large, for as long again as the first took at most, or 15 seconds if that is more; another
+        method if an inner solver or options are given that only that one takes. `initial` is no such option: by default
+        the fixed point starts from it if its turn comes.
     inner : str, optional
         Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
         "strict:<cvxpy name>" or "strict-direct:clarabel" solve `qvi.strictly()`, which is the solution's problem then.
@@ -77,8 +87,13 @@ def solve_qvi(
         some and enough unknowns, else the first of the others that is installed.
     threads : int, optional
         For factorisation and dense linear algebra; by default one for small problems, else all cores.
+    time_limit : float, optional
+        Seconds for everything together. The best state so far is returned when they are over, with the status
+        "time_limit" unless its certificate passes. Looked at in every iteration, and handed on to inner solvers that
+        take a limit; a factorisation, and an inner solve by another one, is not interrupted.
     **options : object
-        Fields of `CondensedOptions`, `FixedPointOptions` or `UzawaOptions`.
+        Fields of `CondensedOptions`, `FixedPointOptions` or `UzawaOptions`. By default `max_iterations` counts the
+        iterations of both methods, and `callback` hears of both.
 
     Returns
     -------
@@ -96,24 +111,66 @@ def solve_qvi(
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     inner, qvi = _strict(qvi, method, inner)
     chosen = default_method({"method": method, "inner": inner, **options})
-    retry = method is None and chosen == "condensed" and 2 * qvi.m <= CONDENSED_LIMIT
-    method = chosen
-    inner = inner or DEFAULT_INNER
-    with qvi.operator.using(factorisation, threads):
-        try:
-            solution = _solve(qvi, method, inner, tolerance, options)
-            if retry and solution.status in _WORTH_A_RETRY:
-                second = _solve(qvi, "fixed-point", inner, tolerance, {})
-                better = second.certificate.accuracy < solution.certificate.accuracy
-                solution = second if second.solved or (second.status is Status.INACCURATE and better) else solution
-        except (FactorisationError, MemoryError) as error:
-            reason = error.reason if isinstance(error, FactorisationError) else "memory"
-            outcome = no_outcome(qvi, _FAILURES[reason], str(error) or "out of memory")
-            outcome.check_feasible = False
-            solution = finish(qvi, outcome, method, inner if method == "fixed-point" else "", tolerance)
+    by_default = method is None and chosen == "condensed"
+    first = dict(options)
+    if by_default and first.pop(_START, None) is not None:
+        initial_pressure(qvi, options[_START])  # says what is wrong, whether its turn comes or not
+    with qvi.operator.using(factorisation, threads), watched(time_limit):
+        began = time.perf_counter()
+        solution = _attempt(qvi, chosen, inner or DEFAULT_INNER, tolerance, first)
+        if by_default and _worth_another(solution, options):
+            seconds = max(LEAST_SECONDS, time.perf_counter() - began)
+            solution = _second(qvi, solution, tolerance, options, seconds) if not expired() else out_of_time(solution)
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
+
+
+def _attempt(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
+    """By method; a factorisation that fails ends in a status."""
+    tell(Progress(method))
+    try:
+        return _solve(qvi, method, inner, tolerance, options)
+    except (FactorisationError, MemoryError) as error:
+        reason = error.reason if isinstance(error, FactorisationError) else "memory"
+        outcome = no_outcome(qvi, _FAILURES[reason], str(error) or "out of memory")
+        outcome.check_feasible = False
+        return finish(qvi, outcome, method, inner if method == "fixed-point" else "", tolerance)
+
+
+def _worth_another(first: QVISolution, options: dict[str, Any]) -> bool:
+    """Whether the fixed point may do better, and some iterations are left."""
+    spent = first.iterations >= options.get("max_iterations", np.inf)
+    small = 2 * first.problem.m <= CONDENSED_LIMIT
+    return small and not spent and first.status in _WORTH_A_RETRY
+
+
+def _second(
+    qvi: FrictionQVI, first: QVISolution, tolerance: float, options: dict[str, Any], seconds: float
+) -> QVISolution:
+    """The fixed point after a first method, for so many seconds at most: the better of the two answers."""
+    kept = {name: value for name, value in options.items() if name in (_START, "callback")}
+    if "max_iterations" in options:
+        kept["max_iterations"] = options["max_iterations"] - first.iterations
+    tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
+    tell(Progress("fixed-point", remark=tried))
+    with watched(seconds):
+        second = _attempt(qvi, "fixed-point", DEFAULT_INNER, tolerance, kept)
+    better = second.certificate.accuracy < first.certificate.accuracy
+    if second.solved or (second.status is Status.INACCURATE and better):
+        return _remarked(second, f"The fixed point found this: {tried}.")
+    if expired():
+        best = second if better else first
+        return _remarked(out_of_time(best), f"The fixed point was at work: {tried}.")
+    if second.status is Status.TIME_LIMIT:
+        stopped = f"The fixed point, tried next, was stopped after {seconds:.0f} seconds"
+        return _remarked(first, f"{stopped}: method='fixed-point' gives it more time.")
+    return _remarked(first, f"The fixed point, tried next, ended {second.status.words}.")
+
+
+def _remarked(solution: QVISolution, remark: str) -> QVISolution:
+    """With one more sentence in the message."""
+    return dataclasses.replace(solution, message=f"{solution.message} {remark}")
 
 
 def _strict(qvi: FrictionQVI, method: str | None, inner: str | None) -> tuple[str | None, FrictionQVI]:
@@ -132,12 +189,18 @@ def default_method(settings: Mapping[str, Any]) -> str:
     """The method that keyword arguments of `solve_qvi` ask for, by name or by an inner solver or option they hold."""
     if settings.get("method"):
         return str(settings["method"])
-    given = set(settings).difference(_GENERAL)
+    given = set(settings).difference(_GENERAL, (_START,))
     if settings.get("inner") is None:
         for method, kind in _OPTIONS.items():
             if given <= {field.name for field in dataclasses.fields(kind)}:
                 return method
     return "fixed-point"
+
+
+def takes_initial(settings: Mapping[str, Any]) -> bool:
+    """Whether `initial` may be added to these keyword arguments of `solve_qvi`, and changes no method."""
+    method = default_method(settings)
+    return method == "fixed-point" or (method == "condensed" and not settings.get("method"))
 
 
 def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:

@@ -24,6 +24,7 @@ Where a row is bilateral, λ_N = 0.
 | step ω_T shrunk to round-off, no change any more               | stalled                       |
 | λ no longer finite                                             | diverged                      |
 | `max_iterations` done, or exactly `iterations`                 | max_iterations                |
+| the time is over, see `watch`                                  | time_limit                    |
 
 At mu = 0, and where the gap is open, Δ = ω_T never shrinks and the iteration ends in a cycle; `step_decay`
 shrinks the step.
@@ -38,6 +39,7 @@ import numpy as np
 
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
+from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate.certificate import certify
 from solvers.errors import InputError
 from solvers.inequality.compliance import Compliance
@@ -179,6 +181,7 @@ def _record(state: _State, qvi: FrictionQVI, W2: Vector, options: UzawaOptions, 
         return
     entry = _iteration(state, qvi, W2, began)
     state.history.append(entry)
+    tell(Progress("uzawa", entry))
     if options.callback is not None:
         options.callback(entry)
 
@@ -217,6 +220,8 @@ def _terminate(
         state.reason, state.message = Status.CYCLING, "the multipliers repeat themselves"
     if state.reason is None and i >= options.max_iterations:
         state.reason = Status.MAX_ITERATIONS
+    if state.reason is None and expired():
+        state.reason = Status.TIME_LIMIT
 
 
 def _cycles(state: _State, tolerance: float) -> bool:

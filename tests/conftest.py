@@ -1,10 +1,12 @@
 """The whole suite on one factorisation back end: ``python -m pytest --factorisation superlu``."""
 
 import os
+from types import SimpleNamespace
 
 import pytest
 
 from solvers import InputError
+from solvers.basics import watch
 from solvers.factorisation import set_default
 from solvers.factorisation.registry import VARIABLE
 
@@ -31,3 +33,20 @@ def _forced_factorisation(request):
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(os.environ, VARIABLE, name)
         yield
+
+
+class Clock:
+    """Seconds of `solvers.basics.watch` that pass only when something lets them."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def passes(self, seconds):
+        self.now += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(watch, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    return clock

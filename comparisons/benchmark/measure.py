@@ -80,7 +80,7 @@ def _warm_up(settings: dict[str, Any], plain: Iterable[str], threads: int) -> No
         _attempt(partial(_factorised, _Matrix(_WARM_UP), backend, threads))
 
 
-def loop(emit: Emit, cells: int, friction: float, threads: int, options: dict[str, str]) -> None:
+def loop(emit: Emit, cells: int, friction: float, threads: int, options: dict[str, Any]) -> None:
     """One run of another method; the record is "loop"."""
     discretization = discretize(compressed_plate(friction, cells=(cells, cells)))
 

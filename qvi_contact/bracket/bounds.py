@@ -16,6 +16,7 @@ from qvi_contact.companion import CompanionResult, solve_companion
 from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import obstacle_work, support_work
+from solvers.basics.watch import watched
 from solvers.strict.threshold import strict_bound
 
 _MISFIT = 1e-9  # prescribed tractions missed, relative to the unit of stress, that count
@@ -24,7 +25,9 @@ _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than round
 _OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
 
-def bracket(result: ContactResult, degree: int = 2, tolerance: float = 1e-8) -> Bracket:
+def bracket(
+    result: ContactResult, degree: int = 2, tolerance: float = 1e-8, *, time_limit: float | None = None
+) -> Bracket:
     """Bounds of the energy of the problem that a result belongs to, and an error indicator for each cell.
 
     With the compliance c, the stiffness C, a friction bound s on the contacts and
@@ -51,6 +54,8 @@ def bracket(result: ContactResult, degree: int = 2, tolerance: float = 1e-8) -> 
     tolerance : float
         Of the two solves, at most 1e-6. A stress that violates the contact law by less, relative to the largest
         stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
+    time_limit : float, optional
+        Seconds for the two solves together; a bound that is not found in time is infinite.
 
     Returns
     -------
@@ -76,8 +81,11 @@ def bracket(result: ContactResult, degree: int = 2, tolerance: float = 1e-8) -> 
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     given = given_problem(result)
-    stress = admissible_stress(given, result, tolerance)
-    companion = solve_companion(given.discretization.problem, bounds=given.bounds, degree=degree, tolerance=tolerance)
+    with watched(time_limit):
+        stress = admissible_stress(given, result, tolerance)
+        companion = solve_companion(
+            given.discretization.problem, bounds=given.bounds, degree=degree, tolerance=tolerance
+        )
     return _assemble(given, stress, companion)
 
 

@@ -38,6 +38,7 @@ def solve_companion(
     bounds: Mapping[str, ArrayLike] | None = None,
     degree: int = 2,
     tolerance: float = 1e-8,
+    time_limit: float | None = None,
 ) -> CompanionResult:
     """Displacements of a contact problem, by conforming elements Q_p on the problem's grid.
 
@@ -60,6 +61,8 @@ def solve_companion(
         p.
     tolerance : float
         Accuracy that the certificate of the contact forces must confirm.
+    time_limit : float, optional
+        Seconds for the contact forces.
 
     Returns
     -------
@@ -107,7 +110,7 @@ def solve_companion(
             dual = dual_problem(contacts, condensed)
         except (FactorisationError, MemoryError) as error:
             return _failed(problem, space, scales, error, tolerance)
-        solution = solve_qvi(dual.qvi, tolerance=tolerance)
+        solution = solve_qvi(dual.qvi, tolerance=tolerance, time_limit=time_limit)
         state = _state(dual, solution, load) if _usable(solution) else None
     return CompanionResult(
         problem, int(degree), scales, space, body, solution.status, solution.certificate, solution.message,

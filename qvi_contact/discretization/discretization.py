@@ -89,8 +89,8 @@ class Discretization:
         for node, contact in shear_beside_contacts(self.problem):
             x, y = mesh.coordinates[node]
             given_up = (
-                "is met in the resultants of the edges only, as no state was found in which friction carries it there: "
-                "let it fall to zero towards that corner"
+                "is met in the resultants of the edges only, as no certified state was found in which friction carries "
+                "it: let it fall to zero towards that corner"
             )
             taken = given_up if node in self.freed else "holds for the contact too"
             found.append(f"The shear prescribed beside {contact!r} in the corner ({x:.6g}, {y:.6g}) {taken}.")

@@ -227,13 +227,14 @@ class ContactTable(Table):
 
 
 class SolveTable(Table):
-    """Defaults for `qvi_contact.solve`; all but the first five are options of a method."""
+    """Defaults for `qvi_contact.solve`; all but the first six are options of a method."""
 
     method: str | None = None
     inner: str | None = None
     tolerance: float | None = None
     factorisation: str | None = None
     threads: int | None = None
+    time_limit: float | None = None
     gap: float | None = None
     variant: str | None = None
     damping: float | None = None

@@ -16,6 +16,7 @@ from qvi_contact.refinement.outcome import Refinement, RefinementRound, Refineme
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import solve
 from solvers import Status
+from solvers.basics.watch import expired, watched
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
@@ -25,6 +26,10 @@ _MARGIN = 0.7  # share of the target that the last round aims at
 _GROWTH = 2.0  # of the unknowns in a round
 _SLOWEST = 0.8  # largest reduction of the error between two rounds that is extrapolated
 _APART = 8.0  # how far the two estimates may be apart
+_STOPS = {
+    Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
+    Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
+}  # what a status on the way means for the refinement
 _SMALL_FORCE = 1e-6  # of the problem's unit: forces below count as this for relative errors
 
 
@@ -37,6 +42,7 @@ def refine(
     max_unknowns: int = 20_000,
     max_rounds: int = 20,
     thinnest: float = 1e-5,
+    time_limit: float | None = None,
     callback: Callable[[RefinementRound], object] | None = None,
     **options: Any,  # checked by solve
 ) -> Refinement:
@@ -68,6 +74,8 @@ def refine(
         Largest number of rounds.
     thinnest : float
         Smallest interval that is made, as a share of the body's length; solves in double precision fail near 1e-5.
+    time_limit : float, optional
+        Seconds for all rounds together; the answer is that of the last round done in time.
     callback : callable, optional
         Called with the record of each round.
     **options
@@ -112,7 +120,9 @@ def refine(
     if least > limits.max_unknowns:
         remedy = f"the first mesh has about {least} unknowns with every interval bisected: allow more, or start coarser"
         raise InputError("max_unknowns", max_unknowns, remedy)
-    return _Loop(_Measure.of(problem, quantity), limits, options, callback).run(problem)
+    loop = _Loop(_Measure.of(problem, quantity), limits, options, callback)
+    with watched(time_limit):
+        return loop.run(problem)
 
 
 def _start(problem: ContactProblem, result: ContactResult) -> ContactProblem:
@@ -244,6 +254,8 @@ class _Loop:
         """What the results on three meshes say about the finest one."""
         value, unit = self.measure.value(result), self.measure.unit(result)
         middle = self._companion(problem)
+        if middle is None and earlier and expired():  # nobody could say how accurate the result is
+            raise _StopError(RefinementStatus.TIME_LIMIT)
         if middle is None:
             return _Round(problem, result, None, value, unit, 0.0, np.inf)
         errors = cell_errors(self._companion(coarser(problem)), middle, result)
@@ -257,6 +269,8 @@ class _Loop:
         last, limits = rounds[-1], self.limits
         if last.estimate <= limits.target:
             raise _StopError(RefinementStatus.REACHED)
+        if expired():
+            raise _StopError(RefinementStatus.TIME_LIMIT)
         if len(rounds) >= limits.max_rounds:
             raise _StopError(RefinementStatus.ROUNDS)
         if last.errors is None:
@@ -296,8 +310,7 @@ class _Loop:
 
 def _check_solved(result: ContactResult) -> None:
     if result.status is not Status.SOLVED:
-        thin = result.status is Status.ILL_CONDITIONED
-        status = RefinementStatus.THIN_CELLS if thin else RefinementStatus.UNSOLVED
+        status = _STOPS.get(result.status, RefinementStatus.UNSOLVED)
         raise _StopError(status, f"the mesh with {_unknowns(result)} unknowns: {result.message}")
 
 

@@ -16,6 +16,7 @@ class RefinementStatus(StrEnum):
     ROUNDS = "rounds"
     THIN_CELLS = "thin_cells"
     UNSOLVED = "unsolved"
+    TIME_LIMIT = "time_limit"
 
     @property
     def advice(self) -> str:
@@ -32,6 +33,8 @@ _ADVICE = {
     "accept the estimate.",
     RefinementStatus.UNSOLVED: "A problem of the refinement was not solved: read its message, and take another method "
     "or inner solver.",
+    RefinementStatus.TIME_LIMIT: "The time limit came first: allow more time (time_limit=…), or accept the estimate of "
+    "the last round.",
 }
 
 

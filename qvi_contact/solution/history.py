@@ -27,7 +27,8 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import solve
 from solvers import Status
-from solvers.solve import default_method
+from solvers.basics.watch import expired, watched
+from solvers.solve import takes_initial
 
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
 
@@ -53,8 +54,9 @@ class History:
 
     @property
     def status(self) -> Status:
-        """Solved if every step was; else that of the first step that was not."""
-        return next((step.status for step in self.steps if step.status is not Status.SOLVED), Status.SOLVED)
+        """Solved if every step was; else that of the first step that was not, or "time_limit" if steps are missing."""
+        end = Status.SOLVED if len(self.steps) == self.planned else Status.TIME_LIMIT
+        return next((step.status for step in self.steps if step.status is not Status.SOLVED), end)
 
     @property
     def message(self) -> str:
@@ -62,6 +64,8 @@ class History:
         for number, step in enumerate(self.steps, 1):
             if step.status is not Status.SOLVED:
                 return f"step {number} of {self.planned}: {step.message}"
+        if len(self.steps) < self.planned:
+            return f"time limit after {len(self.steps)} of {self.planned} steps. {Status.TIME_LIMIT.advice}"
         return f"all {self.planned} steps solved"
 
     def slip(self, contact: str) -> FloatArray:
@@ -121,6 +125,8 @@ def loop_area(displacement: FloatArray, force: FloatArray) -> float:
 def solve_history(
     problems: Iterable[ContactProblem],
     callback: Callable[[int, ContactResult], object] | None = None,
+    *,
+    time_limit: float | None = None,
     **options: Any,  # checked by solve
 ) -> History:
     """Solve a list of load steps with friction that remembers where it has slipped.
@@ -133,8 +139,11 @@ def solve_history(
     callback : callable, optional
         Called with the number of each step, from 1, and its result. Where a step gives up the shear in a corner beside
         a contact (see `discretize`) all steps do, and the history starts again.
+    time_limit : float, optional
+        Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
+        unless its certificate passes.
     **options
-        As for `solve`. Each step starts from the pressure of the one before it.
+        As for `solve`. Where the fixed point solves a step it starts from the pressure of the one before it.
 
     Returns
     -------
@@ -147,6 +156,16 @@ def solve_history(
         If there is no step, or mesh or contacts change.
 
     """
+    with watched(time_limit):
+        return _history(problems, callback, options)
+
+
+def _history(
+    problems: Iterable[ContactProblem],
+    callback: Callable[[int, ContactResult], object] | None,
+    options: dict[str, Any],
+) -> History:
+    """All steps, again from the first where one gives up shears in corners."""
     steps = _checked_steps(problems)
     all_scales = [Scales.of(problem) for problem in steps]
     scales = max(all_scales, key=lambda scales: (scales.loaded, scales.stress))
@@ -156,6 +175,8 @@ def solve_history(
         found = np.unique(np.concatenate([freed, *(result.discretization.freed for result in results)]))
         if len(found) == len(freed):
             return History(tuple(results), len(steps))
+        if expired():  # no time to begin again: the steps before the one that gave up a shear are what they were
+            return History(tuple(results[:-1] or results), len(steps))
         freed = found
 
 
@@ -169,11 +190,13 @@ def _follow(
     """All steps with the shear given up at the `freed` nodes, up to one without an answer or with other nodes freed."""
     results: list[ContactResult] = []
     for number, problem in enumerate(steps, 1):
+        if results and expired():
+            break
         discretization = discretize(problem, scales=scales, freed=freed)
         if results:
             before = results[-1].discretization.qvi.operator
             discretization = discretization.slipped(_slip_after(results[-1]), before)
-        initial = {"initial": results[-1]} if results and default_method(options) == "fixed-point" else {}
+        initial = {"initial": results[-1]} if results and takes_initial(options) else {}
         results.append(solve(discretization, **{**options, **initial}))
         if callback is not None:
             callback(number, results[-1])

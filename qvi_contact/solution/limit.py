@@ -16,6 +16,7 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import FrictionQVI
+from solvers.basics.watch import left, watched
 from solvers.certificate.feasibility import AdmissibleRows
 from solvers.inequality.rows import spanning_rows
 
@@ -23,8 +24,9 @@ BODY = "body"
 """What the body force is called among the loads."""
 
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
-_INFEASIBLE, _UNBOUNDED = 2, 3  # status numbers of linprog
-_OPTIONS: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10, "time_limit": 300.0}
+_LIMIT, _INFEASIBLE, _UNBOUNDED = 1, 2, 3  # status numbers of linprog
+_OPTIONS: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_LONGEST = 300.0  # seconds
 _CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
 
 
@@ -49,7 +51,7 @@ class LimitLoad:
     violation: float
 
 
-def limit_load_factor(problem: ContactProblem, loads: Sequence[str]) -> float:
+def limit_load_factor(problem: ContactProblem, loads: Sequence[str], *, time_limit: float | None = None) -> float:
     """Largest multiple of the named loads that the contacts can carry while all other loads stay.
 
         max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) at the Gauss points
@@ -68,6 +70,8 @@ def limit_load_factor(problem: ContactProblem, loads: Sequence[str]) -> float:
     loads : sequence of str
         Names of the loads to multiply: of `Traction` conditions, of contacts whose `RigidPlate` prescribes forces, or
         "body" for the body force.
+    time_limit : float, optional
+        Seconds for the linear programs, at most 300 for each of them in any case.
 
     Returns
     -------
@@ -79,10 +83,11 @@ def limit_load_factor(problem: ContactProblem, loads: Sequence[str]) -> float:
     InputError
         If a name is unknown, or the loads are out of balance.
     SolveError
-        If the linear program is not solved to a relative accuracy of 1e-7.
+        If the linear program is not solved to a relative accuracy of 1e-7, or not in time.
 
     """
-    limit = limit_load(problem, loads)
+    with watched(time_limit):
+        limit = limit_load(problem, loads)
     gap = limit.bound - limit.factor
     if np.isfinite(limit.factor) and not (
         gap <= _CERTIFIED * (1.0 + abs(limit.factor)) and limit.violation <= _CERTIFIED
@@ -192,6 +197,8 @@ class _Program:
             return LimitLoad(np.inf, np.inf, 0.0)
         if answer.status == _INFEASIBLE and self._is_infeasible():
             return LimitLoad(-np.inf, -np.inf, 0.0)
+        if answer.status == _LIMIT:
+            raise SolveError("limit load: the time limit came first: allow more (time_limit=…), or take fewer cells")
         if answer.status != 0:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
         y, factor = answer.x[:-1], float(answer.x[-1])
@@ -206,7 +213,8 @@ class _Program:
         A = np.column_stack([self.A, -self.b_slope] + relaxed * [np.zeros(len(self.b))])
         equations: dict[str, Any] = {"A_eq": A, "b_eq": self.b} if len(self.b) else {}
         bounds = [(None, None)] * (self.G.shape[1] + 1) + [(0.0, None)] * relaxed
-        return linprog(cost, A_ub=G, b_ub=self.h, bounds=bounds, method="highs", options=_OPTIONS, **equations)
+        options: Any = {**_OPTIONS, "time_limit": min(_LONGEST, left())}
+        return linprog(cost, A_ub=G, b_ub=self.h, bounds=bounds, method="highs", options=options, **equations)
 
     def _is_infeasible(self) -> bool:
         """Whether the rows cannot be met even approximately."""

@@ -11,10 +11,13 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import Status, solve_qvi
+from solvers.basics.watch import watched
 from solvers.factorisation import FactorisationError
+from solvers.solve import takes_initial
 
 _CONDENSED_ONLY = ("gap",)  # options
-_CANNOT_CARRY = (Status.INFEASIBLE, Status.INNER_INFEASIBLE, Status.BACKEND_FAILED)
+_COUNTS = ("max_iterations", "iterations")
+_LEAST_SECONDS = 10.0  # giving up corners may take as long again as the solve before, and at least so long
 
 
 def solve(
@@ -22,6 +25,7 @@ def solve(
     method: str | None = None,
     inner: str | None = None,
     tolerance: float = 1e-8,
+    time_limit: float | None = None,
     **options: Any,  # checked by the method that takes them
 ) -> ContactResult:
     """Solve a contact problem and certify the answer.
@@ -33,18 +37,25 @@ def solve(
     method : str, optional
         "condensed" (the inequality solved directly on what the contact feels, by an interior point method),
         "fixed-point" (outer iteration on the friction bound, convex inner problems) or "uzawa" (the paper's iteration
-        (4.1)-(4.4)). By default "condensed", and "fixed-point" where that fails and the contact is not large; another
-        one if an inner solver or options are given that only that one takes.
+        (4.1)-(4.4)). By default "condensed", and "fixed-point" where that fails and the contact is not large, for as
+        long again as the first took at most, or 15 seconds if that is more; another method if an inner solver or
+        options are given that only that one takes.
     inner : str, optional
         How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel", "direct:osqp",
         "strict:<cvxpy name>" or "strict-direct:clarabel" (the contact law on whole edges, by cones), or
         "socp:<cvxpy name>"; `solvers.available()` lists what is installed. By default "qp:clarabel".
     tolerance : float
         Accuracy that the certificate must confirm, dimensionless.
+    time_limit : float, optional
+        Seconds for everything together: all methods, retries and inner problems. When they are over the best state so
+        far is returned, with the status "time_limit" unless its certificate passes. A factorisation under way, and an
+        inner solver that takes no limit, are not interrupted.
     **options
-        ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`. ``initial``, the
-        pressure the fixed point starts from, is an earlier `ContactResult` on the same contact points, such as that of
-        a smaller load, or an array over all contact points [stress]; negative values count as zero.
+        ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`; ``callback`` is called
+        with every `solvers.Iteration` of any method. ``initial``, the pressure the fixed point starts from, is an
+        earlier `ContactResult` on the same contact points, such as that of a smaller load, or an array over all contact
+        points [stress]; negative values count as zero. It does not choose the fixed point: by default that starts from
+        it where the condensed method has failed, and so not from what that found.
 
     Returns
     -------
@@ -61,21 +72,35 @@ def solve(
     """
     if not isinstance(problem, (ContactProblem, Discretization)):
         raise InputError("problem", problem, "give a ContactProblem or a Discretization")
-    discretization = problem if isinstance(problem, Discretization) else discretize(problem)
-    if discretization is not problem:
-        name, threads = options.get("factorisation", "auto"), options.get("threads")
-        with discretization.qvi.operator.using(name, threads):
-            discretization = _fitted(discretization)
     throw = bool(options.pop("throw", False))
-    if options.get("initial") is not None:
-        options["initial"] = _initial_pressure(options["initial"], discretization)
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
-    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
-    if result.status is not Status.SOLVED:
-        result = _with_free_corners(result, settings) or result
+    with watched(time_limit):
+        result = _solve(problem, settings)
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
+
+
+def _solve(problem: ContactProblem | Discretization, settings: dict[str, Any]) -> ContactResult:
+    """Discretise if need be, solve, and try again without the shear in corners."""
+    discretization = problem if isinstance(problem, Discretization) else discretize(problem)
+    if discretization is not problem:
+        name, threads = settings.get("factorisation", "auto"), settings.get("threads")
+        with discretization.qvi.operator.using(name, threads):
+            discretization = _fitted(discretization)
+    if settings.get("initial") is not None:
+        settings["initial"] = _initial_pressure(settings["initial"], discretization)
+    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
+    if result.status is Status.SOLVED or _stopped(result, settings):
+        return result
+    with watched(max(_LEAST_SECONDS, sum(result.solution.timings.values()))):
+        return _with_free_corners(result, settings) or result
+
+
+def _stopped(result: ContactResult, settings: dict[str, Any]) -> bool:
+    """Whether a limit that the caller has set came first."""
+    counted = any(settings.get(name) is not None for name in _COUNTS)
+    return result.status is Status.TIME_LIMIT or (counted and result.status is Status.MAX_ITERATIONS)
 
 
 def _fitted(discretization: Discretization) -> Discretization:
@@ -91,7 +116,8 @@ def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> Conta
 
     Corner and contact share one Φ_xy. It is freed, as between two prescribed shears that disagree, and the resultants
     of the edges are kept. From the pressure found so the original problem gets another try, unless it is proved to have
-    no solution; else as few corners as possible are given up, and only where the original cannot be solved.
+    no solution; else as few corners as possible are given up, and only where the original is not solved. The remarks of
+    the result name them.
     """
     known = failed.discretization
     corners = np.array([node for node, _ in shear_beside_contacts(failed.problem)], dtype=np.int64)
@@ -101,20 +127,20 @@ def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> Conta
     discretization = known.freeing(np.union1d(known.freed, freed))
     result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
     if result.status is not Status.SOLVED:
-        corners_only = failed.status is Status.INFEASIBLE and result.status is not Status.INFEASIBLE
-        return result if corners_only else None
+        possible = result.status not in (Status.INFEASIBLE, Status.TIME_LIMIT)
+        return result if possible and failed.status is Status.INFEASIBLE else None
     again = settings
-    if settings["method"] in (None, "fixed-point"):
-        pressure = result.solution.problem.pressure(result.solution.z)
-        options = {name: value for name, value in settings.items() if name not in _CONDENSED_ONLY}
-        again = {**options, "method": "fixed-point", "initial": pressure}
-        exact = _solved(known, again) if failed.status is not Status.INFEASIBLE else None
+    if takes_initial(settings):
+        again = {**settings, "initial": result.solution.problem.pressure(result.solution.z)}
+        options = {name: value for name, value in again.items() if name not in _CONDENSED_ONLY}
+        undecided = failed.status is not Status.INFEASIBLE
+        exact = _solved(known, {**options, "method": "fixed-point"}) if undecided else None
         if exact is not None:
             return exact
     for node in freed if len(freed) > 1 else ():
         fewer = result.discretization.freed[result.discretization.freed != node]
         result = _solved(known.freeing(fewer), again) or result
-    return result if failed.status in _CANNOT_CARRY else None
+    return result
 
 
 def _solved(discretization: Discretization, settings: dict[str, Any]) -> ContactResult | None:

@@ -342,7 +342,7 @@ def _status(result: ContactResult, found: Recomputed) -> Check:
         honest = solution.farkas is not None
     else:
         honest = _follows(status, claimed) and _follows(status, computed)
-    word = status.value.replace("_", " ")
+    word = status.words
     said = re.match(rf"{word}\b", solution.message) is not None
     return Check(
         "status", word, None, honest and said,

@@ -13,6 +13,7 @@ class Status(StrEnum):
     ILL_CONDITIONED = "ill_conditioned"
     UNBOUNDED = "unbounded"
     MAX_ITERATIONS = "max_iterations"
+    TIME_LIMIT = "time_limit"
     STALLED = "stalled"
     CYCLING = "cycling"
     DIVERGED = "diverged"
@@ -25,9 +26,16 @@ class Status(StrEnum):
         return _ADVICE[self]
 
     @property
+    def words(self) -> str:
+        """The value as it stands in a sentence."""
+        return self.value.replace("_", " ")
+
+    @property
     def usable(self) -> bool:
         """Whether an inner problem that ended so gives an iterate worth continuing from."""
-        return self in (Status.SOLVED, Status.INACCURATE, Status.MAX_ITERATIONS, Status.STALLED)
+        return self in (
+            Status.SOLVED, Status.INACCURATE, Status.MAX_ITERATIONS, Status.TIME_LIMIT, Status.STALLED,
+        )  # fmt: skip
 
 
 _ADVICE = {
@@ -42,6 +50,8 @@ _ADVICE = {
     Status.UNBOUNDED: "The energy has no minimum: check that K is positive definite, with no free mode left.",
     Status.MAX_ITERATIONS: "The iteration limit came first: raise max_iterations if the residuals were falling, else "
     "take method='fixed-point' or another inner solver.",
+    Status.TIME_LIMIT: "The time limit came first; the state, if there is one, is the best found until then: allow "
+    "more time (time_limit=…), or take fewer cells.",
     Status.STALLED: "The iteration stopped making progress (close to a sliding limit there may be no solution): start "
     "from the result of a smaller load (initial=…), try memory=10 or damping=0.2, or a more accurate inner solver.",
     Status.CYCLING: "The iteration repeats itself (close to a sliding limit there may be no solution): in the fixed "

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags, hstack, identity, triu, vstack
 
 from solvers.basics.types import BoolVector, IntVector, Sparse, Vector, load
+from solvers.basics.watch import left
 from solvers.inequality.problem import FrictionQVI
 
 _REACH = 1e4
@@ -129,6 +130,7 @@ def _minimise(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice
     settings.verbose = False
     settings.presolve_enable = False
     settings.tol_infeas_abs = settings.tol_infeas_rel = 1e-11
+    settings.time_limit = left()
     cones = ([clarabel.ZeroConeT(qvi.p)] if qvi.p else []) + [clarabel.NonnegativeConeT(h.size)]
     stacked = csc_matrix(vstack([qvi.A, G])) if qvi.p else G
     try:

@@ -16,6 +16,7 @@
 | ones do not shrink                                                     |                               |
 | the gap overflows                                                      | diverged                      |
 | `max_iterations` done                                                  | max_iterations                |
+| the time is over, see `watch`                                          | time_limit                    |
 
 After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path.
 """
@@ -28,6 +29,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from solvers.basics.status import Status
+from solvers.basics.watch import Progress, expired, tell
 from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
@@ -134,7 +136,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
 def _restarted(first: _Run) -> _Run:
     """Other central paths where the first led nowhere; the first again if none leads anywhere."""
     for share in FRICTION_SHARES[1:]:
-        if first.reason in (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS):
+        if first.reason in (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT):
             break
         run = _start(first.qvi, first.reduction, first.options, share)
         run.history = first.history
@@ -143,6 +145,8 @@ def _restarted(first: _Run) -> _Run:
         _iterate(run)
         if run.reason is Status.SOLVED:
             return run
+        if run.reason is Status.TIME_LIMIT:
+            first.reason, first.message = run.reason, ""
     return first
 
 
@@ -217,17 +221,23 @@ def _iterate_to(run: _Run, gap: float) -> None:
         _prepare(run, measures)
         if stalled:
             _turn(run, measures)
-        if not np.isfinite(measures.gap):
-            run.reason = Status.DIVERGED
-        elif len(run.history) >= run.options.max_iterations:
-            run.reason = Status.MAX_ITERATIONS
-        elif len(run.history) - run.before >= _ONE_START:
-            run.reason = Status.STALLED
+        run.reason = _limit(run, measures) or run.reason
         if run.reason is None:
             _advance(run, residuals)
         if run.reason is not None:
             return
         _record(run, measures)
+
+
+def _limit(run: _Run, measures: Measures) -> Status | None:
+    """What ends the iteration whatever its progress."""
+    if not np.isfinite(measures.gap):
+        return Status.DIVERGED
+    if len(run.history) >= run.options.max_iterations:
+        return Status.MAX_ITERATIONS
+    if expired():
+        return Status.TIME_LIMIT
+    return Status.STALLED if len(run.history) - run.before >= _ONE_START else None
 
 
 def _prepare(run: _Run, measures: Measures) -> None:
@@ -294,6 +304,7 @@ def _record(run: _Run, measures: Measures) -> None:
     )  # fmt: skip
     run.began = now
     run.history.append(entry)
+    tell(Progress("condensed", entry))
     if run.options.callback is not None:
         run.options.callback(entry)
 

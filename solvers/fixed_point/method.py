@@ -6,6 +6,7 @@
 | best residual not reduced by a tenth in `patience` iterations      | stalled                       |
 | s returns to an earlier value (2 to 8 iterations ago)              | cycling; stalled if residual ≤ 1e-4 |
 | `max_iterations` done                                              | max_iterations                |
+| the time is over, see `watch`                                      | time_limit                    |
 | the inner problem fails, or stays infeasible after restarts        | that of the inner problem     |
 
 With strict bounds (`strict`) s and g are affine on every edge, and g differs from |N z + n0| where that is no such
@@ -27,6 +28,7 @@ import numpy as np
 
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
+from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate.certificate import certify, scales_at
 from solvers.certificate.feasibility import check_feasibility
 from solvers.errors import InputError
@@ -143,7 +145,10 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
     set_up = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging back end is judged by its residual
         while state.reason is None:
-            _step(qvi, form, solver, state, options, tolerance)
+            if expired():
+                state.reason = Status.TIME_LIMIT
+            else:
+                _step(qvi, form, solver, state, options, tolerance)
     outcome = _outcome(qvi, state)
     outcome.form = form.name
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
@@ -151,14 +156,23 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
     return finish(qvi, outcome, "fixed-point", inner, tolerance)
 
 
+def initial_pressure(qvi: FrictionQVI, initial: object) -> Vector:
+    """The option `initial`, checked (m,)."""
+    try:
+        s = np.array(initial, dtype=np.float64)
+    except (TypeError, ValueError):
+        s = np.array(np.nan)
+    if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:
+        raise InputError("initial", initial, f"give a finite pressure ≥ 0 of shape ({qvi.m},)")
+    return s
+
+
 def _init(qvi: FrictionQVI, options: FixedPointOptions) -> _State:
     """Start: the given pressure or that of the bonded solution."""
     if options.initial is None:
         s = _start(qvi, qvi.bonded)
     else:
-        s = np.array(options.initial, dtype=np.float64)
-        if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:
-            raise InputError("initial", options.initial, f"give a finite pressure ≥ 0 of shape ({qvi.m},)")
+        s = initial_pressure(qvi, options.initial)
         s = affine_pressure(qvi, s) if qvi.strict else s
     accelerate = options.variant == "anderson"
     accelerator = Anderson(qvi.W, options.memory, options.damping) if accelerate else None
@@ -181,7 +195,8 @@ def _step(
     number = len(state.history) + 1
     if not usable:
         _record(qvi, state, result, np.inf, began, options)
-        _recover(qvi, form, solver, state, result)
+        if not expired():
+            _recover(qvi, form, solver, state, result)
     else:
         state.inner = inner
         g = _pressure(qvi, result.z)
@@ -209,9 +224,10 @@ def _solve_inner(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state
     inner = (strict_contradiction if qvi.strict else contradiction)(form.problem, threshold, centre) or solver.solve(
         threshold, centre, state.inner
     )
-    if not _is_usable(inner) and state.inner is not None:
+    if not _is_usable(inner) and state.inner is not None and not expired():
         inner = solver.solve(threshold, form.centre(None, None), None)
-    return _checked_claim(inner, form, threshold) if inner.status is Status.INFEASIBLE else inner
+    claimed = inner.status is Status.INFEASIBLE and not expired()
+    return _checked_claim(inner, form, threshold) if claimed else inner
 
 
 def _checked_claim(inner: InnerSolution, form: ProblemForm, threshold: Vector) -> InnerSolution:
@@ -251,9 +267,7 @@ def _refine(
         len(state.history) + 1, certificate.accuracy, qvi.energy(z), qvi.resultant(z), None, refined.steps,
         time.perf_counter() - began,
     )  # fmt: skip
-    state.history.append(entry)
-    if options.callback is not None:
-        options.callback(entry)
+    _append(state, entry, options)
     return True
 
 
@@ -278,7 +292,13 @@ def _record(
         len(state.history) + 1, residual, qvi.energy(result.z), qvi.resultant(result.z), result.status,
         result.iterations, time.perf_counter() - began,
     )  # fmt: skip
+    _append(state, entry, options)
+
+
+def _append(state: _State, entry: Iteration, options: FixedPointOptions) -> None:
+    """To the history, and tell those who listen."""
     state.history.append(entry)
+    tell(Progress("fixed-point", entry))
     if options.callback is not None:
         options.callback(entry)
 

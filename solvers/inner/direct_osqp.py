@@ -6,6 +6,7 @@ and without it and the result with the smaller residual is kept. Cite: B. Stella
 splitting solver for quadratic programs, Math. Prog. Comp. 2020.
 """
 
+import math
 import time
 import warnings
 from collections.abc import Mapping
@@ -16,6 +17,7 @@ from scipy.sparse import csc_matrix, triu, vstack
 
 from solvers.basics.status import Status
 from solvers.basics.types import Module, Vector, load
+from solvers.basics.watch import left
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerSolution, inner_residual, no_result
 from solvers.inner.qp_backends import OSQP_WORDS
@@ -63,17 +65,25 @@ class DirectOSQP:
         lower = np.concatenate([centre.b, np.full(self._qvi.m, -np.inf), -threshold - centre.t0])
         upper = np.concatenate([centre.b, -centre.n0, threshold - centre.t0])
         self._solver.update(q=-centre.f, l=lower, u=upper)
+        self._limit_time()
         if start is not None and start.finite:
             self._solver.warm_start(x=start.z - centre.z)
         plain = self._read(self._solver.solve(raise_error=False), centre, began)
         if not plain.status.usable or not self._active(plain, centre, lower, upper):
             return plain, None
         self._solver.update_settings(polishing=True)
+        self._limit_time()
         try:
             polished = self._read(self._solver.solve(raise_error=False), centre, began)
         finally:
             self._solver.update_settings(polishing=False)
         return plain, polished
+
+    def _limit_time(self) -> None:
+        """What is left of the time, if there is a limit."""
+        seconds = left()
+        if seconds < math.inf:
+            self._solver.update_settings(time_limit=min(seconds, self._solver.settings.time_limit))
 
     def _active(self, plain: InnerSolution, centre: Centre, lower: Vector, upper: Vector) -> bool:
         """Whether polishing has an active row to work with; without one OSQP writes on standard output."""

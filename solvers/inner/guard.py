@@ -1,10 +1,12 @@
 """Calls of back ends, which may fail in ways of their own."""
 
+import math
 import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from solvers.basics.types import Module, Vector
+from solvers.basics.watch import left
 
 _Answer = TypeVar("_Answer")
 
@@ -35,6 +37,18 @@ def solve_cvxpy(problem: Module, name: str, settings: Mapping[str, Any]) -> tupl
 
 
 def updated_solve(solver: Module, q: Vector, b: Vector) -> Module:
-    """Solve with a Clarabel solver that is kept, for new vectors q and b."""
+    """Solve with a Clarabel solver that is kept, for new vectors q and b, in the time that is left."""
+    settings, seconds = solver.get_settings(), left()
+    if seconds < settings.time_limit:
+        settings.time_limit = seconds
+        solver.update(settings=settings)
     solver.update(q=q, b=b)
     return solver.solve()
+
+
+def within_time(settings: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Settings of a back end with its limit of time, called `name` if there is one, no longer than what is left."""
+    seconds = left()
+    if not name or seconds == math.inf:
+        return dict(settings)
+    return {**settings, name: min(seconds, settings.get(name, math.inf))}

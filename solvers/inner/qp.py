@@ -15,7 +15,7 @@ import numpy as np
 from solvers.basics.status import Status
 from solvers.basics.types import Vector, load
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import BackendFailure, attempt
+from solvers.inner.guard import BackendFailure, attempt, within_time
 from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
 from solvers.inner.qp_backends import BACKENDS, QPBackend
 
@@ -55,7 +55,8 @@ class QPSolver:
         equalities = (A, centre.b) if self._inner.qvi.p else (None, None)
         problem = qpsolvers.Problem(P, -centre.f, G, centre.h(threshold), *equalities)
         initial = start.z - centre.z if self.backend.warm and start is not None and start.finite else None
-        return qpsolvers.solve_problem(problem, self.name, initvals=initial, **self._settings)
+        settings = within_time(self._settings, self.backend.limit)
+        return qpsolvers.solve_problem(problem, self.name, initvals=initial, **settings)
 
     def _translate(self, answer: Any, centre: Centre, status: Status, message: str, seconds: float) -> InnerSolution:
         """Read z and multipliers; where one is missing everything is."""

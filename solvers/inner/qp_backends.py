@@ -31,6 +31,7 @@ class QPBackend:
     tolerances : settings that take the tolerance
     options : further settings
     floor : smallest tolerance it is asked for; below it fails or does not terminate
+    limit : setting that takes a limit of time in seconds, if there is one
     dense : takes dense matrices only
     warm : takes the previous z as a start and gains from it
     word : its status as a word, from `qpsolvers.Solution`
@@ -44,6 +45,7 @@ class QPBackend:
     tolerances: tuple[str, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     floor: float = 1e-12
+    limit: str = ""
     dense: bool = False
     warm: bool = False
     word: Callable[[Any], str] = _found
@@ -65,7 +67,7 @@ CLARABEL_WORDS: Mapping[str, Status] = MappingProxyType(
         "DualInfeasible": Status.UNBOUNDED,
         "AlmostDualInfeasible": Status.UNBOUNDED,
         "MaxIterations": Status.MAX_ITERATIONS,
-        "MaxTime": Status.MAX_ITERATIONS,
+        "MaxTime": Status.TIME_LIMIT,
     }
 )
 """Status words of Clarabel."""
@@ -79,7 +81,7 @@ OSQP_WORDS: Mapping[str, Status] = MappingProxyType(
         "dual infeasible": Status.UNBOUNDED,
         "dual infeasible inaccurate": Status.UNBOUNDED,
         "maximum iterations reached": Status.MAX_ITERATIONS,
-        "run time limit reached": Status.MAX_ITERATIONS,
+        "run time limit reached": Status.TIME_LIMIT,
         "problem non convex": Status.UNBOUNDED,
     }
 )
@@ -90,6 +92,7 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
         "clarabel": QPBackend(
             "clarabel",
             tolerances=("tol_gap_abs", "tol_gap_rel", "tol_feas"),
+            limit="time_limit",
             word=lambda s: str(s.extras["status"]),
             words=CLARABEL_WORDS,
         ),
@@ -103,7 +106,13 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
             words={"optimal": Status.SOLVED, "unknown": Status.STALLED},
             iterations=lambda s: int(s.extras["iterations"]),
         ),
-        "daqp": QPBackend("daqp", tolerances=("primal_tol", "dual_tol"), options={"iter_limit": 100_000}, dense=True),
+        "daqp": QPBackend(
+            "daqp",
+            tolerances=("primal_tol", "dual_tol"),
+            options={"iter_limit": 100_000},
+            limit="time_limit",
+            dense=True,
+        ),
         "ecos": QPBackend(
             "ecos",
             tolerances=("feastol", "abstol", "reltol"),
@@ -127,12 +136,14 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
             tolerances=("primal_feasibility_tolerance", "dual_feasibility_tolerance"),
             options={"qp_regularization_value": 1e-11},  # its default, 1e-7, is the relative error of one solve
             floor=1e-10,
+            limit="time_limit",
         ),
         "osqp": QPBackend(
             "osqp",
             tolerances=("eps_abs", "eps_rel"),
             options={"max_iter": 100_000, "polishing": False},
             floor=1e-11,
+            limit="time_limit",
             warm=True,
             word=lambda s: str(s.extras["info"].status),
             words=OSQP_WORDS,
@@ -172,6 +183,7 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
             "qpalm",
             tolerances=("eps_abs", "eps_rel", "eps_abs_in", "eps_rel_in"),
             options={"max_iter": 100_000},
+            limit="time_limit",
             warm=True,
             word=lambda s: str(s.extras["info"].status),
             words={
@@ -180,7 +192,7 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
                 "dual infeasible": Status.UNBOUNDED,
                 "maximum iterations exceeded": Status.MAX_ITERATIONS,
                 "maximum iterations reached": Status.MAX_ITERATIONS,
-                "time limit exceeded": Status.MAX_ITERATIONS,
+                "time limit exceeded": Status.TIME_LIMIT,
             },
             iterations=lambda s: int(s.extras["info"].iter),
         ),
@@ -195,6 +207,7 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
             tolerances=("eps_abs", "eps_rel"),
             options={"max_iters": 100_000},
             floor=1e-10,
+            limit="time_limit_secs",
             word=lambda s: str(s.extras["status_val"]),
             words={
                 "1": Status.SOLVED,

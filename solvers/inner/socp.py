@@ -15,19 +15,20 @@ import numpy as np
 from solvers.basics.status import Status
 from solvers.basics.types import Vector, load
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import BackendFailure, solve_cvxpy
+from solvers.inner.guard import BackendFailure, solve_cvxpy, within_time
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.root import square_root
 
 
 @dataclass(frozen=True)
 class ConeBackend:
-    """Module, settings that take the tolerance, further settings, smallest tolerance asked for."""
+    """Module, settings that take the tolerance, further settings, smallest tolerance, setting for a limit of time."""
 
     module: str
     tolerances: tuple[str, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     floor: float = 1e-12
+    limit: str = ""
 
     def settings(self, tolerance: float) -> dict[str, Any]:
         """Keyword arguments for ``cvxpy.Problem.solve``."""
@@ -36,8 +37,8 @@ class ConeBackend:
 
 BACKENDS: Mapping[str, ConeBackend] = MappingProxyType(
     {
-        "clarabel": ConeBackend("clarabel", ("tol_gap_abs", "tol_gap_rel", "tol_feas")),
-        "scs": ConeBackend("scs", ("eps_abs", "eps_rel"), {"max_iters": 100_000}, 1e-10),
+        "clarabel": ConeBackend("clarabel", ("tol_gap_abs", "tol_gap_rel", "tol_feas"), limit="time_limit"),
+        "scs": ConeBackend("scs", ("eps_abs", "eps_rel"), {"max_iters": 100_000}, 1e-10, "time_limit_secs"),
         "ecos": ConeBackend("ecos", ("abstol", "reltol", "feastol"), {"max_iters": 200}, 1e-11),
         "cvxopt": ConeBackend(
             "cvxopt", ("abstol", "reltol", "feastol"), {"max_iters": 200, "kktsolver": "robust"}, 1e-9
@@ -99,7 +100,7 @@ class SOCPSolver:
         self._f.value, self._n0.value, self._t0.value = centre.f, centre.n0, centre.t0
         if self._b is not None:
             self._b.value = centre.b
-        said = solve_cvxpy(self.problem, self._name, self._settings)
+        said = solve_cvxpy(self.problem, self._name, within_time(self._settings, BACKENDS[self._name].limit))
         if isinstance(said, BackendFailure):
             return no_result(qvi, Status.BACKEND_FAILED, said, time.perf_counter() - began)
         word, message = said

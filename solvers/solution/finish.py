@@ -1,12 +1,13 @@
 """The last step of every method: certificate, status, one readable sentence."""
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
+from solvers.basics.watch import expired
 from solvers.certificate.certificate import Certificate, certify
 from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.inequality.problem import FrictionQVI
@@ -54,7 +55,7 @@ def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, toleranc
     certificate = certify(qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, tolerance)
     status = _status(outcome.reason, certificate)
     feasibility = outcome.feasibility
-    undecided = status not in (Status.SOLVED, Status.INACCURATE) and outcome.check_feasible
+    undecided = status not in (Status.SOLVED, Status.INACCURATE) and outcome.check_feasible and not expired()
     if undecided and feasibility is None:
         feasibility = check_feasibility(qvi)
     if undecided and feasibility is not None and feasibility.feasible is False:
@@ -69,7 +70,8 @@ def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, toleranc
     return QVISolution(
         qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, outcome.threshold, certificate,
         tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
-        _sentence(status, outcome, certificate, feasibility), dict(outcome.versions), farkas, outcome.form,
+        _sentence(status, outcome.iterations, outcome.message, certificate, feasibility),
+        dict(outcome.versions), farkas, outcome.form,
         qvi.factorisation, outcome.corrections,
     )  # fmt: skip
 
@@ -83,14 +85,21 @@ def _status(reason: Status, certificate: Certificate) -> Status:
     return Status.STALLED if reason is Status.SOLVED else reason
 
 
-def _sentence(status: Status, outcome: Outcome, certificate: Certificate, feasibility: Feasibility | None) -> str:
-    count = outcome.iterations
-    parts = [f"{status.value.replace('_', ' ')} after {count} iteration{'s' if count != 1 else ''}"]
+def _sentence(
+    status: Status, count: int, said: str, certificate: Certificate, feasibility: Feasibility | None = None
+) -> str:
+    parts = [f"{status.words} after {count} iteration{'s' if count != 1 else ''}"]
     if status is Status.INFEASIBLE and feasibility is not None:
         parts.append(feasibility.message)
     elif np.isfinite(certificate.accuracy):
         parts.append(certificate.summary())
-    if outcome.message and status not in (Status.SOLVED, Status.INFEASIBLE):
-        parts.append(outcome.message)
+    if said and status not in (Status.SOLVED, Status.INFEASIBLE):
+        parts.append(said)
     text = "; ".join(parts) + "."
     return text if status is Status.SOLVED else f"{text} {status.advice}"
+
+
+def out_of_time(solution: QVISolution) -> QVISolution:
+    """The same state with the status "time_limit": something was still being tried."""
+    status = Status.TIME_LIMIT
+    return replace(solution, status=status, message=_sentence(status, solution.iterations, "", solution.certificate))

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from solvers.basics.types import BoolVector, Matrix, Vector
+from solvers.basics.watch import expired
 from solvers.inequality.compliance import Compliance
 from solvers.inequality.problem import FrictionQVI
 from solvers.strict.natural import project
@@ -117,7 +118,7 @@ class Newton:
             moved = self._flexibility @ self._functionals(u - start)
             system = self._equations(u, n - moved[: 2 * e].reshape(e, 2), tau - moved[2 * e :].reshape(e, 3), k, size)
             residual = float(np.abs(system.values).max(initial=0.0)) / size
-            if residual <= _ENOUGH or step == _STEPS - 1 or not residual < _LOST * first:
+            if residual <= _ENOUGH or step == _STEPS - 1 or not residual < _LOST * first or expired():
                 break
             first = min(first, residual)
             u = u + system.step(u)

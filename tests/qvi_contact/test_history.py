@@ -199,6 +199,21 @@ def test_callback_hears_of_every_step():
     assert heard == list(enumerate(history.steps, 1))
 
 
+def test_steps_done_in_time_are_kept(clock):
+    """A second a step: two are done in a second and a half, a third is not begun."""
+    steps = [pressed_block(w) for w in (0.0, 0.001, 0.002)]
+    history = solve_history(steps, callback=lambda *_: clock.passes(1.0), time_limit=1.5)
+    assert [step.status for step in history.steps] == [Status.SOLVED, Status.SOLVED]
+    assert history.status is Status.TIME_LIMIT
+    assert history.message.startswith("time limit after 2 of 3 steps")
+
+
+def test_no_time_for_the_first_step():
+    late = solve_history([pressed_block(w) for w in (0.0, 0.001)], time_limit=1e-9)
+    assert [step.status for step in late.steps] == [Status.TIME_LIMIT]
+    assert late.status is Status.TIME_LIMIT
+
+
 def test_a_step_at_rest_does_not_set_the_units():
     """Steel under its own weight from rest: stresses of 1e-8 E are as exact as alone."""
 

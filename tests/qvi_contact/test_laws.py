@@ -393,4 +393,4 @@ def test_only_the_corner_that_fails_is_given_up():
     ]
     result = solved(ContactProblem(mesh, Material(1e3, 0.3), conditions), 1e-8)
     assert result.discretization.freed.tolist() == [0]
-    assert sum("no state was found" in remark for remark in result.remarks) == 1
+    assert sum("no certified state was found" in remark for remark in result.remarks) == 1

@@ -1,6 +1,7 @@
 """Limit loads against closed forms, what solving says around them, and the reasons given beyond."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ from qvi_contact import (
     Material,
     RectilinearMesh,
     RigidPlate,
+    SolveError,
     Symmetry,
     Traction,
     solve,
 )
 from qvi_contact.gallery import stick_slip_block
+from qvi_contact.solution import limit
 from qvi_contact.solution.limit import limit_load, limit_load_factor
 from solvers import Status
 
@@ -356,3 +359,20 @@ def test_limit_and_solve_mean_the_same_problem_where_corners_carry_no_shear():
     assert solve(dragged(0.6 * factor)).status is Status.SOLVED
     assert solve(dragged(0.75 * factor)).status is not Status.INFEASIBLE  # although the corners alone carry nothing
     assert solve(dragged(1.001 * factor)).status is Status.INFEASIBLE
+
+
+def test_the_linear_program_gets_what_is_left(monkeypatch):
+    """300 seconds at most, less with a limit; that there was too little time is not taken for a load."""
+    given = []
+
+    def too_slow(*_, options, **__):
+        given.append(options["time_limit"])
+        return SimpleNamespace(status=1)
+
+    monkeypatch.setattr(limit, "linprog", too_slow)
+    problem = dragged(RectilinearMesh.rectangle((2, 2)), 10.0, 1.0, Contact("bottom", 0.5))
+    for seconds in (None, 20.0):
+        with pytest.raises(SolveError, match="time limit"):
+            limit_load_factor(problem, ["shear"], time_limit=seconds)
+    assert given[0] == 300.0
+    assert 0.0 < given[1] <= 20.0

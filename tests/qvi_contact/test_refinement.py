@@ -462,3 +462,43 @@ def test_an_earlier_result_sets_the_first_mesh():
     assert outcome.rounds[0].value == pytest.approx(earlier.energies.complementary, rel=1e-8)
     with pytest.raises(InputError, match="result"):
         refine(plate, 1e-3)
+
+
+@pytest.mark.parametrize("seconds", [0.5, 1.5])
+def test_the_answer_is_that_of_the_last_round_in_time(clock, seconds):
+    """A second a round."""
+    seen = []
+
+    def callback(record):
+        seen.append(record)
+        clock.passes(1.0)
+
+    outcome = refine(compressed_plate(0.2, (2, 2)), target=1e-9, time_limit=seconds, callback=callback)
+    assert outcome.status is RefinementStatus.TIME_LIMIT
+    assert len(outcome.rounds) == len(seen) == np.ceil(seconds)
+    assert outcome.estimate == seen[-1].estimate < np.inf
+    assert outcome.result.status is Status.SOLVED
+
+
+def test_no_time_for_the_first_round():
+    outcome = refine(compressed_plate(0.2, (2, 2)), target=1e-9, time_limit=1e-9)
+    assert outcome.status is RefinementStatus.TIME_LIMIT
+    assert outcome.result.status is Status.TIME_LIMIT
+    assert outcome.estimate == np.inf
+
+
+def test_a_result_whose_accuracy_nobody_can_tell_in_time_is_not_the_answer(clock, monkeypatch):
+    """The time is over between the second round's result and its coarser companion."""
+    solved = []
+
+    def slow(problem, **options):
+        solved.append(problem)
+        clock.passes(1.0)
+        return solve(problem, **options)
+
+    monkeypatch.setattr(adaptive, "solve", slow)
+    outcome = refine(compressed_plate(0.2, (2, 2)), target=1e-9, time_limit=4.5)
+    assert outcome.status is RefinementStatus.TIME_LIMIT
+    assert len(solved) > 4
+    assert len(outcome.rounds) == 1
+    assert outcome.estimate < np.inf

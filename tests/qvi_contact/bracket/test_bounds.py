@@ -272,3 +272,11 @@ def test_loads_met_in_resultants_only_are_not_guaranteed():
     found = solve(problem).bracket
     assert not found.guaranteed
     assert "resultants" in " ".join(found.reasons)
+
+
+def test_bounds_that_come_too_late_are_infinite():
+    """The stress of the plate has to be made admissible on whole edges, for which there is no time."""
+    found = bracket(solve(compressed_plate(0.2, (4, 4))), time_limit=1e-9)
+    assert found.lower == -np.inf
+    assert not found.guaranteed
+    assert [reason for reason in found.reasons if "time limit" in reason]
