@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from qvi_contact.basics.terminal import progress, run
+from qvi_contact.basics.terminal import run
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from qvi_contact.verification.verification import Verification
 
 _FILE = click.argument("file", metavar="FILE")
+_TIME_LIMIT = click.option(
+    "--time-limit", type=float, metavar="SECONDS", help="Seconds for all solves together.  [default: none]"
+)
 _JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
 
 
@@ -43,6 +46,7 @@ def group() -> None:
 @click.option("--factorisation", help="Sparse factorisation, see: qvi-contact methods")
 @click.option("--threads", type=int, help="Threads of the linear algebra.  [default: one; all if it pays]")
 @click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
+@_TIME_LIMIT
 @_JSON
 @click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
 @click.option("--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu).")
@@ -56,6 +60,7 @@ def solve(
     factorisation: str | None,
     threads: int | None,
     tolerance: float | None,
+    time_limit: float | None,
     as_json: bool,
     plot: str | None,
     vtk: str | None,
@@ -66,12 +71,13 @@ def solve(
     """Solve the problem in FILE and report forces and states of its contacts.
 
     Options override what [solve] says in the file. A file with a [history] is solved step by step; the picture is then
-    one of forces and loops, and fields are those of the last step. With --certificate all that the result (of each
+    one of forces and loops, and fields are those of the last step. After --time-limit seconds the best state found so
+    far is the result, with the status time_limit. With --certificate all that the result (of each
     step) claims is computed anew: the exit status is 1 if anything disagrees, and --json has it as "verification".
 
     \b
     Exit status: 0 solved, with a passing certificate
-                 1 not solved: the message says why, such as a load that friction cannot carry
+                 1 not solved: the message says why, such as a load that friction cannot carry, or too little time
                  2 something is wrong with the input
 
     \b
@@ -91,6 +97,7 @@ def solve(
     problem_file = load_problem(file)
     given = {
         "method": method, "inner": inner, "tolerance": tolerance, "factorisation": factorisation, "threads": threads,
+        "time_limit": time_limit,
     }  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options = _options(problem_file, {name: value for name, value in given.items() if value is not None})
@@ -176,10 +183,19 @@ def check(file: str, plot: str | None, as_json: bool) -> None:
 @_FILE
 @click.option("--degree", type=int, default=2, show_default=True, help="Of the displacement elements, 2 to 4.")
 @click.option("--tolerance", type=float, default=1e-8, show_default=True, help="Of all solves, at most 1e-6.")
+@_TIME_LIMIT
 @_JSON
 @click.option("--plot", metavar="PICTURE", help="Draw where the bounds are apart: .png, .svg or .pdf.")
 @click.option("--vtk", metavar="VTU", help="Write the displacements for ParaView (.vtu).")
-def bracket(file: str, degree: int, tolerance: float, as_json: bool, plot: str | None, vtk: str | None) -> int:
+def bracket(
+    file: str,
+    degree: int,
+    tolerance: float,
+    time_limit: float | None,
+    as_json: bool,
+    plot: str | None,
+    vtk: str | None,
+) -> int:
     """Solve the problem in FILE from both sides, which says how far off the answer can be.
 
     Beside the stress, displacement elements are solved on the same grid. The two energies enclose that of the exact
@@ -202,17 +218,21 @@ def bracket(file: str, degree: int, tolerance: float, as_json: bool, plot: str |
     import numpy as np
 
     from qvi_contact.bracket.bounds import bracket as bracketed
+    from qvi_contact.command.solve_line import solving
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
     from qvi_contact.solution.solver import solve as solve_one
+    from solvers.basics.watch import watched
 
     targets = checked_targets(file, plot=plot, vtk=vtk)
     problem_file = load_problem(file)
     _refuse_history(problem_file)
     with problem_file.named_errors(), np.errstate(all="ignore"):
-        options = _options(problem_file, {"tolerance": tolerance})
-        result = solve_one(problem_file.problem, **options)
-        found = bracketed(result, degree, tolerance) if result.has_state else None
+        given = {"tolerance": tolerance} | ({} if time_limit is None else {"time_limit": time_limit})
+        options = _options(problem_file, given)
+        with solving(problem_file.title or "bracket"), watched(options.pop("time_limit", None)):
+            result = solve_one(problem_file.problem, **options)
+            found = bracketed(result, degree, tolerance) if result.has_state else None
         _write_bracket(problem_file, found, targets)
     _show_bracket(problem_file, result, found, as_json)
     return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
@@ -221,8 +241,9 @@ def bracket(file: str, degree: int, tolerance: float, as_json: bool, plot: str |
 @group.command()
 @_FILE
 @click.option("--load", "loads", metavar="NAME", multiple=True, required=True, help="A load to multiply; repeatable.")
+@_TIME_LIMIT
 @_JSON
-def limit(file: str, loads: tuple[str, ...], as_json: bool) -> int:
+def limit(file: str, loads: tuple[str, ...], time_limit: float | None, as_json: bool) -> int:
     """Largest multiple of the named loads that the contacts can carry while the others stay.
 
     It is an upper bound: friction may give way before, which only solve can tell. Loads of one name are multiplied
@@ -236,12 +257,13 @@ def limit(file: str, loads: tuple[str, ...], as_json: bool) -> int:
     """  # noqa: D301
     import math
 
+    from qvi_contact.command.solve_line import solving
     from qvi_contact.files.problem_file import load_problem
     from qvi_contact.solution.limit import limit_load_factor
 
     problem_file = load_problem(file)
-    with problem_file.named_errors():
-        factor = limit_load_factor(problem_file.problem, loads=list(loads))
+    with problem_file.named_errors(), solving(problem_file.title or "limit"):
+        factor = limit_load_factor(problem_file.problem, loads=list(loads), time_limit=time_limit)
     outcome = "bounded" if math.isfinite(factor) else "unbounded" if factor > 0 else "none"
     message = {
         "bounded": f"no solution beyond {factor + 0.0:.9g} times these loads; below only solve can tell",
@@ -294,20 +316,22 @@ def _options(file: "ProblemFile", given: dict[str, Any]) -> dict[str, Any]:
 
     options = dict(file.solve_options)
     if "method" in given and given["method"] != default_method(options):
-        kept = ("inner", "tolerance", "factorisation", "threads")
+        kept = ("inner", "tolerance", "factorisation", "threads", "time_limit")
         options = {name: value for name, value in options.items() if name in kept}
     return options | given
 
 
 def _solved(file: "ProblemFile", options: dict[str, Any]) -> "tuple[History | None, tuple[ContactResult, ...]]":
     """The history, if there is one, and the results of its steps."""
+    from qvi_contact.command.solve_line import solving
     from qvi_contact.solution.solver import solve as solve_one
 
     if not file.times:
-        return None, (solve_one(file.problem, **options),)
+        with solving(file.title or "solve"):
+            return None, (solve_one(file.problem, **options),)
     from qvi_contact.solution.history import solve_history
 
-    with progress(file.title or "history", len(file.times)) as advance:
+    with solving(file.title or "history", len(file.times)) as advance:
         history = solve_history(file.problems, callback=lambda *_: advance(), **options)
     return history, history.steps
 

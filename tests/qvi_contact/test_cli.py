@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -16,10 +17,12 @@ from rich.console import Console
 from qvi_contact import ContactProblem, Material, RectilinearMesh, Traction, load_problem, save_problem, solve
 from qvi_contact.basics import terminal
 from qvi_contact.cli import group
+from qvi_contact.command import solve_line
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from solvers import available
+from solvers.basics.watch import Progress, tell
 from solvers.factorisation import available_backends
 from solvers.factorisation.choice import SHARED
 from solvers.solve import METHODS
@@ -170,6 +173,43 @@ def test_progress_on_a_terminal_tells_the_step(monkeypatch):
     assert "2/3" in screen.getvalue()
 
 
+def test_a_solve_under_way_is_shown_on_a_terminal(monkeypatch):
+    """Method, iteration and residual; that one method takes the place of another one stays on the screen."""
+    screen = io.StringIO()
+    monkeypatch.setattr(terminal, "error_console", lambda: Console(file=screen, force_terminal=True, width=100))
+    monkeypatch.setattr(solve_line, "Timer", AtOnce)
+    with solve_line.solving("[plate]", 3) as advance:
+        advance()
+        tell(Progress("fixed-point", remark="the condensed method ended stalled"))
+        solve(compressed_plate(0.2, (3, 3)))
+    shown = screen.getvalue()
+    assert "[plate]" in shown
+    assert "1/3" in shown
+    assert re.search(r"condensed: iteration \d+, residual \d\.\de-", shown)
+    assert "the condensed method ended stalled; fixed-point is next\n" in shown
+
+
+@pytest.mark.parametrize("at_once", [False, True])
+def test_a_short_solve_and_one_off_a_terminal_are_silent(monkeypatch, capfd, at_once):
+    if at_once:
+        monkeypatch.setattr(solve_line, "Timer", AtOnce)
+    with solve_line.solving("plate") as advance:
+        solve(compressed_plate(0.2, (3, 3)))
+        tell(Progress("fixed-point", remark="the condensed method ended stalled"))
+        advance()
+    assert capfd.readouterr() == ("", "")
+
+
+class AtOnce:
+    """A timer that does not wait."""
+
+    def __init__(self, _, function):
+        self.start = function
+
+    def cancel(self):
+        pass
+
+
 @pytest.fixture
 def plate(tmp_path):
     path = tmp_path / "plate.toml"
@@ -309,6 +349,8 @@ def test_options_override_the_file(shell, plate):
         ("--method", "nonsense", "uzawa"),
         ("--inner", "qp:nonsense", "qp:clarabel"),
         ("--tolerance", "2", "between 0 and 1"),
+        ("--time-limit", "nan", "time_limit: nan"),
+        ("--time-limit", "0", "time_limit: 0"),
     ],
 )
 def test_unknown_options_list_what_there_is(shell, plate, option, value, words):
@@ -316,6 +358,37 @@ def test_unknown_options_list_what_there_is(shell, plate, option, value, words):
     assert (status, out) == (2, "")
     assert words in err
     assert len(err.splitlines()) == 1
+
+
+def test_too_little_time_is_status_1_with_the_state_so_far(shell, plate, cycle, tmp_path):
+    limited = "--method", "condensed", "--time-limit", "1e-9"
+    status, out, err = shell("solve", plate, *limited, "--json", "--vtk", tmp_path / "a.vtu")
+    assert (status, err) == (1, "")
+    document = json.loads(out)
+    assert (document["status"], document["solved"]) == ("time_limit", False)
+    assert (tmp_path / "a.vtu").exists()
+    status, out, err = shell("solve", cycle, "--time-limit", "1e-9")
+    assert (status, err) == (1, "")
+    assert "time_limit: step 1 of 3" in out
+    status, out, err = shell("bracket", plate, "--time-limit", "1e-9", "--json")
+    assert (status, err) == (1, "")
+    assert json.loads(out)["status"] == "time_limit"
+    status, out, err = shell("limit", cycle, "--load", "ground", "--time-limit", "-1")
+    assert (status, out) == (2, "")
+    assert len(err.splitlines()) == 1
+
+
+def test_the_time_limit_of_the_file(shell, plate):
+    text = plate.read_text(encoding="utf-8")
+    plate.write_text(text.replace("[solve]", "[solve]\ntime_limit = 1e-9"), encoding="utf-8")
+    assert "time limit after" in shell("solve", plate)[1]
+    assert "time limit after" in shell("solve", plate, "--method", "condensed")[1]
+    assert "time limit after" in shell("bracket", plate)[1]
+    assert shell("solve", plate, "--time-limit", "60")[0] == 0
+    plate.write_text(text.replace("[solve]", "[solve]\ntime_limit = -1.0"), encoding="utf-8")
+    status, _, err = shell("solve", plate)
+    assert status == 2
+    assert "solve.time_limit: -1.0" in err
 
 
 def test_a_history_is_a_table(shell, cycle):

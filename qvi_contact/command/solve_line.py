@@ -1,0 +1,102 @@
+"""What a command says of a solve under way: one line on standard error with method, iteration, residual and time."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Lock, Timer
+from typing import TYPE_CHECKING, Any
+
+from qvi_contact.basics import terminal
+from qvi_contact.basics.terminal import Advance
+from solvers.basics.watch import Progress, watched
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
+_PATIENCE = 2.0  # seconds of silence
+
+
+@contextmanager
+def solving(title: str, steps: int = 1) -> Iterator[Advance]:
+    """Show on standard error how far the solves inside are, once they take two seconds; of several steps with a bar.
+
+    A line that stays says when one method takes the place of another one. All is silent when that is not a terminal.
+    The function yielded reports that a step is done.
+    """
+    line = _Line(title, steps)
+    timer = Timer(_PATIENCE, line.show)
+    timer.daemon = True
+    timer.start()
+    try:
+        with watched(report=line.report):
+            yield line.advance
+    finally:
+        timer.cancel()
+        line.close()
+
+
+class _Line:
+    """The line, shown by the thread of the timer."""
+
+    def __init__(self, title: str, steps: int) -> None:
+        self._title, self._steps, self._done, self._state = title, steps, 0, ""
+        self._lock = Lock()
+        self._bar: Bar | None = None
+        self._closed = False
+
+    def report(self, progress: Progress) -> None:
+        """What a solve says."""
+        self._state = _words(progress)
+        self._update()
+        if progress.remark:
+            console = terminal.error_console() if self._bar is None else self._bar.console
+            said = f"{self._title}: {progress.remark}; {progress.method} is next"
+            if console.is_terminal:
+                console.print(said, markup=False, highlight=False)
+
+    def advance(self, description: str = "") -> None:
+        """One more step is done."""
+        self._done, self._state = self._done + 1, description
+        self._update()
+
+    def show(self) -> None:
+        """Begin."""
+        console = terminal.error_console()
+        if not console.is_terminal:
+            return
+        with self._lock:
+            if not self._closed:
+                self._bar = _bar(console, self._steps > 1)
+                task = self._bar.add_task(self._title, total=self._steps, completed=self._done, state=self._state)
+                self._bar.tasks[task].start_time = self._bar.get_time() - _PATIENCE
+                self._bar.start()
+
+    def close(self) -> None:
+        """End."""
+        with self._lock:
+            self._closed = True
+            if self._bar is not None:
+                self._bar.stop()
+
+    def _update(self) -> None:
+        with self._lock:
+            if self._bar is not None:
+                self._bar.update(self._bar.task_ids[0], completed=self._done, state=self._state)
+
+
+def _bar(console: Any, several: bool) -> "Bar":
+    """Rich's own line, with a bar where there are several steps."""
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    bar = (BarColumn(), MofNCompleteColumn()) if several else ()
+    title, state = (TextColumn(f"{{task.{name}}}", markup=False) for name in ("description", "fields[state]"))
+    columns = (title, *bar, state, TimeElapsedColumn())
+    return Bar(*columns, console=console, transient=True)
+
+
+def _words(progress: Progress) -> str:
+    """Method, iteration, residual."""
+    entry = progress.iteration
+    if entry is None:
+        return f"{progress.method}: setting up"
+    return f"{progress.method}: iteration {entry.number}, residual {entry.residual:.1e}"
