@@ -465,17 +465,24 @@ def test_an_earlier_result_sets_the_first_mesh():
 
 
 @pytest.mark.parametrize("seconds", [0.5, 1.5])
-def test_the_answer_is_that_of_the_last_round_in_time(clock, seconds):
-    """A second a round."""
-    seen = []
+def test_the_answer_is_that_of_the_last_round_in_time(clock, monkeypatch, seconds):
+    """A second a round; nothing is solved after the last one."""
+    seen, solved = [], []
 
     def callback(record):
         seen.append(record)
+        solved.clear()
         clock.passes(1.0)
 
+    def counted(problem, **options):
+        solved.append(problem)
+        return solve(problem, **options)
+
+    monkeypatch.setattr(adaptive, "solve", counted)
     outcome = refine(compressed_plate(0.2, (2, 2)), target=1e-9, time_limit=seconds, callback=callback)
     assert outcome.status is RefinementStatus.TIME_LIMIT
     assert len(outcome.rounds) == len(seen) == np.ceil(seconds)
+    assert not solved
     assert outcome.estimate == seen[-1].estimate < np.inf
     assert outcome.result.status is Status.SOLVED
 

@@ -127,24 +127,28 @@ def test_a_slow_inner_solver(clock, slow_inner):
     assert clock.now == 30.0
 
 
-def test_a_back_end_that_fails_when_the_time_is_over_is_not_tried_again(monkeypatch, clock):
-    calls = []
+@pytest.mark.parametrize("status", [Status.BACKEND_FAILED, Status.INFEASIBLE])
+def test_nothing_is_asked_again_when_the_time_is_over(monkeypatch, clock, status):
+    """Neither the back end that failed, nor another one about its claim, nor whether the load can be carried."""
+    made, calls = [], []
 
     class Fails:
         packages = ("clarabel",)
 
         def __init__(self, *arguments):
+            made.append(arguments[0])
             self._qvi = arguments[1]
 
         def solve(self, *_):
             calls.append(clock.now)
             clock.passes(10.0)
-            return no_result(self._qvi, Status.BACKEND_FAILED, "no answer in time")
+            return no_result(self._qvi, status, "no answer in time")
 
     monkeypatch.setattr(solvers.fixed_point.method, "make_inner", Fails)
+    monkeypatch.setattr(solvers.solution.finish, "check_feasibility", None)
     solution = solve_qvi(random_problem(4), inner=INNER, time_limit=5.0)
     assert solution.status is Status.TIME_LIMIT
-    assert calls == [0.0]
+    assert (len(made), calls) == (1, [0.0])
 
 
 def limited(name, monkeypatch, seconds):
