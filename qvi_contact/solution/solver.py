@@ -4,15 +4,16 @@ from typing import Any
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import Status, solve_qvi
-from solvers.basics.watch import watched
+from solvers.basics.watch import expired, watched
 from solvers.factorisation import FactorisationError
+from solvers.solution.finish import out_of_time
 from solvers.solve import takes_initial
 
 _CONDENSED_ONLY = ("gap",)  # options
@@ -54,8 +55,8 @@ def solve(
         ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`; ``callback`` is called
         with every `solvers.Iteration` of any method. ``initial``, the pressure the fixed point starts from, is an
         earlier `ContactResult` on the same contact points, such as that of a smaller load, or an array over all contact
-        points [stress]; negative values count as zero. It does not choose the fixed point: by default that starts from
-        it where the condensed method has failed, and so not from what that found.
+        points [stress]; negative values count as zero. It does not choose the fixed point: by default the
+        condensed method comes first, which has no use for a start.
 
     Returns
     -------
@@ -93,8 +94,14 @@ def _solve(problem: ContactProblem | Discretization, settings: dict[str, Any]) -
     result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
     if result.status is Status.SOLVED or _stopped(result, settings):
         return result
+    corners = _corners(result)
+    if not len(corners):
+        return result
     with watched(max(_LEAST_SECONDS, sum(result.solution.timings.values()))):
-        return _with_free_corners(result, settings) or result
+        found = _with_free_corners(result, corners, settings)
+    if found is None and expired() and result.status is not Status.INFEASIBLE:
+        return ContactResult(discretization, out_of_time(result.solution))
+    return found or result
 
 
 def _stopped(result: ContactResult, settings: dict[str, Any]) -> bool:
@@ -111,7 +118,14 @@ def _fitted(discretization: Discretization) -> Discretization:
         return discretization
 
 
-def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> ContactResult | None:
+def _corners(failed: ContactResult) -> IntArray:
+    """Nodes where a shear prescribed beside a contact with friction is still to be given up."""
+    known = failed.discretization
+    nodes = np.array([node for node, _ in shear_beside_contacts(failed.problem)], dtype=np.int64)
+    return np.setdiff1d(nodes, np.concatenate([known.elimination.conflicts, known.freed]))
+
+
+def _with_free_corners(failed: ContactResult, freed: IntArray, settings: dict[str, Any]) -> ContactResult | None:
     """Solve again where a shear prescribed beside a contact with friction may be more than that carries in the corner.
 
     Corner and contact share one Φ_xy. It is freed, as between two prescribed shears that disagree, and the resultants
@@ -120,10 +134,6 @@ def _with_free_corners(failed: ContactResult, settings: dict[str, Any]) -> Conta
     the result name them.
     """
     known = failed.discretization
-    corners = np.array([node for node, _ in shear_beside_contacts(failed.problem)], dtype=np.int64)
-    freed = np.setdiff1d(corners, np.concatenate([known.elimination.conflicts, known.freed]))
-    if not len(freed):
-        return None
     discretization = known.freeing(np.union1d(known.freed, freed))
     result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
     if result.status is not Status.SOLVED:

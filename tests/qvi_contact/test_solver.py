@@ -116,6 +116,22 @@ def test_a_limit_of_the_caller_is_no_reason_to_give_up_a_shear(monkeypatch):
     assert len(calls) == 2
 
 
+def test_time_that_is_over_while_corners_are_given_up(monkeypatch, clock):
+    """The first solve ends in time, the one without the shears does not: more time may help."""
+
+    def slow(qvi, **settings):
+        solution = solve_qvi(qvi, **settings)
+        clock.passes(1.0)
+        return replace(solution, status=Status.STALLED)
+
+    monkeypatch.setattr(solver, "solve_qvi", slow)
+    result = solve(sheared_block(), time_limit=1.5)
+    assert result.status is Status.TIME_LIMIT
+    assert result.message.startswith("time limit")
+    assert not len(result.discretization.freed)
+    assert solve(sheared_block(), time_limit=5.0).status is Status.STALLED
+
+
 def test_the_state_when_the_time_is_over_is_a_state():
     """Whatever it is worth is what its certificate says."""
     result = solve(compressed_plate(0.2, (6, 6)), time_limit=1e-9)
