@@ -1,0 +1,95 @@
+"""What the rest of the product asks of a mesh: `RectilinearMesh` and `TriangleMesh` have it."""
+
+from typing import Protocol
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.mesh.edges import Edges
+
+
+class Mesh(Protocol):
+    """A body divided into cells, with named edges.
+
+    Cells have numbers from 0 to cell_count − 1, vertices those of `vertices`; some of these may belong to no cell of
+    the body (`body_vertices` says which do). Lengths are those of the user [length].
+    """
+
+    @property
+    def vertices(self) -> FloatArray:
+        """Coordinates of all vertices, shape (v, 2) [length]."""
+        ...
+
+    @property
+    def body_vertices(self) -> IntArray:
+        """Numbers of the vertices of cells of the body, in ascending order."""
+        ...
+
+    @property
+    def cell_count(self) -> int:
+        """Number of cells of the body."""
+        ...
+
+    @property
+    def length(self) -> float:
+        """Characteristic length: the longer side of the bounding box [length]."""
+        ...
+
+    @property
+    def origin(self) -> FloatArray:
+        """The lower left corner of the bounding box, shape (2,) [length]."""
+        ...
+
+    @property
+    def boundary(self) -> Edges:
+        """All edges of the boundary."""
+        ...
+
+    @property
+    def interior(self) -> Edges:
+        """All edges between two cells of the body."""
+        ...
+
+    @property
+    def hole_edges(self) -> BoolArray:
+        """Which edges of `boundary` bound a hole rather than the outside, shape (edges,)."""
+        ...
+
+    @property
+    def edge_names(self) -> tuple[str, ...]:
+        """Names of parts of the boundary, those that `edge_set` knows."""
+        ...
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of joints, those that `joint_set` knows."""
+        ...
+
+    def edge_set(self, name: str) -> IntArray:
+        """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
+        ...
+
+    def joint_set(self, name: str) -> IntArray:
+        """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
+        ...
+
+    def edges(self, name: str) -> Edges:
+        """The edges called `name`, on the boundary or in a joint."""
+        ...
+
+    def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates x, y [length] at reference points t (q,), 0 to 1, of edges; shape (n, q) each."""
+        ...
+
+    def around(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+        """Points and the cells that hold them, as pairs of numbers (point (l,), cell (l,)).
+
+        A point (k, 2) [length] inside a cell is in one pair, one on an edge or in a vertex in a pair with every cell
+        there (or equally often in several with each), one outside the body in none.
+        """
+        ...
+
+    def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
+        """Reference coordinates of points (l, 2) [length] in the cells (l,), as `Basis.stress` takes them: (l, d).
+
+        Of a rectangle (t_x, t_y) from 0 to 1, of a triangle the three barycentric coordinates.
+        """
+        ...
