@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.companion import bernstein
-from qvi_contact.mesh.rectilinear import Edges
+from qvi_contact.mesh.rectilinear import GridEdges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 
@@ -43,7 +43,7 @@ def data_reasons(problem: ContactProblem, degree: int) -> tuple[str, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def _on_edges(problem: ContactProblem, degree: int) -> Iterator[tuple[str, str, Edges, Field, int]]:
+def _on_edges(problem: ContactProblem, degree: int) -> Iterator[tuple[str, str, GridEdges, Field, int]]:
     """(name, edge set, edges, field, largest degree) of all data on edges."""
     for condition in problem.conditions:
         edges = problem.mesh.edges(condition.edges)
@@ -63,7 +63,7 @@ def _on_edges(problem: ContactProblem, degree: int) -> Iterator[tuple[str, str, 
                 yield "Contact.shear_limit", condition.name, edges, condition.shear_limit, 2
 
 
-def _is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:
+def _is_polynomial(problem: ContactProblem, edges: GridEdges, name: str, field: Field, most: int) -> bool:
     """Whether a field is a polynomial of that degree along each edge."""
     return _fits(evaluate(name, field, *problem.mesh.points_along(edges, bernstein.SAMPLES)), bernstein.SAMPLES, most)
 

@@ -20,7 +20,7 @@ from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import contact_named
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 from qvi_contact.solution.stress import gauss_stresses
 
 _CELL_POINTS = 6  # Gauss points along each side of a cell: exact up to degree 11
@@ -85,7 +85,7 @@ def edge_parts(
     problem = discretization.problem
     contact = contact_named(problem, rows.name)
     edges = problem.mesh.edges(contact.edges)
-    lengths = problem.mesh.edge_lengths(edges)
+    lengths = edges.length
     t, weights = gauss_legendre(_EDGE_POINTS)
     gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
     opening = gap - companion.trace(rows.name, t)[0]
@@ -122,7 +122,7 @@ def by_cell(discretization: Discretization, inside: FloatArray, on_edges: Mappin
     return cells
 
 
-def _beyond(edges: Edges) -> tuple[IntArray, IntArray]:
+def _beyond(edges: GridEdges) -> tuple[IntArray, IntArray]:
     """Row and column of the cell above or to the right of edges inside the body."""
     flat = edges.axis == HORIZONTAL
     return edges.row + flat, edges.column + ~flat

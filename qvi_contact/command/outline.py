@@ -10,7 +10,7 @@ from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.files.problem_builder import FIELDS, TABLES
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges, RectilinearMesh
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges, RectilinearMesh
 from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.problem import ContactProblem
@@ -64,7 +64,7 @@ def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
     found: dict[str, Any] = {
         "kind": kind,
         "edges": condition.edges,
-        "length": float(problem.mesh.edge_lengths(edges).sum()),
+        "length": float(edges.length.sum()),
     }
     if isinstance(condition, Contact):
         found |= {"name": condition.name, "law": condition.law, "joint": condition in problem.joints}
@@ -107,8 +107,8 @@ def _resultant(x: FloatArray, y: FloatArray, weights: FloatArray, t_x: FloatArra
     return {"x": float(weights @ t_x), "y": float(weights @ t_y), "moment": float(moment)}
 
 
-def _points(mesh: RectilinearMesh, edges: Edges) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _points(mesh: RectilinearMesh, edges: GridEdges) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gauss points x, y and weights along edges [length]."""
     t, weights = gauss_legendre(LOAD_POINTS)
     x, y = mesh.points_along(edges, t)
-    return x.ravel(), y.ravel(), (mesh.edge_lengths(edges)[:, None] * weights).ravel()
+    return x.ravel(), y.ravel(), (edges.length[:, None] * weights).ravel()

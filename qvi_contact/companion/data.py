@@ -11,7 +11,7 @@ from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.space import Space
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 
@@ -46,7 +46,7 @@ class EdgeData:
     misfit: float
 
 
-def edge_data(problem: ContactProblem, edges: Edges, name: str, field: Field, degree: int, unit: float) -> EdgeData:
+def edge_data(problem: ContactProblem, edges: GridEdges, name: str, field: Field, degree: int, unit: float) -> EdgeData:
     """A field on edges, divided by its unit."""
     t = bernstein.nodes(degree)
     values = evaluate(name, field, *problem.mesh.points_along(edges, t)) / unit
@@ -87,7 +87,7 @@ class EdgeMoments:
 
 def edge_moments(
     problem: ContactProblem,
-    edges: Edges,
+    edges: GridEdges,
     name: str,
     field: Field,
     degree: int,
@@ -151,7 +151,7 @@ def _traction_load(problem: ContactProblem, space: Space, scales: Scales, count:
         edges = problem.mesh.boundary.take(index)
         name = f"Traction.{'xy'[component]}"
         values = evaluate(name, field, *problem.mesh.points_along(edges, t)) / scales.stress
-        lengths = problem.mesh.edge_lengths(edges) / scales.length
+        lengths = edges.length / scales.length
         np.add.at(load, 2 * space.along(edges) + component, lengths[:, None] * (values @ shape))
     return load
 
@@ -177,14 +177,14 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     shape = bernstein.basis(space.degree, t) * w[:, None]
     for edges, numbers, sign in _outlines(problem, space):
         values = (evaluate(name, field, *mesh.points_along(edges, t)) - base) / scales.stress
-        lengths = mesh.edge_lengths(edges) / scales.length
+        lengths = edges.length / scales.length
         component = np.where(edges.axis == HORIZONTAL, 1, 0)
         work = (sign * lengths)[:, None] * (values @ shape)
         np.add.at(load, 2 * numbers + component[:, None], -work)
     return load
 
 
-def _outlines(problem: ContactProblem, space: Space) -> list[tuple[Edges, IntArray, FloatArray]]:
+def _outlines(problem: ContactProblem, space: Space) -> list[tuple[GridEdges, IntArray, FloatArray]]:
     """The blocks' outlines: (edges, their coefficients, sign of the outward normal)."""
     mesh = problem.mesh
     found = [(mesh.boundary, space.along(mesh.boundary), mesh.boundary.sign)]

@@ -15,7 +15,7 @@ from skfem.assembly import Dofs  # type: ignore[import-untyped]
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.element import BernsteinQuad, lattice
-from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges, RectilinearMesh
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges, RectilinearMesh
 from qvi_contact.problem.problem import ContactProblem
 
 
@@ -93,7 +93,7 @@ class Space:
         """Number of each active cell, −1 elsewhere, shape (ny, nx)."""
         return np.where(self.mesh.active, np.cumsum(self.mesh.active.ravel()).reshape(self.mesh.shape) - 1, -1)
 
-    def along(self, edges: Edges, *, other: bool = False) -> IntArray:
+    def along(self, edges: GridEdges, *, other: bool = False) -> IntArray:
         """Coefficients on edges (e, p + 1), along +x or +y; with `other` those of the cell beyond an interior edge."""
         axis, row, column = edges.axis, edges.row.copy(), edges.column.copy()
         high = edges.sign > 0

@@ -24,7 +24,7 @@ from qvi_contact.companion.space import Space
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 from qvi_contact.problem.conditions import Contact, Law
 from qvi_contact.problem.problem import ContactProblem
 
@@ -37,7 +37,7 @@ class Trace:
     ----------
     name, law
         Of the contact.
-    edges : Edges
+    edges : GridEdges
         In the mesh's order.
     columns : (e, p + 1) int array
         Coefficients on each edge, numbers below n.
@@ -60,7 +60,7 @@ class Trace:
 
     name: str
     law: Law
-    edges: Edges
+    edges: GridEdges
     columns: IntArray
     places: FloatArray
     weights: FloatArray
@@ -160,7 +160,7 @@ def _trace(
     far = space.along(edges, other=True) if joint else near
     pairs, columns = np.unique(np.stack([near.ravel(), far.ravel()], axis=1), axis=0, return_inverse=True)
     columns = columns.reshape(near.shape)
-    n, lengths = len(pairs), mesh.edge_lengths(edges) / scales.length
+    n, lengths = len(pairs), edges.length / scales.length
     axis, sign = _by_coefficient(columns, n, edges.axis), _by_coefficient(columns, n, edges.sign)
     tangent = np.where(axis == HORIZONTAL, 0, 1)
     normal, tangential = (
@@ -208,7 +208,7 @@ def _obstacle(
     space: Space,
     scales: Scales,
     contact: Contact,
-    edges: Edges,
+    edges: GridEdges,
     columns: IntArray,
     n: int,
     kind: str,
@@ -235,7 +235,7 @@ def _law(
     problem: ContactProblem,
     scales: Scales,
     contact: Contact,
-    edges: Edges,
+    edges: GridEdges,
     columns: IntArray,
     places: FloatArray,
     weights: FloatArray,
@@ -273,7 +273,7 @@ def _motions(
     problem: ContactProblem,
     scales: Scales,
     contact: Contact,
-    edges: Edges,
+    edges: GridEdges,
     places: FloatArray,
     axis: FloatArray,
     sign: FloatArray,
@@ -302,8 +302,8 @@ def _motions(
     return tuple(found)
 
 
-def plate_centre(problem: ContactProblem, edges: Edges) -> tuple[float, float]:
+def plate_centre(problem: ContactProblem, edges: GridEdges) -> tuple[float, float]:
     """Centre of a contact's line [length]."""
-    lengths = problem.mesh.edge_lengths(edges)
+    lengths = edges.length
     x, y = problem.mesh.points_along(edges, np.array([0.5]))
     return float(np.average(x[:, 0], weights=lengths)), float(np.average(y[:, 0], weights=lengths))

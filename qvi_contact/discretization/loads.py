@@ -11,7 +11,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.traces import EdgePoints
 from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT, Grid
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 
@@ -62,7 +62,7 @@ def traction_links(problem: ContactProblem, grid: Grid, scales: Scales) -> Links
 
 
 def _normal_integrals(
-    problem: ContactProblem, grid: Grid, scales: Scales, edges: Edges, name: str, field: Field
+    problem: ContactProblem, grid: Grid, scales: Scales, edges: GridEdges, name: str, field: Field
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """∫p ds, ∫(h − s) p ds and h for each edge."""
     points = EdgePoints(grid, edges, LOAD_POINTS)
@@ -74,7 +74,7 @@ def _normal_integrals(
 
 
 def _shear_link(
-    problem: ContactProblem, grid: Grid, scales: Scales, edges: Edges, name: str, field: Field, slope_kind: int
+    problem: ContactProblem, grid: Grid, scales: Scales, edges: GridEdges, name: str, field: Field, slope_kind: int
 ) -> tuple[IntArray, IntArray, FloatArray]:
     points = EdgePoints(grid, edges, LOAD_POINTS)
     stress = evaluate(name, field, *physical(problem, scales, points.coordinates)) / scales.stress
@@ -83,7 +83,7 @@ def _shear_link(
 
 
 def _shear_values(
-    problem: ContactProblem, scales: Scales, edges: Edges, name: str, field: Field
+    problem: ContactProblem, scales: Scales, edges: GridEdges, name: str, field: Field
 ) -> Iterator[tuple[IntArray, FloatArray]]:
     """Prescribed Φ_xy at both ends of the edges."""
     for nodes in (edges.first, edges.second):

@@ -8,7 +8,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.rectilinear import HORIZONTAL, VERTICAL, Edges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, VERTICAL, GridEdges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 
@@ -76,9 +76,9 @@ class Scales:
         return cls(length, stress if stress > 0.0 else 1.0 / compliance, compliance, max(sizes) > 0.0)
 
 
-def _samples(problem: ContactProblem, edges: Edges | IntArray) -> tuple[FloatArray, FloatArray]:
+def _samples(problem: ContactProblem, edges: GridEdges | IntArray) -> tuple[FloatArray, FloatArray]:
     """Coordinates x, y of the ends of edges and of Gauss points between them, shape (edges, points) each."""
-    chosen = edges if isinstance(edges, Edges) else problem.mesh.boundary.take(edges)
+    chosen = edges if isinstance(edges, GridEdges) else problem.mesh.boundary.take(edges)
     return problem.mesh.points_along(chosen, np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]]))
 
 
@@ -96,7 +96,7 @@ def _plate_stresses(problem: ContactProblem) -> list[float]:
     for contact in problem.contacts:
         if contact.plate is not None:
             plate, edges = contact.plate, problem.mesh.edges(contact.edges)
-            lengths = problem.mesh.edge_lengths(edges)
+            lengths = edges.length
             length = float(lengths.sum())
             middles = problem.mesh.points_along(edges, np.array([0.5]))
             centre = np.array([np.average(part[:, 0], weights=lengths) for part in middles])

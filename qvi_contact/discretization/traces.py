@@ -13,7 +13,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element.bogner_fox_schmit import Grid
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.rectilinear import HORIZONTAL, VERTICAL, Edges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, VERTICAL, GridEdges
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class EdgePoints:
     ----------
     grid : Grid
         Dimensionless grid.
-    edges : Edges
+    edges : GridEdges
         The n edges.
     count : int
         Gauss points an edge, q. Arrays over points have shape (n q,), edge by edge.
@@ -32,7 +32,7 @@ class EdgePoints:
     """
 
     grid: Grid
-    edges: Edges
+    edges: GridEdges
     count: int
 
     @cached_property

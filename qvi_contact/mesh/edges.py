@@ -1,6 +1,7 @@
 """Edges of a mesh of any kind, where contact, loads and supports live."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 
@@ -40,9 +41,9 @@ class Edges:
     def __len__(self) -> int:
         return len(self.first)
 
-    def take(self, index: IntArray | BoolArray) -> "Edges":
+    def take(self, index: IntArray | BoolArray) -> Self:
         """The edges selected by an index or mask array."""
-        return Edges(*(getattr(self, name)[index] for name in Edges.__annotations__))
+        return type(self)(*(getattr(self, field.name)[index] for field in fields(self)))
 
 
 def points_along(vertices: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:

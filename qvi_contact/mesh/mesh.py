@@ -79,6 +79,10 @@ class Mesh(Protocol):
         """Coordinates x, y [length] at reference points t (q,), 0 to 1, of edges; shape (n, q) each."""
         ...
 
+    def same_as(self, other: "Mesh") -> bool:
+        """Whether the other mesh has the same vertices and cells, whatever its edge sets are called."""
+        ...
+
     def around(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Points and the cells that hold them, as pairs of numbers (point (l,), cell (l,)).
 

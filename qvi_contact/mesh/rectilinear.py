@@ -1,7 +1,7 @@
 """Rectilinear grids of rectangular cells, their nodes, and their named boundary edges."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Final
@@ -12,7 +12,9 @@ from scipy import ndimage
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.lines import checked_lines, graded_lines, on_line, subdivided
+from qvi_contact.mesh.mesh import Mesh
 
 SIDES: Final = ("bottom", "right", "top", "left")
 """The four directions a boundary edge can face, counterclockwise from −y."""
@@ -25,47 +27,30 @@ DIRECTIONS: Final = ("horizontal", "vertical")
 
 _FINEST: Final = 1e-9  # smallest cell size, relative to the body, that `refined` makes
 _MOST_LINES: Final = 100_000
+_ON_LINE: Final = 1e-12  # of the body: distance outside the first or last line that is rounding
 
 
-@dataclass(frozen=True)
-class Edges:
-    """Edges of cells, as arrays with one entry an edge.
+@dataclass(frozen=True, eq=False)
+class GridEdges(Edges):
+    """Edges of a rectilinear mesh, which know where they lie in the grid.
 
     An edge inside the body is described from the cell below it or to its left.
 
     Attributes
     ----------
-    first, second : (n,) int arrays
-        Nodes at the two ends, in the direction of growing x (horizontal edge) or y (vertical edge).
     axis : (n,) int array
         0 for a horizontal edge (along x), 1 for a vertical one (along y).
     sign : (n,) float array
         Outward normal is ``sign`` times e_y (horizontal) or e_x (vertical); +1 inside the body.
     column, row : (n,) int arrays
-        The cell that the edge belongs to.
+        The first cell of the edge.
 
     """
 
-    first: IntArray
-    second: IntArray
     axis: IntArray
     sign: FloatArray
     column: IntArray
     row: IntArray
-
-    def __len__(self) -> int:
-        return len(self.first)
-
-    def take(self, index: IntArray | BoolArray) -> "Edges":
-        """The edges selected by an index or mask array."""
-        return Edges(
-            self.first[index],
-            self.second[index],
-            self.axis[index],
-            self.sign[index],
-            self.column[index],
-            self.row[index],
-        )
 
 
 @dataclass(frozen=True)
@@ -171,8 +156,13 @@ class RectilinearMesh:
         """Characteristic length: the longer side of the bounding box [length]."""
         return float(max(self.x[-1] - self.x[0], self.y[-1] - self.y[0]))
 
+    @property
+    def origin(self) -> FloatArray:
+        """The lower left corner of the bounding box, shape (2,) [length]."""
+        return np.array([self.x[0], self.y[0]])
+
     @cached_property
-    def boundary(self) -> Edges:
+    def boundary(self) -> GridEdges:
         """All boundary edges: side by side in the order of `SIDES`, along growing x or y within a line."""
         return _joined([_edges_facing(self, side) for side in SIDES])
 
@@ -187,6 +177,34 @@ class RectilinearMesh:
         """Coordinates of all nodes, shape (node_count, 2) [length]."""
         grid_x, grid_y = np.meshgrid(self.x, self.y)
         return np.column_stack([grid_x.ravel(), grid_y.ravel()])
+
+    @property
+    def vertices(self) -> FloatArray:
+        """The same as `coordinates`."""
+        return self.coordinates
+
+    @cached_property
+    def body_vertices(self) -> IntArray:
+        """Numbers of the nodes of active cells, in ascending order."""
+        return np.flatnonzero(self.active_nodes)
+
+    @cached_property
+    def cell_count(self) -> int:
+        """Number of active cells."""
+        return int(self.active.sum())
+
+    @cached_property
+    def cell_places(self) -> tuple[IntArray, IntArray]:
+        """Column and row of each active cell; cells are counted row by row from the bottom left."""
+        row, column = np.nonzero(self.active)
+        return column, row
+
+    @cached_property
+    def cell_numbers(self) -> IntArray:
+        """Number of each cell, shape (ny, nx); −1 where it is left out."""
+        number = np.full(self.shape, -1)
+        number[self.active] = np.arange(self.cell_count)
+        return number
 
     @cached_property
     def active_nodes(self) -> BoolArray:
@@ -206,15 +224,12 @@ class RectilinearMesh:
         return np.asarray(label[row, column] != label[0, 0])
 
     @cached_property
-    def interior(self) -> Edges:
+    def interior(self) -> GridEdges:
         """All edges between two cells of the body: horizontal ones row by row, then vertical ones column by column."""
         row, column = np.nonzero(self.active[:-1] & self.active[1:])
-        low = column + (row + 1) * len(self.x)
-        horizontal = Edges(low, low + 1, np.zeros_like(low), np.ones(len(low)), column, row)
+        horizontal = _grid_edges(self, HORIZONTAL, 1.0, column, row)
         column, row = np.nonzero((self.active[:, :-1] & self.active[:, 1:]).T)
-        low = column + 1 + row * len(self.x)
-        vertical = Edges(low, low + len(self.x), np.ones_like(low), np.ones(len(low)), column, row)
-        return _joined([horizontal, vertical])
+        return _joined([horizontal, _grid_edges(self, VERTICAL, 1.0, column, row)])
 
     @property
     def edge_names(self) -> tuple[str, ...]:
@@ -245,7 +260,7 @@ class RectilinearMesh:
             raise InputError("joint", name, f"name one of the mesh's joints ({known}) or add it by with_joint()")
         return self._sets[name]
 
-    def edges(self, name: str) -> Edges:
+    def edges(self, name: str) -> GridEdges:
         """The edges called `name`, on the boundary or in a joint."""
         if name in self.joint_names:
             return self.interior.take(self.joint_set(name))
@@ -280,13 +295,34 @@ class RectilinearMesh:
 
     def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates x, y [length] at reference points t (n,), 0 to 1, of edges; shape (edges, n) each."""
-        first, second = self.coordinates[edges.first], self.coordinates[edges.second]
-        points = first[:, None, :] + (second - first)[:, None, :] * t[:, None]
+        points = points_along(self.coordinates, edges, t)
         return points[..., 0], points[..., 1]
 
     def edge_lengths(self, edges: Edges) -> FloatArray:
         """Lengths of edges [length], shape (edges,)."""
-        return np.asarray((self.coordinates[edges.second] - self.coordinates[edges.first]).sum(axis=1))
+        return edges.length
+
+    def same_as(self, other: Mesh) -> bool:
+        """Whether the other mesh has the same grid lines and cells, whatever its edge sets are called."""
+        if not isinstance(other, RectilinearMesh):
+            return False
+        pairs = ((self.x, other.x), (self.y, other.y), (self.active, other.active))
+        return all(a is b or np.array_equal(a, b) for a, b in pairs)
+
+    def around(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+        """Points (k, 2) and the cells that hold them, as pairs; see `Mesh.around`."""
+        x, y = points.T
+        columns, rows = _adjacent(self.x, x), _adjacent(self.y, y)
+        cells = np.concatenate([self.cell_numbers[row, column] for column in columns for row in rows])
+        inside = np.tile(_within(self.x, x) & _within(self.y, y), 4) & (cells >= 0)
+        return np.tile(np.arange(len(points)), 4)[inside], cells[inside]
+
+    def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
+        """Reference coordinates (t_x, t_y), 0 to 1, of points (l, 2) [length] in cells (l,), shape (l, 2)."""
+        column, row = (place[cells] for place in self.cell_places)
+        in_x = (points[:, 0] - self.x[column]) / (self.x[column + 1] - self.x[column])
+        in_y = (points[:, 1] - self.y[row]) / (self.y[row + 1] - self.y[row])
+        return np.column_stack([in_x, in_y])
 
     def with_edges(
         self, name: str, side: str, start: float | None = None, stop: float | None = None, at: float | None = None
@@ -421,8 +457,39 @@ class RectilinearMesh:
         return np.unique(np.concatenate(nodes))
 
 
-def _joined(parts: Sequence[Edges]) -> Edges:
-    return Edges(*(np.concatenate([getattr(part, name) for part in parts]) for name in Edges.__annotations__))
+def _joined(parts: Sequence[GridEdges]) -> GridEdges:
+    return GridEdges(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(GridEdges)))
+
+
+def _grid_edges(mesh: RectilinearMesh, axis: int, sign: float, column: IntArray, row: IntArray) -> GridEdges:
+    """The upper (right) edges of cells, sign +1, or the lower (left) ones, −1."""
+    count, step = len(column), int(sign)
+    far_x, far_y = (0, 1) if axis == HORIZONTAL else (1, 0)
+    stride = len(mesh.x)
+    first = column + row * stride + (far_x + far_y * stride if sign > 0 else 0)
+    second = first + (1 if axis == HORIZONTAL else stride)
+    numbers = np.pad(mesh.cell_numbers, 1, constant_values=-1)
+    beyond = numbers[row + 1 + step * far_y, column + 1 + step * far_x]
+    cells = np.column_stack([mesh.cell_numbers[row, column], beyond])
+    normal, tangent = np.zeros((count, 2)), np.zeros((count, 2))
+    normal[:, 1 - axis], tangent[:, axis] = sign, 1.0
+    length = (mesh.coordinates[second] - mesh.coordinates[first])[:, axis]
+    place = np.full(count, axis), np.full(count, sign), column, row
+    return GridEdges(first, second, cells, normal, tangent, length, *place)
+
+
+def _within(lines: FloatArray, values: FloatArray) -> BoolArray:
+    """Which values lie between the first and the last line."""
+    slack = _ON_LINE * (lines[-1] - lines[0])
+    return np.asarray((values >= lines[0] - slack) & (values <= lines[-1] + slack))
+
+
+def _adjacent(lines: FloatArray, values: FloatArray) -> tuple[IntArray, IntArray]:
+    """Intervals on either side of each value: the same one twice unless it lies on an interior line."""
+    last = len(lines) - 2
+    before = np.clip(np.searchsorted(lines, values, side="left") - 1, 0, last)
+    after = np.clip(np.searchsorted(lines, values, side="right") - 1, 0, last)
+    return before, after
 
 
 def _holding(lines: FloatArray, others: FloatArray) -> IntArray:
@@ -459,7 +526,7 @@ def _facing(side: str) -> tuple[int, float]:
     }[side]
 
 
-def _edges_facing(mesh: RectilinearMesh, side: str) -> Edges:
+def _edges_facing(mesh: RectilinearMesh, side: str) -> GridEdges:
     axis, sign = _facing(side)
     padded = np.pad(mesh.active, 1)
     neighbour = {
@@ -473,12 +540,4 @@ def _edges_facing(mesh: RectilinearMesh, side: str) -> Edges:
         row, column = np.nonzero(exposed)
     else:
         column, row = np.nonzero(exposed.T)
-    stride = len(mesh.x)
-    first = column + row * stride
-    if side == "top":
-        first = first + stride
-    if side == "right":
-        first = first + 1
-    second = first + (1 if axis == HORIZONTAL else stride)
-    count = len(first)
-    return Edges(first, second, np.full(count, axis), np.full(count, sign), column, row)
+    return _grid_edges(mesh, axis, sign, column, row)

@@ -10,7 +10,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 from qvi_contact.plots.style import GREY, STATE_LOOK, draw_outline, frame, legend_below, lines
 from qvi_contact.plots.symbols import ground
 from qvi_contact.solution.contact_line import ContactState
@@ -148,7 +148,7 @@ def _plate_motion(result: ContactResult, name: str, place: FloatArray) -> FloatA
     return np.column_stack([motion.x - motion.rotation * y, motion.y + motion.rotation * x])
 
 
-def _pieces(edges: Edges, count: int) -> tuple[slice, ...]:
+def _pieces(edges: GridEdges, count: int) -> tuple[slice, ...]:
     """Points, so many an edge, of each straight row of adjoining edges."""
     breaks = (edges.first[1:] != edges.second[:-1]) | (np.diff(edges.axis) != 0) | (np.diff(edges.sign) != 0)
     ends = [0, *(count * (np.flatnonzero(breaks) + 1)).tolist(), count * len(edges)]

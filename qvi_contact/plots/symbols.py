@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges, RectilinearMesh
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges, RectilinearMesh
 from qvi_contact.plots.style import lines
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ class Run:
         return self.start + t * (self.stop - self.start)
 
 
-def runs(mesh: RectilinearMesh, edges: Edges) -> list[Run]:
-    """Edges joined to straight runs, those of one line and facing one way behind each other."""
+def runs(mesh: RectilinearMesh, edges: GridEdges) -> list[Run]:
+    """GridEdges joined to straight runs, those of one line and facing one way behind each other."""
     first, second = mesh.coordinates[edges.first], mesh.coordinates[edges.second]
     horizontal = edges.axis == HORIZONTAL
     line, along = np.where(horizontal, first[:, 1], first[:, 0]), np.where(horizontal, first[:, 0], first[:, 1])

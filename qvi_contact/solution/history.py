@@ -268,7 +268,7 @@ def _driven(step: ContactResult, name: str) -> tuple[float, float]:
         value = (condition.x, condition.y)[component] if isinstance(condition, Displacement) else None
         if condition.edges == name and value is not None:
             middles = problem.mesh.points_along(edges, np.array([0.5]))
-            values, lengths = evaluate("Displacement", value, *middles)[:, 0], problem.mesh.edge_lengths(edges)
+            values, lengths = evaluate("Displacement", value, *middles)[:, 0], edges.length
             resultant = step.resultant(name)
             return float(np.average(values, weights=lengths)), (resultant.x, resultant.y)[component]
     raise InputError("name", name, "name a contact, or an edge set whose tangential displacement is prescribed")
