@@ -72,7 +72,7 @@ def plate(friction: float, cells: int, ratio: float) -> dict[str, Any]:
     material: Any = problem.material
     gap: Any = contact.gap
     return {
-        "x": problem.mesh.x.tolist(), "y": problem.mesh.y.tolist(), "young": material.young,
+        "x": problem.grid.x.tolist(), "y": problem.grid.y.tolist(), "young": material.young,
         "poisson": material.poisson, "displacement": -float(gap), "friction": friction,
         "cells": cells, "grading": ratio,
     }  # fmt: skip

@@ -18,7 +18,7 @@ def stress_error(result: ContactResult, state: ExactState) -> float:
 
 def scattered(result: ContactResult, count: int = _POINTS) -> tuple[FloatArray, FloatArray]:
     """Points of the rectangle around the body, the same in every run."""
-    mesh = result.problem.mesh
+    mesh = result.problem.grid
     points = np.random.default_rng(7).uniform(0.02, 0.98, size=(2, count))
     x, y = (low + share * (high - low) for share, low, high in _spans(points, mesh.x, mesh.y))
     return x, y

@@ -39,7 +39,7 @@ def displacement_model(quick: bool) -> Iterator[Row]:
     force = base.tangential_force
     yield relative("T [N/m]", force, TANGENTIAL_FORCE, 1e-3, Kind.EXTERNAL, f"{source}; ± 5 N/m", proof)
     yield word("zones from the left", runs(edge_states(base)), "open, slip, stick", Kind.EXTERNAL, source, proof)
-    ends = zone_ends(base, result.problem.mesh.x)
+    ends = zone_ends(base, result.problem.grid.x)
     for name, end, exact in zip(("open", "slip"), ends, (3.28e-3, 29.84e-3), strict=False):
         text = f"{source}; within one of our cells"
         yield absolute(f"end of {name} [m]", float(end), exact, SIDE / cells[0], Kind.EXTERNAL, text, proof)

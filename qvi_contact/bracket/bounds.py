@@ -105,12 +105,12 @@ def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: Companio
     fields = CellFields.of(discretization, nodal)
     strain = strain_energy(fields, problem.compliances)
     complementary = strain - support_work(discretization, nodal) - obstacle_work(discretization, nodal)
-    cells = np.zeros(problem.mesh.shape)
+    cells = np.zeros(problem.grid.shape)
     moved = companion.has_state
     edges = _Edges({}, 0.0, 0.0)
     if moved:
         cell_strain = companion.cell_strain(fields.tx, fields.ty)
-        cells[problem.mesh.active] = bulk(fields, problem.compliances, cell_strain)
+        cells[problem.grid.active] = bulk(fields, problem.compliances, cell_strain)
         edges = _edges(given, stress, companion)
     lower = -complementary - edges.slack if stress.found else -np.inf
     upper = companion.energy if moved else np.inf

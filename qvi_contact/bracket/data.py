@@ -46,7 +46,7 @@ def data_reasons(problem: ContactProblem, degree: int) -> tuple[str, ...]:
 def _on_edges(problem: ContactProblem, degree: int) -> Iterator[tuple[str, str, GridEdges, Field, int]]:
     """(name, edge set, edges, field, largest degree) of all data on edges."""
     for condition in problem.conditions:
-        edges = problem.mesh.edges(condition.edges)
+        edges = problem.grid.edges(condition.edges)
         if isinstance(condition, (Traction, Displacement)):
             most = degree if isinstance(condition, Displacement) else 2
             for component in ("x", "y"):
@@ -65,12 +65,12 @@ def _on_edges(problem: ContactProblem, degree: int) -> Iterator[tuple[str, str, 
 
 def _is_polynomial(problem: ContactProblem, edges: GridEdges, name: str, field: Field, most: int) -> bool:
     """Whether a field is a polynomial of that degree along each edge."""
-    return _fits(evaluate(name, field, *problem.mesh.points_along(edges, bernstein.SAMPLES)), bernstein.SAMPLES, most)
+    return _fits(evaluate(name, field, *problem.grid.points_along(edges, bernstein.SAMPLES)), bernstein.SAMPLES, most)
 
 
 def _cells_hold(problem: ContactProblem, field: Field) -> bool:
     """Whether a field is a polynomial of degree 5 in x, and in y, on each cell."""
-    mesh = problem.mesh
+    mesh = problem.grid
     row, column = np.nonzero(mesh.active)
     x = mesh.x[column][:, None, None] + np.diff(mesh.x)[column][:, None, None] * _CELL
     y = mesh.y[row][:, None, None] + np.diff(mesh.y)[row][:, None, None] * _CELL[:, None]

@@ -32,7 +32,7 @@ def refined_where_apart(problem: ContactProblem, bracket: Bracket, share: float 
         If the meshes differ, the upper bound is missing, or `share` is out of range.
 
     """
-    mesh = problem.mesh
+    mesh = problem.grid
     if not 0.0 < finite_number("share", share) <= 1.0:
         raise InputError("share", share, "give a number above 0, at most 1")
     if not isinstance(bracket, Bracket):

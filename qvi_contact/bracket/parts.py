@@ -21,7 +21,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import contact_named
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
-from qvi_contact.solution.stress import gauss_stresses
+from qvi_contact.solution.stress import cell_stresses
 
 _CELL_POINTS = 6  # Gauss points along each side of a cell: exact up to degree 11
 _EDGE_POINTS = 12
@@ -39,9 +39,11 @@ class CellFields:
     @classmethod
     def of(cls, discretization: Discretization, nodal: FloatArray) -> "CellFields":
         """From nodal values of Φ."""
-        scales = discretization.scales
-        _, weights, (tx, ty), stress = gauss_stresses(discretization, nodal, _CELL_POINTS)
-        return cls(weights * scales.length**2, stress * scales.stress, tx[0], ty[0])
+        scales, (t, w) = discretization.scales, gauss_legendre(_CELL_POINTS)
+        tx, ty = np.tile(t, len(t)), np.repeat(t, len(t))
+        weights = discretization.space.cell_sizes[:, None] * (np.tile(w, len(w)) * np.repeat(w, len(w)))
+        _, stress = cell_stresses(discretization, nodal, np.column_stack([tx, ty]))
+        return cls(weights * scales.length**2, stress * scales.stress, tx, ty)
 
 
 def strain_energy(fields: CellFields, compliances: FloatArray) -> float:
@@ -84,14 +86,14 @@ def edge_parts(
     """
     problem = discretization.problem
     contact = contact_named(problem, rows.name)
-    edges = problem.mesh.edges(contact.edges)
+    edges = problem.grid.edges(contact.edges)
     lengths = edges.length
     t, weights = gauss_legendre(_EDGE_POINTS)
-    gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
+    gap = evaluate("Contact.gap", contact.gap, *problem.grid.points_along(edges, t))
     opening = gap - companion.trace(rows.name, t)[0]
     pressure = -(ends[:, :1] * (1.0 - t) + ends[:, 1:] * t)
     nodes = bernstein.nodes(companion.degree)
-    offset = evaluate("Contact.offset", contact.offset, *problem.mesh.points_along(edges, nodes))
+    offset = evaluate("Contact.offset", contact.offset, *problem.grid.points_along(edges, nodes))
     slip = (companion.trace(rows.name, nodes)[1] - offset) @ bernstein.from_values(companion.degree).T
     nothing = np.zeros_like(shear)
     return (
@@ -113,7 +115,7 @@ def by_cell(discretization: Discretization, inside: FloatArray, on_edges: Mappin
     cells = inside.copy()
     for contact in problem.contacts:
         if contact.name in on_edges:
-            edges = problem.mesh.edges(contact.edges)
+            edges = problem.grid.edges(contact.edges)
             parts = on_edges[contact.name].contact + on_edges[contact.name].friction
             joint = contact in problem.joints
             np.add.at(cells, (edges.row, edges.column), 0.5 * parts if joint else parts)

@@ -18,7 +18,7 @@ from qvi_contact.problem.problem import ContactProblem
 
 def outline(file: ProblemFile) -> dict[str, Any]:
     """The problem at its first time in words and numbers that JSON can hold; discretises, but does not solve."""
-    problem, mesh = file.problem, file.problem.mesh
+    problem, mesh = file.problem, file.problem.grid
     with file.named_errors(), np.errstate(all="ignore"):  # what is not finite is refused
         discretization = discretize(problem)
     qvi = discretization.qvi
@@ -51,7 +51,7 @@ def _mesh(mesh: RectilinearMesh) -> dict[str, Any]:
 
 
 def _materials(problem: ContactProblem) -> list[dict[str, Any]]:
-    counts = np.bincount(problem.material_numbers[problem.mesh.active], minlength=len(problem.materials))
+    counts = np.bincount(problem.cell_materials, minlength=len(problem.materials))
     return [
         {"young": material.young, "poisson": material.poisson, "plane": material.plane, "cells": int(count)}
         for material, count in zip(problem.materials, counts, strict=True)
@@ -60,7 +60,7 @@ def _materials(problem: ContactProblem) -> list[dict[str, Any]]:
 
 def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
     kind = type(condition).__name__.lower()
-    edges = problem.mesh.edges(condition.edges)
+    edges = problem.grid.edges(condition.edges)
     found: dict[str, Any] = {
         "kind": kind,
         "edges": condition.edges,
@@ -84,7 +84,7 @@ def _value(field: object) -> object:
 
 def _loads(problem: ContactProblem) -> list[dict[str, Any]]:
     """Resultants of the prescribed tractions and of the body force b = −∇φ, ∫ b dx = −∮ φ n ds."""
-    mesh = problem.mesh
+    mesh = problem.grid
     found: list[dict[str, Any]] = []
     for condition in problem.conditions:
         if isinstance(condition, Traction):

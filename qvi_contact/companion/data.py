@@ -49,13 +49,13 @@ class EdgeData:
 def edge_data(problem: ContactProblem, edges: GridEdges, name: str, field: Field, degree: int, unit: float) -> EdgeData:
     """A field on edges, divided by its unit."""
     t = bernstein.nodes(degree)
-    values = evaluate(name, field, *problem.mesh.points_along(edges, t)) / unit
+    values = evaluate(name, field, *problem.grid.points_along(edges, t)) / unit
     coefficients = values @ bernstein.from_values(degree).T
     coefficients[:, [0, -1]] = values[:, [0, -1]]
     if not callable(field):
         return EdgeData(np.broadcast_to(values[:, :1], coefficients.shape).copy(), 0.0)
     t = bernstein.SAMPLES
-    wanted = evaluate(name, field, *problem.mesh.points_along(edges, t)) / unit
+    wanted = evaluate(name, field, *problem.grid.points_along(edges, t)) / unit
     misfit = np.abs(coefficients @ bernstein.basis(degree, t).T - wanted)
     return EdgeData(coefficients, float(misfit.max(initial=0.0)))
 
@@ -98,7 +98,7 @@ def edge_moments(
     """∫ f B_i dt of a field on edges, divided by its unit; exact for polynomials up to degree 2 `load_points`."""
 
     def at(t: FloatArray) -> FloatArray:
-        return evaluate(name, field, *problem.mesh.points_along(edges, t), minimum=minimum) / unit
+        return evaluate(name, field, *problem.grid.points_along(edges, t), minimum=minimum) / unit
 
     first, second = load_points(degree), 2 * load_points(degree) + 1
     (t, w), (fine_t, fine_w) = gauss_legendre(first), gauss_legendre(second)
@@ -134,10 +134,10 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
 def _traction_reasons(problem: ContactProblem, degree: int, scales: Scales) -> tuple[str, ...]:
     """Which tractions are no polynomials that quadrature integrates exactly."""
     found: list[str] = []
-    for component, index, field in problem.prescribed(Traction):
+    for component, index, field in problem.by_component(Traction):
         if callable(field):
             name = f"Traction.{'xy'[component]}"
-            moments = edge_moments(problem, problem.mesh.boundary.take(index), name, field, degree, scales.stress)
+            moments = edge_moments(problem, problem.grid.boundary.take(index), name, field, degree, scales.stress)
             found += moments.reason(name, scales)
     return tuple(dict.fromkeys(found))
 
@@ -147,10 +147,10 @@ def _traction_load(problem: ContactProblem, space: Space, scales: Scales, count:
     load = np.zeros(space.size)
     t, w = gauss_legendre(count)
     shape = bernstein.basis(space.degree, t) * w[:, None]
-    for component, index, field in problem.prescribed(Traction):
-        edges = problem.mesh.boundary.take(index)
+    for component, index, field in problem.by_component(Traction):
+        edges = problem.grid.boundary.take(index)
         name = f"Traction.{'xy'[component]}"
-        values = evaluate(name, field, *problem.mesh.points_along(edges, t)) / scales.stress
+        values = evaluate(name, field, *problem.grid.points_along(edges, t)) / scales.stress
         lengths = edges.length / scales.length
         np.add.at(load, 2 * space.along(edges) + component, lengths[:, None] * (values @ shape))
     return load
@@ -161,7 +161,7 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
 
     φ counts from its value at one point: a constant does no work.
     """
-    space, mesh, field = body.space, problem.mesh, problem.body_potential
+    space, mesh, field = body.space, problem.grid, problem.body_potential
     if not callable(field):
         return np.zeros(space.size)
     name = "ContactProblem.body_potential"
@@ -186,7 +186,7 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
 
 def _outlines(problem: ContactProblem, space: Space) -> list[tuple[GridEdges, IntArray, FloatArray]]:
     """The blocks' outlines: (edges, their coefficients, sign of the outward normal)."""
-    mesh = problem.mesh
+    mesh = problem.grid
     found = [(mesh.boundary, space.along(mesh.boundary), mesh.boundary.sign)]
     for joint in problem.joints:
         edges = mesh.edges(joint.edges)
@@ -218,8 +218,8 @@ def supports(problem: ContactProblem, space: Space, scales: Scales) -> Supports:
     index: list[IntArray] = [np.empty(0, dtype=np.int64)]
     values: list[FloatArray] = [np.empty(0)]
     reasons: list[str] = []
-    for component, chosen, field in problem.prescribed(Displacement):
-        edges = problem.mesh.boundary.take(chosen)
+    for component, chosen, field in problem.by_component(Displacement):
+        edges = problem.grid.boundary.take(chosen)
         name = f"Displacement.{'xy'[component]}"
         data = edge_data(problem, edges, name, field, space.degree, scales.displacement)
         size = max(1.0, float(np.abs(data.coefficients).max(initial=0.0)))
@@ -249,6 +249,6 @@ def _merged(
     wrong = spread > MISFIT * max(1.0, float(np.abs(values).max(initial=0.0)))
     found = list(reasons)
     if wrong.any():
-        x, y = np.array([problem.mesh.x[0], problem.mesh.y[0]]) + scales.length * space.places[unique[wrong][0] // 2]
+        x, y = np.array([problem.grid.x[0], problem.grid.y[0]]) + scales.length * space.places[unique[wrong][0] // 2]
         found.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}): their mean is taken.")
     return Supports(unique, np.where(wrong, mean, first), tuple(found))

@@ -123,7 +123,7 @@ class CompanionResult:
     def cell_points(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
         """Coordinates x, y of reference points (k,) of every active cell, row by row, (cells, k, 2) [length]."""
         t = np.stack([np.atleast_1d(np.asarray(part, dtype=float)) for part in (tx, ty)], axis=-1)
-        mesh, space = self.problem.mesh, self.space
+        mesh, space = self.problem.grid, self.space
         place = space.corners[:, None, :] + space.sizes[:, None, :] * t
         return np.asarray(np.array([mesh.x[0], mesh.y[0]]) + self.scales.length * place)
 
@@ -139,7 +139,7 @@ class CompanionResult:
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
 
-        Edges are in the order of ``problem.mesh.edges(contact.edges)``, t runs along +x or +y. On a joint these are
+        Edges are in the order of ``problem.grid.edges(contact.edges)``, t runs along +x or +y. On a joint these are
         the jumps, on a plate driven by force what the body moves beyond it.
         """
         trace, chosen = self._trace(name)
@@ -231,7 +231,7 @@ class CompanionResult:
 
     def _contact(self, trace: Trace) -> CompanionContact:
         _, chosen = self._trace(trace.name)
-        state, scales, mesh = self._state, self.scales, self.problem.mesh
+        state, scales, mesh = self._state, self.scales, self.problem.grid
         n = state.contacts.count
         normal, tangential, bound = state.tractions[:n][chosen], state.tractions[n:][chosen], state.bound[chosen]
         gap, slip = trace.gap - state.c[:n][chosen], state.c[n:][chosen] - trace.offset
@@ -267,7 +267,7 @@ class CompanionResult:
         except (TypeError, ValueError) as error:
             raise InputError("x, y", (x, y), "give numbers or arrays whose shapes go together") from error
         _ = self._state
-        mesh, flat_x, flat_y = self.problem.mesh, px.ravel(), py.ravel()
+        mesh, flat_x, flat_y = self.problem.grid, px.ravel(), py.ravel()
         total, count = None, np.zeros(len(flat_x))
         for column, row in cells_around(mesh, flat_x, flat_y):
             cell = np.where((column >= 0) & (row >= 0), self.space.number[row, column], -1)

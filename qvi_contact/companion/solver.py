@@ -55,7 +55,7 @@ def solve_companion(
         The problem.
     bounds : mapping, optional
         For every contact that is not tied the friction bound s ≥ 0 [stress] as Bernstein coefficients (edges, 3),
-        edges in the order of ``problem.mesh.edges(contact.edges)`` and along +x or +y (Tresca's law). By default the
+        edges in the order of ``problem.grid.edges(contact.edges)`` and along +x or +y (Tresca's law). By default the
         contacts' own laws, with the pressure of this model's contact forces.
     degree : 2, 3 or 4
         p.
@@ -128,7 +128,7 @@ def _moves(problem: ContactProblem, trace: Trace, contact: Contact) -> bool:
     found = bool((trace.friction > 0.0).any())
     if found or not callable(contact.friction):
         return found
-    x, y = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
+    x, y = problem.grid.points_along(trace.edges, bernstein.SAMPLES)
     return bool((evaluate("Contact.friction", contact.friction, x, y, minimum=0.0) > 0.0).any())
 
 

@@ -50,7 +50,7 @@ class Space:
     @classmethod
     def of(cls, problem: ContactProblem, degree: int, length: float) -> "Space":
         """The space of a problem."""
-        mesh = problem.mesh
+        mesh = problem.grid
         row, column = np.nonzero(mesh.active)
         sizes = np.column_stack([np.diff(mesh.x)[column], np.diff(mesh.y)[row]]) / length
         corners = np.column_stack([mesh.x[column] - mesh.x[0], mesh.y[row] - mesh.y[0]]) / length
@@ -120,7 +120,7 @@ class Space:
 
 def _vertices(problem: ContactProblem) -> tuple[IntArray, IntArray]:
     """Vertex of each corner of each cell (cells, 4), counterclockwise from the bottom left, and the cells' blocks."""
-    mesh = problem.mesh
+    mesh = problem.grid
     active = mesh.active
     number = np.where(active, np.cumsum(active.ravel()).reshape(active.shape) - 1, -1)
     whole = np.ones(len(mesh.interior), dtype=bool)

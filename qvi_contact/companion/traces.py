@@ -138,7 +138,7 @@ def _checked_bound(problem: ContactProblem, contact: Contact, bound: ArrayLike) 
         values = np.array(bound, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(field, bound, "give an array of numbers") from error
-    shape = (len(problem.mesh.edges(contact.edges)), 3)
+    shape = (len(problem.grid.edges(contact.edges)), 3)
     if values.shape != shape:
         raise InputError(field, f"shape {values.shape}", f"give Bernstein coefficients of shape {shape}")
     if not np.isfinite(values).all():
@@ -153,7 +153,7 @@ def _checked_bound(problem: ContactProblem, contact: Contact, bound: ArrayLike) 
 def _trace(
     problem: ContactProblem, space: Space, scales: Scales, contact: Contact, bound: FloatArray | None
 ) -> tuple[Trace, list[str]]:
-    mesh, p = problem.mesh, space.degree
+    mesh, p = problem.grid, space.degree
     edges = mesh.edges(contact.edges)
     joint = contact in problem.joints
     near = space.along(edges)
@@ -249,7 +249,7 @@ def _law(
     The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper bound if
     the means are exact. Data of which 99 points of an edge show that they are not are named in `reasons`.
     """
-    n, mesh = len(weights), problem.mesh
+    n, mesh = len(weights), problem.grid
     none = np.full(n, np.inf)
     if bound is not None:
         mean = bound @ bernstein.product_integrals(2, degree) * lengths[:, None]
@@ -284,7 +284,7 @@ def _motions(
         return ()
     centre = plate_centre(problem, edges)
     reference = plate.reference(*centre)
-    origin = np.array([problem.mesh.x[0], problem.mesh.y[0]])
+    origin = np.array([problem.grid.x[0], problem.grid.y[0]])
     arm_x, arm_y = (places - (np.array(reference) - origin) / scales.length).T
     one, zero = np.ones(len(places)), np.zeros(len(places))
     fields = {"force_x": (one, zero), "force_y": (zero, one), "moment": (-arm_y, arm_x)}
@@ -305,5 +305,5 @@ def _motions(
 def plate_centre(problem: ContactProblem, edges: GridEdges) -> tuple[float, float]:
     """Centre of a contact's line [length]."""
     lengths = edges.length
-    x, y = problem.mesh.points_along(edges, np.array([0.5]))
+    x, y = problem.grid.points_along(edges, np.array([0.5]))
     return float(np.average(x[:, 0], weights=lengths)), float(np.average(y[:, 0], weights=lengths))

@@ -21,6 +21,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.elimination import Elimination
+from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.mesh import Mesh
 from solvers import EnergyRoot
@@ -63,10 +64,48 @@ class ContactRule:
     shares: FloatArray
     to_points: FloatArray | None = None
 
+    @classmethod
+    def gauss(cls, count: int) -> "ContactRule":
+        """Tractions at so many Gauss points an edge."""
+        points, weights = gauss_legendre(count)
+        return cls("gauss", points, weights, points, weights)
+
     @property
     def count(self) -> int:
         """Rows an edge, and Gauss points an edge: q."""
         return len(self.points)
+
+    def at_points(self, rows: FloatArray) -> FloatArray:
+        """Tractions at the Gauss points (m,) from rows (m,): V ρ, edge by edge."""
+        return rows if self.to_points is None else np.asarray(self._grouped(rows) @ self.to_points.T).ravel()
+
+    def at_rows(self, values: FloatArray) -> FloatArray:
+        """Rows (m,) from tractions at the Gauss points (m,): V⁻¹ σ, edge by edge."""
+        if self.to_points is None:
+            return values
+        return np.asarray(np.linalg.solve(self.to_points, self._grouped(values).T).T).ravel()
+
+    def multipliers_at_points(self, multipliers: FloatArray) -> FloatArray:
+        """Multipliers of tractions at the Gauss points (m,) from those of rows (m,): V⁻ᵀ m, of the same work."""
+        if self.to_points is None:
+            return multipliers
+        return np.asarray(np.linalg.solve(self.to_points.T, self._grouped(multipliers).T).T).ravel()
+
+    def multipliers_of_rows(self, multipliers: FloatArray) -> FloatArray:
+        """Multipliers of rows (m,) from those of tractions at the Gauss points (m,): Vᵀ m."""
+        return (
+            multipliers if self.to_points is None else np.asarray(self._grouped(multipliers) @ self.to_points).ravel()
+        )
+
+    def rows_of(self, at_points: sparse.csr_array) -> sparse.csr_array:
+        """Rows ρ (m, …) from those of tractions at the Gauss points (m, …): V⁻¹, edge by edge."""
+        if self.to_points is None:
+            return at_points
+        edges = sparse.eye_array(at_points.shape[0] // self.count)
+        return sparse.csr_array(sparse.kron(edges, np.linalg.inv(self.to_points)) @ at_points)
+
+    def _grouped(self, values: FloatArray) -> FloatArray:
+        return np.asarray(values).reshape(-1, self.count)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,14 +8,32 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
+from qvi_contact.discretization.basis import Basis, ContactRule
+from qvi_contact.discretization.edge_points import EdgePoints
 from qvi_contact.discretization.loads import physical
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.traces import EdgePoints
-from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT, Grid
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.mesh.edges import points_along
 from qvi_contact.problem.conditions import Contact, Law
 from qvi_contact.problem.problem import ContactProblem
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What bounds |σ_T| by min(c + μ|σ_N|, t_max), at points or for rows of a contact.
+
+    Attributes
+    ----------
+    friction : (m,) array
+        μ.
+    cohesion, cap : (m,) arrays
+        c and t_max, dimensionless; infinity where there is no limit.
+
+    """
+
+    friction: FloatArray
+    cohesion: FloatArray
+    cap: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +49,14 @@ class ContactRows:
     joint : bool
         Whether it lies inside the body.
     rows : slice
-        Its rows in `FrictionQVI.N` and `FrictionQVI.T`, four Gauss points an edge; none for a tied contact, which
+        Its rows in `FrictionQVI.N` and `FrictionQVI.T`, `ContactRule.count` an edge; none for a tied contact, which
         limits no traction.
+    rule : ContactRule
+        What the rows of an edge are.
     points : EdgePoints
-        The points in dimensionless coordinates.
+        The m Gauss points, as many as rows, where results are given.
+    row_limits : Limits
+        What bounds the rows.
     friction : (m,) array
         μ at the points.
     cohesion, shear_limit : (m,) arrays
@@ -48,7 +70,9 @@ class ContactRows:
     law: Law
     joint: bool
     rows: slice
+    rule: ContactRule
     points: EdgePoints
+    row_limits: Limits
     friction: FloatArray
     cohesion: FloatArray
     shear_limit: FloatArray
@@ -71,6 +95,19 @@ class ContactRows:
             return np.full(len(self.gap), np.inf)
         return np.minimum(self.cohesion + self.friction * np.abs(normal), self.shear_limit)
 
+    def normal(self) -> sparse.csr_array:
+        """Rows of N without φ, shape (m, N)."""
+        return self.rule.rows_of(self.points.normal())
+
+    def shear(self) -> sparse.csr_array:
+        """Rows of T, shape (m, N)."""
+        return self.rule.rows_of(self.points.shear())
+
+    @property
+    def row_weights(self) -> FloatArray:
+        """Weights W of the rows, dimensionless, shape (m,)."""
+        return np.outer(self.points.lengths, self.rule.shares).ravel()
+
     def work(self) -> FloatArray:
         """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1)."""
         weights = self.points.weights
@@ -83,11 +120,11 @@ class ContactRows:
         return replace(self, offset=offset)
 
 
-def contact_rows(problem: ContactProblem, grid: Grid, scales: Scales) -> tuple[ContactRows, ...]:
+def contact_rows(problem: ContactProblem, basis: Basis, scales: Scales) -> tuple[ContactRows, ...]:
     """All contacts in the order of the problem; `InputError` where a field gives bad values."""
-    found, start = [], 0
+    found, start, rule = [], 0, basis.contact_rule
     for contact in problem.contacts:
-        points = EdgePoints(grid, problem.mesh.edges(contact.edges), GAUSS_COUNT)
+        points = EdgePoints(basis, problem.mesh.edges(contact.edges), rule.count)
         stop = start if contact.law == "tied" else start + len(points.weights)
         found.append(_rows(problem, scales, contact, points, slice(start, stop)))
         start = stop
@@ -95,70 +132,38 @@ def contact_rows(problem: ContactProblem, grid: Grid, scales: Scales) -> tuple[C
 
 
 def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: EdgePoints, rows: slice) -> ContactRows:
+    rule = points.basis.contact_rule
     x, y = physical(problem, scales, points.coordinates)
-    limit = np.full(len(x), np.inf)
-    if contact.shear_limit is not None:
-        limit = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0) / scales.stress
+    limits = row_limits = _limits(contact, scales, x, y)
+    if rule.to_points is not None:
+        places = points_along(points.basis.vertices, points.edges, rule.places).reshape(-1, 2)
+        row_limits = _limits(contact, scales, *physical(problem, scales, places))
     return ContactRows(
         contact.name,
         contact.law,
         contact in problem.joints,
         rows,
+        rule,
         points,
-        evaluate("Contact.friction", contact.friction, x, y, minimum=0.0),
-        evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0) / scales.stress,
-        limit,
+        row_limits,
+        limits.friction,
+        limits.cohesion,
+        limits.cap,
         evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
         evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
     )
 
 
-def trace_rows(contacts: Sequence[ContactRows], grid: Grid) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """Tractions at the contact points from the parameters of their traces: (Y, E) with [N; T] = E Y.
-
-    Parameters are σ_N at the outer two Gauss points of each edge, since it is linear there, and σ_xy at nodes and σ_T
-    at midpoints, since σ_T is quadratic on an edge and continuous; Y (r, all degrees of freedom), E (2m, r).
-    """
-    points = [rows.points for rows in contacts]
-    if not points:
-        return sparse.csr_array((0, 4 * grid.dof_scales.shape[0] * grid.dof_scales.shape[1])), sparse.csr_array((0, 0))
-    t = gauss_legendre(GAUSS_COUNT)[0]
-    first, last = t[0], t[-1]
-    linear = np.column_stack([last - t, t - first]) / (last - first)
-    quadratic = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)])
-    edges = int(sum(len(part.edges) for part in points))
-    ends = np.concatenate([np.column_stack([part.edges.first, part.edges.second]) for part in points])
-    signs = np.concatenate([part.edges.sign for part in points])
-    nodes, local = np.unique(ends, return_inverse=True)
-    local = local.reshape(ends.shape)
-    total = 4 * grid.dof_scales.shape[0] * grid.dof_scales.shape[1]
-    twist = -1.0 / grid.dof_scales.reshape(-1, 4)[nodes, 3]
-    at_nodes = sparse.csr_array((twist, (np.arange(len(nodes)), 4 * nodes + 3)), shape=(len(nodes), total))
-    at_midpoints = [EdgePoints(grid, part.edges, 1).shear() for part in points]
-    outer = [part.normal()[_outer(len(part.edges))] for part in points]
-    Y = stacked([*outer, at_nodes, *at_midpoints], total)
-
-    number = np.arange(edges)
-    first_T = 2 * edges + len(nodes)
-    columns_T = np.column_stack([2 * edges + local, first_T + number])
-    shapes_T = quadratic[None] * np.column_stack([signs, signs, np.ones(edges)])[:, None, :]
-    shape = (edges * GAUSS_COUNT, Y.shape[0])
-    E_N = _interpolation(
-        np.column_stack([2 * number, 2 * number + 1]), np.broadcast_to(linear, (edges, *linear.shape)), shape
+def _limits(contact: Contact, scales: Scales, x: FloatArray, y: FloatArray) -> Limits:
+    """The fields at points [length]."""
+    cap = np.full(len(x), np.inf)
+    if contact.shear_limit is not None:
+        cap = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0) / scales.stress
+    return Limits(
+        evaluate("Contact.friction", contact.friction, x, y, minimum=0.0),
+        evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0) / scales.stress,
+        cap,
     )
-    return Y, stacked([E_N, _interpolation(columns_T, shapes_T, shape)], Y.shape[0])
-
-
-def _outer(edges: int) -> IntArray:
-    """Numbers of the first and last Gauss points of each edge."""
-    return np.asarray(np.add.outer(GAUSS_COUNT * np.arange(edges), [0, GAUSS_COUNT - 1])).ravel()
-
-
-def _interpolation(columns: IntArray, shapes: FloatArray, shape: tuple[int, int]) -> sparse.csr_array:
-    """Rows edge by edge: shapes (edges, points, j) at columns (edges, j)."""
-    points = shapes.shape[1]
-    rows = np.repeat(np.arange(len(columns) * points), columns.shape[1])
-    return sparse.csr_array((shapes.ravel(), (rows, np.repeat(columns, points, axis=0).ravel())), shape=shape)
 
 
 def stacked(rows: Sequence[sparse.csr_array], columns: int) -> sparse.csr_array:

@@ -21,7 +21,6 @@ from qvi_contact.discretization.contact_rows import ContactRows, joined, stacked
 from qvi_contact.discretization.loads import physical, potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import HORIZONTAL, VERTICAL
 from qvi_contact.problem.conditions import RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 
@@ -141,17 +140,16 @@ def _resultants(
     arm_x, arm_y = (x - reference[0]) / scales.length, (y - reference[1]) / scales.length
     zero = np.zeros(len(x))
     factors = {"force_x": (zero + 1.0, zero), "force_y": (zero, zero + 1.0), "moment": (-arm_y, arm_x)}
-    potential = points.point_sign * potential_at(problem, scales, points.coordinates)
-    normal_axes = (VERTICAL, HORIZONTAL)
+    potential = points.normals.T * potential_at(problem, scales, points.coordinates)
     found = []
     for component in COMPONENTS:
         if getattr(plate, component) is None:
             continue
-        row, constant = sparse.csr_array((1, 4 * problem.mesh.node_count)), 0.0
+        row, constant = sparse.csr_array((1, points.basis.size)), 0.0
         for axis, factor in enumerate(factors[component]):
             weights = points.weights * factor
-            row = row + sparse.csr_array(weights[None, :]) @ points.traction(axis)
-            constant += float(weights @ (potential * (points.point_axis == normal_axes[axis])))
+            row = row + sparse.csr_array(weights[None, :]) @ points.traction(np.eye(2)[axis])
+            constant += float(weights @ potential[axis])
         found.append((component, sparse.csr_array(row), constant))
     return found
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
+from scipy.optimize import linprog
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.rectilinear import HORIZONTAL, VERTICAL, GridEdges
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 
@@ -64,11 +64,11 @@ class Scales:
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
         sizes = [0.0]
-        for component, edges, value in problem.prescribed(Traction):
-            values = evaluate(f"Traction.{'xy'[component]}", value, *_samples(problem, edges))
+        for given in problem.prescribed(Traction):
+            values = evaluate(given.name, given.value, *_samples(problem, given.index))
             sizes.append(float(np.abs(values).max()))
-        nodes = problem.mesh.coordinates[problem.mesh.active_nodes.ravel()]
-        potential = evaluate("ContactProblem.body_potential", problem.body_potential, *nodes.T)
+        vertices = problem.mesh.vertices[problem.mesh.body_vertices]
+        potential = evaluate("ContactProblem.body_potential", problem.body_potential, *vertices.T)
         sizes.append(float(np.ptp(potential)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
         sizes += _plate_stresses(problem)
@@ -76,9 +76,9 @@ class Scales:
         return cls(length, stress if stress > 0.0 else 1.0 / compliance, compliance, max(sizes) > 0.0)
 
 
-def _samples(problem: ContactProblem, edges: GridEdges | IntArray) -> tuple[FloatArray, FloatArray]:
+def _samples(problem: ContactProblem, edges: Edges | IntArray) -> tuple[FloatArray, FloatArray]:
     """Coordinates x, y of the ends of edges and of Gauss points between them, shape (edges, points) each."""
-    chosen = edges if isinstance(edges, GridEdges) else problem.mesh.boundary.take(edges)
+    chosen = edges if isinstance(edges, Edges) else problem.mesh.boundary.take(edges)
     return problem.mesh.points_along(chosen, np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]]))
 
 
@@ -107,44 +107,93 @@ def _plate_stresses(problem: ContactProblem) -> list[float]:
     return sizes
 
 
-def _forced(problem: ContactProblem) -> tuple[float, float]:
-    """By how much supports and obstacles must squeeze or stretch the body along x and along y [length].
+@dataclass(frozen=True, eq=False)
+class _Bounds:
+    """What a support or obstacle does to u: lower ≤ d·u ≤ upper at points, d one direction for each edge.
 
-    A prescribed displacement bounds u from both sides, an obstacle from one: u ≤ g or −u ≤ g as n points. What is
-    forced is the largest lower bound less the smallest upper one, if positive. Bilateral and tied contacts bound it
-    from both sides, and tied ones by their offset w along the tangent. Obstacles that slide past (w) force nothing that
-    friction does not limit; joints are left out, and plates in the components that are driven by force.
+    Attributes
+    ----------
+    direction : (n, 2) array
+        Unit vectors.
+    values : (n, q) array
+        Where it is, along them [length].
+    below, above : bool
+        Whether it bounds d·u from below and from above.
+
     """
-    lower: tuple[list[float], list[float]] = ([], [])
-    upper: tuple[list[float], list[float]] = ([], [])
-    for component, edges, value in problem.prescribed(Displacement):
-        values = evaluate(f"Displacement.{'xy'[component]}", value, *_samples(problem, edges))
-        lower[component].append(float(values.max()))
-        upper[component].append(float(values.min()))
+
+    direction: FloatArray
+    values: FloatArray
+    below: bool
+    above: bool
+
+
+def _forced(problem: ContactProblem) -> tuple[float, ...]:
+    """By how much supports and obstacles must squeeze or stretch the body [length].
+
+    A prescribed displacement bounds u from both sides, an obstacle from one, u_N ≤ g. Bilateral and tied contacts bound
+    it from both sides, and tied ones by their offset w along the tangent. Obstacles that slide past (w) force nothing
+    that friction does not limit; joints are left out, and plates in the components that are driven by force.
+
+    Where all directions are x or y, the largest lower bound along either less the smallest upper one is forced; else
+    twice the least distance by which some bound is missed if the body moves without rotation.
+    """
+    bounds = list(_all_bounds(problem))
+    if all((np.abs(each.direction).max(axis=1) == 1.0).all() for each in bounds):
+        return tuple(_forced_along(bounds, axis) for axis in (0, 1))
+    return (_least_miss(bounds),)
+
+
+def _all_bounds(problem: ContactProblem) -> Iterator[_Bounds]:
+    for given in problem.prescribed(Displacement):
+        values = evaluate(given.name, given.value, *_samples(problem, given.index))
+        yield _Bounds(given.direction, values, True, True)
     for contact in problem.contacts:
-        for component, values, above, below in _held(problem, contact):
-            if above:
-                upper[component].append(float(values.min()))
-            if below:
-                lower[component].append(float(values.max()))
-    along_x, along_y = (
-        max(0.0, max(low) - min(up)) if low and up else 0.0 for low, up in zip(lower, upper, strict=True)
-    )
-    return along_x, along_y
+        if contact not in problem.joints:
+            yield from _held(problem, contact)
 
 
-def _held(problem: ContactProblem, contact: Contact) -> Iterator[tuple[int, FloatArray, bool, bool]]:
-    """(component, where the obstacle is, whether it bounds u from above, from below) for each side of a contact."""
-    if contact in problem.joints:
-        return
-    edges, boundary = problem.mesh.edge_set(contact.edges), problem.mesh.boundary
-    driven = [getattr(contact.plate, name, None) is not None for name in ("force_x", "force_y")]
-    both = contact.law != "unilateral"
-    for axis, sign in product((HORIZONTAL, VERTICAL), (-1.0, 1.0)):
-        facing = edges[(boundary.axis[edges] == axis) & (boundary.sign[edges] == sign)]
-        normal, tangential = (1, 0) if axis == HORIZONTAL else (0, 1)
-        if len(facing) and not driven[normal]:
-            gap = evaluate("Contact.gap", contact.gap, *_samples(problem, facing))
-            yield normal, sign * gap, sign > 0 or both, sign < 0 or both
-        if len(facing) and not driven[tangential] and contact.law == "tied":
-            yield tangential, evaluate("Contact.offset", contact.offset, *_samples(problem, facing)), True, True
+def _held(problem: ContactProblem, contact: Contact) -> Iterator[_Bounds]:
+    """What a contact bounds."""
+    edges = problem.mesh.edges(contact.edges)
+    for direction, field, name, above_only in (
+        (edges.normal, contact.gap, "Contact.gap", contact.law == "unilateral"),
+        (edges.tangent, contact.offset, "Contact.offset", False),
+    ):
+        if name == "Contact.offset" and contact.law != "tied":
+            continue
+        fixed = np.ones(len(edges), dtype=bool)
+        for component, force in enumerate(("force_x", "force_y")):
+            if getattr(contact.plate, force, None) is not None:
+                fixed &= direction[:, component] == 0.0
+        if fixed.any():
+            values = evaluate(name, field, *_samples(problem, edges.take(fixed)))
+            yield _Bounds(direction[fixed], values, not above_only, True)
+
+
+def _forced_along(bounds: list[_Bounds], axis: int) -> float:
+    """The largest lower bound of a component of u less the smallest upper one, if positive [length]."""
+    lower, upper = [], []
+    for each in bounds:
+        for sign in (1.0, -1.0):
+            values = sign * each.values[each.direction[:, axis] == sign]
+            if len(values) and (each.below if sign > 0.0 else each.above):
+                lower.append(float(values.max()))
+            if len(values) and (each.above if sign > 0.0 else each.below):
+                upper.append(float(values.min()))
+    return max(0.0, max(lower) - min(upper)) if lower and upper else 0.0
+
+
+def _least_miss(bounds: list[_Bounds]) -> float:
+    """2 min over c of the largest violation of lower ≤ d·c ≤ upper [length], a linear program in (c, violation)."""
+    rows, limits = [], []
+    for each in bounds:
+        for sign, values, bounded in (
+            (1.0, each.values.min(axis=1), each.above),
+            (-1.0, -each.values.max(axis=1), each.below),
+        ):
+            if bounded:
+                rows.append(np.column_stack([sign * each.direction, -np.ones(len(values))]))
+                limits.append(values)
+    found = linprog([0.0, 0.0, 1.0], np.vstack(rows), np.concatenate(limits), bounds=[(None, None)] * 2 + [(0.0, None)])
+    return 2.0 * float(found.x[2]) if found.x is not None else 0.0

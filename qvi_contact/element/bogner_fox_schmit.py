@@ -84,6 +84,11 @@ class Grid:
         return cls(Line((mesh.x - mesh.x[0]) / mesh.length), Line((mesh.y - mesh.y[0]) / mesh.length))
 
     @property
+    def size(self) -> int:
+        """Number of degrees of freedom, those of nodes outside the body included."""
+        return 4 * len(self.x.lines) * len(self.y.lines)
+
+    @property
     def dof_scales(self) -> FloatArray:
         """Scale of each degree of freedom: stored value = scale × derivative; shape (ny + 1, nx + 1, 4)."""
         one_x, one_y = np.ones_like(self.x.scales), np.ones_like(self.y.scales)

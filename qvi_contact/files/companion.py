@@ -48,7 +48,7 @@ def write_vtu(path: str | Path, companion: CompanionResult, units: Units | None 
     r = 2 * companion.degree
     points, fields = _point_data(companion, r, units)
     problem = companion.problem
-    material = np.repeat(problem.material_numbers[problem.mesh.active], r * r)
+    material = np.repeat(problem.cell_materials, r * r)
     meshio = load("meshio")
     quads = sub_quads(len(companion.space.sizes), r)
     mesh = meshio.Mesh(points, [("quad", quads)], point_data=fields, cell_data={"material": [material]})
@@ -74,7 +74,7 @@ def _point_data(companion: CompanionResult, r: int, units: Units | None) -> tupl
     place = companion.cell_points(tx, ty).reshape(-1, 2)
     displacement = companion.cell_displacement(tx, ty).reshape(-1, 2)
     stress = companion.cell_stress(tx, ty).reshape(-1, 3)
-    active = companion.problem.mesh.active
+    active = companion.problem.grid.active
     factor = np.repeat(out_of_plane_factor(companion.problem)[active], len(tx))
     xx, yy, xy = stress.T
     zero = np.zeros_like(xx)

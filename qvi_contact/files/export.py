@@ -12,18 +12,21 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, positive_number
+from qvi_contact.basics.checks import FloatArray, positive_number
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, replacing, write_text
+from qvi_contact.discretization.loads import physical
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import write_archive
 from qvi_contact.files.stored import solution_arrays
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult, Energies
-from qvi_contact.solution.sampling import out_of_plane_factor, sample_cells, von_mises
-from qvi_contact.solution.stress import principal_stresses
+from qvi_contact.solution.sampling import cell_factors, von_mises
+from qvi_contact.solution.stress import principal_stresses, stress_in_cells
 from solvers.basics.types import load
+
+_CHUNK: Final = 4096  # cells at a time: their tables stay small
 
 SUMMARY_VERSION: Final = 1
 """Grows when an entry of `summary` changes its meaning or goes away; new entries may come at any time."""
@@ -130,7 +133,9 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
     * ``x_lines`` (nx + 1,), ``y_lines`` (ny + 1,) [length], ``active`` (ny, nx), ``material`` (ny, nx);
     * ``airy`` (ny + 1, nx + 1, 4): Φ, Φ_x, Φ_y, Φ_xy at the nodes [stress × length²; × length; × length; stress], up to
       an affine function; NaN at nodes outside the body;
-    * ``gauss_x``, ``gauss_y`` (cells, 16) [length] and ``gauss_stress`` (cells, 16, 3): σ_xx, σ_yy, σ_xy [stress];
+      On triangles instead of these ``vertices`` (v, 2) [length], ``cells`` (cells, 3) and ``material`` (cells,);
+    * ``gauss_x``, ``gauss_y`` (cells, g) [length] and ``gauss_stress`` (cells, g, 3): σ_xx, σ_yy, σ_xy [stress], on
+      rectangles with g = 16;
     * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has, forces included, and
       with a plate ``<name>.motion``: x, y [length] and rotation [rad];
     * ``energies``: strain, load, complementary, dissipation [stress × length²]; ``traction_misfit`` [stress];
@@ -161,8 +166,8 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
 def write_vtu(path: str | Path, result: ContactResult, units: Units | None = None, subdivisions: int = 4) -> None:
     """Write stresses as an unstructured VTK grid, which ParaView opens; needs the extra ``vtk`` (meshio).
 
-    Every cell is divided into subdivisions² quadrilaterals of its own, that share no points with those of other cells,
-    so that normal stresses may jump between cells as they do in the element.
+    Every cell is divided into subdivisions² quadrilaterals or triangles of its own, that share no points with those of
+    other cells, so that normal stresses may jump between cells as they do in the element.
 
     Parameters
     ----------
@@ -173,7 +178,7 @@ def write_vtu(path: str | Path, result: ContactResult, units: Units | None = Non
     units : Units, optional
         If given, names of fields end in their unit, as in "stress [MPa]".
     subdivisions : int
-        Quadrilaterals along each side of a cell; stresses of an element are cubic, those between points linear.
+        Parts along each side of a cell; stresses between points are linear, those of an element of higher degree.
 
     Raises
     ------
@@ -194,10 +199,13 @@ def write_vtu(path: str | Path, result: ContactResult, units: Units | None = Non
         raise InputError("subdivisions", subdivisions, "give a whole number of at least 1")
     r = int(subdivisions)
     points, point_data = _point_data(result, r, units)
-    material = np.repeat(result.problem.material_numbers[result.problem.mesh.active], r * r)
-    quads = _quads(int(result.problem.mesh.active.sum()), r)
+    t, corners = result.discretization.space.lattice(r)
+    material = np.repeat(result.problem.cell_materials, len(corners))
+    cells = len(t) * np.arange(result.problem.mesh.cell_count)[:, None, None] + corners
+    kind = {3: "triangle", 4: "quad"}[corners.shape[1]]
+    blocks = [(kind, cells.reshape(-1, corners.shape[1]))]
     meshio = load("meshio")
-    mesh = meshio.Mesh(points, [("quad", quads)], point_data=point_data, cell_data={"material": [material]})
+    mesh = meshio.Mesh(points, blocks, point_data=point_data, cell_data={"material": [material]})
     with replacing(path) as temporary:
         mesh.write(temporary, file_format="vtu")
 
@@ -252,12 +260,12 @@ def _resultant(result: ContactResult, edges: str, units: Units) -> dict[str, Any
 
 def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:
     mesh, qvi = result.problem.mesh, result.discretization.qvi
-    smallest, largest = (float(f([f(np.diff(mesh.x)), f(np.diff(mesh.y))])) for f in (np.min, np.max))
+    smallest, largest = mesh.cell_range
+    lines = {"columns": mesh.shape[1], "rows": mesh.shape[0]} if isinstance(mesh, RectilinearMesh) else {}
     return {
-        "columns": mesh.shape[1],
-        "rows": mesh.shape[0],
-        "cells": int(mesh.active.sum()),
-        "nodes": int(mesh.active_nodes.sum()),
+        **lines,
+        "cells": mesh.cell_count,
+        "nodes": len(mesh.body_vertices),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
         "smallest_cell": _quantity(smallest, units.length),
@@ -289,8 +297,16 @@ def airy_units(result: ContactResult) -> FloatArray:
 
 
 def _body_arrays(result: ContactResult) -> dict[str, Any]:
-    mesh = result.problem.mesh
     x, y, stress = result.gauss_stress()
+    gauss = {"gauss_x": x, "gauss_y": y, "gauss_stress": stress}
+    if not isinstance(result.problem.mesh, RectilinearMesh):
+        mesh = result.problem.mesh
+        return {"vertices": mesh.vertices, "cells": mesh.cells, "material": result.problem.cell_materials, **gauss}
+    return {**_grid_arrays(result), **gauss}
+
+
+def _grid_arrays(result: ContactResult) -> dict[str, Any]:
+    mesh = result.problem.grid
     airy = result.nodal * airy_units(result) / result.discretization.grid.dof_scales
     return {
         "x_lines": mesh.x,
@@ -298,9 +314,6 @@ def _body_arrays(result: ContactResult) -> dict[str, Any]:
         "active": mesh.active,
         "material": result.problem.material_numbers,
         "airy": np.where(mesh.active_nodes[..., None], airy, np.nan),
-        "gauss_x": x,
-        "gauss_y": y,
-        "gauss_stress": stress,
     }
 
 
@@ -322,12 +335,16 @@ def _numbers(result: ContactResult) -> dict[str, Any]:
 
 
 def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Points (m, 3) of all cells, (r + 1)² each, row by row, and the fields there."""
-    samples, active = sample_cells(result, np.linspace(0.0, 1.0, r + 1)), result.problem.mesh.active
-    stress, airy = (_by_cell(values, result.problem) for values in (samples.stress, samples.airy))
-    x = _by_cell(np.broadcast_to(samples.x, samples.airy.shape), result.problem)
-    y = _by_cell(np.broadcast_to(samples.y[:, :, None, None], samples.airy.shape), result.problem)
-    factor = np.repeat(out_of_plane_factor(result.problem)[active], (r + 1) ** 2)
+    """Points (m, 3) of all cells, those of `Basis.lattice` in each, cell by cell, and the fields there."""
+    known, count = result.discretization, result.problem.mesh.cell_count
+    t, _ = known.space.lattice(r)
+    chunks = [np.arange(count)[start : start + _CHUNK] for start in range(0, count, _CHUNK)]
+    coefficients = known.energy.coefficients(result.dofs)
+    places = np.concatenate([known.space.points(cells, t) for cells in chunks]).reshape(-1, 2)
+    airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks]).ravel() * known.scales.airy
+    stress = np.concatenate([stress_in_cells(known, coefficients, cells, t)[1] for cells in chunks]).reshape(-1, 3)
+    stress *= known.scales.stress
+    factor = np.repeat(cell_factors(result.problem), len(t))
     xx, yy, xy = stress.T
     zero = np.zeros_like(xx)
     first, second, _ = principal_stresses(stress)
@@ -337,17 +354,4 @@ def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[Flo
     if units is not None:
         found = {f"{name} [{units.stress}]": values for name, values in found.items()}
     found["Airy function" + (f" [{units.moment}]" if units else "")] = airy
-    return np.column_stack([x, y, zero]), found
-
-
-def _by_cell(values: FloatArray, problem: ContactProblem) -> FloatArray:
-    """Samples (ny, n, nx, n, …) as one row of points after the other, cell by cell of the body."""
-    cells = np.moveaxis(values, 2, 1)[problem.mesh.active]
-    return cells.reshape(-1, *values.shape[4:])
-
-
-def _quads(cells: int, r: int) -> IntArray:
-    """Corners of r² quadrilaterals in each cell, counterclockwise, (cells r², 4)."""
-    first = (np.arange(r)[:, None] * (r + 1) + np.arange(r)).ravel()
-    corners = first[:, None] + np.array([0, 1, r + 2, r + 1])
-    return np.asarray((r + 1) ** 2 * np.arange(cells)[:, None, None] + corners).reshape(-1, 4)
+    return np.column_stack([*physical(result.problem, known.scales, places), zero]), found

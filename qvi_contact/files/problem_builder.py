@@ -42,8 +42,8 @@ TABLES: Final[dict[type, str]] = {
 
 FIELDS: Final[dict[str, tuple[str, ...]]] = {
     "symmetry": (),
-    "displacements": ("x", "y"),
-    "tractions": ("x", "y"),
+    "displacements": ("x", "y", "normal", "tangential"),
+    "tractions": ("x", "y", "normal", "tangential"),
     "contacts": ("friction", "gap", "offset", "cohesion", "shear_limit"),
 }
 """Keys whose values are functions of x and y."""
@@ -153,8 +153,8 @@ class Reader:
         regions = []
         for index, table in enumerate(document.regions):
             with located(f"regions[{index}]", table):
-                bounds = [None if pair is None else (pair[0], pair[1]) for pair in (table.x, table.y)]
-                regions.append(Region(Material(table.young, table.poisson, plane), *bounds))
+                x, y = (None if pair is None else (pair[0], pair[1]) for pair in (table.x, table.y))
+                regions.append(Region(Material(table.young, table.poisson, plane), x, y))
                 material_numbers(mesh, regions[-1:])
         try:
             problem = ContactProblem(mesh, material, conditions, potential, regions)
@@ -205,7 +205,7 @@ class Reader:
         for condition in problem.conditions:
             kind = TABLES[type(condition)]
             index[kind] += 1
-            x, y = _points(problem.mesh, condition.edges)
+            x, y = _points(problem.grid, condition.edges)
             for key in FIELDS[kind]:
                 field = getattr(condition, key)
                 if callable(field):

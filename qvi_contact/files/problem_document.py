@@ -184,15 +184,17 @@ class SymmetryTable(Table):
 
 
 class DisplacementTable(Table):
-    """Prescribed displacements."""
+    """Prescribed displacements, by Cartesian components or by normal and tangential ones."""
 
     edges: str
     x: FieldValue | None = None
     y: FieldValue | None = None
+    normal: FieldValue | None = None
+    tangential: FieldValue | None = None
 
 
 class TractionTable(DisplacementTable):
-    """Prescribed tractions."""
+    """Prescribed tractions, by components as displacements."""
 
     name: Name | None = None
 

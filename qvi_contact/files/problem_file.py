@@ -58,7 +58,7 @@ class ProblemFile:
 
         """
         try:
-            return Reader(self._document, t).problem(self.problem.mesh)
+            return Reader(self._document, t).problem(self.problem.grid)
         except InputError as error:
             raise InputError(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
 

@@ -68,8 +68,8 @@ def problem_to_toml(
         document["body_potential"] = potential
     document["units"] = {} if units is None else {"length": units.length, "stress": units.stress}
     document["constants"] = writer.constants  # filled by what follows
-    document["mesh"] = _mesh(problem.mesh)
-    document["edges"], document["joints"] = _edges(problem.mesh), _joints(problem.mesh)
+    document["mesh"] = _mesh(problem.grid)
+    document["edges"], document["joints"] = _edges(problem.grid), _joints(problem.grid)
     material = problem.material
     document["material"] = {"young": material.young, "poisson": material.poisson, "plane": material.plane}
     document["regions"] = [_region(region) for region in problem.regions]

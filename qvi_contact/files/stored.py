@@ -126,7 +126,7 @@ def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
     """The problem of a file; what is wrong with it is said with the name of that file."""
     try:
         problem, freed = problem_from_toml(text).problem, archive.integers("freed")
-        if ((freed >= 0) & (freed < problem.mesh.node_count)).all():
+        if ((freed >= 0) & (freed < len(problem.mesh.vertices))).all():
             return discretize(problem, scales=scales, freed=freed)
     except InputError as error:
         if error.field == "result":  # names the file already

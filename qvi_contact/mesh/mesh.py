@@ -24,6 +24,11 @@ class Mesh(Protocol):
         ...
 
     @property
+    def cells(self) -> IntArray:
+        """Vertices of each cell of the body, shape (cells, 3) or (cells, 4)."""
+        ...
+
+    @property
     def cell_count(self) -> int:
         """Number of cells of the body."""
         ...
@@ -31,6 +36,11 @@ class Mesh(Protocol):
     @property
     def length(self) -> float:
         """Characteristic length: the longer side of the bounding box [length]."""
+        ...
+
+    @property
+    def cell_range(self) -> tuple[float, float]:
+        """Size of the smallest and of the largest cell: shortest and longest edge [length]."""
         ...
 
     @property
@@ -73,6 +83,10 @@ class Mesh(Protocol):
 
     def edges(self, name: str) -> Edges:
         """The edges called `name`, on the boundary or in a joint."""
+        ...
+
+    def region(self, name: str) -> IntArray:
+        """Numbers of the cells of the region called `name`; `InputError` lists the names there are."""
         ...
 
     def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -53,6 +53,12 @@ class GridEdges(Edges):
     row: IntArray
 
 
+def grid_edges(edges: Edges) -> GridEdges:
+    """Edges of a rectilinear mesh, as what they are."""
+    assert isinstance(edges, GridEdges)
+    return edges
+
+
 @dataclass(frozen=True)
 class EdgeRange:
     """What a named edge set consists of.
@@ -189,6 +195,19 @@ class RectilinearMesh:
         return np.flatnonzero(self.active_nodes)
 
     @cached_property
+    def cells(self) -> IntArray:
+        """Nodes of each active cell, counterclockwise from the lower left one, shape (cells, 4)."""
+        column, row = self.cell_places
+        stride = len(self.x)
+        return np.asarray((column + row * stride)[:, None] + np.array([0, 1, stride + 1, stride]))
+
+    @property
+    def cell_range(self) -> tuple[float, float]:
+        """The least and the largest distance of grid lines [length]."""
+        steps = np.diff(self.x), np.diff(self.y)
+        return float(min(part.min() for part in steps)), float(max(part.max() for part in steps))
+
+    @cached_property
     def cell_count(self) -> int:
         """Number of active cells."""
         return int(self.active.sum())
@@ -292,6 +311,10 @@ class RectilinearMesh:
         if chosen.at is not None:
             keep &= middle[:, 1 - axis] == on_line("at", chosen.at, across)
         return found[keep]
+
+    def region(self, name: str) -> IntArray:
+        """Regions of a rectilinear mesh have no names: `InputError` says to give ranges."""
+        raise InputError("Region.name", name, "regions of a rectilinear mesh have no names: give ranges x and y")
 
     def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates x, y [length] at reference points t (n,), 0 to 1, of edges; shape (edges, n) each."""

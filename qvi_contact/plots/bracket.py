@@ -33,7 +33,7 @@ def bracket_map(axes: "Axes", bracket: Bracket, units: Units | None = None) -> "
     """
     from matplotlib.colors import LogNorm
 
-    mesh, units = bracket.problem.mesh, units or Units()
+    mesh, units = bracket.problem.grid, units or Units()
     density = bracket.cells / np.outer(np.diff(mesh.y), np.diff(mesh.x))
     largest = float(density.max()) or 1.0
     least = max(float(density[density > 0.0].min(initial=largest)), largest * 10.0**-_DECADES)
@@ -52,7 +52,7 @@ def bracket_map(axes: "Axes", bracket: Bracket, units: Units | None = None) -> "
 
 def _draw_contacts(axes: "Axes", bracket: Bracket) -> None:
     """Contacts and joints as white and black lines."""
-    mesh = bracket.problem.mesh
+    mesh = bracket.problem.grid
     for contact in bracket.problem.contacts:
         edges = mesh.edges(contact.edges)
         ends = np.stack([mesh.coordinates[edges.first], mesh.coordinates[edges.second]], axis=1)

@@ -52,7 +52,7 @@ def deformed_figure(companion: CompanionResult, scale: float | None = None, unit
     """
     units = units or Units()
     factor = _automatic(companion) if scale is None else positive_number("scale", scale)
-    mesh = companion.problem.mesh
+    mesh = companion.problem.grid
     figure = new_figure(5.5, float(np.clip(4.5 * np.ptp(mesh.y) / np.ptp(mesh.x), 2.5, 8.0)) + 1.0)
     axes = figure.add_subplot()
     draw_outline(axes, mesh, "#999999")
@@ -71,7 +71,7 @@ def deformed_figure(companion: CompanionResult, scale: float | None = None, unit
 def _automatic(companion: CompanionResult) -> float:
     """The largest of 1, 2, 5 times a power of ten that keeps displacements within `_LONGEST` of the body's length."""
     largest = float(np.abs(companion.nodal_displacements).max())
-    wanted = _LONGEST * companion.problem.mesh.length / max(largest, _LEAST * companion.scales.displacement)
+    wanted = _LONGEST * companion.problem.grid.length / max(largest, _LEAST * companion.scales.displacement)
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12)))
 
@@ -85,11 +85,11 @@ def _draw_stress(axes: "Axes", companion: CompanionResult, factor: float, units:
     from matplotlib.collections import PolyCollection
 
     problem = companion.problem
-    r = int(np.clip(np.ceil(_SAMPLES / max(problem.mesh.shape)), 2, 24))
+    r = int(np.clip(np.ceil(_SAMPLES / max(problem.grid.shape)), 2, 24))
     corners = _moved(companion, *sub_points(r), factor).reshape(-1, 2)[sub_quads(len(companion.space.sizes), r)]
     middle = (np.arange(r) + 0.5) / r
     stress = companion.cell_stress(np.tile(middle, r), np.repeat(middle, r))
-    values = von_mises(stress, out_of_plane_factor(problem)[problem.mesh.active][:, None]).ravel()
+    values = von_mises(stress, out_of_plane_factor(problem)[problem.grid.active][:, None]).ravel()
     (low, high), colours = colour_range(values)
     field = PolyCollection(list(corners), array=values, cmap=colours, edgecolors="none", antialiased=False)
     field.set_clim(low, high)
@@ -100,7 +100,7 @@ def _draw_stress(axes: "Axes", companion: CompanionResult, factor: float, units:
 
 def _draw_cells(axes: "Axes", companion: CompanionResult, factor: float) -> None:
     """Outlines of the cells, curved as they are, thin; fine meshes are left to the colours."""
-    if max(companion.problem.mesh.shape) > _SAMPLES // 2:
+    if max(companion.problem.grid.shape) > _SAMPLES // 2:
         return
     t, zero = np.linspace(0.0, 1.0, _POINTS), np.zeros(_POINTS)
     tx = np.concatenate([t, zero + 1.0, t[::-1], zero])
@@ -114,8 +114,8 @@ def _draw_obstacles(axes: "Axes", companion: CompanionResult, factor: float) -> 
     for contact in problem.contacts:
         if contact in problem.joints:
             continue
-        edges = problem.mesh.edges(contact.edges)
-        x, y = problem.mesh.points_along(edges, t)
+        edges = problem.grid.edges(contact.edges)
+        x, y = problem.grid.points_along(edges, t)
         normal, tangential = companion.obstacle(contact.name, t)
         across = edges.sign[:, None] * normal
         flat = (edges.axis == HORIZONTAL)[:, None]

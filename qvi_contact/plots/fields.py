@@ -72,7 +72,7 @@ def principal_stress_map(
         The largest |principal stress| at all Gauss points [stress].
 
     """
-    mesh, (x, y, stress) = result.problem.mesh, result.gauss_stress()
+    mesh, (x, y, stress) = result.problem.grid, result.gauss_stress()
     maximum = float(np.abs(principal_stresses(stress)[:2]).max())
     full = largest or maximum or 1.0
     spacing = np.sqrt(np.outer(np.diff(mesh.y), np.diff(mesh.x))[mesh.active]) / 4.0
@@ -136,7 +136,7 @@ def stress_field(
         The field, for a colour bar of one's own.
 
     """
-    mesh, units = result.problem.mesh, units or Units()
+    mesh, units = result.problem.grid, units or Units()
     n = int(np.clip(np.ceil(_SAMPLES / max(mesh.shape)), 4, 40))
     t = (np.arange(n) + 0.5) / n
     samples = sample_cells(result, t)
@@ -184,7 +184,7 @@ def _sub_lines(grid_lines: FloatArray, n: int) -> FloatArray:
 
 def _sparse_samples(result: ContactResult, crosses: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Coordinates (m,), stresses (m, 3) and distances (m,) of about so many points along the longer side."""
-    mesh = result.problem.mesh
+    mesh = result.problem.grid
     count = int(np.clip(round(crosses / max(mesh.shape)), 1, 4))
     samples = sample_cells(result, (np.arange(count) + 0.5) / count)
     every = max(1, round(max(mesh.shape) / crosses))

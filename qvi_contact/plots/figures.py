@@ -104,7 +104,7 @@ def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figu
 
     """
     with settings():
-        sides = np.ptp(problem.mesh.x), np.ptp(problem.mesh.y)
+        sides = np.ptp(problem.grid.x), np.ptp(problem.grid.y)
         scale = 6.0 / max(1.25 * sides[0], 1.5 * sides[1])  # what is around the body takes room too
         figure = new_figure(scale * sides[0] + 6.5, max(3.2, scale * (sides[1] + 0.4 * max(sides)) + 0.7))
         draw_problem(figure.subplots(), problem, units)
@@ -215,7 +215,7 @@ def _is_driven(problem: ContactProblem, condition: Condition) -> bool:
     """Whether this is a displacement along its edges."""
     if not isinstance(condition, Displacement):
         return False
-    axes = problem.mesh.edges(condition.edges).axis
+    axes = problem.grid.edges(condition.edges).axis
     return (condition.x, condition.y)[int(axes[0])] is not None
 
 
@@ -226,7 +226,7 @@ def _states(part: "SubFigure", result: ContactResult, units: Units, with_contact
     sizes = np.abs(principal_stresses(stress)[:2]).max(axis=0)
     largest = principal_stress_map(panels[0], result, _usual(sizes), units, legend=True, crosses=_CROSSES)
     panels[0].set_title(f"principal stresses, up to {largest:.4g} {units.stress}")
-    row, column = np.nonzero(result.problem.mesh.active)
+    row, column = np.nonzero(result.problem.grid.active)
     mises = von_mises(stress, out_of_plane_factor(result.problem)[row, column][:, None])
     usual = _usual(mises)
     stress_field(panels[1], result, "von_mises", units, (None, usual if usual < mises.max() else None))
@@ -284,7 +284,7 @@ def _forces(axes: "Axes", steps: Sequence[ContactResult], name: str, units: Unit
 
 def _panel_height(problem: ContactProblem, width: float) -> float:
     """Height [inch] that suits a panel of this width showing the body with equal scales."""
-    mesh = problem.mesh
+    mesh = problem.grid
     return float(np.clip(0.72 * width * np.ptp(mesh.y) / np.ptp(mesh.x), 2.4, 7.0))
 
 

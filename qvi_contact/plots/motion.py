@@ -10,7 +10,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.plots.style import GREY, STATE_LOOK, draw_outline, frame, legend_below, lines
 from qvi_contact.plots.symbols import ground
 from qvi_contact.solution.contact_line import ContactState
@@ -92,7 +92,7 @@ def deformed_contact(
         The factor.
 
     """
-    mesh, units = result.problem.mesh, units or Units()
+    mesh, units = result.problem.grid, units or Units()
     motions = [_motion(result, name) for name in _names(result, contacts)]
     if factor is None:
         factor = _automatic_factor(motions, mesh.length, _ROUNDING * result.discretization.scales.displacement)
@@ -123,9 +123,7 @@ def _motion(result: ContactResult, name: str) -> _Motion:
     index = next(i for i, rows in enumerate(discretization.contacts) if rows.name == name)
     rows, unit = discretization.contacts[index], discretization.scales.displacement
     points, place = rows.points, np.column_stack([line.x, line.y])
-    horizontal = (points.point_axis == HORIZONTAL)[:, None]
-    along, across = np.where(horizontal, [1.0, 0.0], [0.0, 1.0]), np.where(horizontal, [0.0, 1.0], [1.0, 0.0])
-    normal = across * points.point_sign[:, None]
+    along, normal = points.tangents, points.normals
     moved = (unit * rows.offset + line.slip)[:, None] * along  # what slipped in earlier load steps is in rows.offset
     if rows.joint:
         half = (moved - line.gap[:, None] * normal) / 2.0
@@ -148,9 +146,9 @@ def _plate_motion(result: ContactResult, name: str, place: FloatArray) -> FloatA
     return np.column_stack([motion.x - motion.rotation * y, motion.y + motion.rotation * x])
 
 
-def _pieces(edges: GridEdges, count: int) -> tuple[slice, ...]:
+def _pieces(edges: Edges, count: int) -> tuple[slice, ...]:
     """Points, so many an edge, of each straight row of adjoining edges."""
-    breaks = (edges.first[1:] != edges.second[:-1]) | (np.diff(edges.axis) != 0) | (np.diff(edges.sign) != 0)
+    breaks = (edges.first[1:] != edges.second[:-1]) | (np.diff(edges.normal, axis=0) != 0.0).any(axis=1)
     ends = [0, *(count * (np.flatnonzero(breaks) + 1)).tolist(), count * len(edges)]
     return tuple(slice(a, b) for a, b in pairwise(ends))
 

@@ -78,7 +78,7 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     for condition in merged(problem.conditions):
         sketch.condition(condition)
     sketch.legend()
-    frame(axes, problem.mesh, margin=_AWAY + _ARROW + 0.06)
+    frame(axes, problem.grid, margin=_AWAY + _ARROW + 0.06)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
     axes.set_xlabel(f"x [{sketch.units.length}]")
     axes.set_ylabel(f"y [{sketch.units.length}]")
@@ -107,14 +107,14 @@ class _Sketch:
 
     @property
     def length(self) -> float:
-        return self.problem.mesh.length
+        return self.problem.grid.length
 
     def body(self) -> None:
         """Cells filled by material, grid, outline."""
         from matplotlib.collections import PolyCollection
         from matplotlib.patches import Patch
 
-        mesh, outlines = self.problem.mesh, cell_outlines(self.problem.mesh)
+        mesh, outlines = self.problem.grid, cell_outlines(self.problem.grid)
         number = self.problem.material_numbers[mesh.active]
         present = np.unique(number).tolist()
         for index, chosen in enumerate(present):
@@ -145,7 +145,7 @@ class _Sketch:
             Symmetry: self.symmetry,
             Contact: self.contact,
         }
-        pieces = runs(self.problem.mesh, self.problem.mesh.edges(condition.edges))
+        pieces = runs(self.problem.grid, self.problem.grid.edges(condition.edges))
         kind[type(condition)](condition, pieces)
 
     def traction(self, condition: Traction, pieces: Sequence[Run]) -> None:
@@ -222,7 +222,7 @@ class _Sketch:
         sizes = [0.0]
         for condition in merged(self.problem.conditions):
             if isinstance(condition, kind):
-                pieces = runs(self.problem.mesh, self.problem.mesh.edges(condition.edges))
+                pieces = runs(self.problem.grid, self.problem.grid.edges(condition.edges))
                 parts = [self._samples(f"{kind.__name__}.{n}", getattr(condition, n), pieces) for n in "xy"]
                 x, y = (part if part.size else np.zeros(1) for part in parts)
                 sizes.append(float(np.hypot(x, y).max()))
@@ -318,7 +318,7 @@ class _Sketch:
                 yield f"{value_range('M', np.array([plate.moment]), self.units.moment)} about\xa0{around}"
 
     def _potential(self) -> None:
-        nodes = self.problem.mesh.coordinates[self.problem.mesh.active_nodes.ravel()]
+        nodes = self.problem.grid.coordinates[self.problem.grid.active_nodes.ravel()]
         values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *nodes.T)
         if np.ptp(values) > 0.0:
             self._entry(value_range("body force, potential φ", values, self.units.stress), {"color": "none"})

@@ -1,17 +1,18 @@
-"""Boundary conditions on named edge sets, one Cartesian component at a time.
+"""Boundary conditions on named edge sets, one component at a time.
 
 With stresses as the unknown, a prescribed traction is the essential condition and a prescribed displacement the
-natural one. Every boundary edge needs exactly one condition for each of its two Cartesian components.
+natural one. Every boundary edge needs exactly one condition for each of two perpendicular components: the Cartesian
+ones, or the normal and the tangential one.
 
 A `Contact` on a joint inside the body rules no boundary edge.
 
-Signs: n is the outward normal; the tangent is the coordinate direction along the edge (+x on horizontal edges, +y on
-vertical ones), whichever way the edge faces. σ_N = n·σn is negative under pressure, σ_T is the tangential component of
-the traction σn, u_N and u_T are the components of the displacement.
+Signs: n is the outward normal; the tangent t is the direction along the edge with t_x > 0, or t_y > 0 where t_x = 0 (+x
+on horizontal edges, +y on vertical ones), whichever way the edge faces. σ_N = n·σn is negative under pressure, σ_T is
+the tangential component of the traction σn, u_N and u_T are the components of the displacement.
 """
 
-from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 from qvi_contact.basics.checks import Field, check_field, finite_number
 from qvi_contact.errors import InputError
@@ -20,12 +21,27 @@ Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
 """What a contact does across its line: it may open, it keeps its distance, or it does not move at all."""
 
 
-def _check_components(kind: str, x: Field | None, y: Field | None) -> None:
-    if x is None and y is None:
-        raise InputError(f"{kind}.x", None, "give at least one of the components x and y")
-    for name, value in (("x", x), ("y", y)):
-        if value is not None:
-            check_field(f"{kind}.{name}", value)
+CARTESIAN: Final = ("x", "y")
+LOCAL: Final = ("normal", "tangential")
+
+
+def components(condition: "Traction | Displacement") -> dict[str, Field]:
+    """The components that a condition gives, by name: "x", "y" or "normal", "tangential"."""
+    values = {name: getattr(condition, name) for name in (*CARTESIAN, *LOCAL)}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _check_components(condition: "Traction | Displacement") -> None:
+    kind, given = type(condition).__name__, components(condition)
+    if not given:
+        raise InputError(f"{kind}.x", None, "give at least one of the components x and y, or normal and tangential")
+    if given.keys() & set(CARTESIAN) and given.keys() & set(LOCAL):
+        mixed = " and ".join(given)
+        raise InputError(
+            f"{kind}.{next(iter(given))}", mixed, "give x and y, or normal and tangential, not one of each"
+        )
+    for name, value in given.items():
+        check_field(f"{kind}.{name}", value)
 
 
 def _name_after_edges(condition: "Traction | Contact", kind: str) -> None:
@@ -49,11 +65,14 @@ class Traction:
         condition.
     name : str, optional
         What a limit analysis calls this load; the edge set's name by default.
+    normal, tangential : float or function of (x, y), optional
+        The components σ_N and σ_T instead [stress]: a pressure p is normal=−p.
 
     Notes
     -----
-    Exact if the normal component is linear along each cell edge, and the tangential one continuous and quadratic
-    along each. Anything else is projected so that the resultant force and moment of every cell edge are kept.
+    On rectangles exact if the normal component is linear along each cell edge, and the tangential one continuous and
+    quadratic along each; on triangles of degree p if both are polynomials of degree p − 2 along each edge. Anything
+    else is projected so that the resultant force and moment of every cell edge are kept.
 
     """
 
@@ -61,9 +80,11 @@ class Traction:
     x: Field | None = None
     y: Field | None = None
     name: str = ""
+    normal: Field | None = field(default=None, kw_only=True)
+    tangential: Field | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_components("Traction", self.x, self.y)
+        _check_components(self)
         _name_after_edges(self, "Traction")
 
 
@@ -77,15 +98,19 @@ class Displacement:
         Name of an edge set of the mesh.
     x, y : float or function of (x, y), optional
         Cartesian components of the displacement [length]; None leaves a component to another condition.
+    normal, tangential : float or function of (x, y), optional
+        The components u_N and u_T instead [length].
 
     """
 
     edges: str
     x: Field | None = None
     y: Field | None = None
+    normal: Field | None = field(default=None, kw_only=True)
+    tangential: Field | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        _check_components("Displacement", self.x, self.y)
+        _check_components(self)
 
 
 @dataclass(frozen=True)
@@ -160,9 +185,9 @@ class Contact:
         |σ_T| < b ⇒ u_T = w,   (u_T − w) σ_T ≤ 0                            unilateral, bilateral
         u_T = w                                                             tied
 
-    On a joint (an edge set made by `RectilinearMesh.with_joint`) u stands for the displacement of the lower or left
-    block less that of the upper or right one, n points from the former to the latter, and g is how far the joint
-    stands open without load.
+    On a joint (an edge set made by `with_joint` of the mesh) u stands for the displacement of the lower or left block
+    less that of the upper or right one, n points from the former to the latter, and g is how far the joint stands open
+    without load.
 
     Parameters
     ----------
@@ -212,10 +237,10 @@ class Contact:
         if self.plate is not None and not isinstance(self.plate, RigidPlate):
             raise InputError("Contact.plate", self.plate, "give a RigidPlate")
         frictional: dict[str, Any] = {"friction": 0.0, "cohesion": 0.0, "shear_limit": None}
-        for field, absent in frictional.items():
-            value = getattr(self, field)
+        for name, absent in frictional.items():
+            value = getattr(self, name)
             if self.law == "tied" and (callable(value) or value != absent):
-                raise InputError(f"Contact.{field}", value, "a tied contact does not slip: leave this out")
+                raise InputError(f"Contact.{name}", value, "a tied contact does not slip: leave this out")
 
     @classmethod
     def tresca(cls, edges: str, bound: Field, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> "Contact":

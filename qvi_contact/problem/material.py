@@ -9,6 +9,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, positive_number
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.lines import on_line
+from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 
 
@@ -68,7 +69,7 @@ class Material:
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangular part of the body with a material of its own.
+    """A part of the body with a material of its own: a rectangle of a rectilinear mesh, or a named region of another.
 
     Parameters
     ----------
@@ -76,6 +77,8 @@ class Region:
         Its material, in the plane state of the rest of the body.
     x, y : (float, float), optional
         Ranges [length] whose ends lie on grid lines; None reaches across the whole mesh.
+    name : str, optional
+        Name of a region of the mesh, instead of ranges.
 
     Notes
     -----
@@ -86,19 +89,37 @@ class Region:
     material: Material
     x: tuple[float, float] | None = None
     y: tuple[float, float] | None = None
+    name: str | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.material, Material):
             raise InputError("Region.material", self.material, "give a Material")
+        if self.name is not None and not (self.x is self.y is None and isinstance(self.name, str)):
+            raise InputError("Region.name", self.name, "give the name of a region of the mesh, or ranges x and y")
         for name, bounds in (("x", self.x), ("y", self.y)):
             if bounds is not None and not (isinstance(bounds, Sequence) and len(bounds) == 2):
                 raise InputError(f"Region.{name}", bounds, "give a pair (start, stop), or nothing")
 
 
+def cell_materials(mesh: Mesh, regions: Sequence[Region]) -> IntArray:
+    """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (cells,)."""
+    if isinstance(mesh, RectilinearMesh):
+        return material_numbers(mesh, regions)[mesh.active]
+    number = np.zeros(mesh.cell_count, dtype=np.int64)
+    for index, region in enumerate(regions):
+        if region.name is None:
+            remedy = "ranges x and y are for rectilinear meshes: give the name of a region of the mesh"
+            raise InputError("Region.name", None, remedy)
+        number[mesh.region(region.name)] = 1 + index
+    return number
+
+
 def material_numbers(mesh: RectilinearMesh, regions: Sequence[Region]) -> IntArray:
-    """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (ny, nx)."""
+    """The same for all cells of a rectilinear mesh, those left out included, shape (ny, nx)."""
     number = np.zeros(mesh.shape, dtype=np.int64)
     for index, region in enumerate(regions):
+        if region.name is not None:
+            mesh.region(region.name)
         columns = _cells_between("Region.x", mesh.x, region.x)
         rows = _cells_between("Region.y", mesh.y, region.y)
         number[rows, columns] = 1 + index

@@ -3,18 +3,53 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, check_field
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import HORIZONTAL, VERTICAL, RectilinearMesh
-from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
-from qvi_contact.problem.material import Material, Region, material_numbers
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.problem.conditions import (
+    CARTESIAN,
+    LOCAL,
+    Condition,
+    Contact,
+    Displacement,
+    Symmetry,
+    Traction,
+    components,
+)
+from qvi_contact.problem.material import Material, Region, cell_materials, material_numbers
 
-_COMPONENTS = ("x", "y")
-_OVERLAP = "drop one, or name parts of the side by with_edges()"
+_OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
+_CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1
+
+
+@dataclass(frozen=True, eq=False)
+class Prescribed:
+    """One component of a traction or displacement, prescribed on edges of the boundary.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it, such as "Traction.x".
+    index : (n,) int array
+        The edges in `Mesh.boundary`.
+    direction : (n, 2) array
+        The unit vector that the component is taken along, on each edge.
+    value : float or function of (x, y)
+        Its values.
+
+    """
+
+    name: str
+    index: IntArray
+    direction: FloatArray
+    value: Field
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +58,7 @@ class ContactProblem:
 
     Parameters
     ----------
-    mesh : RectilinearMesh
+    mesh : RectilinearMesh or TriangleMesh
         The body and its cells.
     material : Material
         Its material.
@@ -42,15 +77,15 @@ class ContactProblem:
 
     """
 
-    mesh: RectilinearMesh
+    mesh: Mesh
     material: Material
     conditions: Sequence[Condition]
     body_potential: Field = 0.0
     regions: Sequence[Region] = ()
 
     def __post_init__(self) -> None:
-        if not isinstance(self.mesh, RectilinearMesh):
-            raise InputError("ContactProblem.mesh", self.mesh, "give a RectilinearMesh")
+        if not hasattr(self.mesh, "boundary"):
+            raise InputError("ContactProblem.mesh", self.mesh, "give a RectilinearMesh or a TriangleMesh")
         if not isinstance(self.material, Material):
             raise InputError("ContactProblem.material", self.material, "give a Material")
         object.__setattr__(self, "conditions", _checked_conditions(self.conditions))
@@ -63,12 +98,28 @@ class ContactProblem:
         _check_joints(self)
         _check_complete(self)
         _check_holes(self)
-        _ = self.material_numbers  # refuses regions off the grid lines
+        _ = self.cell_materials  # refuses regions off the grid lines
+
+    @property
+    def grid(self) -> RectilinearMesh:
+        """The mesh, if it is rectilinear; `InputError` says what needs that."""
+        if isinstance(self.mesh, RectilinearMesh):
+            return self.mesh
+        remedy = (
+            "bounds, displacement companions, refinement and pictures of fields work on a RectilinearMesh only: state "
+            "the problem on one for these"
+        )
+        raise InputError("ContactProblem.mesh", type(self.mesh).__name__, remedy)
+
+    @cached_property
+    def cell_materials(self) -> IntArray:
+        """Index into `materials` for each cell, shape (cells,)."""
+        return cell_materials(self.mesh, self.regions)
 
     @cached_property
     def material_numbers(self) -> IntArray:
-        """Index into `materials` for each cell, shape (ny, nx)."""
-        return material_numbers(self.mesh, self.regions)
+        """Index into `materials` for each cell of a rectilinear mesh, those left out included, shape (ny, nx)."""
+        return material_numbers(self.grid, self.regions)
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -77,9 +128,9 @@ class ContactProblem:
 
     @cached_property
     def compliances(self) -> FloatArray:
-        """Compliance of each active cell, row by row, shape (cells, 3, 3) [1/stress]."""
+        """Compliance of each cell, shape (cells, 3, 3) [1/stress]."""
         matrices = np.stack([material.compliance for material in self.materials])
-        return np.asarray(matrices[self.material_numbers[self.mesh.active]])
+        return np.asarray(matrices[self.cell_materials])
 
     @cached_property
     def contacts(self) -> tuple[Contact, ...]:
@@ -93,26 +144,16 @@ class ContactProblem:
 
     @cached_property
     def owners(self) -> IntArray:
-        """Index of the condition that rules each component of each boundary edge, shape (2, edges); −1 for none."""
-        owner = np.full((2, len(self.mesh.boundary)), -1)
-        for index, condition in enumerate(self.conditions):
-            if condition in self.joints:
-                continue
-            chosen = _edges_of(self.mesh, condition)
-            for component in _components_of(condition):
-                taken = owner[component, chosen]
-                if (taken >= 0).any():
-                    other = self.conditions[taken[taken >= 0][0]]
-                    edge = chosen[np.argmax(taken >= 0)]
-                    _raise_on_edge(
-                        self.mesh,
-                        condition.edges,
-                        component,
-                        edge,
-                        f"is already ruled by {_name(other)}: drop one, or name parts of the side by with_edges()",
-                    )
-                owner[component, chosen] = index
-        return owner
+        """Index of the condition that rules each component of each boundary edge, shape (2, edges); −1 for none.
+
+        Components are x and y; normal and tangential on slanted edges that are ruled by these.
+        """
+        return self._rules[0]
+
+    @cached_property
+    def _rules(self) -> tuple[IntArray, IntArray]:
+        """`owners`, and the frame in which each boundary edge is ruled (edges,)."""
+        return _ruled(self)
 
     def refined(self, largest: float, smallest: float | None = None, ratio: float = 0.5) -> "ContactProblem":
         """The same problem on a finer mesh, graded towards re-entrant corners and the ends of all contacts.
@@ -120,30 +161,49 @@ class ContactProblem:
         See `RectilinearMesh.refined`: cells of about `largest` shrink by `ratio` to `smallest` [length].
         """
         towards = [contact.edges for contact in self.contacts]
-        return replace(self, mesh=self.mesh.refined(largest, towards, smallest, ratio))
+        return replace(self, mesh=self.grid.refined(largest, towards, smallest, ratio))
 
     def on_lines(self, x: ArrayLike, y: ArrayLike) -> "ContactProblem":
         """The same problem on other grid lines x, y [length]; see `RectilinearMesh.on_lines`."""
-        return replace(self, mesh=self.mesh.on_lines(x, y))
+        return replace(self, mesh=self.grid.on_lines(x, y))
 
-    def prescribed(self, kind: type[Traction] | type[Displacement]) -> Iterator[tuple[int, IntArray, Field]]:
-        """Prescribed data of one kind as (component, boundary edges, values), symmetry lines included."""
+    def prescribed(self, kind: type[Traction] | type[Displacement]) -> Iterator[Prescribed]:
+        """Prescribed data of one kind, symmetry lines included."""
+        boundary = self.mesh.boundary
         for condition in self.conditions:
             if isinstance(condition, Contact):
                 continue
-            edges = self.mesh.edge_set(condition.edges)
+            index = self.mesh.edge_set(condition.edges)
+            edges = boundary.take(index)
             if isinstance(condition, kind):
-                for component, name in enumerate(_COMPONENTS):
-                    value: Field | None = getattr(condition, name)
-                    if value is not None:
-                        yield component, edges, value
+                for name, value in components(condition).items():
+                    yield Prescribed(f"{kind.__name__}.{name}", index, direction_of(name, edges), value)
             elif isinstance(condition, Symmetry):
-                axis = self.mesh.boundary.axis[edges]
-                for component in (0, 1):
-                    along = axis == (HORIZONTAL if component == 0 else VERTICAL)
-                    chosen = edges[along if kind is Traction else ~along]
+                name = "tangential" if kind is Traction else "normal"
+                yield Prescribed(f"Symmetry.{name}", index, direction_of(name, edges), 0.0)
+
+    def by_component(self, kind: type[Traction] | type[Displacement]) -> Iterator[tuple[int, IntArray, Field]]:
+        """The same on a rectilinear mesh as (Cartesian component, boundary edges, values)."""
+        _ = self.grid
+        for given in self.prescribed(kind):
+            for component in (0, 1):
+                along = given.direction[:, component]
+                for sign in (1.0, -1.0):
+                    chosen = given.index[along == sign]
                     if len(chosen):
-                        yield component, chosen, 0.0
+                        yield component, chosen, given.value if sign > 0.0 else opposite(given.value)
+
+
+def direction_of(name: str, edges: Edges) -> FloatArray:
+    """Unit vectors (n, 2) of the component "x", "y", "normal" or "tangential" on edges."""
+    if name in LOCAL:
+        return edges.normal if name == "normal" else edges.tangent
+    return np.tile(np.eye(2)[CARTESIAN.index(name)], (len(edges), 1))
+
+
+def opposite(value: Field) -> Field:
+    """The negative of a number or function."""
+    return (lambda x, y: -np.asarray(value(x, y))) if callable(value) else -value
 
 
 def _checked_regions(regions: object, material: Material) -> tuple[Region, ...]:
@@ -167,13 +227,7 @@ def _checked_conditions(conditions: object) -> tuple[Condition, ...]:
     return tuple(conditions)
 
 
-def _components_of(condition: Condition) -> tuple[int, ...]:
-    if isinstance(condition, (Traction, Displacement)):
-        return tuple(i for i, name in enumerate(_COMPONENTS) if getattr(condition, name) is not None)
-    return 0, 1
-
-
-def _edges_of(mesh: RectilinearMesh, condition: Condition) -> IntArray:
+def _edges_of(mesh: Mesh, condition: Condition) -> IntArray:
     try:
         return mesh.edge_set(condition.edges)
     except InputError as error:
@@ -198,14 +252,70 @@ def _check_joints(problem: ContactProblem) -> None:
             taken[edge] = joint.name
 
 
+def _ruled(problem: ContactProblem) -> tuple[IntArray, IntArray]:
+    """Owners (2, edges), and the frame (edges,) in which the edges are ruled."""
+    boundary = problem.mesh.boundary
+    owner = np.full((2, len(boundary)), -1)
+    parallel = np.abs(boundary.tangent).max(axis=1) == 1.0  # to an axis: both frames are one
+    frame = np.where(parallel, _CARTESIAN_FRAME, _NO_FRAME)
+    for number, condition in enumerate(problem.conditions):
+        if condition in problem.joints:
+            continue
+        chosen = _edges_of(problem.mesh, condition)
+        for name in _names_of(condition, bool(parallel[chosen].all())):
+            own = _LOCAL_FRAME if name in LOCAL else _CARTESIAN_FRAME
+            other = chosen[~parallel[chosen] & (frame[chosen] == 1 - own)]
+            if len(other):
+                _refuse_mixture(problem, condition, name, int(other[0]))
+            frame[chosen] = np.where(parallel[chosen], frame[chosen], own)
+            slot = _slots(name, boundary.take(chosen), parallel[chosen])
+            taken = owner[slot, chosen]
+            if (taken >= 0).any():
+                at = int(np.argmax(taken >= 0))
+                remedy = f"is already ruled by {_name(problem.conditions[taken[at]])}: {_OVERLAP}"
+                local = bool(frame[chosen[at]])
+                _raise_on_edge(problem.mesh, condition.edges, int(slot[at]), int(chosen[at]), remedy, local)
+            owner[slot, chosen] = number
+    return owner, frame
+
+
+def _names_of(condition: Condition, parallel: bool) -> tuple[str, ...]:
+    """The components that a condition rules on its edges, all parallel to an axis or not."""
+    if isinstance(condition, (Traction, Displacement)):
+        return tuple(components(condition))
+    return CARTESIAN if parallel else LOCAL
+
+
+def _slots(name: str, edges: Edges, parallel: BoolArray) -> IntArray:
+    """Row in `owners` of a component on edges: that of the axis on edges parallel to one."""
+    if name in CARTESIAN:
+        return np.full(len(edges), CARTESIAN.index(name))
+    axis = np.argmax(np.abs(direction_of(name, edges)), axis=1)
+    return np.where(parallel, axis, LOCAL.index(name))
+
+
+def _refuse_mixture(problem: ContactProblem, condition: Condition, name: str, edge: int) -> None:
+    x, y = _midpoint(problem.mesh, edge)
+    remedy = (
+        f"gives the {name} component of the slanted edge around ({x:.6g}, {y:.6g}), and another condition one of the "
+        "other kind: rule both components of an edge by x and y, or both by normal and tangential ones"
+    )
+    raise InputError("ContactProblem.conditions", condition.edges, remedy)
+
+
 def _check_complete(problem: ContactProblem) -> None:
-    missing = problem.owners < 0
+    owners, frame = problem._rules
+    missing = owners < 0
     if missing.any():
-        component, edge = np.argwhere(missing)[0]
-        mesh = problem.mesh
-        names = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
+        component, edge = (int(number) for number in np.argwhere(missing)[0])
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
-        _raise_on_edge(mesh, names[0], int(component), int(edge), remedy)
+        name = _sets_of(problem.mesh, edge)[0]
+        _raise_on_edge(problem.mesh, name, component, edge, remedy, frame[edge] == _LOCAL_FRAME)
+
+
+def _sets_of(mesh: Mesh, edge: int) -> list[str]:
+    """Names of the edge sets that hold an edge of the boundary."""
+    return [name for name in mesh.edge_names if edge in mesh.edge_set(name)] or ["an edge without a name"]
 
 
 def _check_holes(problem: ContactProblem) -> None:
@@ -213,18 +323,22 @@ def _check_holes(problem: ContactProblem) -> None:
     mesh = problem.mesh
     if not mesh.hole_edges.any():
         return
-    loaded = np.zeros(problem.owners.shape, dtype=bool)
-    for component, edges, _ in problem.prescribed(Traction):
-        loaded[component, edges] = True
-    held = mesh.hole_edges & ~loaded
+    owners, frame = problem._rules
+    loads = np.array([isinstance(condition, Traction) for condition in problem.conditions])
+    held = mesh.hole_edges & ~loads[owners]
     if held.any():
-        component, edge = np.argwhere(held)[0]
-        names = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
+        component, edge = (int(number) for number in np.argwhere(held)[0])
         remedy = "bounds a hole and is not a Traction; supports and contacts on holes are not supported, only tractions"
-        _raise_on_edge(mesh, names[-1], int(component), int(edge), remedy)
+        _raise_on_edge(mesh, _sets_of(mesh, edge)[-1], component, edge, remedy, frame[edge] == _LOCAL_FRAME)
 
 
-def _raise_on_edge(mesh: RectilinearMesh, name: str, component: int, edge: int, remedy: str) -> None:
-    x, y = mesh.boundary_midpoints[edge]
-    place = f"component {_COMPONENTS[component]} of the edge around ({x:.6g}, {y:.6g})"
-    raise InputError("ContactProblem.conditions", name, f"{place} {remedy}")
+def _midpoint(mesh: Mesh, edge: int) -> FloatArray:
+    """The middle of an edge of the boundary (2,) [length]."""
+    ends = mesh.vertices[[mesh.boundary.first[edge], mesh.boundary.second[edge]]]
+    return np.asarray(ends.sum(axis=0) / 2.0)
+
+
+def _raise_on_edge(mesh: Mesh, name: str, component: int, edge: int, remedy: str, local: bool = False) -> None:
+    x, y = _midpoint(mesh, edge)
+    what = f"{LOCAL[component]} component" if local else f"component {CARTESIAN[component]}"
+    raise InputError("ContactProblem.conditions", name, f"{what} of the edge around ({x:.6g}, {y:.6g}) {remedy}")

@@ -114,9 +114,9 @@ def refine(
         positive_number("target", target),
         positive_number("max_unknowns", max_unknowns),
         int(positive_number("max_rounds", max_rounds)),
-        positive_number("thinnest", thinnest) * problem.mesh.length,
+        positive_number("thinnest", thinnest) * problem.grid.length,
     )
-    least = 16 * int(problem.mesh.active.sum())
+    least = 16 * int(problem.grid.active.sum())
     if least > limits.max_unknowns:
         remedy = f"the first mesh has about {least} unknowns with every interval bisected: allow more, or start coarser"
         raise InputError("max_unknowns", max_unknowns, remedy)
@@ -129,7 +129,7 @@ def _start(problem: ContactProblem, result: ContactResult) -> ContactProblem:
     """The problem on about every second line of the mesh of a result."""
     if not isinstance(result, ContactResult):
         raise InputError("result", result, "give an earlier ContactResult of the problem, or None")
-    mesh = coarser(result.problem).mesh
+    mesh = coarser(result.problem).grid
     return problem.on_lines(mesh.x, mesh.y)
 
 
@@ -190,14 +190,14 @@ class _Round:
 
     @property
     def record(self) -> RefinementRound:
-        ny, nx = self.result.problem.mesh.shape
+        ny, nx = self.result.problem.grid.shape
         return RefinementRound((nx, ny), _unknowns(self.result), self.value, self.estimate)
 
     @property
     def indicator(self) -> FloatArray:
         """Cell by cell, adding up to the estimate."""
         if self.errors is None or not self.errors.total > 0.0 or not np.isfinite(self.estimate):
-            return np.zeros(self.result.problem.mesh.shape)
+            return np.zeros(self.result.problem.grid.shape)
         return self.errors.cells * (self.estimate / self.errors.total)
 
 
@@ -280,8 +280,8 @@ class _Loop:
             most = min(_GROWTH * _unknowns(last.result), limits.max_unknowns)
             lines = marked_lines(last.coarse, last.errors, reduction * last.errors.total, most, limits.thinnest)
             problem = last.coarse.on_lines(*lines)
-        unknowns = 16 * int(problem.mesh.active.sum())
-        if problem.mesh.shape == last.coarse.mesh.shape:
+        unknowns = 16 * int(problem.grid.active.sum())
+        if problem.grid.shape == last.coarse.grid.shape:
             full = unknowns >= limits.max_unknowns
             raise _StopError(RefinementStatus.UNKNOWNS if full else RefinementStatus.THIN_CELLS)
         if unknowns > limits.max_unknowns:
@@ -290,7 +290,7 @@ class _Loop:
 
     def _outcome(self, rounds: list[_Round], first: ContactResult, stop: _StopError) -> Refinement:
         if not rounds:
-            empty = np.zeros(first.problem.mesh.shape)
+            empty = np.zeros(first.problem.grid.shape)
             nothing = (float("nan"), float("inf"), float("nan"), empty, ())
             return Refinement(first, stop.status, self.measure.name, self.limits.target, *nothing, stop.reason)
         last = rounds[-1]

@@ -20,15 +20,14 @@ from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT, STRESS_DERIVATIVES, Line
 from qvi_contact.element.hermite import gauss_legendre, scaled_hermite
-from qvi_contact.mesh.rectilinear import HORIZONTAL, RectilinearMesh
+from qvi_contact.mesh.rectilinear import HORIZONTAL, RectilinearMesh, grid_edges
 from qvi_contact.refinement.grids import parents
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import cell_stress
 
 
 def nodal_table(result: ContactResult) -> FloatArray:
     """Nodal values with rows (node in y, kind) and columns (node in x, kind), shape (2 ny + 2, 2 nx + 2)."""
-    ny, nx = result.problem.mesh.shape
+    ny, nx = result.problem.grid.shape
     return result.nodal.reshape(ny + 1, nx + 1, 2, 2).transpose(0, 2, 1, 3).reshape(2 * ny + 2, 2 * nx + 2)
 
 
@@ -37,7 +36,7 @@ def gauss_stress(result: ContactResult, fine: RectilinearMesh, table: FloatArray
 
     `table` replaces the result's own nodal values. Each derivative of Φ is one product H_y U H_xᵀ.
     """
-    mesh, grid, scales = result.problem.mesh, result.discretization.grid, result.discretization.scales
+    mesh, grid, scales = result.problem.grid, result.discretization.grid, result.discretization.scales
     table = nodal_table(result) if table is None else table
     in_x = [_hermite_at_gauss(grid.x, mesh.x, fine.x, order) for order in (0, 1, 2)]
     in_y = [_hermite_at_gauss(grid.y, mesh.y, fine.y, order) for order in (0, 1, 2)]
@@ -52,7 +51,7 @@ def cell_energy(result: ContactResult, stress: FloatArray) -> FloatArray:
     Four points a direction are exact for bicubic Φ. Cells outside the body have 0.
     """
     problem, weights = result.problem, gauss_legendre(GAUSS_COUNT)[1]
-    mesh = problem.mesh
+    mesh = problem.grid
     compliance = np.zeros((*mesh.shape, 3, 3))
     compliance[mesh.active] = problem.compliances
     work = np.einsum("jbiak,jikl,jbial,a,b->ji", stress, compliance, stress, weights, weights, optimize=True)
@@ -62,7 +61,7 @@ def cell_energy(result: ContactResult, stress: FloatArray) -> FloatArray:
 def directional_energy(fine: ContactResult, coarse: RectilinearMesh) -> tuple[FloatArray, FloatArray]:
     """½∫ cδ:δ in the fine cells of what Φ loses if it is interpolated on the coarse lines in x only, and in y only."""
     table, grid = nodal_table(fine), fine.discretization.grid
-    mesh = fine.problem.mesh
+    mesh = fine.problem.grid
     loss_x = table - table @ _interpolation(grid.x, mesh.x, coarse.x).T
     loss_y = table - _interpolation(grid.y, mesh.y, coarse.y) @ table
     in_x, in_y = (cell_energy(fine, gauss_stress(fine, mesh, loss)) for loss in (loss_x, loss_y))
@@ -71,12 +70,12 @@ def directional_energy(fine: ContactResult, coarse: RectilinearMesh) -> tuple[Fl
 
 def contact_defect(fine: ContactResult, coarse: ContactResult) -> FloatArray:
     """K of each fine cell with a contact edge, for the coarse result's tractions; shape (ny, nx) [stress × length²]."""
-    found = np.zeros(fine.problem.mesh.shape)
+    found = np.zeros(fine.problem.grid.shape)
     for rows in fine.discretization.contacts:
         if rows.law == "tied":
             continue
-        line, edges = fine.contacts[rows.name], rows.points.edges
-        normal, tangential = _tractions(coarse, fine.problem.mesh, rows, line.x, line.y)
+        line, edges = fine.contacts[rows.name], grid_edges(rows.points.edges)
+        normal, tangential = _tractions(coarse, fine.problem.grid, rows, line.x, line.y)
         unit = fine.discretization.scales.stress
         unused = unit * rows.bound(normal / unit) - np.abs(tangential)
         density = np.abs(line.slip) * unused
@@ -95,13 +94,14 @@ def _tractions(
     result: ContactResult, fine: RectilinearMesh, rows: ContactRows, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """σ_N and σ_T [stress] of a result on a coarser grid at the points x, y of a fine grid's contact."""
-    mesh, edges, n = result.problem.mesh, rows.points.edges, rows.points.count
+    mesh, edges, n = result.problem.grid, grid_edges(rows.points.edges), rows.points.count
     column = np.repeat(parents(mesh.x, fine.x)[edges.column], n)
     row = np.repeat(parents(mesh.y, fine.y)[edges.row], n)
     tx = (x - mesh.x[column]) / np.diff(mesh.x)[column]
     ty = (y - mesh.y[row]) / np.diff(mesh.y)[row]
     scales = result.discretization.scales
-    stress = scales.stress * cell_stress(result.discretization, result.nodal, column, row, tx, ty)
+    cells, t = mesh.cell_numbers[row, column], np.column_stack([tx, ty])[:, None]
+    stress = scales.stress * result.discretization.space.stress(result.dofs, cells, t)[:, 0]
     potential = evaluate("ContactProblem.body_potential", result.problem.body_potential, x, y)
     normal = np.where(np.repeat(edges.axis, n) == HORIZONTAL, stress[:, 1], stress[:, 0]) + potential
     return normal, np.repeat(edges.sign, n) * stress[:, 2]

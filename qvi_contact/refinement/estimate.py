@@ -63,14 +63,14 @@ class CellErrors:
 
 def cell_errors(coarsest: ContactResult | None, middle: ContactResult, finest: ContactResult) -> CellErrors:
     """Errors of the finest of three results; without the coarsest one all rates count as 1."""
-    fine, coarse = finest.problem.mesh, middle.problem.mesh
+    fine, coarse = finest.problem.grid, middle.problem.grid
     stress = gauss_stress(middle, fine)
     energy = cell_energy(finest, gauss_stress(finest, fine) - stress)
     defect = contact_defect(finest, middle)
     if coarsest is None:
         rate = contact_rate = np.full(fine.shape, _UNKNOWN)
     else:
-        base = coarsest.problem.mesh
+        base = coarsest.problem.grid
         first = summed(cell_energy(finest, stress - gauss_stress(coarsest, fine)), fine, base)
         first_defect = summed(contact_defect(middle, coarsest), coarse, base)
         rate = spread(_rates(first, energy, fine, base), base, fine)
@@ -92,7 +92,7 @@ def _rates(first: FloatArray, second: FloatArray, fine: RectilinearMesh, base: R
 
 def _contact_rates(first: FloatArray, second: FloatArray, fine: RectilinearMesh, coarsest: ContactResult) -> FloatArray:
     """Rate p of the contact terms in each cell of the coarsest grid: its own at ends of contacts, else a common one."""
-    base = coarsest.problem.mesh
+    base = coarsest.problem.grid
     total, shrinking = summed(second, fine, base), _log_shrinking(second, fine, base)
     rates = _rate(first, total, shrinking, _LOWEST_ON_CONTACTS)
     inner = ~_end_cells(coarsest)
@@ -124,7 +124,7 @@ def _log_shrinking(weight: FloatArray, fine: RectilinearMesh, base: RectilinearM
 
 def _end_cells(result: ContactResult) -> BoolArray:
     """Cells at the ends of contacts, shape (ny, nx)."""
-    mesh = result.problem.mesh
+    mesh = result.problem.grid
     found = np.zeros(mesh.shape, dtype=bool)
     for contact in result.problem.contacts:
         edges = mesh.edges(contact.edges)
@@ -137,7 +137,7 @@ def _end_cells(result: ContactResult) -> BoolArray:
 
 def _share_along_x(finest: ContactResult, coarse: RectilinearMesh) -> FloatArray:
     """How much of the stress error of each middle cell is due to its width, 0 to 1, shape of the finest grid."""
-    fine = finest.problem.mesh
+    fine = finest.problem.grid
     in_x, in_y = (summed(energy, fine, coarse) for energy in directional_energy(finest, coarse))
     return spread(in_x / np.maximum(in_x + in_y, _TINY), coarse, fine)
 

@@ -39,7 +39,7 @@ def halved(lines: FloatArray, needed: BoolArray) -> FloatArray:
 
 def needed_lines(problem: ContactProblem) -> tuple[BoolArray, BoolArray]:
     """Which lines x, y the outline, the edge sets and the regions need, shapes (nx + 1,) and (ny + 1,)."""
-    mesh = problem.mesh
+    mesh = problem.grid
     kind = np.where(mesh.active, problem.material_numbers, -1)
     padded = np.pad(kind, 1, constant_values=-1)
     in_x = (padded[:, 1:] != padded[:, :-1]).any(axis=0)
@@ -59,12 +59,12 @@ def needed_lines(problem: ContactProblem) -> tuple[BoolArray, BoolArray]:
 def coarser(problem: ContactProblem) -> ContactProblem:
     """The problem with about every second line left out, those it needs kept."""
     needed_x, needed_y = needed_lines(problem)
-    return problem.on_lines(halved(problem.mesh.x, needed_x), halved(problem.mesh.y, needed_y))
+    return problem.on_lines(halved(problem.grid.x, needed_x), halved(problem.grid.y, needed_y))
 
 
 def finer(problem: ContactProblem) -> ContactProblem:
     """The problem with every interval bisected."""
-    return problem.on_lines(bisected(problem.mesh.x), bisected(problem.mesh.y))
+    return problem.on_lines(bisected(problem.grid.x), bisected(problem.grid.y))
 
 
 def parents(lines: FloatArray, finer_lines: FloatArray) -> IntArray:

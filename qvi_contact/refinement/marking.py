@@ -74,7 +74,7 @@ def marked_lines(
         Smallest interval of the finer grid [length].
 
     """
-    mesh = problem.mesh
+    mesh = problem.grid
     strips = [
         _strips(mesh.x, errors.along_x.sum(axis=0), (errors.along_x * errors.factor_x).sum(axis=0)),
         _strips(mesh.y, errors.along_y.sum(axis=1), (errors.along_y * errors.factor_y).sum(axis=1)),
@@ -142,7 +142,7 @@ def _graded(lines: FloatArray) -> FloatArray:
 
 def _too_deep(problem: ContactProblem, x: FloatArray, y: FloatArray) -> tuple[BoolArray, BoolArray]:
     """Which intervals in x and in y hold a cell on a contact deeper than twice its edge."""
-    mesh = problem.mesh.on_lines(x, y)
+    mesh = problem.grid.on_lines(x, y)
     width, height = np.diff(x), np.diff(y)
     deep_x, deep_y = np.zeros(len(width), dtype=bool), np.zeros(len(height), dtype=bool)
     for contact in problem.contacts:

@@ -1,11 +1,13 @@
 """What the contact law is violated by between the Gauss points, where the discrete problem does not ask for it.
 
-On an edge σ_N is affine and σ_T quadratic. With μ affine, c and t_max quadratic along the edge, in particular constant,
+On an edge of a rectangle σ_N is affine and σ_T quadratic. With μ affine, c and t_max quadratic along the edge, in
+particular constant,
 
     |σ_T| − min(c + μs, t_max)  =  max over ± of the larger of  ±σ_T − c − μs  and  ±σ_T − t_max
 
-is quadratic on each side of the point where σ_N changes sign, and its maximum a formula. Other fields, and a σ_N that a
-body force bends, are taken as the cubics through the Gauss points, and the maximum found from the roots of derivatives.
+is quadratic on each side of the point where σ_N changes sign, and its maximum a formula. Tractions of other degrees,
+other fields, and a σ_N that a body force bends, are taken as the polynomials through the Gauss points, and the maximum
+found from the roots of derivatives.
 """
 
 from itertools import pairwise
@@ -16,7 +18,6 @@ from numpy.polynomial import Polynomial
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.discretization.contact_rows import ContactRows
-from qvi_contact.element.hermite import gauss_legendre
 from solvers import EdgeRows
 from solvers.strict.quadratics import largest, product
 
@@ -35,16 +36,20 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
 
     The bound is that of the pressure at each place, which where unilateral σ_N > 0 is none; tied contacts have no law.
     """
-    edges = EdgeRows(gauss_legendre(rows.points.count)[0])
+    space = rows.points.basis
+    edges = EdgeRows(rows.points.reference, space.normal_degree, space.shear_degree)
     if rows.law == "tied":
         return Violations(np.zeros(len(rows.points.edges)), np.zeros(len(rows.points.edges)))
     fields = [normal, tangential, rows.friction, rows.cohesion, rows.shear_limit]
     n, tau, mu, cohesion, cap = (edges.grouped(values) for values in fields)
-    simple = _is(edges, n, 2) & _is(edges, tau, 3) & _is(edges, mu, 2) & _is(edges, cohesion, 3) & _is(edges, cap, 3)
+    simple = np.full(len(n), edges.affine_and_quadratic)
+    for groups, parameters in ((n, 2), (tau, 3), (mu, 2), (cohesion, 3), (cap, 3)):
+        simple &= edges.affine_and_quadratic and _is(edges, groups, parameters)
     both = rows.law != "unilateral"
-    found = _quadratic(edges, [part[simple] for part in (n, tau, mu, cohesion, cap)], both)
     excess, pull = np.zeros(len(n)), np.zeros(len(n))
-    excess[simple], pull[simple] = found
+    if simple.any():
+        found = _quadratic(edges, [part[simple] for part in (n, tau, mu, cohesion, cap)], both)
+        excess[simple], pull[simple] = found
     for edge in np.flatnonzero(~simple):
         parts = [part[edge] for part in (n, tau, mu, cohesion, cap)]
         excess[edge], pull[edge] = _general(edges.points, parts, both)

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import HORIZONTAL
-from qvi_contact.problem.conditions import Contact, Displacement
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.conditions import Contact, Displacement, components
+from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import solve
 from solvers import Status
@@ -127,6 +127,8 @@ def solve_history(
     callback: Callable[[int, ContactResult], object] | None = None,
     *,
     time_limit: float | None = None,
+    degree: int | None = None,
+    contact_rows: RowKind | None = None,
     **options: Any,  # checked by solve
 ) -> History:
     """Solve a list of load steps with friction that remembers where it has slipped.
@@ -142,6 +144,8 @@ def solve_history(
     time_limit : float, optional
         Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
         unless its certificate passes.
+    degree, contact_rows
+        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`.
     **options
         As for `solve`. Where the fixed point solves a step it starts from the pressure of the one before it.
 
@@ -157,11 +161,12 @@ def solve_history(
 
     """
     with watched(time_limit):
-        return _history(problems, callback, options)
+        return _history(problems, {"degree": degree, "contact_rows": contact_rows}, callback, options)
 
 
 def _history(
     problems: Iterable[ContactProblem],
+    element: dict[str, Any],
     callback: Callable[[int, ContactResult], object] | None,
     options: dict[str, Any],
 ) -> History:
@@ -171,7 +176,7 @@ def _history(
     scales = max(all_scales, key=lambda scales: (scales.loaded, scales.stress))
     freed = np.empty(0, dtype=np.int64)
     while True:
-        results = _follow(steps, scales, freed, callback, options)
+        results = _follow(steps, scales, freed, element, callback, options)
         found = np.unique(np.concatenate([freed, *(result.discretization.freed for result in results)]))
         if len(found) == len(freed):
             return History(tuple(results), len(steps))
@@ -184,6 +189,7 @@ def _follow(
     steps: Sequence[ContactProblem],
     scales: Scales,
     freed: IntArray,
+    element: dict[str, Any],
     callback: Callable[[int, ContactResult], object] | None,
     options: dict[str, Any],
 ) -> list[ContactResult]:
@@ -192,7 +198,7 @@ def _follow(
     for number, problem in enumerate(steps, 1):
         if results and expired():
             break
-        discretization = discretize(problem, scales=scales, freed=freed)
+        discretization = discretize(problem, scales=scales, freed=freed, **element)
         if results:
             before = results[-1].discretization.qvi.operator
             discretization = discretization.slipped(_slip_after(results[-1]), before)
@@ -211,17 +217,12 @@ def _checked_steps(problems: Iterable[ContactProblem]) -> list[ContactProblem]:
         raise InputError("problems", problems, "give a list of at least one ContactProblem")
     first = steps[0]
     for number, problem in enumerate(steps[1:], 2):
-        mesh = problem.mesh
-        if not (_same(mesh.x, first.mesh.x) and _same(mesh.y, first.mesh.y) and _same(mesh.active, first.mesh.active)):
-            raise InputError(f"problems[{number - 1}].mesh", mesh, "give every load step the same mesh")
+        if problem.mesh is not first.mesh and not problem.mesh.same_as(first.mesh):
+            raise InputError(f"problems[{number - 1}].mesh", problem.mesh, "give every load step the same mesh")
         if [_frame(contact) for contact in problem.contacts] != [_frame(contact) for contact in first.contacts]:
             names = [contact.name for contact in problem.contacts]
             raise InputError(f"problems[{number - 1}].conditions", names, "give every load step the same contacts")
     return steps
-
-
-def _same(a: Any, b: Any) -> bool:
-    return a is b or np.array_equal(a, b)
 
 
 def _frame(contact: Contact) -> tuple[str, str, str]:
@@ -235,7 +236,10 @@ def _slip_after(result: ContactResult) -> list[FloatArray]:
     fresh = discretization.offsets()
     slip = []
     for rows, offset in zip(discretization.contacts, fresh, strict=True):
-        step = -solution.tangential_multiplier[rows.rows] / rows.points.weights if rows.law != "tied" else 0.0
+        step = np.zeros(len(offset))
+        if rows.law != "tied":
+            multipliers = rows.rule.multipliers_at_points(solution.tangential_multiplier[rows.rows])
+            step = -multipliers / rows.points.weights
         slip.append(rows.offset - offset + step)
     return slip
 
@@ -260,15 +264,25 @@ def _driven(step: ContactResult, name: str) -> tuple[float, float]:
             motion, (x, y) = step.plates[name], centre_of(problem, scales, step.discretization.contacts[index])
             in_x = motion.x - motion.rotation * (y - plate.pivot[1])
             in_y = motion.y + motion.rotation * (x - plate.pivot[0])
-            along += in_x if points.edges.axis[0] == HORIZONTAL else in_y
+            along += float(points.edges.tangent[0] @ (in_x, in_y))
         return along, line.tangential_force
+    return _supported(step, name)
+
+
+def _supported(step: ContactResult, name: str) -> tuple[float, float]:
+    """Mean of the tangential displacement prescribed on an edge set, and the tangential force there."""
+    problem = step.problem
     edges = problem.mesh.edges(name)
-    component = 0 if edges.axis[0] == HORIZONTAL else 1
+    tangent = edges.tangent[0]
     for condition in problem.conditions:
-        value = (condition.x, condition.y)[component] if isinstance(condition, Displacement) else None
-        if condition.edges == name and value is not None:
-            middles = problem.mesh.points_along(edges, np.array([0.5]))
-            values, lengths = evaluate("Displacement", value, *middles)[:, 0], edges.length
-            resultant = step.resultant(name)
-            return float(np.average(values, weights=lengths)), (resultant.x, resultant.y)[component]
+        if condition.edges != name or not isinstance(condition, Displacement):
+            continue
+        for component, value in components(condition).items():
+            sense = float(direction_of(component, edges)[0] @ tangent)
+            if abs(sense) == 1.0:
+                middles = problem.mesh.points_along(edges, np.array([0.5]))
+                values = evaluate(f"Displacement.{component}", value, *middles)[:, 0]
+                resultant = step.resultant(name)
+                force = float(tangent @ (resultant.x, resultant.y))
+                return sense * float(np.average(values, weights=edges.length)), force
     raise InputError("name", name, "name a contact, or an edge set whose tangential displacement is prescribed")

@@ -1,6 +1,6 @@
 """Limit analysis: how much of a load friction and unilateral contact can carry at all."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,11 +9,12 @@ from scipy import sparse
 from scipy.optimize import linprog
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
+from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.problem.conditions import Condition, Contact, Traction
+from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.problem import ContactProblem
 from solvers import FrictionQVI
 from solvers.basics.watch import left, watched
@@ -51,7 +52,14 @@ class LimitLoad:
     violation: float
 
 
-def limit_load_factor(problem: ContactProblem, loads: Sequence[str], *, time_limit: float | None = None) -> float:
+def limit_load_factor(
+    problem: ContactProblem,
+    loads: Sequence[str],
+    *,
+    time_limit: float | None = None,
+    degree: int | None = None,
+    contact_rows: RowKind | None = None,
+) -> float:
     """Largest multiple of the named loads that the contacts can carry while all other loads stay.
 
         max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) at the Gauss points
@@ -72,6 +80,8 @@ def limit_load_factor(problem: ContactProblem, loads: Sequence[str], *, time_lim
         "body" for the body force.
     time_limit : float, optional
         Seconds for the linear programs, at most 300 for each of them in any case.
+    degree, contact_rows
+        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`.
 
     Returns
     -------
@@ -87,7 +97,7 @@ def limit_load_factor(problem: ContactProblem, loads: Sequence[str], *, time_lim
 
     """
     with watched(time_limit):
-        limit = limit_load(problem, loads)
+        limit = limit_load(problem, loads, degree=degree, contact_rows=contact_rows)
     gap = limit.bound - limit.factor
     if np.isfinite(limit.factor) and not (
         gap <= _CERTIFIED * (1.0 + abs(limit.factor)) and limit.violation <= _CERTIFIED
@@ -99,10 +109,10 @@ def limit_load_factor(problem: ContactProblem, loads: Sequence[str], *, time_lim
     return limit.factor
 
 
-def limit_load(problem: ContactProblem, loads: Sequence[str]) -> LimitLoad:
-    """The linear program of `limit_load_factor` with its certificate."""
+def limit_load(problem: ContactProblem, loads: Sequence[str], **element: Any) -> LimitLoad:
+    """The linear program of `limit_load_factor` with its certificate; `element` is for `discretize`."""
     names = _checked_names(problem, loads)
-    low, high = _sampled(problem, names)
+    low, high = _sampled(problem, names, element)
     rows, slopes = _affine(low.qvi, high.qvi)
     if rows.G.shape[0] == 0:
         return LimitLoad(np.inf, np.inf, 0.0)
@@ -126,14 +136,18 @@ def _checked_names(problem: ContactProblem, loads: Sequence[str]) -> tuple[str, 
     return tuple(loads)
 
 
-def _sampled(problem: ContactProblem, names: Sequence[str]) -> tuple[Discretization, Discretization]:
+def _sampled(
+    problem: ContactProblem, names: Sequence[str], element: Mapping[str, Any]
+) -> tuple[Discretization, Discretization]:
     """The problem at two load factors in the same units, with the same degrees of freedom kept."""
     multiples = [_multiplied(problem, names, factor) for factor in _SAMPLES]
     scales = Scales.of(multiples[1])
     # Corners where shears disagree at one factor, or that `solve` may give up beside a contact, are given up at both.
     freed: IntArray = np.unique([node for multiple in multiples for node, _ in shear_beside_contacts(multiple)])
     for _ in range(2):
-        low, high = (discretize(multiple, scales=scales, freed=freed.astype(np.int64)) for multiple in multiples)
+        low, high = (
+            discretize(multiple, scales=scales, freed=freed.astype(np.int64), **element) for multiple in multiples
+        )
         freed = np.unique(np.concatenate([freed, low.elimination.conflicts, high.elimination.conflicts]))
     return low, high
 
@@ -149,11 +163,11 @@ def _scaled(condition: Condition, names: Sequence[str], factor: float) -> Condit
     if not isinstance(condition, (Traction, Contact)) or condition.name not in names:
         return condition
     if isinstance(condition, Traction):
-        x, y = (None if value is None else _times(value, factor) for value in (condition.x, condition.y))
-        return replace(condition, x=x, y=y)
+        scaled: dict[str, Any] = {name: _times(value, factor) for name, value in components(condition).items()}
+        return replace(condition, **scaled)
     forces = {name: getattr(condition.plate, name, None) for name in ("force_x", "force_y", "moment")}
-    scaled = {name: factor * value for name, value in forces.items() if value is not None}
-    return replace(condition, plate=replace(condition.plate, **scaled)) if condition.plate else condition
+    larger = {name: factor * value for name, value in forces.items() if value is not None}
+    return replace(condition, plate=replace(condition.plate, **larger)) if condition.plate else condition
 
 
 def _times(field: Field, factor: float) -> Field:

@@ -12,16 +12,15 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.edge_points import EdgePoints
 from qvi_contact.discretization.loads import LOAD_POINTS, physical, prescribed_at_points
 from qvi_contact.discretization.plates import centre_of
-from qvi_contact.discretization.traces import EdgePoints
-from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import RigidPlate, Traction
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line
-from qvi_contact.solution.stress import gauss_stresses, stress_at
-from qvi_contact.solution.work import normal_and_shear, support_work, traction
+from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at
+from qvi_contact.solution.work import component, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.certificate.feasibility import AdmissibleRows
 from solvers.strict.threshold import strict_bound
@@ -183,13 +182,14 @@ class ContactResult:
     def traction_misfit(self) -> float:
         """Largest difference between prescribed and computed tractions on Γ_σ [stress].
 
-        Zero (to round-off) for data in the trace space: normal tractions linear along each edge, shear continuous and
-        quadratic. Other data are met in resultant force and moment of every edge; this is what is left pointwise.
+        Zero (to round-off) for data in the trace space: on rectangles normal tractions linear along each edge, shear
+        continuous and quadratic, on triangles of degree p polynomials of degree p − 2. Other data are met in resultant
+        force and moment of every edge; this is what is left pointwise.
         """
         known = self.discretization
         differences = [
-            np.abs(traction(known, self.nodal, points)[component] - wanted).max()
-            for component, points, wanted in prescribed_at_points(self.problem, known.grid, known.scales, Traction)
+            np.abs(component(traction(known, self.dofs, points), points, direction) - wanted).max()
+            for direction, points, wanted in prescribed_at_points(self.problem, known.space, Traction, known.scales)
         ]
         return float(max(differences, default=0.0))
 
@@ -214,12 +214,17 @@ class ContactResult:
         return self.status is not Status.INFEASIBLE and bool(np.isfinite(self.solution.z).all())
 
     @cached_property
-    def nodal(self) -> FloatArray:
-        """Scaled dimensionless nodal values of Φ, shape (ny + 1, nx + 1, 4); see `Discretization.nodal_values`."""
-        z = self.solution.z
+    def dofs(self) -> FloatArray:
+        """Dimensionless degrees of freedom of Φ, shape (N,); see `Discretization.values`."""
         if not self.has_state:
             raise InputError("result", self.status.value, f"there is no stress state to evaluate: {self.message}")
-        return self.discretization.nodal_values(z)
+        return self.discretization.values(self.solution.z)
+
+    @property
+    def nodal(self) -> FloatArray:
+        """The same at the nodes of a rectilinear mesh, (ny + 1, nx + 1, 4); see `Discretization.nodal_values`."""
+        ny, nx = self.problem.grid.shape
+        return self.dofs.reshape(ny + 1, nx + 1, 4)
 
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Stress at points of the body.
@@ -232,7 +237,7 @@ class ContactResult:
         Returns
         -------
         (..., 3) array
-            σ_xx, σ_yy, σ_xy [stress], tension positive; on interior grid lines the mean of the adjacent cells.
+            σ_xx, σ_yy, σ_xy [stress], tension positive; on edges inside the body the mean of the adjacent cells.
 
         Raises
         ------
@@ -244,14 +249,15 @@ class ContactResult:
             points_x, points_y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         except (TypeError, ValueError) as error:
             raise InputError("stress(x, y)", (x, y), "give numbers or arrays whose shapes go together") from error
-        return stress_at(self.discretization, self.nodal, points_x, points_y)
+        return stress_at(self.discretization, self.dofs, points_x, points_y)
 
     def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coordinates x, y [length] of the 4×4 Gauss points of each cell, shape (cells, 16), and the stress there.
+        """Coordinates x, y [length] of the g Gauss points of each cell, shape (cells, g), and the stress there.
 
-        The stress has shape (cells, 16, 3) [stress]. Cells are counted row by row from the bottom left.
+        The stress has shape (cells, g, 3) [stress]. Rectangles are counted row by row from the bottom left, and have
+        4×4 points.
         """
-        points, _, stress = self._gauss()
+        points, stress = self._gauss()
         x, y = physical(self.problem, self.discretization.scales, points)
         return x, y, stress * self.discretization.scales.stress
 
@@ -261,8 +267,8 @@ class ContactResult:
         unit = self.certificate.scales.get("stress", 1.0)
         return MappingProxyType(
             {
-                rows.name: contact_line(self.discretization, rows, *self._contact_values(rows), unit=unit)
-                for rows in self.discretization.contacts
+                rows.name: contact_line(self.discretization, number, *self._contact_values(rows), unit=unit)
+                for number, rows in enumerate(self.discretization.contacts)
             }
         )
 
@@ -297,19 +303,19 @@ class ContactResult:
         named = {contact.name: contact.edges for contact in self.problem.contacts}
         known = (*mesh.edge_names, *mesh.joint_names)
         chosen = mesh.edges(edges if edges in known else named.get(edges, edges))
-        points = EdgePoints(self.discretization.grid, chosen, LOAD_POINTS)
+        points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS)
         x, y = physical(self.problem, scales, points.coordinates)
-        force_x, force_y = scales.length * points.weights * traction(self.discretization, self.nodal, points)
+        force_x, force_y = scales.length * points.weights * traction(self.discretization, self.dofs, points)
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
 
     @cached_property
     def energies(self) -> Energies:
         """Energies of the computed state."""
-        _, weights, stress = self._gauss()
+        weights, stress = cell_weights(self.discretization), self._gauss()[1]
         scales, problem = self.discretization.scales, self.problem
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
-        load, dissipation = support_work(self.discretization, self.nodal), 0.0
+        load, dissipation = support_work(self.discretization, self.dofs), 0.0
         for rows in self.discretization.contacts:
             line = self.contacts[rows.name]
             gap, offset = rows.gap * scales.displacement, rows.offset * scales.displacement
@@ -330,20 +336,20 @@ class ContactResult:
 
     def _multipliers(self, kind: str) -> FloatArray:
         """Row multipliers "normal", "tangential" or "equality"; says what is wrong if there are none."""
-        _ = self.nodal
+        _ = self.dofs
         return np.asarray(getattr(self.solution, f"{kind}_multiplier"))
 
     def _contact_values(self, rows: ContactRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """σ_N, σ_T and the row multipliers m_N, m_T at the points of a contact, dimensionless."""
+        """σ_N, σ_T and their multipliers m_N, m_T at the Gauss points of a contact, dimensionless."""
         if rows.law == "tied":
             zero = np.zeros(len(rows.gap))
-            return *normal_and_shear(self.discretization, self.nodal, rows.points), zero, zero
+            return *normal_and_shear(self.discretization, self.dofs, rows.points), zero, zero
         qvi, z = self.solution.problem, self.solution.z
         normal, tangential = self._multipliers("normal"), self._multipliers("tangential")
-        chosen = rows.rows
-        return qvi.normal(z)[chosen], qvi.tangential(z)[chosen], normal[chosen], tangential[chosen]
+        chosen, rule = rows.rows, rows.rule
+        tractions = rule.at_points(qvi.normal(z)[chosen]), rule.at_points(qvi.tangential(z)[chosen])
+        return *tractions, rule.multipliers_at_points(normal[chosen]), rule.multipliers_at_points(tangential[chosen])
 
-    def _gauss(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Dimensionless Gauss points, weights and stresses of all cells."""
-        points, weights, _, stress = gauss_stresses(self.discretization, self.nodal, GAUSS_COUNT)
-        return points, weights, stress
+    def _gauss(self) -> tuple[FloatArray, FloatArray]:
+        """Dimensionless coordinates and stresses of the Gauss points of all cells."""
+        return cell_stresses(self.discretization, self.dofs)

@@ -57,7 +57,7 @@ def sample_cells(result: ContactResult, t: FloatArray) -> CellSamples:
         Reference coordinates in each direction, 0 to 1.
 
     """
-    discretization, mesh = result.discretization, result.problem.mesh
+    discretization, mesh = result.discretization, result.problem.grid
     grid, (ny, nx), n = discretization.grid, mesh.shape, len(t)
     table = result.nodal.reshape(ny + 1, nx + 1, 2, 2).transpose(0, 2, 1, 3).reshape(2 * ny + 2, 2 * nx + 2)
     in_x, in_y = [[_hermite_table(line, t, order) for order in (0, 1, 2)] for line in (grid.x, grid.y)]
@@ -79,8 +79,16 @@ def sample_cells(result: ContactResult, t: FloatArray) -> CellSamples:
 
 def out_of_plane_factor(problem: ContactProblem) -> FloatArray:
     """The factor f of σ_zz = f (σ_xx + σ_yy) in each cell, shape (ny, nx): ν in plane strain, 0 in plane stress."""
-    factors = np.array([material.poisson if material.plane == "strain" else 0.0 for material in problem.materials])
-    return np.asarray(factors[problem.material_numbers])
+    return np.asarray(_factors(problem)[problem.material_numbers])
+
+
+def cell_factors(problem: ContactProblem) -> FloatArray:
+    """The same for the cells of any mesh, shape (cells,)."""
+    return np.asarray(_factors(problem)[problem.cell_materials])
+
+
+def _factors(problem: ContactProblem) -> FloatArray:
+    return np.array([material.poisson if material.plane == "strain" else 0.0 for material in problem.materials])
 
 
 def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0) -> FloatArray:

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -27,6 +27,9 @@ def solve(
     inner: str | None = None,
     tolerance: float = 1e-8,
     time_limit: float | None = None,
+    *,
+    degree: int | None = None,
+    contact_rows: RowKind | None = None,
     **options: Any,  # checked by the method that takes them
 ) -> ContactResult:
     """Solve a contact problem and certify the answer.
@@ -51,6 +54,8 @@ def solve(
         Seconds for everything together: all methods, retries and inner problems. When they are over the best state so
         far is returned, with the status "time_limit" unless its certificate passes. A factorisation under way, and an
         inner solver that takes no limit, are not interrupted.
+    degree, contact_rows
+        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`.
     **options
         ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`; ``callback`` is called
         with every `solvers.Iteration` of any method. ``initial``, the pressure the fixed point starts from, is an
@@ -73,22 +78,25 @@ def solve(
     """
     if not isinstance(problem, (ContactProblem, Discretization)):
         raise InputError("problem", problem, "give a ContactProblem or a Discretization")
+    if isinstance(problem, Discretization):
+        for option, value in (("degree", degree), ("contact_rows", contact_rows)):
+            if value is not None:
+                raise InputError(option, value, "belongs to discretize: this problem is discretised already")
     throw = bool(options.pop("throw", False))
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
     with watched(time_limit):
-        result = _solve(problem, settings)
+        if isinstance(problem, Discretization):
+            result = _solve(problem, settings)
+        else:
+            fresh = discretize(problem, degree=degree, contact_rows=contact_rows)
+            result = _solve(_fitted(fresh, settings), settings)
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
 
 
-def _solve(problem: ContactProblem | Discretization, settings: dict[str, Any]) -> ContactResult:
-    """Discretise if need be, solve, and try again without the shear in corners."""
-    discretization = problem if isinstance(problem, Discretization) else discretize(problem)
-    if discretization is not problem:
-        name, threads = settings.get("factorisation", "auto"), settings.get("threads")
-        with discretization.qvi.operator.using(name, threads):
-            discretization = _fitted(discretization)
+def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactResult:
+    """Solve, and try again without the shear in corners."""
     if settings.get("initial") is not None:
         settings["initial"] = _initial_pressure(settings["initial"], discretization)
     result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
@@ -110,19 +118,21 @@ def _stopped(result: ContactResult, settings: dict[str, Any]) -> bool:
     return result.status is Status.TIME_LIMIT or (counted and result.status is Status.MAX_ITERATIONS)
 
 
-def _fitted(discretization: Discretization) -> Discretization:
+def _fitted(discretization: Discretization, settings: dict[str, Any]) -> Discretization:
     """In fitting units; where K cannot be factorised the solve will say so."""
-    try:
-        return discretization.fitted()
-    except FactorisationError:
-        return discretization
+    name, threads = settings.get("factorisation", "auto"), settings.get("threads")
+    with discretization.qvi.operator.using(name, threads):
+        try:
+            return discretization.fitted()
+        except FactorisationError:
+            return discretization
 
 
 def _corners(failed: ContactResult) -> IntArray:
-    """Nodes where a shear prescribed beside a contact with friction is still to be given up."""
+    """Vertices where a shear prescribed beside a contact with friction is still to be given up."""
     known = failed.discretization
-    nodes = np.array([node for node, _ in shear_beside_contacts(failed.problem)], dtype=np.int64)
-    return np.setdiff1d(nodes, np.concatenate([known.elimination.conflicts, known.freed]))
+    vertices = np.array([vertex for vertex, _ in known.shared_corners], dtype=np.int64)
+    return np.setdiff1d(vertices, np.concatenate([known.elimination.conflicts, known.freed]))
 
 
 def _with_free_corners(failed: ContactResult, freed: IntArray, settings: dict[str, Any]) -> ContactResult | None:
@@ -147,8 +157,8 @@ def _with_free_corners(failed: ContactResult, freed: IntArray, settings: dict[st
         exact = _solved(known, {**options, "method": "fixed-point"}) if undecided else None
         if exact is not None:
             return exact
-    for node in freed if len(freed) > 1 else ():
-        fewer = result.discretization.freed[result.discretization.freed != node]
+    for vertex in freed if len(freed) > 1 else ():
+        fewer = result.discretization.freed[result.discretization.freed != vertex]
         result = _solved(known.freeing(fewer), again) or result
     return result
 
@@ -160,13 +170,16 @@ def _solved(discretization: Discretization, settings: dict[str, Any]) -> Contact
 
 
 def _initial_pressure(initial: object, discretization: Discretization) -> FloatArray:
-    """Dimensionless pressure at all contact points from an earlier result or physical values."""
+    """Dimensionless pressure in all contact rows from an earlier result or physical values at the points."""
     if isinstance(initial, ContactResult):
-        _ = initial.nodal  # says what is wrong if there is no state
+        _ = initial.dofs  # says what is wrong if there is no state
         solution, unit = initial.solution, initial.discretization.scales.stress
-        initial = unit * solution.problem.pressure(solution.z)
-    try:
-        pressure = np.array(initial, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError("initial", initial, "give a ContactResult or an array of pressures") from error
+        pressure = unit * solution.problem.pressure(solution.z)
+    else:
+        try:
+            pressure = np.array(initial, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InputError("initial", initial, "give a ContactResult or an array of pressures") from error
+        if pressure.shape == (discretization.qvi.m,):
+            pressure = discretization.space.contact_rule.at_rows(pressure)
     return np.asarray(np.maximum(pressure, 0.0) / discretization.scales.stress)

@@ -7,14 +7,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, evaluate
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.loads import LOAD_POINTS, physical
-from qvi_contact.discretization.traces import EdgePoints
+from qvi_contact.discretization.loads import prescribed_at_points
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import airy_units, field_arrays
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.work import component, traction
 from solvers import Certificate, FrictionQVI, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
@@ -58,7 +58,8 @@ class Recomputed:
 def rediscretized(result: ContactResult) -> Discretization:
     """The problem of a result discretised anew, in its units, with its nodes given up and the slip before it."""
     known = result.discretization
-    fresh = discretize(known.problem, scales=known.scales, freed=known.freed)
+    degree, rows = known.space.degree, known.space.contact_rule.kind
+    fresh = discretize(known.problem, degree=degree, contact_rows=rows, scales=known.scales, freed=known.freed)
     slip = [rows.offset - new.offset for rows, new in zip(known.contacts, fresh.contacts, strict=True)]
     return fresh.slipped(slip) if any(part.any() for part in slip) else fresh
 
@@ -226,20 +227,14 @@ def missed_tractions(result: ContactResult) -> float:
     """
     known, missed = result.discretization, list[float]()
     unit = result.certificate.scales.get("stress", 1.0) * known.scales.stress
-    for condition in result.problem.conditions:
-        if not isinstance(condition, Traction):
-            continue
-        points = EdgePoints(known.grid, result.problem.mesh.edges(condition.edges), LOAD_POINTS)
-        x, y = physical(result.problem, known.scales, points.coordinates)
-        weights, found = points.weights * known.scales.length, result.resultant(condition.edges)
-        for field, computed in ((condition.x, found.x), (condition.y, found.y)):
-            if field is not None:
-                values = evaluate("Traction", field, x, y)
-                size = max(unit, float(np.abs(values).max())) * float(weights.sum())
-                missed.append(abs(computed - float(weights @ values)) / size)
+    for direction, points, values in prescribed_at_points(result.problem, known.space, Traction, known.scales):
+        weights = points.weights * known.scales.length
+        computed = component(traction(known, result.dofs, points), points, direction)
+        size = max(unit, float(np.abs(values).max())) * float(weights.sum())
+        missed.append(abs(float(weights @ computed) - float(weights @ values)) / size)
     return _largest(missed)
 
 
 def _size(found: Recomputed) -> float:
     """Length of the longer side of the body's box."""
-    return max(float(np.ptp(found.fields[name])) for name in ("x_lines", "y_lines"))
+    return found.result.problem.mesh.length

@@ -50,7 +50,7 @@ _SCALES: Final = 1e-6  # the stiffness of the contact that is in them is as accu
 _SHOWN: Final = 5  # names in a sentence
 
 _GROUPS: Final = {
-    "x_lines": "mesh", "y_lines": "mesh", "active": "mesh", "material": "mesh",
+    "x_lines": "mesh", "y_lines": "mesh", "active": "mesh", "material": "mesh", "vertices": "mesh", "cells": "mesh",
     "airy": "Airy function",
     "gauss_x": "stresses", "gauss_y": "stresses", "gauss_stress": "stresses",
     "x": "points", "y": "points", "weights": "points", "friction": "points",
@@ -59,7 +59,7 @@ _GROUPS: Final = {
 }  # fmt: skip
 
 _MEANINGS: Final = {
-    "mesh": "Grid lines, active cells and materials of the problem.",
+    "mesh": "Grid lines or vertices, cells and materials of the problem.",
     "Airy function": "Nodal values of the stress function, from the unknowns.",
     "stresses": "Stress at the Gauss points of all cells, from the stress function.",
     "energies": "Strain energy, work of prescribed displacements, dissipation.",

@@ -1,4 +1,4 @@
-"""Rows that are samples of polynomials: σ_N affine and σ_T quadratic along each contact edge."""
+"""Rows that are samples of polynomials along each contact edge: σ_N and σ_T of given degrees."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +15,7 @@ from solvers.errors import InputError
 class EdgeRows:
     """Contact rows in groups of q consecutive points, one group an edge, abscissae t in [0, 1] along it.
 
-    A traction is given by its end values where it is affine, by Bernstein coefficients where it is quadratic:
+    Where it is affine, a traction or field is given by its end values, where it is quadratic by Bernstein coefficients:
 
         p(t) = v₀ (1 − t) + v₁ t,        p(t) = b₀ (1 − t)² + 2 b₁ t (1 − t) + b₂ t²
 
@@ -23,23 +23,33 @@ class EdgeRows:
 
     Attributes
     ----------
-    points : (q,) distinct, q ≥ 3
+    points : (q,) distinct, more than the degrees
+    normal_degree, shear_degree : degrees of σ_N and σ_T along an edge. Strict admissibility (`FrictionQVI.strict`) is
+        for σ_N affine and σ_T quadratic
 
     """
 
     points: Vector
+    normal_degree: int = 1
+    shear_degree: int = 2
 
     def __post_init__(self) -> None:
         try:
             points = np.array(self.points, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise InputError("edges.points", type(self.points).__name__, "give a vector of numbers") from error
-        if points.ndim != 1 or len(np.unique(points)) < max(3, points.size):
-            raise InputError("edges.points", self.points, "give three or more different points")
+        least = max(self.normal_degree, self.shear_degree) + 1
+        if points.ndim != 1 or len(np.unique(points)) < max(least, points.size):
+            raise InputError("edges.points", self.points, f"give {least} or more different points")
         if not (np.isfinite(points).all() and points.min() >= 0.0 and points.max() <= 1.0):
             raise InputError("edges.points", self.points, "give points in [0, 1]")
         points.setflags(write=False)
         object.__setattr__(self, "points", points)
+
+    @property
+    def affine_and_quadratic(self) -> bool:
+        """Whether σ_N is affine and σ_T quadratic, at enough points to tell."""
+        return self.normal_degree <= 1 and self.shear_degree <= 2 and self.count >= 3
 
     @property
     def count(self) -> int:

@@ -51,7 +51,7 @@ class FrictionQVI:
     bilateral : (m,) bool, optional; nowhere when not given
     traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
     structure : function of the interface, optional; K as a tree of subdomains, see `factorisation.choice`
-    edges : `EdgeRows`, optional; says that rows are points of edges, with σ_N affine and σ_T quadratic on each
+    edges : `EdgeRows`, optional; says that rows are points of edges, and of what degree σ_N and σ_T are there
     strict : whether the bounds hold on whole edges instead of at their points, see `solvers.strict`
     root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
         gradient of the energy more accurately than K and f, whose entries may be large and cancel
@@ -123,6 +123,13 @@ class FrictionQVI:
         """`InputError` unless tractions are polynomials on edges, tried at z = 0 and with a random vector."""
         if self.edges is None:
             raise InputError("edges", None, "strict admissibility needs EdgeRows, which say what points make an edge")
+        if not self.edges.affine_and_quadratic:
+            degrees = f"degrees {self.edges.normal_degree} and {self.edges.shear_degree}"
+            remedy = (
+                "strict admissibility by cones needs σ_N affine and σ_T quadratic on each edge: take Bernstein "
+                "coefficients as rows, which keep the law on whole edges with any inner solver"
+            )
+            raise InputError("edges", degrees, remedy)
         v = np.random.default_rng(0).normal(size=self.n)
         for name, fitted, rows, fixed in (
             ("N", self.edges.ends, self.N, self.n0),

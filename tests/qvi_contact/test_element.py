@@ -6,9 +6,9 @@ import sympy
 from numpy.polynomial import Polynomial
 
 from qvi_contact import Material, RectilinearMesh
-from qvi_contact.discretization.assembly import energy_matrix
-from qvi_contact.discretization.loads import cell_points
-from qvi_contact.discretization.traces import EdgePoints
+from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
+from qvi_contact.discretization.bogner_fox_schmit.stencil import energy_matrix
+from qvi_contact.discretization.edge_points import EdgePoints
 from qvi_contact.element.bogner_fox_schmit import Grid
 from qvi_contact.element.hermite import gauss_legendre, hermite, scaled_hermite
 
@@ -103,22 +103,25 @@ def test_traces_are_the_stresses_of_the_airy_function():
     x, y = sympy.symbols("x y")
     phi = x**3 * y**2 - 2 * x**2 * y**3 + x * y
     u = dofs_of(GRADED, phi).ravel()
-    points = EdgePoints(Grid.of(GRADED), GRADED.boundary, 3)
+    points = EdgePoints(BognerFoxSchmit(GRADED), GRADED.boundary, 3)
     at = points.coordinates.T
     xx, yy, xy = (
         np.broadcast_to(sympy.lambdify((x, y), f)(*at), len(at[0]))
         for f in (sympy.diff(phi, y, y), sympy.diff(phi, x, x), -sympy.diff(phi, x, y))
     )
-    horizontal, sign = points.point_axis == 0, points.point_sign
+    horizontal, sign = points.tangents[:, 0] == 1.0, points.normals.sum(axis=1)
     assert points.normal() @ u == pytest.approx(np.where(horizontal, yy, xx), abs=1e-11)
     assert points.shear() @ u == pytest.approx(sign * xy, abs=1e-11)
-    assert points.traction(0) @ u == pytest.approx(sign * np.where(horizontal, xy, xx), abs=1e-11)
-    assert points.traction(1) @ u == pytest.approx(sign * np.where(horizontal, yy, xy), abs=1e-11)
+    assert points.traction([1.0, 0.0]) @ u == pytest.approx(sign * np.where(horizontal, xy, xx), abs=1e-11)
+    assert points.traction([0.0, 1.0]) @ u == pytest.approx(sign * np.where(horizontal, yy, xy), abs=1e-11)
+    normal, shear = points.tractions(u)
+    assert normal == pytest.approx(np.where(horizontal, yy, xx), abs=1e-11)
+    assert shear == pytest.approx(sign * xy, abs=1e-11)
     assert points.weights.sum() == pytest.approx(2 * (2.0 + 1.2) / 2.0)
 
 
 def test_traces_depend_on_the_nodes_of_their_edge_alone():
-    points = EdgePoints(Grid.of(GRADED), GRADED.boundary, 4)
+    points = EdgePoints(BognerFoxSchmit(GRADED), GRADED.boundary, 4)
     for matrix in (points.normal(), points.shear()):
         coo = matrix.tocoo()
         edge = coo.row // 4
@@ -127,7 +130,7 @@ def test_traces_depend_on_the_nodes_of_their_edge_alone():
 
 
 def test_cell_points_integrate_over_the_cells():
-    row, column = np.nonzero(GRADED.active)
-    points, weights, _ = cell_points(Grid.of(GRADED), column, row)
+    basis = BognerFoxSchmit(GRADED)
+    points, weights = basis.points(np.arange(6), basis.cell_points), basis.cell_sizes[:, None] * basis.cell_weights
     x, y = points[..., 0], points[..., 1]
     assert (weights * x**3 * y**2).sum() == pytest.approx(1.0 / 4 * 0.6**3 / 3, rel=1e-13)

@@ -68,9 +68,9 @@ def test_any_unknowns_satisfy_the_traction_conditions(kinds):
     result = solve(problem)
     discretization = result.discretization
     random = np.random.default_rng(0).normal(size=discretization.qvi.n)
-    moved = discretization.nodal_values(result.solution.z + random)
+    moved = discretization.values(result.solution.z + random)
     changed = solve(problem)
-    changed.__dict__["nodal"] = moved
+    changed.__dict__["dofs"] = moved
     for side, kind in sides.items():
         points = mesh.boundary_midpoints[mesh.edge_set(side)]
         # Just inside, where the stress of the one adjacent cell is taken.
@@ -189,7 +189,7 @@ def test_defect_correction_removes_the_rounding_of_the_assembled_matrix():
     expected = np.moveaxis(state.stress(x, y), 0, -1)
     errors = []
     for z in (spsolve(qvi.K, qvi.f), result.solution.z):
-        result.__dict__["nodal"] = discretization.nodal_values(z)
+        result.__dict__["dofs"] = discretization.values(z)
         errors.append(np.abs(result.gauss_stress()[2] - expected).max() / np.abs(expected).max())
     assert errors[1] < 1e-11
     assert errors[0] > 10 * errors[1]

@@ -7,7 +7,7 @@ import pytest
 from scipy import sparse
 
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Region, Symmetry, Traction, discretize
-from qvi_contact.discretization.energy_root import StressRoot
+from qvi_contact.discretization.bogner_fox_schmit.energy_root import StressRoot
 from qvi_contact.element.bogner_fox_schmit import Grid, Line
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.mesh.lines import graded_lines
@@ -158,7 +158,7 @@ def test_blocks_of_rows_make_no_difference(monkeypatch):
     root = free_root(np.linspace(0, 1, 5), graded_lines(0.0, 1.0, 7, 0.9), seed=1)
     z = wave(root)
     whole, gradient = root.apply(z).reshape(41, 7, 4), root.adjoint(root.apply(z))
-    monkeypatch.setattr("qvi_contact.discretization.energy_root._BLOCK", 8)
+    monkeypatch.setattr("qvi_contact.discretization.bogner_fox_schmit.energy_root._BLOCK", 8)
     parts = root.apply(z)
     blocks = [part.reshape(41, -1, 4) for part in np.split(parts, 41 * 4 * np.array([2, 4, 6]))]
     assert np.array_equal(np.concatenate(blocks, axis=1), whole)

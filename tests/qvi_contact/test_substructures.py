@@ -18,8 +18,8 @@ from qvi_contact import (
     Traction,
     discretize,
 )
-from qvi_contact.discretization import substructures as module
-from qvi_contact.discretization.substructures import substructures, why_not
+from qvi_contact.discretization.bogner_fox_schmit import substructures as module
+from qvi_contact.discretization.bogner_fox_schmit.substructures import substructures, why_not
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from solvers.factorisation.dissection import SharedSubdomains
 from solvers.factorisation.threads import limited_blas
@@ -111,7 +111,7 @@ def interface_of(problem):
 def tree_of(discretization, interface=None):
     d = discretization
     interface = interface_of(d) if interface is None else interface
-    return substructures(d.problem, d.grid, d.scales, d.elimination, interface)
+    return substructures(d.energy, d.elimination, interface)
 
 
 @cache
@@ -208,7 +208,7 @@ def restricted():
 @pytest.mark.parametrize(("reason", "problem"), restricted().items(), ids=restricted())
 def test_where_it_does_not_apply(reason, problem):
     d = discretize(problem)
-    assert why_not(d.problem, d.grid, d.elimination, interface_of(d)) == reason
+    assert why_not(d.energy, d.elimination, interface_of(d)) == reason
     assert tree_of(d) is None
 
 
@@ -224,6 +224,6 @@ def test_a_material_that_covers_everything():
 def test_conditions_that_change_too_often(monkeypatch):
     """Every chain of linked values that does not hang on the gauge adds columns to the fronts."""
     d = discretize(block(*press()))
-    assert why_not(d.problem, d.grid, d.elimination, interface_of(d)) is None
+    assert why_not(d.energy, d.elimination, interface_of(d)) is None
     monkeypatch.setattr(module, "_MOST_ROOTS", 2)
-    assert "too often" in str(why_not(d.problem, d.grid, d.elimination, interface_of(d)))
+    assert "too often" in str(why_not(d.energy, d.elimination, interface_of(d)))

@@ -72,7 +72,7 @@ def _refined(problem: Problem, most: int, goal: str) -> tuple[list[Record], Cont
     began = time.perf_counter()
 
     def value(result: ContactResult) -> float:
-        latest[result.problem.mesh.shape] = result
+        latest[result.problem.grid.shape] = result
         line = result.contacts[problem.contact]
         return result.energies.complementary if goal == "energy" else float(getattr(line, goal))
 
@@ -120,14 +120,14 @@ def _where_apart(problem: Problem, most: int) -> Iterator[Record]:
         if not np.isfinite(found.upper) or abs(found.gap) < _CLOSING * found.strain:
             return
         stated = refined_where_apart(stated, found)
-        if 4 * int(stated.mesh.active.sum()) > most:
+        if 4 * int(stated.grid.active.sum()) > most:
             return
 
 
 def equilibrium(problem: Problem, result: ContactResult, seconds: float) -> Record:
     """Status, mesh, forces, energy, tractions and zones of a result; the energy is −J* [stress × length²]."""
     unknowns = int(result.discretization.qvi.n)
-    record = _mesh(result.problem.mesh, result.status, result.certificate, result.message, unknowns, seconds)
+    record = _mesh(result.problem.grid, result.status, result.certificate, result.message, unknowns, seconds)
     if result.status is not Status.SOLVED:
         return record
     line = result.contacts[problem.contact]
@@ -147,7 +147,7 @@ def _displacements(problem: Problem, stated: ContactProblem) -> Record:
     began = time.perf_counter()
     found: CompanionResult = solve_companion(stated, tolerance=TOLERANCE)
     seconds = time.perf_counter() - began
-    record = _mesh(stated.mesh, found.status, found.certificate, found.message, found.unknowns, seconds)
+    record = _mesh(stated.grid, found.status, found.certificate, found.message, found.unknowns, seconds)
     if found.status is not Status.SOLVED:
         return record
     line = found.contacts[problem.contact]

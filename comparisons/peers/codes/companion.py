@@ -34,7 +34,7 @@ class CompanionPlate:
         from qvi_contact.companion import solve_companion
 
         found = solve_companion(self._problem, degree=self._degree, tolerance=TOLERANCE)
-        held = sum(self._degree * (len(lines) - 1) + 1 for lines in (self._problem.mesh.x, self._problem.mesh.y))
+        held = sum(self._degree * (len(lines) - 1) + 1 for lines in (self._problem.grid.x, self._problem.grid.y))
         return {
             "status": found.status.value,
             "message": "" if found.certificate.passed else found.message,

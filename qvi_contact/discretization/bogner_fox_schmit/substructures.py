@@ -19,18 +19,19 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import log2
 from time import perf_counter
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.discretization.assembly import energy_matrix
+from qvi_contact.discretization.bogner_fox_schmit.stencil import energy_matrix
 from qvi_contact.discretization.elimination import Elimination
-from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.bogner_fox_schmit import Grid, Line
-from qvi_contact.problem.problem import ContactProblem
 from solvers.factorisation.dissection import Part, SubdomainClass, SubdomainTree
+
+if TYPE_CHECKING:
+    from qvi_contact.discretization.bogner_fox_schmit.energy import GridEnergy
 
 _LEAF = 8  # cells of a leaf in each direction, about; from 4 to 10 the times hardly differ
 _UNEVEN = 1e-10  # accepted relative difference of cell sizes
@@ -45,13 +46,14 @@ _FREE, _STAYS, _DEPENDS = range(3)
 """Eliminated as soon as all cells around are there; an unknown of Γ; given by the roots."""
 
 
-def why_not(problem: ContactProblem, grid: Grid, elimination: Elimination, interface: IntArray) -> str | None:
+def why_not(energy: "GridEnergy", elimination: Elimination, interface: IntArray) -> str | None:
     """Why `substructures` does not apply, as half a sentence; None if it does."""
-    if not problem.mesh.active.all():
+    grid = energy.grid
+    if not energy.mesh.active.all():
         return "the body is not a rectangle"
     if not (_even(grid.x) and _even(grid.y)):
         return "the cells differ in size"
-    if np.ptp(problem.material_numbers):
+    if np.ptp(energy.materials):
         return "there are several materials"
     if len(_roots(elimination)) > _MOST_ROOTS:
         return "the conditions change too often along the boundary"
@@ -60,28 +62,26 @@ def why_not(problem: ContactProblem, grid: Grid, elimination: Elimination, inter
     return None
 
 
-def substructures(
-    problem: ContactProblem, grid: Grid, scales: Scales, elimination: Elimination, interface: IntArray
-) -> SubdomainTree | None:
+def substructures(energy: "GridEnergy", elimination: Elimination, interface: IntArray) -> SubdomainTree | None:
     """K of `discretize` as a tree of subdomains; None where that does not apply, see `why_not`.
 
     Parameters
     ----------
-    problem : ContactProblem
-        The problem.
-    grid, scales, elimination
-        What `discretize` makes of it.
+    energy : GridEnergy
+        The energy that K is the matrix of.
+    elimination : Elimination
+        Its unknowns.
     interface : (k,) int array
         Γ: numbers of the unknowns that stay, increasing; on the boundary, if they are not roots.
 
     """
     start = perf_counter()
-    if why_not(problem, grid, elimination, interface) is not None:
+    if why_not(energy, elimination, interface) is not None:
         return None
+    grid = energy.grid
     number = np.cumsum(elimination.kept) - 1
     body = _Block((False,) * 4, _roles(grid, elimination, interface), _root_rows(elimination))
-    material = problem.materials[int(problem.material_numbers[0, 0])]
-    element = _element_matrix(grid, material.compliance / scales.compliance)
+    element = _element_matrix(grid, energy.compliances[energy.materials[0]])
     families = _families(body, (_leaf_size(len(grid.x.sizes)), _leaf_size(len(grid.y.sizes))))
     classes = [family.subdomain_class(number, len(grid.x.lines), element) for family in families]
     size = int(elimination.kept.sum())

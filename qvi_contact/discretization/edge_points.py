@@ -1,0 +1,87 @@
+"""Gauss points on edges, and the tractions there as linear functions of the degrees of freedom."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.discretization.basis import Basis
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.mesh.edges import Edges, points_along
+
+
+@dataclass(frozen=True, eq=False)
+class EdgePoints:
+    """Gauss points on edges of the boundary or of joints.
+
+    Attributes
+    ----------
+    basis : Basis
+        Mesh and element.
+    edges : Edges
+        The n edges.
+    count : int
+        Gauss points an edge, q. Arrays over points have shape (n q,), edge by edge.
+
+    """
+
+    basis: Basis
+    edges: Edges
+    count: int
+
+    @property
+    def reference(self) -> FloatArray:
+        """Reference coordinates of the points of each edge, 0 to 1 along the tangent, shape (q,)."""
+        return gauss_legendre(self.count)[0]
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Dimensionless lengths of the edges, shape (n,)."""
+        first, second = (self.basis.vertices[ends] for ends in (self.edges.first, self.edges.second))
+        return np.asarray(np.hypot(*(second - first).T))
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Quadrature weights, the edge's length included, shape (n q,)."""
+        return np.outer(self.lengths, gauss_legendre(self.count)[1]).ravel()
+
+    @cached_property
+    def coordinates(self) -> FloatArray:
+        """Dimensionless coordinates, shape (n q, 2)."""
+        return points_along(self.basis.vertices, self.edges, self.reference).reshape(-1, 2)
+
+    @property
+    def normals(self) -> FloatArray:
+        """The edge's normal at each point, shape (n q, 2)."""
+        return np.repeat(self.edges.normal, self.count, axis=0)
+
+    @property
+    def tangents(self) -> FloatArray:
+        """The edge's tangent at each point, shape (n q, 2)."""
+        return np.repeat(self.edges.tangent, self.count, axis=0)
+
+    def normal(self) -> sparse.csr_array:
+        """Rows of σ_N = n·σn without φ, shape (n q, N)."""
+        return self.basis.normal_rows(self.edges, self.reference)
+
+    def shear(self) -> sparse.csr_array:
+        """Rows of σ_T = t·σn, shape (n q, N)."""
+        return self.basis.shear_rows(self.edges, self.reference)
+
+    def traction(self, direction: FloatArray) -> sparse.csr_array:
+        """Rows of d·σn without φ for a direction (2,), or one for each edge (n, 2); shape (n q, N)."""
+        along = np.repeat(np.broadcast_to(direction, self.edges.normal.shape), self.count, axis=0)
+        rows = None
+        for own, part in ((self.normals, self.normal), (self.tangents, self.shear)):
+            share = (along * own).sum(axis=1)
+            if share.any():
+                scaled = sparse.diags_array(share) @ part()
+                rows = scaled if rows is None else rows + scaled
+        assert rows is not None  # normal and tangent span the plane
+        return sparse.csr_array(rows)
+
+    def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """σ_N without φ and σ_T of degrees of freedom u (N,), shape (n q,) each."""
+        return self.basis.tractions(u, self.edges, self.reference)

@@ -1,0 +1,36 @@
+"""Which element a mesh has."""
+
+from qvi_contact.discretization.basis import Basis, RowKind
+from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.rectilinear import RectilinearMesh
+
+
+def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | None = None) -> Basis:
+    """The space of Airy functions on a mesh: Bogner-Fox-Schmit on rectangles.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The mesh.
+    degree : int, optional
+        Degree of the functions, where the mesh leaves a choice.
+    contact_rows : "bernstein" or "gauss", optional
+        What the rows of contacts are, where the element leaves a choice.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no element of that degree, or no such rows.
+
+    """
+    if isinstance(mesh, RectilinearMesh):
+        if degree not in (None, BognerFoxSchmit.degree):
+            remedy = "rectangles have the Bogner-Fox-Schmit element of degree 3: leave this out, or take a TriangleMesh"
+            raise InputError("degree", degree, remedy)
+        if contact_rows not in (None, "gauss"):
+            remedy = 'on rectangles rows are tractions at Gauss points: leave this out, or take inner="strict:…"'
+            raise InputError("contact_rows", contact_rows, remedy)
+        return BognerFoxSchmit(mesh)
+    raise InputError("ContactProblem.mesh", type(mesh).__name__, "there is no element for this mesh: give another one")
