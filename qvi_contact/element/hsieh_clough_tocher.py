@@ -1,0 +1,290 @@
+"""The Hsieh-Clough-Tocher family of degree p ≥ 3: C1 and piecewise polynomial on triangles split at their barycentre.
+
+Douglas, Dupont, Percell and Scott (1979). A triangle holds 3 (p² − p + 2) / 2 functions. What it shares with others are
+
+    at each corner    Φ, Φ_x, Φ_y
+    on each edge      N_k, k = 2 … p − 2, and Q_k, k = 1 … p − 2
+
+the coefficients of Legendre, Σ c_k P_k(2s/h − 1), of Φ_tt = σ_N and of Φ_tn along the edge of length h, run through
+from its corner of lower number to that of higher one with tangent t and normal n = (−t_y, t_x). They are the tractions
+themselves, and each degree adds to those of the degree below. The coefficients left out follow from the corners a and b
+of the edge:
+
+    h N₀ = t·(∇Φ_b − ∇Φ_a),   h Q₀ = n·(∇Φ_b − ∇Φ_a),   h² N₁ = 3 h t·(∇Φ_a + ∇Φ_b) − 6 (Φ_b − Φ_a)
+
+Since the split is affine invariant, the space is built once, on an equilateral triangle, as the null space of the jumps
+between its three parts. Functions of corners and edges have the least ∫|∇∇Φ|² there, the interior ones are
+orthonormal in it.
+"""
+
+from functools import cache, cached_property
+from typing import Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.element import legendre
+from qvi_contact.element.affine import CORNERS, EDGES, AffineTriangles
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.triangle import bernstein, exponents, gradient, hessian, quadrature
+from qvi_contact.errors import InputError
+
+LOWEST, HIGHEST = 3, 12
+"""Degrees that are offered; at the highest rounding leaves twelve digits."""
+
+#: Pairs of components of the Hessian (xx, yy, xy) whose products make up an energy.
+_PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_FROBENIUS: Final = np.array([1.0, 1.0, 2.0])  # |∇∇Φ|² = Φ_xx² + Φ_yy² + 2 Φ_xy²
+_AREA: Final = np.sqrt(0.75) / 2.0  # of the reference triangle
+
+
+@cache
+def hsieh_clough_tocher(degree: int) -> "HsiehCloughTocher":
+    """The element of a degree, made once; `InputError` for a degree that is not offered."""
+    if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)) or not LOWEST <= degree <= HIGHEST:
+        raise InputError("degree", degree, f"give a whole number from {LOWEST} to {HIGHEST}")
+    return HsiehCloughTocher(int(degree))
+
+
+class HsiehCloughTocher:
+    """The element of one degree; `hsieh_clough_tocher` makes it once.
+
+    Local functions are those of corner 0, 1, 2 (three each), of edge 0, 1, 2 (see `EDGES`; N_2 … N_(p−2), then
+    Q_1 … Q_(p−2)), then the interior ones. On a triangle the first `shared` belong to the degrees of freedom of the
+    triangle itself, the interior ones are images of those on the reference triangle.
+
+    Attributes
+    ----------
+    degree : int
+        p.
+    dimension, shared, interior, on_edge : int
+        Number of functions, of those that belong to corners and edges, of interior ones, and of those of one edge.
+    coefficients : (3, count, dimension) array
+        Bernstein coefficients of the functions on the reference triangle, part by part: part s holds edge s and has
+        the corners of `EDGES[s]` and the barycentre.
+
+    """
+
+    def __init__(self, degree: int) -> None:
+        self.degree = degree
+        self.dimension = 3 * (degree**2 - degree + 2) // 2
+        self.on_edge = 2 * degree - 5
+        self.shared = 9 + 3 * self.on_edge
+        self.interior = self.dimension - self.shared
+        self.coefficients = self._dual_basis(self._smooth_functions())
+
+    @property
+    def traction_degree(self) -> int:
+        """Degree p − 2 of σ_N and σ_T on an edge."""
+        return self.degree - 2
+
+    @cached_property
+    def _parts(self) -> list[FloatArray]:
+        """Gradients of the barycentric coordinates of the three parts, (3, 2) each."""
+        centre = CORNERS.mean(axis=0)
+        corners = [np.vstack([CORNERS[list(edge)], centre]) for edge in EDGES]
+        return [np.linalg.inv(np.column_stack([part, np.ones(3)]))[:2].T for part in corners]
+
+    @cached_property
+    def _hessians(self) -> FloatArray:
+        """Of each part, from coefficients to those of the Hessian, shape (3, 3, count of degree p − 2, count)."""
+        return np.stack([hessian(self.degree, slopes) for slopes in self._parts])
+
+    @cached_property
+    def _gradients(self) -> FloatArray:
+        """Of each part, from coefficients to those of the gradient, shape (3, 2, count of degree p − 1, count)."""
+        return np.stack([gradient(self.degree, slopes) for slopes in self._parts])
+
+    def _smooth_functions(self) -> FloatArray:
+        """An orthonormal basis of the C1 functions among the piecewise polynomials, shape (3, count, dimension).
+
+        Two parts meet in the line from a corner v to the barycentre. There the coefficients of Φ and of its gradient
+        in both parts agree.
+        """
+        p = self.degree
+        count = len(exponents(p))
+        rows = []
+        for v in range(3):
+            first, second = (s for s in range(3) if s != v)
+            jumps = np.zeros((3 * p + 1, 3, count))
+            for s, sign in ((first, 1.0), (second, -1.0)):
+                at = EDGES[s].index(v)
+                along, lower = _on_line(p, at), _on_line(p - 1, at)
+                jumps[: p + 1, s] = sign * np.eye(count)[along]
+                jumps[p + 1 :, s] = sign * self._gradients[s][:, lower].reshape(-1, count)
+            rows.append(jumps.reshape(len(jumps), -1))
+        _, _, right = np.linalg.svd(np.vstack(rows))
+        return np.asarray(right[3 * count - self.dimension :].T.reshape(3, count, self.dimension))
+
+    def _functionals(self) -> FloatArray:
+        """Degrees of freedom on the reference triangle as rows on Bernstein coefficients, (shared, 3, count).
+
+        Edges count with their vector e and that of their median m as directions: coefficients of Φ_ee and Φ_em.
+        """
+        count = len(exponents(self.degree))
+        rows = np.zeros((self.shared, 3, count))
+        for v in range(3):
+            s = (v + 1) % 3
+            at = EDGES[s].index(v)
+            rows[3 * v, s] = np.eye(count)[_corner(self.degree, at)]
+            rows[3 * v + 1 : 3 * v + 3, s] = self._gradients[s][:, _corner(self.degree - 1, at)]
+        t, _ = gauss_legendre(self.degree)
+        coefficients = legendre.from_values(self.traction_degree, self.degree)
+        values = bernstein(self.degree - 2, np.column_stack([1.0 - t, t, np.zeros_like(t)]))
+        for s, (a, b) in enumerate(EDGES):
+            e, m = CORNERS[b] - CORNERS[a], CORNERS[s] - (CORNERS[a] + CORNERS[b]) / 2.0
+            xx, yy, xy = coefficients @ values @ self._hessians[s]
+            stretched = e[0] ** 2 * xx + e[1] ** 2 * yy + 2.0 * e[0] * e[1] * xy
+            mixed = e[0] * m[0] * xx + e[1] * m[1] * yy + (e[0] * m[1] + e[1] * m[0]) * xy
+            start = 9 + s * self.on_edge
+            rows[start : start + self.on_edge, s] = np.vstack([stretched[2:], mixed[1:]])
+        return rows
+
+    def _dual_basis(self, smooth: FloatArray) -> FloatArray:
+        """The functions: dual to the functionals with least energy, then energy-orthonormal ones without any."""
+        flat = smooth.reshape(-1, self.dimension)
+        functionals = self._functionals().reshape(self.shared, -1) @ flat
+        points, weights = quadrature(2 * self.degree - 4)
+        values = bernstein(self.degree - 2, points)
+        stresses = values @ (self._hessians @ smooth[:, None])  # (part, component, point, function)
+        stresses *= np.sqrt(_AREA / 3.0 * np.outer(_FROBENIUS, weights))[:, :, None]
+        stresses = stresses.reshape(-1, self.dimension)
+        dual, null = np.linalg.pinv(functionals), np.linalg.svd(functionals)[2][self.shared :].T
+        orthogonal, triangular = np.linalg.qr(stresses @ null)
+        dual = dual - null @ np.linalg.solve(triangular, orthogonal.T @ (stresses @ dual))
+        inner = np.linalg.solve(triangular.T, null.T).T
+        return np.asarray(flat @ np.hstack([dual, inner])).reshape(smooth.shape)
+
+    @cached_property
+    def _derivatives(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Bernstein coefficients of values, gradients and Hessians, (part, component, count, dimension) each."""
+        functions = self.coefficients[:, None]
+        return functions, self._gradients @ functions, self._hessians @ functions
+
+    @cached_property
+    def _energies(self) -> FloatArray:
+        """∫ (H_a ⊗ H_b + H_b ⊗ H_a)/(1 + δ_ab) on the reference triangle for `_PAIRS`, shape (6, dimension²)."""
+        points, weights = quadrature(2 * self.degree - 4)
+        values = bernstein(self.degree - 2, points) * np.sqrt(_AREA / 3.0 * weights)[:, None]
+        stresses = np.moveaxis(values @ self._derivatives[2], 1, 0)
+        stresses = stresses.reshape(3, -1, self.dimension)
+        products = [stresses[a].T @ stresses[b] for a, b in _PAIRS]
+        symmetric = [
+            product if a == b else product + product.T for product, (a, b) in zip(products, _PAIRS, strict=True)
+        ]
+        return np.stack(symmetric).reshape(len(_PAIRS), -1)
+
+    def energies(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
+        """∫ c σ:τ of the reference functions on each triangle, exactly; shape (n, dimension, dimension).
+
+        Parameters
+        ----------
+        triangles : AffineTriangles
+            The n triangles.
+        compliances : (n, 3, 3) or (3, 3) array
+            Compliance c of each.
+
+        """
+        maps = triangles.stress_maps
+        weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
+        chosen = np.stack([weights[:, a, b] for a, b in _PAIRS], axis=1)
+        return np.asarray(chosen @ self._energies).reshape(-1, self.dimension, self.dimension)
+
+    def transformations(self, triangles: AffineTriangles) -> FloatArray:
+        """From degrees of freedom of triangles to those of the reference triangle, shape (n, shared, shared).
+
+        Φ_ξ = Jᵀ ∇Φ in corners. On an edge Φ_ee = h² Φ_tt and Φ_em = h (α Φ_tn + β Φ_tt) with the median's vector
+        m = α n + β t, where the coefficient N₁ of Φ_tt follows from the corners.
+        """
+        B = np.zeros((len(triangles), self.shared, self.shared))
+        slopes = triangles.jacobians.swapaxes(1, 2)
+        for v in range(3):
+            B[:, 3 * v, 3 * v] = 1.0
+            B[:, 3 * v + 1 : 3 * v + 3, 3 * v + 1 : 3 * v + 3] = slopes
+        normals = self.degree - 3  # coefficients N_k of an edge
+        for s, (a, b) in enumerate(EDGES):
+            h, t, alpha, beta = _edge_frames(triangles.corners, s)
+            start = 9 + s * self.on_edge
+            N, Q = start + np.arange(normals), start + normals + np.arange(normals + 1)
+            B[:, N, N] = h[:, None] ** 2
+            B[:, Q, Q] = (alpha * h)[:, None]
+            B[:, Q[1:], N] = (beta * h)[:, None]
+            B[:, Q[0], 3 * a] = 6.0 * beta / h
+            B[:, Q[0], 3 * b] = -6.0 * beta / h
+            for end in (a, b):
+                B[:, Q[0], 3 * end + 1 : 3 * end + 3] = 3.0 * beta[:, None] * t
+        return B
+
+    def reference_functions(self, barycentric: FloatArray, order: int) -> FloatArray:
+        """Values (1), gradients (2) or Hessians (3 components xx, yy, xy) on the reference triangle.
+
+        Parameters
+        ----------
+        barycentric : (..., 3) array
+            Points. Where parts meet any of them gives values and gradients; of the Hessian, which jumps, that of the
+            part opposite the corner whose coordinate is smallest, the first such.
+        order : int
+            0, 1 or 2.
+
+        Returns
+        -------
+        (..., components, dimension) array
+
+        """
+        at = np.asarray(barycentric, dtype=float)
+        flat = at.reshape(-1, 3)
+        part = np.argmin(flat, axis=1)
+        found = np.empty((len(flat), (1, 2, 3)[order], self.dimension))
+        for s, (a, b) in enumerate(EDGES):
+            inside = np.flatnonzero(part == s)
+            low = flat[inside, s]
+            local = np.column_stack([flat[inside, a] - low, flat[inside, b] - low, 3.0 * low])
+            tables = self._derivatives[order][s]
+            found[inside] = np.moveaxis(bernstein(self.degree - order, local) @ tables, 0, 1)
+        return found.reshape(*at.shape[:-1], *found.shape[1:])
+
+    def functions(self, triangles: AffineTriangles, barycentric: FloatArray, order: int) -> FloatArray:
+        """Φ, (Φ_x, Φ_y) or (Φ_xx, Φ_yy, Φ_xy) of the functions of triangles.
+
+        Parameters
+        ----------
+        triangles : AffineTriangles
+            The n triangles, whose degrees of freedom the shared functions belong to.
+        barycentric : (p, 3) or (n, p, 3) array
+            Points in every triangle, or in each.
+        order : int
+            0, 1 or 2.
+
+        Returns
+        -------
+        (n, p, components, dimension) array
+
+        """
+        reference = self.reference_functions(barycentric, order)
+        if order == 1:
+            reference = triangles.inverses.swapaxes(1, 2)[:, None] @ reference
+        if order == 2:
+            reference = triangles.hessian_maps[:, None] @ reference
+        shared = reference[..., : self.shared] @ self.transformations(triangles)[:, None]
+        inner = np.broadcast_to(reference[..., self.shared :], (*shared.shape[:-1], self.interior))
+        return np.concatenate([shared, inner], axis=-1)
+
+
+def _on_line(degree: int, corner: int) -> IntArray:
+    """Coefficients of a part that belong to the line from its corner 0 or 1 to the barycentre, its corner 2."""
+    alpha = exponents(degree)
+    return np.flatnonzero(alpha[:, 1 - corner] == 0)
+
+
+def _corner(degree: int, corner: int) -> int:
+    """The coefficient that is the value in a corner."""
+    return int(np.flatnonzero(exponents(degree)[:, corner] == degree)[0])
+
+
+def _edge_frames(corners: FloatArray, s: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Of edge s of triangles (n, 3, 2): length h, tangent t (n, 2), and the median's parts α along n, β along t."""
+    a, b = (corners[:, end] for end in EDGES[s])
+    h = np.hypot(*(b - a).T)
+    t = (b - a) / h[:, None]
+    median = corners[:, s] - (a + b) / 2.0
+    return h, t, t[:, 0] * median[:, 1] - t[:, 1] * median[:, 0], (median * t).sum(axis=1)

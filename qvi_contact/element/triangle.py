@@ -1,0 +1,76 @@
+"""Polynomials on a triangle by Bernstein coefficients, and quadrature there.
+
+    p(λ) = Σ c_α B_α(λ),   B_α = d!/(α₀! α₁! α₂!) λ₀^α₀ λ₁^α₁ λ₂^α₂,   α₀ + α₁ + α₂ = d
+
+with barycentric coordinates λ. Derivatives are linear maps from coefficients of degree d to those of degree d − 1,
+∂B_α/∂λ_a = d B_(α − e_a), so they are exact to the last digits at any degree.
+"""
+
+from functools import cache
+from math import factorial
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from scipy.special import roots_jacobi
+
+from qvi_contact.basics.checks import FloatArray, IntArray
+
+
+@cache
+def exponents(degree: int) -> IntArray:
+    """The α of all Bernstein polynomials of one degree, shape (count, 3); B of vertex 0 first, that of 2 last."""
+    found = np.array([(i, j, degree - i - j) for i in range(degree, -1, -1) for j in range(degree - i, -1, -1)])
+    found.flags.writeable = False
+    return found
+
+
+def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
+    """Values B_α at points λ (..., 3), shape (..., count)."""
+    alpha = exponents(degree)
+    multinomial = np.array([factorial(degree) / np.prod([float(factorial(k)) for k in row]) for row in alpha.tolist()])
+    powers = np.asarray(barycentric, dtype=float)[..., None, :] ** alpha
+    return np.asarray(multinomial * powers.prod(axis=-1))
+
+
+@cache
+def _lowered(degree: int) -> FloatArray:
+    """From coefficients to those of ∂/∂λ_a, λ taken as three independent variables; (3, count of degree − 1, count)."""
+    fine, coarse = exponents(degree), exponents(degree - 1)
+    matrices = np.zeros((3, len(coarse), len(fine)))
+    for axis, unit in enumerate(np.eye(3, dtype=np.int64)):
+        row, column = np.nonzero((coarse[:, None] + unit == fine).all(axis=-1))
+        matrices[axis, row, column] = degree
+    return matrices
+
+
+def gradient(degree: int, slopes: FloatArray) -> FloatArray:
+    """From coefficients to those of (∂/∂x, ∂/∂y), shape (2, count of degree − 1, count).
+
+    Parameters
+    ----------
+    degree : int
+        Degree of the polynomial, at least 1.
+    slopes : (3, 2) array
+        Gradients of the barycentric coordinates.
+
+    """
+    return np.asarray(np.einsum("ax,acf->xcf", slopes, _lowered(degree)))
+
+
+def hessian(degree: int, slopes: FloatArray) -> FloatArray:
+    """From coefficients to those of (∂²/∂x², ∂²/∂y², ∂²/∂x∂y), shape (3, count of degree − 2, count)."""
+    first, second = gradient(degree, slopes), gradient(degree - 1, slopes)
+    return np.stack([second[0] @ first[0], second[1] @ first[1], second[0] @ first[1]])
+
+
+@cache
+def quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
+    """Points λ (n, 3) and weights (n,) of sum 1, exact for polynomials of the degree: Gauss-Jacobi, collapsed."""
+    count = degree // 2 + 1
+    along, weights_along = leggauss(count)
+    towards, weights_towards = roots_jacobi(count, 1.0, 0.0)
+    u, v = np.meshgrid((towards + 1.0) / 2.0, (along + 1.0) / 2.0, indexing="ij")
+    points = np.column_stack([((1.0 - u) * (1.0 - v)).ravel(), ((1.0 - u) * v).ravel(), u.ravel()])
+    weights = np.outer(weights_towards / weights_towards.sum(), weights_along / 2.0).ravel()
+    points.flags.writeable = weights.flags.writeable = False
+    return points, weights
