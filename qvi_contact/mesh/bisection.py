@@ -1,0 +1,55 @@
+"""Triangles bisected where they are too large; names of edges and regions are carried over."""
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from qvi_contact.basics.checks import IntArray
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.parts import MeshParts
+from qvi_contact.mesh.topology import Topology
+
+
+def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
+    """The mesh with marked triangles refined, and others as far as needed; without marks each is divided into four.
+
+    Old vertices keep their numbers, new ones are midpoints of old edges.
+    """
+    triangles: Any = import_module("skfem").MeshTri  # loaded here: reading and posing problems need none of it
+    coarse = triangles(np.ascontiguousarray(mesh.vertices.T), np.ascontiguousarray(mesh.cells.T))
+    if mesh.regions:
+        coarse = coarse.with_subdomains(dict(mesh.regions))
+    fine = coarse.refined(1 if marked is None else _numbers(marked, len(mesh.cells)))
+    vertices, cells = np.ascontiguousarray(fine.p.T), np.sort(fine.t.T.astype(np.int64), axis=1)
+    edge_sets = _split_edges(mesh, vertices, Topology.of(cells, len(vertices)).ends) if mesh.edge_sets else {}
+    regions = {name: np.asarray(fine.subdomains[name], dtype=np.int64) for name in mesh.regions}
+    return MeshParts(vertices, cells, edge_sets, regions)
+
+
+def _numbers(marked: ArrayLike, count: int) -> IntArray:
+    """Numbers of marked triangles."""
+    chosen = np.asarray(marked)
+    if chosen.dtype == bool and chosen.shape == (count,):
+        return np.flatnonzero(chosen)
+    if chosen.ndim != 1 or (chosen.size and chosen.dtype.kind not in "iu"):
+        raise InputError("marked", marked, f"give numbers of triangles, or a boolean for each of the {count}")
+    if chosen.size and (chosen.min() < 0 or chosen.max() >= count):
+        raise InputError("marked", marked, f"give numbers of triangles, 0 to {count - 1}")
+    return np.asarray(chosen, dtype=np.int64)
+
+
+def _split_edges(coarse: MeshParts, vertices: Any, ends: IntArray) -> dict[str, IntArray]:
+    """The named edges of the coarser mesh by the finer edges (e, 2) that they are made of."""
+    old = len(coarse.vertices)
+    topology = Topology.of(np.sort(coarse.cells, axis=1), old)
+    number = np.where(ends[:, 1] < old, topology.number(np.minimum(ends, old - 1), old), -1)
+    if len(vertices) > old:
+        midpoints = coarse.vertices[topology.ends].mean(axis=1)
+        halved = np.flatnonzero((ends[:, 0] < old) & (ends[:, 1] >= old))
+        origin = np.asarray(cKDTree(midpoints).query(vertices[ends[halved, 1]])[1])
+        on_it = (topology.ends[origin] == ends[halved, :1]).any(axis=1)
+        number[halved[on_it]] = origin[on_it]
+    return {name: ends[np.isin(number, topology.number(pairs, old))] for name, pairs in coarse.edge_sets.items()}

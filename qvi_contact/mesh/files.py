@@ -1,0 +1,151 @@
+"""Meshes of triangles from other programs: scikit-fem, and by meshio files of Gmsh, Abaqus or CalculiX, and MED.
+
+What has a name comes along: named curves become edge sets (joints where they lie inside the body), named surfaces
+regions. Names are
+
+* physical names in .msh files (formats 2.2 and 4.1),
+* ELSET in .inp files, with line elements such as T3D2 for curves,
+* groups in .med files.
+
+Middle nodes of quadratic triangles are left out; sides are straight. Points that no triangle needs are dropped.
+"""
+
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import IntArray
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.parts import MeshParts
+
+_FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med"}
+_TRIANGLES: Final = ("triangle", "triangle6", "triangle7")
+_LINES: Final = ("line", "line3")
+_IGNORED: Final = (*_LINES, "vertex")
+_HALF_NAMED: Final = "gmsh:physical"  # meshio reads files of format 4 only where all cells have names, or none
+_FLAT: Final = 1e-9  # of the size in the plane: larger z are no plane body
+
+
+def from_skfem(mesh: object) -> MeshParts:
+    """Vertices, triangles, boundaries and subdomains of a mesh of scikit-fem."""
+    given: Any = mesh
+    if not hasattr(given, "facets") or np.asarray(getattr(given, "t", 0)).shape[:1] != (3,):
+        raise InputError("mesh", type(mesh).__name__, "give a skfem.MeshTri")
+    boundaries, subdomains = given.boundaries or {}, given.subdomains or {}
+    edge_sets = {name: given.facets[:, np.asarray(facets)].T for name, facets in boundaries.items()}
+    regions = {name: np.asarray(cells) for name, cells in subdomains.items()}
+    return _tidy(given.p.T, given.t.T, edge_sets, regions)
+
+
+def read_mesh(path: str | Path) -> MeshParts:
+    """Vertices, triangles, and named curves and surfaces of a mesh file.
+
+    Raises
+    ------
+    InputError
+        If meshio is missing, the file cannot be read, or it holds other cells than triangles, or no plane body.
+
+    """
+    path = Path(path)
+    reader = _FORMATS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError("mesh", str(path), f"give a file with one of the endings {', '.join(_FORMATS)}")
+    if not path.is_file():
+        raise InputError("mesh", str(path), "there is no such file")
+    found = _read(reader, path)
+    kinds = {block.type for block in found.cells} - {*_TRIANGLES, *_IGNORED}
+    if kinds:
+        kind = sorted(kinds)[0]
+        raise InputError("mesh", str(path), f"holds cells of kind {kind!r}: give a mesh of triangles only")
+    points = np.asarray(found.points, dtype=float)
+    if points.ndim != 2 or not any(block.type in _TRIANGLES for block in found.cells):
+        raise InputError("mesh", str(path), "holds no triangles")
+    if points.shape[1] == 3 and np.ptp(points[:, 2]) > _FLAT * np.ptp(points[:, :2], axis=0).max():
+        raise InputError("mesh", str(path), "is not plane: all points must have one coordinate z")
+    cells = np.concatenate([block.data[:, :3] for block in found.cells if block.type in _TRIANGLES])
+    edge_sets, regions = _named(found, _LINES, 2), _named(found, _TRIANGLES, 3)
+    starts = _starts(found, _TRIANGLES)
+    numbered = {name: np.concatenate([starts[i] + rows for i, rows in parts]) for name, parts in regions.items()}
+    pairs = {
+        name: np.concatenate([found.cells[i].data[rows, :2] for i, rows in parts]) for name, parts in edge_sets.items()
+    }
+    return _tidy(points[:, :2], cells, pairs, numbered)
+
+
+def _read(reader: str, path: Path) -> Any:
+    """What meshio reads, or one `InputError`."""
+    try:
+        module = import_module(f"meshio.{reader}")
+        return module.read(path)
+    except ImportError as error:
+        needed = "MED files need meshio and h5py" if reader == "med" else "mesh files need meshio"
+        raise InputError("mesh", str(path), f"{needed}: python -m pip install 'qvi-contact[mesh]'") from error
+    except Exception as error:  # meshio raises whatever a broken file makes it stumble over
+        told = " ".join(str(error).split()) or type(error).__name__
+        hint = "; give every curve and surface a physical name, or save in format 2.2" if _HALF_NAMED in told else ""
+        raise InputError("mesh", str(path), f"cannot be read as {reader} ({told}){hint}") from error
+
+
+def _starts(found: Any, kinds: Iterable[str]) -> dict[int, int]:
+    """The number of the first cell of each block among all cells of those kinds."""
+    starts, count = {}, 0
+    for index, block in enumerate(found.cells):
+        if block.type in kinds:
+            starts[index] = count
+            count += len(block.data)
+    return starts
+
+
+def _named(found: Any, kinds: Iterable[str], dimension: int) -> dict[str, list[tuple[int, IntArray]]]:
+    """Named sets of cells of those kinds: pairs (block, rows in it) by name."""
+    sets: dict[str, list[tuple[int, IntArray]]] = {}
+    for name, index, rows in (*_cell_sets(found), *_physical(found, dimension - 1), *_groups(found)):
+        if found.cells[index].type in kinds and len(rows):
+            sets.setdefault(name, []).append((index, rows))
+    return sets
+
+
+def _cell_sets(found: Any) -> Iterator[tuple[str, int, IntArray]]:
+    """Sets that meshio knows by name: ELSET of Abaqus, physical names of Gmsh 4."""
+    for name, members in found.cell_sets.items():
+        if name.split(":")[0] == "gmsh":
+            continue
+        for index, rows in enumerate(members):
+            if rows is not None:
+                yield name, index, np.asarray(rows, dtype=np.int64).ravel()
+
+
+def _physical(found: Any, dimension: int) -> Iterator[tuple[str, int, IntArray]]:
+    """Physical names of Gmsh 2, which are numbers of cells beside a list of names."""
+    tags = found.cell_data.get("gmsh:physical")
+    if tags is None or any(name in found.cell_sets for name in found.field_data):
+        return
+    for name, (tag, of) in found.field_data.items():
+        if of == dimension:
+            for index, values in enumerate(tags):
+                yield name, index, np.flatnonzero(np.asarray(values) == tag)
+
+
+def _groups(found: Any) -> Iterator[tuple[str, int, IntArray]]:
+    """Groups of MED: families of cells, each with the names of its groups."""
+    families, tags = getattr(found, "cell_tags", None), found.cell_data.get("cell_tags")
+    if not families or tags is None:
+        return
+    for family, names in families.items():
+        for name in names:
+            for index, values in enumerate(tags):
+                yield name, index, np.flatnonzero(np.asarray(values) == family)
+
+
+def _tidy(points: Any, cells: Any, edge_sets: dict[str, Any], regions: dict[str, Any]) -> MeshParts:
+    """Without the points that no triangle needs."""
+    cells = np.asarray(cells, dtype=np.int64)
+    used = np.unique(cells)
+    number = np.full(len(points), -1)
+    number[used] = np.arange(len(used))
+    pairs = {str(name): number[np.asarray(ends, dtype=np.int64)] for name, ends in edge_sets.items()}
+    vertices = np.ascontiguousarray(np.asarray(points, dtype=float)[used])
+    return MeshParts(vertices, number[cells], pairs, {str(name): chosen for name, chosen in regions.items()})

@@ -1,0 +1,107 @@
+"""Which edges triangles have, and which triangles meet in them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+
+OPPOSITE = ((1, 2), (0, 2), (0, 1))
+"""Corners of the edges of a triangle, edge s opposite to corner s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """Edges of triangles.
+
+    Attributes
+    ----------
+    ends : (e, 2) int array
+        Vertices of each edge, the lower number first; edges in the order of these pairs.
+    of_cells : (m, 3) int array
+        Edges of each triangle, edge s opposite to its corner s.
+    cells : (e, 2) int array
+        The triangles at each edge, in ascending order; −1 for the second on the boundary.
+    count : (e,) int array
+        How many triangles share the edge: 1 on the boundary, 2 inside, more in what is no mesh.
+
+    """
+
+    ends: IntArray
+    of_cells: IntArray
+    cells: IntArray
+    count: IntArray
+
+    @classmethod
+    def of(cls, cells: IntArray, vertices: int) -> "Topology":
+        """Edges of triangles (m, 3), whose corners are in ascending order, among so many vertices."""
+        pairs = np.stack([cells[:, list(pair)] for pair in OPPOSITE], axis=1).reshape(-1, 2)
+        keys, index, count = np.unique(pairs @ np.array([vertices, 1]), return_inverse=True, return_counts=True)
+        order = np.argsort(index, kind="stable")
+        start = np.concatenate([[0], np.cumsum(count)[:-1]])
+        beside = np.full((len(keys), 2), -1)
+        beside[:, 0] = order[start] // 3
+        shared = count > 1
+        beside[shared, 1] = order[start[shared] + 1] // 3
+        return cls(np.column_stack(np.divmod(keys, vertices)), index.reshape(-1, 3), beside, count)
+
+    @property
+    def boundary(self) -> BoolArray:
+        """Which edges belong to one triangle only, shape (e,)."""
+        return np.asarray(self.count == 1)
+
+    def number(self, pairs: IntArray, vertices: int) -> IntArray:
+        """The edges between pairs of vertices (k, 2), −1 where there is none."""
+        wanted = np.sort(pairs, axis=1) @ np.array([vertices, 1])
+        keys = self.ends @ np.array([vertices, 1])
+        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        return np.where(keys[at] == wanted, at, -1)
+
+
+def outward_normals(vertices: FloatArray, cells: IntArray, topology: Topology, edges: IntArray) -> FloatArray:
+    """Unit normals of edges that point out of the first triangle at each, shape (k, 2)."""
+    first, second = vertices[topology.ends[edges]].swapaxes(0, 1)
+    along = second - first
+    normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    inner = vertices[cells[topology.cells[edges, 0]]].mean(axis=1)
+    inward = ((inner - first) * normal).sum(axis=1) > 0.0
+    return np.asarray(np.where(inward[:, None], -normal, normal))
+
+
+def chains(ends: IntArray) -> list[IntArray]:
+    """Edges ordered along the lines they make up, each line as indices into `ends`.
+
+    Parameters
+    ----------
+    ends : (k, 2) int array
+        The two vertices of each edge.
+
+    Returns
+    -------
+    list of int arrays
+        A line starts at a vertex of one edge only if it has such a vertex, that of lowest number, else at the lowest
+        of all; where more than two edges meet lines end.
+
+    """
+    at: dict[int, list[int]] = {}
+    for edge, pair in enumerate(ends.tolist()):
+        for vertex in pair:
+            at.setdefault(vertex, []).append(edge)
+    used = np.zeros(len(ends), dtype=bool)
+    found: list[IntArray] = []
+    starts = sorted(vertex for vertex, edges in at.items() if len(edges) != 2) + sorted(at)
+    for start in starts:
+        for first in at[start]:
+            line: list[int] = []
+            vertex, edge = start, first
+            while not used[edge]:
+                used[edge] = True
+                line.append(edge)
+                low, high = ends[edge].tolist()
+                vertex = high if vertex == low else low
+                if len(at[vertex]) != 2:
+                    break
+                edge = next((e for e in at[vertex] if e != edge), edge)
+            if line:
+                found.append(np.array(line))
+    return found

@@ -1,0 +1,325 @@
+"""Meshes of triangles with named parts of the boundary, joints and regions."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.bisection import bisected
+from qvi_contact.mesh.files import from_skfem, read_mesh
+from qvi_contact.mesh.parts import MeshParts
+from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.topology import Topology, chains
+from qvi_contact.mesh.triangle_checks import (
+    checked_cells,
+    checked_pairs,
+    checked_region,
+    checked_vertices,
+    refuse_flaws,
+)
+from qvi_contact.mesh.triangulation import triangulated
+
+Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
+"""A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
+
+_INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
+_DEEPEST: Final = 100
+_NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A body divided into triangles.
+
+    Parameters
+    ----------
+    vertices : (n, 2) array
+        Coordinates [length].
+    cells : (m, 3) int array
+        Vertices of each triangle, in any sense of rotation. They are kept in ascending order.
+    edge_sets : mapping of str to (k, 2) int array, optional
+        Named edges by their vertices: parts of the boundary, or joints if they lie inside the body.
+    regions : mapping of str to (k,) int array, optional
+        Named sets of triangles.
+
+    Raises
+    ------
+    InputError
+        If vertices or cells are no mesh of one piece: triangles without area, vertices inside edges, edges with more
+        than two triangles, triangles that overlap, several pieces, pieces that meet in a vertex only, vertices without
+        triangle or in the same place; if a name is empty or used twice, or a set does not fit the mesh.
+
+    """
+
+    vertices: FloatArray
+    cells: IntArray
+    edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", checked_vertices(self.vertices))
+        object.__setattr__(self, "cells", checked_cells(self.cells, self.vertices))
+        refuse_flaws(self.vertices, self.cells, self.topology)
+        pairs = {
+            name: checked_pairs(name, given, self.topology, self.vertices) for name, given in self.edge_sets.items()
+        }
+        object.__setattr__(self, "edge_sets", MappingProxyType(pairs))
+        regions = {name: checked_region(name, given, len(self.cells)) for name, given in self.regions.items()}
+        object.__setattr__(self, "regions", MappingProxyType(regions))
+
+    @classmethod
+    def rectangle(
+        cls,
+        cells: tuple[int, int],
+        width: float = 1.0,
+        height: float = 1.0,
+        *,
+        origin: tuple[float, float] = (0.0, 0.0),
+        grading: float | tuple[float, float] = 1.0,
+    ) -> "TriangleMesh":
+        """A rectangle of cells[0] × cells[1] rectangular cells, each cut into two triangles.
+
+        Its sides are called "bottom", "right", "top" and "left". See `RectilinearMesh.rectangle` for the parameters
+        and `of_rectangles` for the way cells are cut.
+        """
+        return cls.of_rectangles(RectilinearMesh.rectangle(cells, width, height, origin=origin, grading=grading))
+
+    @classmethod
+    def of_rectangles(cls, mesh: RectilinearMesh) -> "TriangleMesh":
+        """The same body with every rectangle cut into two triangles; edge sets and joints keep their names.
+
+        Diagonals run from lower left to upper right, in corners of the body into the corner. The triangles 2k and
+        2k + 1 lie in the active cell k, counted row by row.
+        """
+        return cls._made(triangulated(mesh))
+
+    @classmethod
+    def _made(cls, parts: MeshParts) -> "TriangleMesh":
+        return cls(parts.vertices, parts.cells, parts.edge_sets, parts.regions)
+
+    @classmethod
+    def from_skfem(cls, mesh: object) -> "TriangleMesh":
+        """A `skfem.MeshTri` with its boundaries (joints where they lie inside the body) and subdomains."""
+        return cls._made(from_skfem(mesh))
+
+    @classmethod
+    def load(cls, path: str | Path) -> "TriangleMesh":
+        """Read a mesh file by meshio: Gmsh (.msh), Abaqus or CalculiX (.inp), MED (.med).
+
+        Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
+        body; names of surfaces become regions. See `mesh.files`.
+        """
+        return cls._made(read_mesh(path))
+
+    @cached_property
+    def topology(self) -> Topology:
+        """Its edges."""
+        return Topology.of(self.cells, len(self.vertices))
+
+    @cached_property
+    def length(self) -> float:
+        """Characteristic length: the longer side of the bounding box [length]."""
+        return float(np.ptp(self.vertices, axis=0).max())
+
+    @property
+    def origin(self) -> FloatArray:
+        """The lower left corner of the bounding box, shape (2,) [length]."""
+        return np.asarray(self.vertices.min(axis=0))
+
+    @cached_property
+    def corners(self) -> FloatArray:
+        """Coordinates of the corners of all triangles, shape (m, 3, 2) [length]."""
+        return np.asarray(self.vertices[self.cells])
+
+    @cached_property
+    def midpoints(self) -> FloatArray:
+        """Midpoints of all edges, shape (e, 2) [length]."""
+        return np.asarray(self.vertices[self.topology.ends].mean(axis=1))
+
+    @property
+    def edge_names(self) -> tuple[str, ...]:
+        """Names of parts of the boundary."""
+        return tuple(name for name in self.edge_sets if self._on_boundary(name))
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of joints."""
+        return tuple(name for name in self.edge_sets if not self._on_boundary(name))
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """Names of regions."""
+        return tuple(self.regions)
+
+    def _on_boundary(self, name: str) -> bool:
+        return bool(self.topology.boundary[self.numbers(name)[0]])
+
+    def numbers(self, name: str) -> IntArray:
+        """Numbers in `topology` of the edges called `name`, in ascending order."""
+        if name not in self.edge_sets:
+            known = ", ".join(self.edge_sets) or "there is none"
+            raise InputError("edges", name, f"name one of the mesh's edge sets ({known}) or add it by with_edges()")
+        return np.unique(self.topology.number(self.edge_sets[name], len(self.vertices)))
+
+    def with_edges(self, name: str, where: Where) -> "TriangleMesh":
+        """The same mesh with one more named part of the boundary.
+
+        Parameters
+        ----------
+        name : str
+            The new name.
+        where : function of (x, y), or (k, 2) int array
+            Which boundary edges: a function that is given their midpoints, or their vertices.
+
+        """
+        return self._with(name, self._chosen(name, where, self.topology.boundary, "boundary"))
+
+    def with_joint(self, name: str, where: Where) -> "TriangleMesh":
+        """The same mesh with a joint: edges inside the body along which a `Contact` may hold; see `with_edges`."""
+        return self._with(name, self._chosen(name, where, ~self.topology.boundary, "interior"))
+
+    def with_region(self, name: str, where: Where) -> "TriangleMesh":
+        """The same mesh with a named region.
+
+        Parameters
+        ----------
+        name : str
+            The new name.
+        where : function of (x, y), or (k,) int array
+            Which triangles: a function that is given their centres, or their numbers.
+
+        """
+        if name in self.regions:
+            raise InputError("name", name, "this region exists already: choose another name")
+        chosen = _selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
+        return replace(self, regions={**self.regions, name: np.asarray(chosen)})
+
+    def _with(self, name: str, pairs: IntArray) -> "TriangleMesh":
+        if name in self.edge_sets:
+            raise InputError("name", name, "this edge set exists already: choose another name")
+        return replace(self, edge_sets={**self.edge_sets, name: pairs})
+
+    def _chosen(self, name: str, where: Where, among: BoolArray, kind: str) -> IntArray:
+        """Vertices of the chosen edges, which must be among those."""
+        if not callable(where):
+            pairs = checked_pairs(name, where, self.topology, self.vertices)
+        else:
+            candidates = np.flatnonzero(among)
+            pairs = self.topology.ends[candidates[_selected(name, where, self.midpoints[candidates])]]
+        numbers = self.topology.number(pairs, len(self.vertices))
+        if not len(numbers) or not among[numbers].all():
+            raise InputError(name, where, f"no {kind} edge lies there: check the set")
+        return pairs
+
+    @cached_property
+    def outlines(self) -> tuple[IntArray, ...]:
+        """The closed lines of the boundary as numbers of edges in `topology`, one array each."""
+        boundary = np.flatnonzero(self.topology.boundary)
+        return tuple(boundary[line] for line in chains(self.topology.ends[boundary]))
+
+    @cached_property
+    def finest(self) -> FloatArray:
+        """Length of the shortest edge at each vertex, shape (n,) [length]."""
+        ends = self.topology.ends
+        lengths = np.hypot(*(self.vertices[ends[:, 1]] - self.vertices[ends[:, 0]]).T)
+        shortest = np.full(len(self.vertices), np.inf)
+        np.minimum.at(shortest, ends, lengths[:, None])
+        return shortest
+
+    @cached_property
+    def _centres(self) -> cKDTree:
+        return cKDTree(self.corners.mean(axis=1))
+
+    def barycentric(self, cells: IntArray, points: FloatArray) -> FloatArray:
+        """Barycentric coordinates of points (k, 2) in triangles (k,), shape (k, 3)."""
+        a, b, c = self.corners[cells].swapaxes(0, 1)
+        (ux, uy), (vx, vy), (wx, wy) = (b - a).T, (c - a).T, (points - a).T
+        area = ux * vy - uy * vx
+        second, third = (wx * vy - wy * vx) / area, (ux * wy - uy * wx) / area
+        return np.column_stack([1.0 - second - third, second, third])
+
+    def locate(self, points: ArrayLike) -> IntArray:
+        """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
+        points = np.asarray(points, dtype=float).reshape(-1, 2)
+        count = min(_NEIGHBOURS, len(self.cells))
+        near = np.sort(self._centres.query(points, count)[1].reshape(-1, count), axis=1)
+        found = self._holding(points, near)
+        for missing in np.flatnonzero(found < 0).tolist():  # in or beside long triangles, or outside
+            found[missing] = self._holding(points[[missing]], np.arange(len(self.cells))[None])[0]
+        return found
+
+    def _holding(self, points: FloatArray, cells: IntArray) -> IntArray:
+        """The first of the triangles (k, c) that holds each point, −1 if none does."""
+        flat = self.barycentric(cells.ravel(), np.repeat(points, cells.shape[1], axis=0))
+        inside = (flat.min(axis=1) >= _INSIDE).reshape(cells.shape)
+        first = cells[np.arange(len(cells)), np.argmax(inside, axis=1)]
+        return np.where(inside.any(axis=1), first, -1)
+
+    def parents(self, coarse: "TriangleMesh") -> IntArray:
+        """The triangle of a coarser mesh of the same body in which each triangle lies, shape (m,)."""
+        return coarse.locate(self.corners.mean(axis=1))
+
+    def refined(self, marked: ArrayLike | None = None) -> "TriangleMesh":
+        """The same body with triangles halved in size, and neighbours as far as needed; names are carried over.
+
+        Parameters
+        ----------
+        marked : (k,) int or (m,) bool array, optional
+            Triangles to refine; by default each is divided into four.
+
+        """
+        return self._made(bisected(MeshParts(self.vertices, self.cells, self.edge_sets, self.regions), marked))
+
+    def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> "TriangleMesh":
+        """The same body with the triangles at points refined again and again; names are carried over.
+
+        Parameters
+        ----------
+        points : (k, 2) array
+            Where stresses are singular or change their kind: corners, ends of contacts, of loads, of stick zones.
+        depth : int or (k,) ints
+            How often the triangles at each point are halved in size.
+
+        """
+        places = np.asarray(points, dtype=float)
+        if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():
+            raise InputError("points", points, "give an array (k, 2) of coordinates")
+        depths = np.broadcast_to(np.asarray(depth), len(places))
+        if depths.dtype.kind not in "iu" or depths.min(initial=0) < 0 or depths.max(initial=0) > _DEEPEST:
+            raise InputError("depth", depth, f"give whole numbers from 0 to {_DEEPEST}")
+        outside = self.locate(places) < 0
+        if outside.any():
+            x, y = places[np.argmax(outside)].tolist()
+            raise InputError("points", (x, y), "give points of the body")
+        mesh = self
+        for level in range(int(depths.max(initial=0))):
+            mesh = mesh.refined(mesh._touching(places[depths > level]))
+        return mesh
+
+    def _touching(self, points: FloatArray) -> BoolArray:
+        """Triangles (m,) that hold any of the points (k, 2), on their border too."""
+        every, found = np.arange(len(self.cells)), np.zeros(len(self.cells), dtype=bool)
+        for point in points:
+            at = np.broadcast_to(point, (len(every), 2))
+            found |= self.barycentric(every, at).min(axis=1) >= _INSIDE
+        return found
+
+
+def _selected(name: str, where: Callable[[FloatArray, FloatArray], Any], points: FloatArray) -> IntArray:
+    """Indices of the points (k, 2) that a function of (x, y) chooses."""
+    try:
+        mask = np.broadcast_to(np.asarray(where(*points.T)), len(points))
+    except Exception as error:
+        remedy = f"the function must take two arrays (x, y) and return booleans of their shape ({error})"
+        raise InputError(name, where, remedy) from error
+    if mask.dtype != bool:
+        raise InputError(name, mask.dtype, "the function must return booleans")
+    return np.flatnonzero(mask)

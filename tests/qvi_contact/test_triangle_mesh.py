@@ -1,0 +1,372 @@
+"""Meshes of triangles: what is accepted and refused, names, refinement, files."""
+
+import numpy as np
+import pytest
+import skfem
+
+from qvi_contact import InputError, RectilinearMesh
+from qvi_contact.mesh.topology import outward_normals
+from qvi_contact.mesh.triangles import TriangleMesh
+
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+HALVES = [(0, 1, 2), (0, 2, 3)]
+
+
+def square(**more):
+    return TriangleMesh(SQUARE, HALVES, **more)
+
+
+def l_shape():
+    active = np.ones((4, 4), dtype=bool)
+    active[2:, 2:] = False
+    grid = RectilinearMesh(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 2.0, 5), active)
+    grid = grid.with_joint("seam", "horizontal", at=0.5).with_edges("notch", "top", at=1.0)
+    return TriangleMesh.of_rectangles(grid).with_region("foot", lambda _, y: y < 0.5)
+
+
+def area(mesh):
+    a, b, c = mesh.corners.swapaxes(0, 1)
+    return np.abs(np.cross(np.c_[b - a, 0 * a[:, 0]], np.c_[c - a, 0 * a[:, 0]])[:, 2]).sum() / 2.0
+
+
+class TestTopology:
+    """Edges and who shares them."""
+
+    def test_edges_of_a_square(self):
+        topology = square().topology
+        assert topology.ends.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [2, 3]]
+        assert topology.boundary.tolist() == [True, False, True, True, True]
+        assert topology.cells.tolist() == [[0, -1], [0, 1], [1, -1], [0, -1], [1, -1]]
+        assert topology.of_cells.tolist() == [[3, 1, 0], [4, 2, 1]]
+
+    def test_triangles_may_be_given_in_any_sense_of_rotation(self):
+        turned = TriangleMesh(SQUARE, [(2, 1, 0), (0, 2, 3)])
+        assert (turned.cells == square().cells).all()
+
+    def test_normals_point_out_of_the_body(self):
+        mesh = l_shape()
+        for name, normal in (("bottom", (0, -1)), ("right", (1, 0)), ("top", (0, 1)), ("left", (-1, 0))):
+            found = outward_normals(mesh.vertices, mesh.cells, mesh.topology, mesh.numbers(name))
+            assert found == pytest.approx(np.broadcast_to(normal, found.shape))
+
+    def test_outlines_run_around_the_body_and_its_holes(self):
+        active = np.ones((3, 3), dtype=bool)
+        active[1, 1] = False
+        mesh = TriangleMesh.of_rectangles(RectilinearMesh(np.arange(4.0), np.arange(4.0), active))
+        outer, inner = mesh.outlines
+        assert (len(outer), len(inner)) == (12, 4)
+        for line in (outer, inner):
+            ends = mesh.topology.ends[line]
+            assert all(set(one) & set(two) for one, two in zip(ends, np.roll(ends, -1, axis=0), strict=True))
+
+
+class TestRefusals:
+    """What is no mesh, and names that do not fit."""
+
+    @pytest.mark.parametrize(
+        ("vertices", "cells", "told"),
+        [
+            ([*SQUARE, (0.5, 0.5)], HALVES, "belongs to no triangle"),
+            ([*SQUARE, (2.0, 2.0)], [*HALVES, (0, 2, 4)], "has no area"),
+            ([*SQUARE, (2.0, 0.0)], [*HALVES, (0, 2, 4)], "more than two triangles"),
+            (SQUARE, [(0, 1, 2), (0, 1, 3)], "overlap"),
+            ([*SQUARE, (2, 0), (3, 0), (2, 1)], [*HALVES, (4, 5, 6)], "falls into so many pieces"),
+            ([*SQUARE, (2, 1), (2, 2)], [*HALVES, (2, 4, 5)], "by this vertex"),
+            ([*SQUARE, (1, 0), (1, 1), (2, 0)], [*HALVES, (4, 5, 6)], "in the same place"),
+            ([*SQUARE, (2, 0), (1.0, 0.5)], [*HALVES, (1, 4, 5)], "lies inside the edge"),
+            ([(0, 0), (1, 0), (np.nan, 1)], [(0, 1, 2)], "no finite"),
+            (SQUARE, [(0, 1, 4)], "0 to 3"),
+            (SQUARE, [(0, 1, 2.5)], "whole numbers"),
+            (SQUARE, [(0, 1, 1), (0, 2, 3)], "has no area"),
+            (SQUARE[:2], [(0, 1, 1)], "shape"),
+            ("abc", HALVES, "numbers"),
+        ],
+    )
+    def test_no_mesh(self, vertices, cells, told):
+        with pytest.raises(InputError, match=told) as caught:
+            TriangleMesh(vertices, cells)
+        assert "\n" not in str(caught.value)
+
+    def test_the_place_is_told(self):
+        with pytest.raises(InputError, match=r"\(1, 0.5\)"):
+            TriangleMesh([*SQUARE, (2, 0), (1.0, 0.5)], [*HALVES, (1, 4, 5)])
+
+    @pytest.mark.parametrize(
+        ("sets", "told"),
+        [
+            ({"top": [(1, 3)]}, "no edge of the mesh"),
+            ({"top": [(2, 7)]}, "no edge of the mesh"),
+            ({"top": [(2, 3), (0, 2)]}, "partly on the boundary"),
+            ({"": [(2, 3)]}, "non-empty"),
+            ({"top": np.zeros((0, 2), dtype=int)}, "one or more"),
+        ],
+    )
+    def test_wrong_edge_sets(self, sets, told):
+        with pytest.raises(InputError, match=told):
+            square(edge_sets=sets)
+
+    def test_wrong_regions(self):
+        for cells in ([2], [-1], []):
+            with pytest.raises(InputError, match="0 to 1"):
+                square(regions={"steel": cells})
+
+    def test_unknown_and_repeated_names(self):
+        mesh = square(edge_sets={"top": [(2, 3)]})
+        with pytest.raises(InputError, match="top"):
+            mesh.numbers("bottom")
+        with pytest.raises(InputError, match="exists already"):
+            mesh.with_edges("top", lambda _, y: y < 0.1)
+        with pytest.raises(InputError, match="no boundary edge"):
+            mesh.with_edges("low", lambda _, y: y < -1.0)
+        with pytest.raises(InputError, match="no interior edge"):
+            mesh.with_joint("low", [(0, 1)])
+        with pytest.raises(InputError, match="booleans"):
+            mesh.with_edges("low", lambda _, y: y)
+
+
+class TestRectangles:
+    """Grids cut into triangles."""
+
+    def test_every_corner_is_cut(self):
+        mesh = TriangleMesh.rectangle((4, 3), 2.0, 1.0)
+        boundary = mesh.topology.boundary[mesh.topology.of_cells].sum(axis=1)
+        assert boundary.max() == 1
+        assert area(mesh) == pytest.approx(2.0)
+        assert [len(mesh.numbers(name)) for name in ("bottom", "right", "top", "left")] == [4, 3, 4, 3]
+
+    def test_names_of_a_grid_are_kept(self):
+        mesh = l_shape()
+        assert mesh.joint_names == ("seam",)
+        assert set(mesh.edge_names) == {"bottom", "right", "top", "left", "notch"}
+        assert mesh.midpoints[mesh.numbers("seam")][:, 1] == pytest.approx(np.full(4, 0.5))
+        assert mesh.midpoints[mesh.numbers("notch")] == pytest.approx(np.array([[1.25, 1.0], [1.75, 1.0]]))
+        assert area(mesh) == pytest.approx(3.0)
+
+
+class TestLocate:
+    """Points in triangles."""
+
+    def test_points_are_found_in_the_triangle_that_holds_them(self):
+        mesh, rng = TriangleMesh.rectangle((5, 4)).graded([(1.0, 1.0)], 12), np.random.default_rng(0)
+        points = rng.random((300, 2))
+        cells = mesh.locate(points)
+        assert (mesh.barycentric(cells, points) >= -1e-9).all()
+        assert (mesh.locate([(1.1, 0.5), (-1e-6, 0.5)]) == -1).all()
+
+    def test_points_on_edges_belong_to_the_triangle_of_lowest_number(self):
+        mesh = TriangleMesh.rectangle((5, 4))
+        inner = np.flatnonzero(~mesh.topology.boundary)
+        assert (mesh.locate(mesh.midpoints[inner]) == mesh.topology.cells[inner].min(axis=1)).all()
+
+    def test_needles_are_found_too(self):
+        mesh = TriangleMesh.rectangle((40, 1), 1.0, 100.0)
+        points = np.random.default_rng(1).random((50, 2)) * (1.0, 100.0)
+        assert (mesh.barycentric(mesh.locate(points), points) >= -1e-9).all()
+
+
+class TestRefined:
+    """Names after bisection."""
+
+    @pytest.mark.parametrize("marked", [None, [0], [3, 7], "mask"])
+    def test_names_cover_the_same_lines(self, marked):
+        mesh = l_shape()
+        marked = np.arange(len(mesh.cells)) % 5 == 0 if isinstance(marked, str) else marked
+        fine = mesh.refined(marked)
+        assert len(fine.cells) > len(mesh.cells)
+        assert (fine.edge_names, fine.joint_names) == (mesh.edge_names, mesh.joint_names)
+        for name in (*mesh.edge_names, *mesh.joint_names):
+            lengths = [
+                np.hypot(*np.diff(m.vertices[m.topology.ends[m.numbers(name)]], axis=1)[:, 0].T).sum()
+                for m in (mesh, fine)
+            ]
+            assert lengths[0] == pytest.approx(lengths[1], rel=1e-12)
+        assert fine.corners[fine.regions["foot"]].mean(axis=1)[:, 1].max() < 0.5
+        assert area(fine) == pytest.approx(area(mesh))
+        assert np.isin(fine.parents(mesh)[fine.regions["foot"]], mesh.regions["foot"]).all()
+
+    def test_grading_halves_the_triangles_at_a_point(self):
+        mesh = TriangleMesh.rectangle((2, 2))
+        for depth in (0, 1, 6):
+            assert mesh.graded([(1.0, 1.0)], depth).finest.min() == pytest.approx(0.5**depth / 2.0)
+        both = mesh.graded([(1.0, 1.0), (0.3, 1.0)], [3, 5])
+        assert both.finest[both.vertices @ (1, 1) == 2.0] == pytest.approx(0.5**4)
+
+    @pytest.mark.parametrize("points", [[(2.0, 0.0)], [0.0, 1.0], [(np.nan, 0.0)]])
+    def test_points_outside_are_refused(self, points):
+        with pytest.raises(InputError):
+            square().graded(points, 2)
+
+    @pytest.mark.parametrize("marked", [[7], [-1], [0.5], [[0]], [True]])
+    def test_wrong_marks(self, marked):
+        with pytest.raises(InputError, match="marked"):
+            square().refined(marked)
+
+
+class TestSkfem:
+    """Meshes of scikit-fem."""
+
+    def test_boundaries_and_subdomains_come_along(self):
+        mesh = skfem.MeshTri().refined(2)
+        mesh = mesh.with_boundaries({"floor": lambda x: x[1] == 0.0}).with_subdomains({"left": lambda x: x[0] < 0.5})
+        mesh = mesh.with_boundaries({"seam": mesh.facets_satisfying(lambda x: x[0] == 0.5)}, boundaries_only=False)
+        found = TriangleMesh.from_skfem(mesh)
+        assert (found.edge_names, found.joint_names) == (("floor",), ("seam",))
+        assert found.midpoints[found.numbers("floor")][:, 1] == pytest.approx(0.0)
+        assert found.corners[found.regions["left"]].mean(axis=1)[:, 0].max() < 0.5
+        assert len(found.numbers("seam")) == 4
+
+    def test_other_meshes_are_refused(self):
+        for other in (skfem.MeshQuad(), None, "mesh"):
+            with pytest.raises(InputError, match="MeshTri"):
+                TriangleMesh.from_skfem(other)
+
+
+MSH_2 = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+3
+1 1 "floor"
+1 2 "seam"
+2 3 "steel"
+$EndPhysicalNames
+$Nodes
+5
+1 0 0 0
+2 1 0 0
+3 1 1 0
+4 0 1 0
+9 5 5 0
+$EndNodes
+$Elements
+4
+1 1 2 1 1 1 2
+2 1 2 2 2 1 3
+3 2 2 3 1 1 2 3
+4 2 2 0 2 1 3 4
+$EndElements
+"""
+MSH_4 = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+4
+1 1 "floor"
+1 2 "seam"
+2 3 "steel"
+2 4 "rest"
+$EndPhysicalNames
+$Entities
+0 2 2 0
+1 0 0 0 1 0 0 1 1 0
+2 0 0 0 1 1 0 1 2 0
+1 0 0 0 1 1 0 1 3 0
+2 0 0 0 1 1 0 1 4 0
+$EndEntities
+$Nodes
+1 5 1 5
+2 1 0 5
+1
+2
+3
+4
+5
+0 0 0
+1 0 0
+1 1 0
+0 1 0
+5 5 0
+$EndNodes
+$Elements
+4 4 1 4
+1 1 1 1
+1 1 2
+1 2 1 1
+2 1 3
+2 1 2 1
+3 1 2 3
+2 2 2 1
+4 1 3 4
+$EndElements
+"""
+INP = """*NODE
+1, 0, 0
+2, 1, 0
+3, 1, 1
+4, 0, 1
+5, 5, 5
+*ELEMENT, TYPE=T3D2, ELSET=floor
+1, 1, 2
+*ELEMENT, TYPE=T3D2, ELSET=seam
+2, 1, 3
+*ELEMENT, TYPE=CPS3
+3, 1, 2, 3
+4, 1, 3, 4
+*ELSET, ELSET=steel
+3,
+"""
+
+
+def med_file(path):
+    """A MED file as Salome writes it: names are groups of families."""
+    meshio, h5py = pytest.importorskip("meshio"), pytest.importorskip("h5py")
+    points = np.array([*SQUARE, (5.0, 5.0)])
+    blocks = [("line", np.array([[0, 1], [0, 2]])), ("triangle", np.array(HALVES))]
+    tags = [np.array([-6, -7]), np.array([-8, 0])]
+    mesh = meshio.Mesh(points, blocks, cell_data={"cell_tags": tags})
+    mesh.cell_tags = {-6: ["floor"], -7: ["seam"], -8: ["steel"]}
+    mesh.point_tags = {}
+    meshio.med.write(path, mesh)
+    assert h5py.is_hdf5(path)
+
+
+class TestFiles:
+    """Gmsh, Abaqus and MED, by meshio."""
+
+    @pytest.mark.parametrize(("name", "text"), [("a.msh", MSH_2), ("b.MSH", MSH_4), ("c.inp", INP), ("d.med", None)])
+    def test_names_of_curves_and_surfaces(self, tmp_path, name, text):
+        pytest.importorskip("meshio")
+        path = tmp_path / name
+        if text is None:
+            med_file(path)
+        else:
+            path.write_text(text)
+        mesh, names = TriangleMesh.load(path), ("steel", "rest") if text is MSH_4 else ("steel",)
+        assert (mesh.edge_names, mesh.joint_names, mesh.region_names) == (("floor",), ("seam",), names)
+        assert mesh.vertices == pytest.approx(np.array(SQUARE))
+        assert mesh.cells.tolist() == [[0, 1, 2], [0, 2, 3]]
+        assert mesh.edge_sets["floor"].tolist() == [[0, 1]]
+        assert mesh.edge_sets["seam"].tolist() == [[0, 2]]
+        assert mesh.regions["steel"].tolist() == [0]
+
+    @pytest.mark.parametrize(
+        ("name", "text", "told"),
+        [
+            ("a.stl", "", "endings"),
+            ("a.msh", None, "no such file"),
+            ("a.msh", "nonsense", "cannot be read"),
+            ("a.msh", "", "cannot be read"),
+            ("a.inp", INP.replace("CPS3", "CPE9"), "cannot be read"),
+            ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=CPS4\n3, 1, 2, 3, 4"), "'quad'"),
+            ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
+            ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"),
+            ("a.msh", MSH_4.replace("0 1 4 0\n", "0 0 0\n"), "format 2.2"),
+            ("a.med", "nonsense", "cannot be read"),
+        ],
+    )
+    def test_what_cannot_be_read_is_told_in_one_line(self, tmp_path, capsys, name, text, told):
+        pytest.importorskip("meshio")
+        path = tmp_path / name
+        if text is not None:
+            path.write_text(text)
+        with pytest.raises(InputError, match=told) as caught:
+            TriangleMesh.load(path)
+        assert "\n" not in str(caught.value)
+        assert capsys.readouterr() == ("", "")
+
+    def test_without_meshio_the_command_to_type_is_told(self, tmp_path, monkeypatch):
+        path = tmp_path / "a.msh"
+        path.write_text(MSH_2)
+        monkeypatch.setitem(__import__("sys").modules, "meshio.gmsh", None)
+        with pytest.raises(InputError, match="pip install"):
+            TriangleMesh.load(path)
