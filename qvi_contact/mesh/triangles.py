@@ -9,15 +9,17 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import sparse
 from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.bisection import bisected
+from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.rectilinear import RectilinearMesh
-from qvi_contact.mesh.topology import Topology, chains
+from qvi_contact.mesh.topology import Topology, chains, outward_normals
 from qvi_contact.mesh.triangle_checks import (
     checked_cells,
     checked_pairs,
@@ -31,6 +33,7 @@ Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
 
 _INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
+_UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 _DEEPEST: Final = 100
 _NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
 
@@ -129,10 +132,20 @@ class TriangleMesh:
         """Characteristic length: the longer side of the bounding box [length]."""
         return float(np.ptp(self.vertices, axis=0).max())
 
-    @property
+    @cached_property
     def origin(self) -> FloatArray:
         """The lower left corner of the bounding box, shape (2,) [length]."""
         return np.asarray(self.vertices.min(axis=0))
+
+    @property
+    def cell_count(self) -> int:
+        """Number of triangles."""
+        return len(self.cells)
+
+    @cached_property
+    def body_vertices(self) -> IntArray:
+        """Numbers of all vertices."""
+        return np.arange(len(self.vertices))
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -144,12 +157,29 @@ class TriangleMesh:
         """Midpoints of all edges, shape (e, 2) [length]."""
         return np.asarray(self.vertices[self.topology.ends].mean(axis=1))
 
-    @property
+    @cached_property
+    def boundary(self) -> Edges:
+        """All edges of the boundary, in the order of `topology`."""
+        return self._edges(np.flatnonzero(self.topology.boundary))
+
+    @cached_property
+    def interior(self) -> Edges:
+        """All edges between two triangles, in the order of `topology`; the first triangle is the lower or left one."""
+        return self._edges(np.flatnonzero(~self.topology.boundary))
+
+    @cached_property
+    def hole_edges(self) -> BoolArray:
+        """Which edges of `boundary` bound a hole rather than the outside, shape (edges,)."""
+        sizes = [abs(self._enclosed(line)) for line in self.outlines]
+        outer = self.outlines[int(np.argmax(sizes))]
+        return ~np.isin(np.flatnonzero(self.topology.boundary), outer)
+
+    @cached_property
     def edge_names(self) -> tuple[str, ...]:
         """Names of parts of the boundary."""
         return tuple(name for name in self.edge_sets if self._on_boundary(name))
 
-    @property
+    @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of joints."""
         return tuple(name for name in self.edge_sets if not self._on_boundary(name))
@@ -159,15 +189,65 @@ class TriangleMesh:
         """Names of regions."""
         return tuple(self.regions)
 
-    def _on_boundary(self, name: str) -> bool:
-        return bool(self.topology.boundary[self.numbers(name)[0]])
+    def edge_set(self, name: str) -> IntArray:
+        """Indices into `boundary` of the edges called `name`."""
+        if name not in self.edge_names:
+            known = ", ".join(self.edge_names) or "there is none"
+            raise InputError("edges", name, f"name one of the mesh's edge sets ({known}) or add it by with_edges()")
+        return np.searchsorted(np.flatnonzero(self.topology.boundary), self.numbers(name))
+
+    def joint_set(self, name: str) -> IntArray:
+        """Indices into `interior` of the joint called `name`."""
+        if name not in self.joint_names:
+            known = ", ".join(self.joint_names) or "there is none"
+            raise InputError("joint", name, f"name one of the mesh's joints ({known}) or add it by with_joint()")
+        return np.searchsorted(np.flatnonzero(~self.topology.boundary), self.numbers(name))
+
+    def region(self, name: str) -> IntArray:
+        """Numbers of the triangles of a region, in ascending order."""
+        if name not in self.regions:
+            known = ", ".join(self.regions) or "there is none"
+            raise InputError("region", name, f"name one of the mesh's regions ({known}) or add it by with_region()")
+        return self.regions[name]
+
+    def edges(self, name: str) -> Edges:
+        """The edges called `name`, on the boundary or in a joint."""
+        if name in self.joint_names:
+            return self.interior.take(self.joint_set(name))
+        return self.boundary.take(self.edge_set(name))
+
+    def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coordinates x, y [length] at reference points t (q,), 0 to 1, of edges; shape (n, q) each."""
+        points = points_along(self.vertices, edges, t)
+        return points[..., 0], points[..., 1]
 
     def numbers(self, name: str) -> IntArray:
         """Numbers in `topology` of the edges called `name`, in ascending order."""
-        if name not in self.edge_sets:
-            known = ", ".join(self.edge_sets) or "there is none"
-            raise InputError("edges", name, f"name one of the mesh's edge sets ({known}) or add it by with_edges()")
-        return np.unique(self.topology.number(self.edge_sets[name], len(self.vertices)))
+        return self.topology.number(self.edge_sets[name], len(self.vertices))
+
+    def _on_boundary(self, name: str) -> bool:
+        return bool(self.topology.boundary[self.numbers(name)[0]])
+
+    def _edges(self, numbers: IntArray) -> Edges:
+        """Edges of `topology` with normals and tangents."""
+        first, second = self.topology.ends[numbers].T
+        along = self.vertices[second] - self.vertices[first]
+        length = np.hypot(*along.T)
+        tangent = along / length[:, None]
+        back = _points_back(tangent)
+        tangent = np.where(back[:, None], -tangent, tangent)
+        normal = outward_normals(self.vertices, self.cells, self.topology, numbers)
+        cells = self.topology.cells[numbers]
+        swapped = (cells[:, 1] >= 0) & _points_back(normal[:, ::-1])
+        normal = np.where(swapped[:, None], -normal, normal)
+        cells = np.where(swapped[:, None], cells[:, ::-1], cells)
+        return Edges(np.where(back, second, first), np.where(back, first, second), cells, normal, tangent, length)
+
+    def _enclosed(self, line: IntArray) -> float:
+        """Area that a closed line of boundary edges encloses, negative around a hole [length²]."""
+        edges = self.boundary.take(np.searchsorted(np.flatnonzero(self.topology.boundary), line))
+        middle = points_along(self.vertices, edges, np.array([0.5]))[:, 0] - self.origin
+        return float(((middle * edges.normal).sum(axis=1) * edges.length).sum() / 2.0)
 
     def with_edges(self, name: str, where: Where) -> "TriangleMesh":
         """The same mesh with one more named part of the boundary.
@@ -263,6 +343,35 @@ class TriangleMesh:
         first = cells[np.arange(len(cells)), np.argmax(inside, axis=1)]
         return np.where(inside.any(axis=1), first, -1)
 
+    def around(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+        """Points (k, 2) [length] and the triangles that hold them, as pairs of numbers (point (l,), triangle (l,)).
+
+        A point on an edge or in a vertex is in a pair with every triangle there, one outside the body in none.
+        """
+        first = self.locate(points)
+        pairs: set[tuple[int, int]] = set()
+        for point, cell in enumerate(first.tolist()):
+            if cell >= 0:
+                near = self._neighbours[cell]
+                at = np.broadcast_to(points[point], (len(near), 2))
+                pairs |= {(point, int(c)) for c in near[self.barycentric(near, at).min(axis=1) >= _INSIDE]}
+        found = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
+        return found[:, 0], found[:, 1]
+
+    def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
+        """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3)."""
+        return self.barycentric(cells, points)
+
+    @cached_property
+    def _neighbours(self) -> list[IntArray]:
+        """The triangles that share a vertex with each, itself among them."""
+        ones = np.ones(self.cells.size)
+        at = (np.repeat(np.arange(len(self.cells)), 3), self.cells.ravel())
+        touching = sparse.csr_array((ones, at), shape=(len(self.cells), len(self.vertices)))
+        shared = sparse.csr_array(touching @ touching.T)
+        shared.sort_indices()
+        return np.split(shared.indices.astype(np.int64), shared.indptr[1:-1])
+
     def parents(self, coarse: "TriangleMesh") -> IntArray:
         """The triangle of a coarser mesh of the same body in which each triangle lies, shape (m,)."""
         return coarse.locate(self.corners.mean(axis=1))
@@ -311,6 +420,12 @@ class TriangleMesh:
             at = np.broadcast_to(point, (len(every), 2))
             found |= self.barycentric(every, at).min(axis=1) >= _INSIDE
         return found
+
+
+def _points_back(vectors: FloatArray) -> BoolArray:
+    """Whether vectors (n, 2) point to the left, or straight down."""
+    upright = np.abs(vectors[:, 0]) <= _UPRIGHT
+    return np.asarray(np.where(upright, vectors[:, 1], vectors[:, 0]) < 0.0)
 
 
 def _selected(name: str, where: Callable[[FloatArray, FloatArray], Any], points: FloatArray) -> IntArray:

@@ -113,7 +113,7 @@ class TestRefusals:
     def test_unknown_and_repeated_names(self):
         mesh = square(edge_sets={"top": [(2, 3)]})
         with pytest.raises(InputError, match="top"):
-            mesh.numbers("bottom")
+            mesh.edge_set("bottom")
         with pytest.raises(InputError, match="exists already"):
             mesh.with_edges("top", lambda _, y: y < 0.1)
         with pytest.raises(InputError, match="no boundary edge"):
@@ -370,3 +370,67 @@ class TestFiles:
         monkeypatch.setitem(__import__("sys").modules, "meshio.gmsh", None)
         with pytest.raises(InputError, match="pip install"):
             TriangleMesh.load(path)
+
+
+class TestEdges:
+    """Normals, tangents and cells of edges as contacts want them."""
+
+    def test_the_boundary_faces_outward(self):
+        mesh = l_shape()
+        edges = mesh.boundary
+        middle = np.column_stack([part[:, 0] for part in mesh.points_along(edges, np.array([0.5]))])
+        assert (mesh.locate(middle + 1e-3 * edges.normal) == -1).all()
+        assert (mesh.locate(middle - 1e-3 * edges.normal) == edges.cells[:, 0]).all()
+        assert (edges.cells[:, 1] == -1).all()
+
+    def test_tangents_point_to_the_right_or_upward(self):
+        mesh = TriangleMesh(turned(l_shape().vertices, 0.3), l_shape().cells)
+        for edges in (mesh.boundary, mesh.interior, l_shape().boundary, l_shape().interior):
+            assert ((edges.tangent[:, 0] > 1e-12) | (edges.tangent[:, 1] == 1.0)).all()
+        along = mesh.vertices[mesh.boundary.second] - mesh.vertices[mesh.boundary.first]
+        assert along == pytest.approx(mesh.boundary.tangent * mesh.boundary.length[:, None])
+
+    def test_rounding_does_not_turn_upright_edges(self):
+        tilt = 1e-13
+        mesh = TriangleMesh([(0, 0), (1, 0), (1 - tilt, 1), (1 + tilt, 2), (0, 2)], [(0, 1, 2), (0, 2, 3), (0, 3, 4)])
+        upright = np.abs(mesh.boundary.tangent[:, 0]) < 1e-9
+        assert upright.sum() == 3
+        assert (mesh.boundary.tangent[upright, 1] > 0.0).all()
+
+    def test_inner_edges_lie_between_a_lower_or_left_triangle_and_another(self):
+        mesh = l_shape()
+        centres, edges = mesh.corners.mean(axis=1), mesh.interior
+        step = centres[edges.cells[:, 1]] - centres[edges.cells[:, 0]]
+        assert ((step * edges.normal).sum(axis=1) > 0.0).all()
+        assert ((edges.normal[:, 1] > 1e-12) | (edges.normal[:, 0] == 1.0)).all()
+
+    def test_edge_sets_are_indices_into_boundary_and_interior(self):
+        mesh = l_shape()
+        for name in mesh.edge_names:
+            assert (mesh.edges(name).first == mesh.boundary.first[mesh.edge_set(name)]).all()
+        assert (mesh.edges("seam").first == mesh.interior.first[mesh.joint_set("seam")]).all()
+        with pytest.raises(InputError, match="joint"):
+            mesh.joint_set("top")
+        with pytest.raises(InputError, match="region"):
+            mesh.region("head")
+
+    def test_edges_of_holes(self):
+        active = np.ones((3, 3), dtype=bool)
+        active[1, 1] = False
+        mesh = TriangleMesh.of_rectangles(RectilinearMesh(np.arange(4.0), np.arange(4.0), active))
+        x, y = mesh.points_along(mesh.boundary, np.array([0.5]))
+        inner = (np.abs(x - 1.5) < 0.6) & (np.abs(y - 1.5) < 0.6)
+        assert (mesh.hole_edges == inner[:, 0]).all()
+
+    def test_all_triangles_around_a_point(self):
+        mesh = TriangleMesh.rectangle((2, 2))
+        points = np.array([[0.5, 0.5], [0.3, 0.1], [0.25, 0.25], [2.0, 0.0], [0.0, 0.0]])
+        point, cell = mesh.around(points)
+        assert np.bincount(point, minlength=5).tolist() == [8, 1, 2, 0, 2]
+        assert (mesh.reference(cell, points[point]) > -1e-12).all()
+        assert mesh.reference(cell, points[point]) @ np.ones(3) == pytest.approx(1.0)
+
+
+def turned(points, angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s], [-s, c]])
