@@ -1,6 +1,7 @@
 """Polynomials on [0, 1] by coefficients of Legendre: p(t) = Σ c_k P_k(2t − 1)."""
 
 from functools import cache
+from math import comb
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -25,3 +26,18 @@ def from_values(degree: int, count: int) -> FloatArray:
     matrix = (2.0 * np.arange(degree + 1)[:, None] + 1.0) * (basis(degree, t) * w[:, None]).T
     matrix.flags.writeable = False
     return np.asarray(matrix)
+
+
+@cache
+def to_bernstein(degree: int) -> FloatArray:
+    """From coefficients of Legendre to those of Bernstein polynomials of the degree, both degree + 1.
+
+    P_k(2t − 1) = Σ_i (−1)^(k − i) C(k, i)² tⁱ (1 − t)^(k − i), its degree raised.
+    """
+    matrix = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
+        for i in range(k + 1):
+            for j in range(i, degree - k + i + 1):
+                matrix[j, k] += (-1) ** (k - i) * comb(k, i) ** 2 * comb(degree - k, j - i) / comb(degree, j)
+    matrix.flags.writeable = False
+    return matrix

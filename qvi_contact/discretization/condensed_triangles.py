@@ -1,0 +1,267 @@
+"""Energy of triangles with their interior degrees of freedom condensed, and its root from differences.
+
+On one triangle with the shared degrees of freedom u and the interior ones v
+
+    ½ ∫ c(σ + φI):(σ + φI) = ½ (u, v) K (u, v) + l·(u, v) + e,   v = −K_vv⁻¹ (K_vu u + l_v) at the least
+
+which leaves ½ uᵀSu + s·u + e'. An affine function adds nothing to it: with the differences w of u to the affine
+function that has the value and gradient of the first corner,
+
+    Φ_k − Φ₀ − (x_k − x₀)·∇Φ₀,   ∇Φ_k − ∇Φ₀   in the corners k = 1, 2,   and the coefficients on edges,
+
+it is ½ |U w + U⁻ᵀs|² + rest, where UᵀU are the rows and columns of S behind the third. Nothing large cancels in U w,
+however small the triangle is and however far away the gauge.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.element.affine import EDGES, AffineTriangles
+from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher
+from qvi_contact.element.triangle import quadrature
+
+_AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine function is made of
+_BLOCK: Final = 2**24  # entries of element matrices at a time
+_EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
+
+
+def potential_points(degree: int) -> tuple[FloatArray, FloatArray]:
+    """Barycentric points (q, 3) and weights (q,) of sum 1 at which a body potential is taken."""
+    points, weights = quadrature(2 * degree - 4)
+    centre = np.full(3, 1.0 / 3.0)
+    parts = [points @ np.vstack([np.eye(3)[a], np.eye(3)[b], centre]) for a, b in EDGES]
+    return np.concatenate(parts), np.tile(weights / 3.0, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class CondensedTriangles:
+    """Triangles of one element, each with its energy in shared degrees of freedom, dimensionless.
+
+    Attributes
+    ----------
+    roots : (n, k, k) array
+        U: upper triangular, times the transformation to the reference triangle; k differences w.
+    constants : (n, k) array
+        U⁻ᵀ s.
+    rests : (n,) array
+        The energy that no degree of freedom changes.
+    inner : (n, interior, k) array
+        −K_vv⁻¹ K_vu, from the degrees of freedom of the reference triangle behind the third.
+    shifts : (n, interior) array
+        −K_vv⁻¹ l_v.
+
+    """
+
+    roots: FloatArray
+    constants: FloatArray
+    rests: FloatArray
+    inner: FloatArray
+    shifts: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        element: HsiehCloughTocher,
+        triangles: AffineTriangles,
+        compliances: FloatArray,
+        potential: FloatArray | None = None,
+    ) -> "CondensedTriangles":
+        """Condense triangles of compliances (n, 3, 3) and potentials (n, q) at `potential_points`, block by block."""
+        step = max(1, _BLOCK // element.dimension**2)
+        blocks = [slice(start, start + step) for start in range(0, len(triangles), step)]
+        parts = [
+            _condensed(
+                element,
+                AffineTriangles(triangles.corners[block]),
+                compliances[block],
+                None if potential is None else potential[block],
+            )
+            for block in blocks
+        ]
+        return (
+            parts[0]
+            if len(parts) == 1
+            else cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__annotations__))
+        )
+
+    def interior(self, shared: FloatArray) -> FloatArray:
+        """Interior degrees of freedom (n, interior) from those of the reference triangle behind the third, (n, k)."""
+        return np.asarray((self.inner @ shared[:, :, None])[:, :, 0] + self.shifts)
+
+
+def _condensed(
+    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, potential: FloatArray | None
+) -> CondensedTriangles:
+    """`CondensedTriangles.of` for one block."""
+    nb, count = element.shared, len(triangles)
+    energies, B = element.energies(triangles, compliances), element.transformations(triangles)
+    load, rest = np.zeros((count, element.dimension)), np.zeros(count)
+    if potential is not None:
+        load, rest = _potential_load(element, triangles, compliances, potential)
+    inner, shift = np.zeros((count, 0, nb)), np.zeros((count, 0))
+    S, s = energies[:, :nb, :nb], load[:, :nb]
+    if element.interior:
+        right = np.concatenate([energies[:, nb:, :nb], load[:, nb:, None]], axis=2)
+        solved = -np.linalg.solve(energies[:, nb:, nb:], right)
+        inner, shift = solved[:, :, :nb], solved[:, :, nb]
+        coupling = energies[:, :nb, nb:]
+        S, s = S + coupling @ inner, s + (coupling @ shift[:, :, None])[:, :, 0]
+        rest = rest + (load[:, nb:] * shift).sum(axis=1) / 2.0
+    lower = np.linalg.cholesky(S[:, _AFFINE:, _AFFINE:])
+    constant = np.zeros((count, nb - _AFFINE))
+    if potential is not None:
+        constant = np.linalg.solve(lower, s[:, _AFFINE:, None])[:, :, 0]
+        rest = rest - (constant**2).sum(axis=1) / 2.0
+    root = lower.swapaxes(1, 2) @ B[:, _AFFINE:, _AFFINE:]
+    return CondensedTriangles(root, constant, np.maximum(rest, 0.0), inner[:, :, _AFFINE:], shift)
+
+
+def _potential_load(
+    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, potential: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """∫ cφI:σ of the reference functions (n, dimension), and ½ ∫ cφI:φI (n,)."""
+    points, weights = potential_points(element.degree)
+    area = triangles.scales * np.sqrt(0.75) / 2.0
+    strain = compliances[:, :, 0] + compliances[:, :, 1]
+    mapped = (triangles.stress_maps.swapaxes(1, 2) @ strain[:, :, None])[:, :, 0] * area[:, None]
+    table = element.reference_functions(points, 2) * weights[:, None, None]
+    load = sum(mapped[:, [a]] * (potential @ table[:, a]) for a in range(3))
+    return np.asarray(load), (strain[:, 0] + strain[:, 1]) * area * (potential**2 @ weights) / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Degrees of freedom of a body, triangle by triangle as differences w to an affine function.
+
+    Attributes
+    ----------
+    arms : (n, 2, 2) array
+        From the first corner of each triangle to the others.
+    dofs : (n, shared) int array
+        Degrees of freedom of each triangle.
+    units : (n, shared) array
+        What one unit of them is: value = unit × degree of freedom.
+    size : int
+        Degrees of freedom of the body.
+
+    """
+
+    arms: FloatArray
+    dofs: IntArray
+    units: FloatArray
+    size: int
+
+    def apply(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(Φ, Φ_x, Φ_y) in the first corner (n, 3), and the differences w (n, k), of degrees of freedom (size,)."""
+        values = self.units * u[self.dofs]
+        affine, w = values[:, :_AFFINE], values[:, _AFFINE:]
+        slope = affine[:, 1:]
+        for corner in (0, 1):
+            rise = (self.arms[:, corner] * slope).sum(axis=1)
+            w[:, 3 * corner] = (w[:, 3 * corner] - affine[:, 0]) - rise
+            w[:, 3 * corner + 1 : 3 * corner + 3] -= slope
+        return affine, w
+
+    def adjoint(self, w: FloatArray) -> FloatArray:
+        """The transposed map from w (n, k) to degrees of freedom (size,)."""
+        values = self.units * self.expanded(w[:, None])[:, 0]
+        return np.asarray(np.bincount(self.dofs.ravel(), values.ravel(), self.size), dtype=np.float64)
+
+    def magnitudes(self, sizes: FloatArray) -> FloatArray:
+        """`apply` with + for every −: the size (n, k) of the numbers that enter, from sizes (size,)."""
+        values = self.units * sizes[self.dofs]
+        w = values[:, _AFFINE:].copy()
+        for corner in (0, 1):
+            w[:, 3 * corner] += values[:, 0] + (np.abs(self.arms[:, corner]) * values[:, 1:3]).sum(axis=1)
+            w[:, 3 * corner + 1 : 3 * corner + 3] += values[:, 1:3]
+        return w
+
+    def expanded(self, rows: FloatArray) -> FloatArray:
+        """Rows on differences (n, r, k) as rows on the values of each triangle (n, r, shared), units left out."""
+        full = np.zeros((*rows.shape[:2], rows.shape[2] + _AFFINE))
+        full[:, :, _AFFINE:] = rows
+        for corner in (0, 1):
+            value, slope = rows[:, :, [3 * corner]], rows[:, :, 3 * corner + 1 : 3 * corner + 3]
+            full[:, :, 0] -= value[:, :, 0]
+            full[:, :, 1:3] -= self.arms[:, None, corner] * value + slope
+        return full
+
+    def rows(self, roots: FloatArray) -> FloatArray:
+        """R, rows (n, k, shared) on the degrees of freedom of each triangle."""
+        return self.expanded(roots) * self.units[:, None, :]
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleRoot:
+    """z ↦ r(z) = R z + r₀ with ½|r|² the strain energy: U w + U⁻ᵀs triangle by triangle, then √(2 rest).
+
+    Attributes
+    ----------
+    condensed : CondensedTriangles
+        The triangles.
+    differences : Differences
+        How their degrees of freedom are taken.
+    centres : (n, 2) array
+        Where they are, dimensionless.
+    basis, particular
+        u = basis z + particular.
+
+    """
+
+    condensed: CondensedTriangles
+    differences: Differences
+    centres: FloatArray
+    basis: sparse.csr_array
+    particular: FloatArray
+
+    def apply(self, z: FloatArray) -> FloatArray:
+        """r(z), shape (n (k + 1),)."""
+        w = self.differences.apply(self.basis @ z + self.particular)[1]
+        r = (self.condensed.roots @ w[:, :, None])[:, :, 0] + self.condensed.constants
+        return np.concatenate([r.ravel(), self._rests])
+
+    def adjoint(self, r: FloatArray) -> FloatArray:
+        """Rᵀ r, shape (unknowns,)."""
+        count, k = self.condensed.constants.shape
+        w = (r[: count * k].reshape(count, 1, k) @ self.condensed.roots)[:, 0]
+        return np.asarray(self._transposed @ self.differences.adjoint(w))
+
+    def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
+        """(R with RᵀR = K, the centre of each row's triangle); the last n rows, which are zero, left out."""
+        rows = self.differences.rows(self.condensed.roots)
+        count, k, shared = rows.shape
+        columns = np.repeat(self.differences.dofs, k, axis=0).ravel()
+        pointers = shared * np.arange(count * k + 1)
+        full = sparse.csr_array((rows.ravel(), columns, pointers), shape=(count * k, self.differences.size))
+        return sparse.csr_array(full @ self.basis), np.repeat(self.centres, k, axis=0)
+
+    def rounding(self, z: FloatArray) -> float:
+        """Size of the error of R z that rounding of z may cause: ε ‖ |R| |z| ‖, ε = 2⁻⁵³."""
+        w = self.differences.magnitudes(self._magnitudes @ np.abs(z))
+        return _EPSILON * float(np.linalg.norm(np.abs(self.condensed.roots) @ w[:, :, None]))
+
+    @cached_property
+    def _rests(self) -> FloatArray:
+        return np.asarray(np.sqrt(2.0 * self.condensed.rests))
+
+    @cached_property
+    def _transposed(self) -> sparse.csr_array:
+        return sparse.csr_array(self.basis.T)
+
+    @cached_property
+    def _magnitudes(self) -> sparse.csr_array:
+        return abs(self.basis)
+
+
+def energy_matrix(condensed: CondensedTriangles, differences: Differences) -> sparse.csr_array:
+    """K of all degrees of freedom as the sum of the triangles', shape (size, size)."""
+    rows, dofs = differences.rows(condensed.roots), differences.dofs
+    blocks = rows.swapaxes(1, 2) @ rows
+    at = (np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, dofs.shape[1]).ravel())
+    shape = (differences.size, differences.size)
+    return sparse.csr_array(sparse.coo_array((blocks.ravel(), at), shape=shape))

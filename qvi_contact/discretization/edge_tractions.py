@@ -1,0 +1,241 @@
+"""Prescribed tractions on edges of triangles as conditions on Φ, in an order that keeps their solution sparse.
+
+On an edge of length h from a to b with tangent t and m = (−t_y, t_x), coefficients of Legendre N_k of Φ_tt and Q_k of
+Φ_tm mean
+
+    ∇Φ_b − ∇Φ_a = h (N₀ t + Q₀ m),   Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2 = −h² N₁/6
+
+for the corners, resultant force and moment of the edge, and prescribe its other coefficients themselves. Where only
+one component d·σn is given, σ_N = Φ_tt and σ_T = −(n·m) Φ_tm are combined. Since σ_T may jump at vertices, corners
+where two edges meet need no care.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.discretization.basis import PrescribedTraction
+from qvi_contact.discretization.constraints import solve_conditions
+from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
+from qvi_contact.discretization.triangle_space import TriangleSpace, frame
+from qvi_contact.element import legendre
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.mesh.edges import Edges, points_along
+
+_POINTS: Final = 8  # Gauss points an edge for data given as functions, at least
+_PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
+_ALIKE: Final = 1.5  # ratio of cells' sizes at vertices that counts as none when the gauge is placed
+_BALANCED: Final = 1e-9  # imbalance of a closed part of the boundary, relative to the loads, that passes as round-off
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeTractions:
+    """Coefficients of Legendre of components of the traction on edges; an edge may be there once or twice.
+
+    Attributes
+    ----------
+    number : (n,) int array
+        Edges as `mesh.topology` counts them.
+    edges : Edges
+        The edges.
+    direction : (n, 2) array
+        Unit vector d.
+    coefficients : (n, p − 1) array
+        Those of d·σn without φ, along the tangent.
+
+    """
+
+    number: IntArray
+    edges: Edges
+    direction: FloatArray
+    coefficients: FloatArray
+
+    def take(self, index: IntArray) -> "EdgeTractions":
+        """Some of them."""
+        return EdgeTractions(
+            self.number[index], self.edges.take(index), self.direction[index], self.coefficients[index]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Rows C u = d.
+
+    Attributes
+    ----------
+    C, d : (r, N) sparse array and (r,) array
+        The rows, scaled so that d are forces, moments and degrees of freedom, dimensionless.
+    is_load : (r,) bool array
+        Rows whose d is a force or moment.
+    number : (r,) int array
+        The edge that each belongs to.
+
+    """
+
+    C: sparse.csr_array
+    d: FloatArray
+    is_load: BoolArray
+    number: IntArray
+
+
+def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> Elimination:
+    """Solve the prescribed tractions and the gauge, which is zero at the vertex with the smallest cells.
+
+    Raises
+    ------
+    UnbalancedLoadError
+        If the tractions on a closed part of the boundary are out of balance.
+
+    """
+    tractions = _projected(space, given)
+    lines = space.mesh.topology.ends[np.unique(tractions.number)]
+    gauge = _gauge(space, lines)
+    place, age = walk(lines, gauge, len(space.vertices))
+    rows = _conditions(space, tractions)
+    order = np.argsort(place[np.searchsorted(np.unique(tractions.number), rows.number)], kind="stable")
+    fixed = sparse.csr_array((np.ones(3), (np.arange(3), 3 * gauge + np.arange(3))), shape=(3, space.size))
+    C, d = sparse.csr_array(sparse.vstack([fixed, rows.C[order]])), np.concatenate([np.zeros(3), rows.d[order]])
+    on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
+    found = solve_conditions(C, d, np.concatenate([np.repeat(age, 3), on_edges]))
+    imbalance = float(np.abs(found.misfit).max(initial=0.0))
+    if imbalance > _BALANCED * float(np.abs(rows.d[rows.is_load]).max(initial=0.0)):
+        raise UnbalancedLoadError(imbalance)
+    kept = np.zeros(space.size, dtype=bool)
+    kept[found.kept] = True
+    slaves, no_corners = np.flatnonzero(~kept), np.empty(0, dtype=np.int64)
+    return Elimination(kept, slaves, sparse.csr_array(found.basis[slaves]), found.particular, no_corners)
+
+
+def _projected(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> EdgeTractions:
+    """All prescribed components in the mean square of each edge, which keeps resultant force and moment."""
+    degree = space.degree - 2
+    count = max(_POINTS, degree + 3)
+    t, projection = gauss_legendre(count)[0], legendre.from_values(degree, count)
+    none = np.empty(0, dtype=np.int64)
+    parts = [EdgeTractions(none, space.mesh.boundary.take(none), np.empty((0, 2)), np.empty((0, degree + 1)))]
+    for part in given:
+        x, y = np.moveaxis(points_along(space.mesh.vertices, part.edges, t), -1, 0)
+        values = np.asarray(part.value(x, y))
+        if part.potential is not None:
+            outward = (part.direction * part.edges.normal).sum(axis=1)
+            values = values - part.potential(x, y) * outward[:, None]
+        parts.append(EdgeTractions(space.number(part.edges), part.edges, part.direction, values @ projection.T))
+    edges = [np.concatenate([getattr(part.edges, name) for part in parts]) for name in Edges.__annotations__]
+    number, direction, coefficients = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("number", "direction", "coefficients")
+    )
+    return EdgeTractions(number, Edges(*edges), direction, coefficients)
+
+
+def _conditions(space: TriangleSpace, tractions: EdgeTractions) -> Conditions:
+    """Both components of edges that have two, one of those that have one."""
+    order = np.argsort(tractions.number, kind="stable")
+    twice = np.flatnonzero(tractions.number[order][1:] == tractions.number[order][:-1])
+    one, other = order[twice], order[twice + 1]
+    directions = np.stack([tractions.direction[one], tractions.direction[other]], axis=1)
+    values = np.stack([tractions.coefficients[one], tractions.coefficients[other]], axis=1)
+    single = np.setdiff1d(order, np.concatenate([one, other]))
+    parts = (
+        _of_vectors(space, tractions.take(one), np.asarray(np.linalg.solve(directions, values))),
+        _of_components(space, tractions.take(single)),
+    )
+    d, is_load, number = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("d", "is_load", "number")
+    )
+    return Conditions(sparse.csr_array(sparse.vstack([part.C for part in parts])), d, is_load, number)
+
+
+def _of_vectors(space: TriangleSpace, tractions: EdgeTractions, vectors: FloatArray) -> Conditions:
+    """Whole traction vectors of Cartesian coefficients (n, 2, p − 1): 2p − 2 rows an edge."""
+    edges, count, rows = tractions.edges, len(tractions.edges), 2 * space.degree - 2
+    h, t = space.lengths(edges), edges.tangent
+    m, factor = frame(edges)
+    N = (edges.normal[:, :, None] * vectors).sum(axis=1)
+    Q = factor[:, None] * (t[:, :, None] * vectors).sum(axis=1)
+    a, b, row, one = 3 * edges.first, 3 * edges.second, rows * np.arange(count), np.ones(count)
+    d = np.zeros((count, rows))
+    entries = [(row + 2, b, one), (row + 2, a, -one)]
+    for axis in (0, 1):
+        entries += [(row + axis, b + 1 + axis, one), (row + axis, a + 1 + axis, -one)]
+        entries += [(row + 2, end + 1 + axis, -h * t[:, axis] / 2.0) for end in (a, b)]
+        d[:, axis] = h * (N[:, 0] * t[:, axis] + Q[:, 0] * m[:, axis])
+    d[:, 2] = -(h**2) * N[:, 1] / 6.0
+    place = 3
+    for kind, values in ((0, N), (1, Q)):
+        for k in range(2 - kind, space.degree - 1):
+            dof, sign = space.on_edges(edges, kind, k)
+            entries.append((row + place, dof, one))
+            d[:, place] = sign * values[:, k]
+            place += 1
+    is_load = np.tile(np.arange(rows) < 3, count)
+    return Conditions(space.rows(entries, count * rows), d.ravel(), is_load, np.repeat(tractions.number, rows))
+
+
+def _of_components(space: TriangleSpace, tractions: EdgeTractions) -> Conditions:
+    """One component d·σn = (d·n) σ_N + (d·t) σ_T, coefficient by coefficient: p − 1 rows an edge."""
+    edges, rows = tractions.edges, space.degree - 1
+    h = space.lengths(edges)
+    scale = np.column_stack([h, h**2 / 6.0, *[np.ones_like(h)] * (rows - 2)])
+    parts = [(tractions.direction * axis).sum(axis=1) for axis in (edges.normal, edges.tangent)]
+    normal, tangential = ((np.where(np.abs(part) <= _PARALLEL, 0.0, part)[:, None] * scale).ravel() for part in parts)
+    C = sparse.diags_array(normal) @ space.normal_coefficients(edges)
+    C = sparse.csr_array(C + sparse.diags_array(tangential) @ space.shear_coefficients(edges))
+    C.eliminate_zeros()
+    is_load = np.tile(np.arange(rows) < 2, len(edges))
+    return Conditions(C, (tractions.coefficients * scale).ravel(), is_load, np.repeat(tractions.number, rows))
+
+
+def _gauge(space: TriangleSpace, lines: IntArray) -> int:
+    """The vertex with the smallest cells; of several one on the lines (n, 2), and of those the one of lowest number."""
+    small = space.sizes <= _ALIKE * space.sizes.min()
+    on_lines = np.zeros_like(small)
+    on_lines[lines] = True
+    return int(np.argmax(small & on_lines if (small & on_lines).any() else small))
+
+
+def walk(ends: IntArray, start: int, vertices: int) -> tuple[IntArray, IntArray]:
+    """An order of edges in which each one, if it can, meets those before it in one vertex.
+
+    Parameters
+    ----------
+    ends : (n, 2) int array
+        Vertices of the edges.
+    start : int
+        The vertex to begin at. Lines that do not hold it begin at their end of lowest number, closed ones at their
+        vertex of lowest number.
+    vertices : int
+        Number of vertices.
+
+    Returns
+    -------
+    place : (n,) int array
+        Place of each edge in the order, from 0.
+    age : (vertices,) int array
+        The later a vertex is met the larger, from 1; 0 where none is met.
+
+    """
+    at: dict[int, list[int]] = {}
+    pairs = ends.tolist()
+    for edge, pair in enumerate(pairs):
+        for vertex in pair:
+            at.setdefault(vertex, []).append(edge)
+    place, age = np.full(len(ends), -1), np.zeros(vertices, dtype=np.int64)
+    step, met = 0, 0
+    line_ends = sorted(vertex for vertex, edges in at.items() if len(edges) == 1)
+    for seed in (start, *line_ends, *sorted(at)):
+        waiting = [seed] if seed in at and not age[seed] else []
+        while waiting:
+            vertex = waiting.pop()
+            if not age[vertex]:
+                met += 1
+                age[vertex] = met
+            ahead = next((edge for edge in at[vertex] if place[edge] < 0), None)
+            if ahead is not None:
+                place[ahead] = step
+                step += 1
+                waiting += [vertex, sum(pairs[ahead]) - vertex]  # to the end of the line first
+    return place, age

@@ -1,0 +1,184 @@
+"""Hsieh-Clough-Tocher elements on a mesh of triangles as a `Basis`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.discretization.basis import ContactRule, PrescribedTraction, RowKind, SharedCorners
+from qvi_contact.discretization.condensed_triangles import CondensedTriangles, potential_points
+from qvi_contact.discretization.edge_tractions import eliminate_tractions
+from qvi_contact.discretization.elimination import Elimination
+from qvi_contact.discretization.triangle_energy import TriangleEnergy
+from qvi_contact.discretization.triangle_space import TriangleSpace, edgewise
+from qvi_contact.element import legendre
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.triangles import TriangleMesh
+
+if TYPE_CHECKING:
+    from qvi_contact.discretization.contact_rows import ContactRows
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleBasis:
+    """A mesh of triangles and the element of one degree; see `Basis`.
+
+    Attributes
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    degree : int
+        p.
+    rows : "bernstein" or "gauss"
+        What the rows of contacts are.
+
+    """
+
+    mesh: TriangleMesh
+    degree: int
+    rows: RowKind = "bernstein"
+    family: str = "Hsieh-Clough-Tocher"
+    shear_at_vertices: bool = False
+
+    @cached_property
+    def space(self) -> TriangleSpace:
+        """Its degrees of freedom."""
+        return TriangleSpace(self.mesh, self.degree)
+
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom."""
+        return self.space.size
+
+    @property
+    def vertices(self) -> FloatArray:
+        """Dimensionless coordinates, shape (v, 2)."""
+        return self.space.vertices
+
+    @property
+    def normal_degree(self) -> int:
+        """Degree of σ_N on an edge."""
+        return self.degree - 2
+
+    @property
+    def shear_degree(self) -> int:
+        """Degree of σ_T on an edge."""
+        return self.degree - 2
+
+    @cached_property
+    def smallest(self) -> float:
+        """The shortest edge, dimensionless."""
+        return float(self.space.sizes.min())
+
+    @cached_property
+    def cell_sizes(self) -> FloatArray:
+        """Areas of the triangles, dimensionless."""
+        return np.asarray(self.space.triangles.scales * np.sqrt(0.75) / 2.0)
+
+    @property
+    def cell_points(self) -> FloatArray:
+        """Barycentric coordinates of quadrature points, shape (g, 3)."""
+        return potential_points(self.degree)[0]
+
+    @property
+    def cell_weights(self) -> FloatArray:
+        """Their weights, of sum 1."""
+        return potential_points(self.degree)[1]
+
+    @cached_property
+    def contact_rule(self) -> ContactRule:
+        """As many rows as σ_N and σ_T have coefficients on an edge, so that rows are independent."""
+        points, weights = gauss_legendre(self.degree - 1)
+        if self.rows == "gauss":
+            return ContactRule("gauss", points, weights, points, weights)
+        count = len(points)
+        values = legendre.basis(count - 1, points) @ np.linalg.inv(legendre.to_bernstein(count - 1))
+        places, shares = np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count)
+        return ContactRule("bernstein", points, weights, places, shares, values)
+
+    def normal_rows(self, edges: Edges, t: FloatArray) -> sparse.csr_array:
+        """Rows of σ_N without φ at the points t (q,) along each of n edges, edge by edge, shape (n q, N)."""
+        return edgewise(legendre.basis(self.normal_degree, t), self.space.normal_coefficients(edges))
+
+    def shear_rows(self, edges: Edges, t: FloatArray) -> sparse.csr_array:
+        """Rows of σ_T, along the tangent of each edge, at the same points, shape (n q, N)."""
+        return edgewise(legendre.basis(self.shear_degree, t), self.space.shear_coefficients(edges))
+
+    def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """σ_N without φ and σ_T of u (N,) at the same points, (n q,) each."""
+        values = legendre.basis(self.normal_degree, t)
+        normal, shear = (
+            (rows @ u).reshape(len(edges), self.degree - 1) @ values.T
+            for rows in (self.space.normal_coefficients(edges), self.space.shear_coefficients(edges))
+        )
+        return normal.ravel(), shear.ravel()
+
+    def trace_parameters(self, edges: Sequence[Edges]) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """The rows of contacts themselves, and the identity."""
+        q = self.degree - 1
+        rule = self.contact_rule
+        map_ = legendre.to_bernstein(q - 1) if rule.kind == "bernstein" else legendre.basis(q - 1, rule.points)
+        parts = [edgewise(map_, self.space.normal_coefficients(part)) for part in edges]
+        parts += [edgewise(map_, self.space.shear_coefficients(part)) for part in edges]
+        Y = sparse.csr_array(sparse.vstack(parts)) if parts else sparse.csr_array((0, self.space.size))
+        return Y, sparse.csr_array(sparse.eye_array(Y.shape[0]))
+
+    def eliminate(self, tractions: Sequence[PrescribedTraction], corners: SharedCorners) -> Elimination:  # noqa: ARG002
+        """All degrees of freedom that meet the prescribed tractions, u = B z + u₀, see `Basis.eliminate`."""
+        return eliminate_tractions(self.space, tractions)
+
+    def contact_displacements(
+        self,
+        contacts: Sequence["ContactRows"],
+        number: int,
+        normal: FloatArray,
+        tangential: FloatArray,
+        elimination: Elimination,  # noqa: ARG002  # rows are independent: nothing is to be projected
+    ) -> tuple[FloatArray, FloatArray]:
+        """λ_N and λ_T (m,) at the Gauss points of one contact: multipliers over weights."""
+        weights = contacts[number].points.weights
+        return normal / weights, tangential / weights
+
+    def energy(self, materials: IntArray, compliances: FloatArray, potential: FloatArray | None) -> "TriangleEnergy":
+        """The energy of the body; see `Basis.energy`."""
+        condensed = CondensedTriangles.of(self.space.element, self.space.triangles, compliances[materials], potential)
+        return TriangleEnergy(self.space, condensed)
+
+    def points(self, cells: IntArray, t: FloatArray) -> FloatArray:
+        """Dimensionless coordinates (k, q, 2) of barycentric points t, (q, 3) or (k, q, 3), in the triangles (k,)."""
+        return np.asarray(t @ self.space.triangles.corners[cells])
+
+    def stress(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
+        """(σ_xx, σ_yy, σ_xy) without φ at such points, shape (k, q, 3)."""
+        table = self.space.element.reference_functions(t, 2)[..., 3:]
+        hessians = _applied(table, coefficients[cells][:, 3:])
+        return np.asarray(hessians @ self.space.triangles.stress_maps[cells].swapaxes(1, 2))
+
+    def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
+        """Φ at such points, shape (k, q)."""
+        chosen, corners = coefficients[cells], self.space.triangles.corners[cells]
+        affine = chosen[:, :1] + ((t @ corners - corners[:, :1]) @ chosen[:, 1:3, None])[:, :, 0]
+        table = self.space.element.reference_functions(t, 0)[..., 3:]
+        return np.asarray(affine + _applied(table, chosen[:, 3:])[:, :, 0])
+
+    def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
+        """Barycentric points (k, 3) that divide a triangle, and the corners (c, 3) of the parts."""
+        n = divisions
+        index = {(i, j): k for k, (i, j) in enumerate((i, j) for j in range(n + 1) for i in range(n + 1 - j))}
+        points = np.array([(n - i - j, i, j) for i, j in index]) / n
+        upright = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < n]
+        turned = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < n - 1]
+        return points, np.array(upright + turned)
+
+
+def _applied(table: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Functions (q, c, m), or (k, q, c, m), times coefficients (k, m); shape (k, q, c)."""
+    if table.ndim == 3:
+        q, c, m = table.shape
+        return np.asarray(coefficients @ table.reshape(q * c, m).T).reshape(len(coefficients), q, c)
+    return np.asarray((table @ coefficients[:, None, :, None])[..., 0])

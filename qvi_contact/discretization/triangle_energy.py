@@ -1,0 +1,62 @@
+"""The complementary energy on a mesh of triangles."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.discretization.condensed_triangles import CondensedTriangles, TriangleRoot, energy_matrix
+from qvi_contact.discretization.elimination import Elimination
+from qvi_contact.discretization.triangle_space import TriangleSpace
+from solvers.factorisation.choice import Structure
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleEnergy:
+    """The energy of a `TriangleSpace` filled with material and body force, interiors condensed; see `Energy`."""
+
+    space: TriangleSpace
+    condensed: CondensedTriangles
+
+    @cached_property
+    def load(self) -> FloatArray:
+        """−∫ c φI : τ dx as a vector over all degrees of freedom (N,), condensed."""
+        constants = self.condensed.constants
+        if not constants.any():
+            return np.zeros(self.space.size)
+        w = (constants[:, None] @ self.condensed.roots)[:, 0]
+        return -self.space.differences.adjoint(w)
+
+    @cached_property
+    def matrix(self) -> sparse.csr_array:
+        """𝒦, shape (N, N)."""
+        return energy_matrix(self.condensed, self.space.differences)
+
+    def reduced(self, elimination: Elimination) -> tuple[sparse.csr_array, FloatArray]:
+        """K = Bᵀ 𝒦 B (n, n) and 𝒦 u₀ (N,)."""
+        B = elimination.basis()
+        K = sparse.csr_array(B.T @ (self.matrix @ B))
+        return sparse.csr_array((K + K.T) / 2.0), self.matrix @ elimination.particular
+
+    def root(self, elimination: Elimination) -> TriangleRoot:
+        """The stresses from differences."""
+        centres = self.space.triangles.corners.mean(axis=1)
+        basis, particular = elimination.basis(), elimination.particular
+        return TriangleRoot(self.condensed, self.space.differences, centres, basis, particular)
+
+    def structure(self, elimination: Elimination) -> Structure | None:  # noqa: ARG002  # see `Energy`
+        """None: no two parts of the mesh are known to be alike."""
+        return None
+
+    def coefficients(self, u: FloatArray) -> FloatArray:
+        """Φ of each triangle, shape (cells, dimension).
+
+        First (Φ, Φ_x, Φ_y) in its first corner, which make an affine function, then factors of the functions 3, 4, … of
+        the reference triangle, which make the rest.
+        """
+        affine, w = self.space.differences.apply(u)
+        B = self.space.element.transformations(self.space.triangles)[:, 3:, 3:]
+        shared = (B @ w[:, :, None])[:, :, 0]
+        return np.hstack([affine, shared, self.condensed.interior(shared)])
