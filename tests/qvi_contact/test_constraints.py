@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 
 from qvi_contact.discretization.constraints import solve_conditions
-from qvi_contact.discretization.edge_tractions import walk
+from qvi_contact.discretization.hsieh_clough_tocher.tractions import walk
 
 
 def solved(C, d, age=None):

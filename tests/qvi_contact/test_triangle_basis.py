@@ -8,9 +8,9 @@ from scipy.sparse.linalg import spsolve
 
 from qvi_contact import Material
 from qvi_contact.discretization.basis import PrescribedTraction, SharedCorners
-from qvi_contact.discretization.condensed_triangles import potential_points
 from qvi_contact.discretization.elimination import UnbalancedLoadError
-from qvi_contact.discretization.triangle_basis import TriangleBasis
+from qvi_contact.discretization.hsieh_clough_tocher.basis import TriangleBasis
+from qvi_contact.discretization.hsieh_clough_tocher.condensed import potential_points
 from qvi_contact.element import legendre
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.triangles import TriangleMesh

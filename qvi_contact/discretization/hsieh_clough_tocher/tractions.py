@@ -21,7 +21,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.basis import PrescribedTraction
 from qvi_contact.discretization.constraints import solve_conditions
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
-from qvi_contact.discretization.triangle_space import TriangleSpace, frame
+from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace, frame
 from qvi_contact.element import legendre
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.edges import Edges, points_along

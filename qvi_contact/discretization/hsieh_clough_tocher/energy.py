@@ -7,9 +7,9 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.discretization.condensed_triangles import CondensedTriangles, TriangleRoot, energy_matrix
 from qvi_contact.discretization.elimination import Elimination
-from qvi_contact.discretization.triangle_space import TriangleSpace
+from qvi_contact.discretization.hsieh_clough_tocher.condensed import CondensedTriangles, TriangleRoot, energy_matrix
+from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace
 from solvers.factorisation.choice import Structure
 
 

@@ -10,11 +10,11 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.basis import ContactRule, PrescribedTraction, RowKind, SharedCorners
-from qvi_contact.discretization.condensed_triangles import CondensedTriangles, potential_points
-from qvi_contact.discretization.edge_tractions import eliminate_tractions
 from qvi_contact.discretization.elimination import Elimination
-from qvi_contact.discretization.triangle_energy import TriangleEnergy
-from qvi_contact.discretization.triangle_space import TriangleSpace, edgewise
+from qvi_contact.discretization.hsieh_clough_tocher.condensed import CondensedTriangles, potential_points
+from qvi_contact.discretization.hsieh_clough_tocher.energy import TriangleEnergy
+from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace, edgewise
+from qvi_contact.discretization.hsieh_clough_tocher.tractions import eliminate_tractions
 from qvi_contact.element import legendre
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.edges import Edges

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.discretization.condensed_triangles import Differences
+from qvi_contact.discretization.hsieh_clough_tocher.condensed import Differences
 from qvi_contact.element.affine import AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.mesh.edges import Edges

@@ -1,0 +1,1 @@
+"""Airy functions of Hsieh-Clough-Tocher elements on meshes of triangles."""
