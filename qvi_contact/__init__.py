@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.stored import load_result
     from qvi_contact.mesh.lines import graded_lines
     from qvi_contact.mesh.rectilinear import RectilinearMesh
+    from qvi_contact.mesh.triangles import TriangleMesh
     from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
     from qvi_contact.problem.fields import Expression, Polynomial
     from qvi_contact.problem.material import Material, Region
@@ -57,6 +58,7 @@ _HOME = {
     "SolverUnavailableError": "errors",
     "Symmetry": "problem.conditions",
     "Traction": "problem.conditions",
+    "TriangleMesh": "mesh.triangles",
     "discretize": "discretization.discretization",
     "graded_lines": "mesh.lines",
     "limit_load_factor": "solution.limit",
@@ -97,6 +99,7 @@ __all__ = [
     "SolverUnavailableError",
     "Symmetry",
     "Traction",
+    "TriangleMesh",
     "discretize",
     "graded_lines",
     "limit_load_factor",

@@ -1,14 +1,22 @@
 """Which element a mesh has."""
 
+from typing import Final
+
 from qvi_contact.discretization.basis import Basis, RowKind
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
+from qvi_contact.discretization.hsieh_clough_tocher.basis import TriangleBasis
+from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.triangles import TriangleMesh
+
+DEFAULT_DEGREE: Final = 4
+"""Degree on triangles where none is given."""
 
 
 def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | None = None) -> Basis:
-    """The space of Airy functions on a mesh: Bogner-Fox-Schmit on rectangles.
+    """The space of Airy functions on a mesh: Bogner-Fox-Schmit on rectangles, Hsieh-Clough-Tocher on triangles.
 
     Parameters
     ----------
@@ -33,4 +41,9 @@ def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | Non
             remedy = 'on rectangles rows are tractions at Gauss points: leave this out, or take inner="strict:…"'
             raise InputError("contact_rows", contact_rows, remedy)
         return BognerFoxSchmit(mesh)
+    if isinstance(mesh, TriangleMesh):
+        if contact_rows not in (None, "bernstein", "gauss"):
+            raise InputError("contact_rows", contact_rows, "give 'bernstein' or 'gauss'")
+        _ = hsieh_clough_tocher(DEFAULT_DEGREE if degree is None else degree)  # refuses degrees that are not offered
+        return TriangleBasis(mesh, DEFAULT_DEGREE if degree is None else int(degree), contact_rows or "bernstein")
     raise InputError("ContactProblem.mesh", type(mesh).__name__, "there is no element for this mesh: give another one")

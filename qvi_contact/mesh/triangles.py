@@ -17,6 +17,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.bisection import bisected
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
+from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.topology import Topology, chains, outward_normals
@@ -136,6 +137,11 @@ class TriangleMesh:
     def origin(self) -> FloatArray:
         """The lower left corner of the bounding box, shape (2,) [length]."""
         return np.asarray(self.vertices.min(axis=0))
+
+    @property
+    def cell_range(self) -> tuple[float, float]:
+        """Lengths of the shortest and of the longest edge [length]."""
+        return float(self.finest.min()), float(self._edge_lengths.max())
 
     @property
     def cell_count(self) -> int:
@@ -308,11 +314,14 @@ class TriangleMesh:
     @cached_property
     def finest(self) -> FloatArray:
         """Length of the shortest edge at each vertex, shape (n,) [length]."""
-        ends = self.topology.ends
-        lengths = np.hypot(*(self.vertices[ends[:, 1]] - self.vertices[ends[:, 0]]).T)
         shortest = np.full(len(self.vertices), np.inf)
-        np.minimum.at(shortest, ends, lengths[:, None])
+        np.minimum.at(shortest, self.topology.ends, self._edge_lengths[:, None])
         return shortest
+
+    @cached_property
+    def _edge_lengths(self) -> FloatArray:
+        first, second = self.vertices[self.topology.ends].swapaxes(0, 1)
+        return np.asarray(np.hypot(*(second - first).T))
 
     @cached_property
     def _centres(self) -> cKDTree:
@@ -371,6 +380,14 @@ class TriangleMesh:
         shared = sparse.csr_array(touching @ touching.T)
         shared.sort_indices()
         return np.split(shared.indices.astype(np.int64), shared.indptr[1:-1])
+
+    def same_as(self, other: Mesh) -> bool:
+        """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
+        return (
+            isinstance(other, TriangleMesh)
+            and np.array_equal(self.vertices, other.vertices)
+            and np.array_equal(self.cells, other.cells)
+        )
 
     def parents(self, coarse: "TriangleMesh") -> IntArray:
         """The triangle of a coarser mesh of the same body in which each triangle lies, shape (m,)."""

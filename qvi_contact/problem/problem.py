@@ -13,6 +13,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import (
     CARTESIAN,
     LOCAL,
@@ -166,6 +167,19 @@ class ContactProblem:
     def on_lines(self, x: ArrayLike, y: ArrayLike) -> "ContactProblem":
         """The same problem on other grid lines x, y [length]; see `RectilinearMesh.on_lines`."""
         return replace(self, mesh=self.grid.on_lines(x, y))
+
+    def triangulated(self) -> "ContactProblem":
+        """The same problem with every rectangle of its mesh cut into two triangles.
+
+        Edge sets and joints keep their names; regions are called "region 1", "region 2", … in their order. See
+        `TriangleMesh.of_rectangles` for the way cells are cut.
+        """
+        mesh, regions = TriangleMesh.of_rectangles(self.grid), []
+        for number, region in enumerate(self.regions, start=1):
+            name = f"region {number}"
+            mesh = mesh.with_region(name, np.flatnonzero(np.repeat(cell_materials(self.grid, [region]), 2)))
+            regions.append(Region(region.material, name=name))
+        return replace(self, mesh=mesh, regions=regions)
 
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> Iterator[Prescribed]:
         """Prescribed data of one kind, symmetry lines included."""

@@ -93,9 +93,9 @@ class TriangleBasis:
     @cached_property
     def contact_rule(self) -> ContactRule:
         """As many rows as σ_N and σ_T have coefficients on an edge, so that rows are independent."""
-        points, weights = gauss_legendre(self.degree - 1)
         if self.rows == "gauss":
-            return ContactRule("gauss", points, weights, points, weights)
+            return ContactRule.gauss(self.degree - 1)
+        points, weights = gauss_legendre(self.degree - 1)
         count = len(points)
         values = legendre.basis(count - 1, points) @ np.linalg.inv(legendre.to_bernstein(count - 1))
         places, shares = np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count)

@@ -36,14 +36,14 @@ class TriangleEnergy:
 
     def reduced(self, elimination: Elimination) -> tuple[sparse.csr_array, FloatArray]:
         """K = Bᵀ 𝒦 B (n, n) and 𝒦 u₀ (N,)."""
-        B = elimination.basis()
+        B = elimination.basis
         K = sparse.csr_array(B.T @ (self.matrix @ B))
         return sparse.csr_array((K + K.T) / 2.0), self.matrix @ elimination.particular
 
     def root(self, elimination: Elimination) -> TriangleRoot:
         """The stresses from differences."""
         centres = self.space.triangles.corners.mean(axis=1)
-        basis, particular = elimination.basis(), elimination.particular
+        basis, particular = elimination.basis, elimination.particular
         return TriangleRoot(self.condensed, self.space.differences, centres, basis, particular)
 
     def structure(self, elimination: Elimination) -> Structure | None:  # noqa: ARG002  # see `Energy`

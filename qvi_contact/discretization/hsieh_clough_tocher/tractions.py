@@ -106,8 +106,8 @@ def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction
         raise UnbalancedLoadError(imbalance)
     kept = np.zeros(space.size, dtype=bool)
     kept[found.kept] = True
-    slaves, no_corners = np.flatnonzero(~kept), np.empty(0, dtype=np.int64)
-    return Elimination(kept, slaves, sparse.csr_array(found.basis[slaves]), found.particular, no_corners)
+    slaves = np.flatnonzero(~kept)
+    return Elimination(kept, slaves, sparse.csr_array(found.basis[slaves]), found.particular)
 
 
 def _projected(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> EdgeTractions:
