@@ -17,14 +17,16 @@ from solvers.fixed_point.forms import CONDENSED_LIMIT
 from solvers.fixed_point.method import FixedPointOptions, initial_pressure, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
+from solvers.pivoting.method import PivotingOptions, affordable, solve_pivoting
+from solvers.pivoting.opinion import another_solution
 from solvers.solution.finish import Outcome, finish, no_outcome, out_of_time
 from solvers.solution.solution import QVISolution
 from solvers.strict.names import STRICT_DEFAULT, is_strict
 from solvers.strict.threshold import strict_pressure
 from solvers.uzawa import UzawaOptions, solve_uzawa
 
-Method = Literal["condensed", "fixed-point", "uzawa"]
-METHODS: tuple[str, ...] = ("condensed", "fixed-point", "uzawa")
+Method = Literal["condensed", "fixed-point", "pivoting", "uzawa"]
+METHODS: tuple[str, ...] = ("condensed", "fixed-point", "pivoting", "uzawa")
 
 _WORTH_A_RETRY = (
     Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
@@ -48,9 +50,11 @@ _FAILURES = {
     "backend": Status.BACKEND_FAILED,
 }
 
-_OPTIONS = {"condensed": CondensedOptions, "fixed-point": FixedPointOptions, "uzawa": UzawaOptions}
+_OPTIONS = {
+    "condensed": CondensedOptions, "fixed-point": FixedPointOptions, "uzawa": UzawaOptions, "pivoting": PivotingOptions,
+}  # fmt: skip
 
-_Options = TypeVar("_Options", CondensedOptions, FixedPointOptions, UzawaOptions)
+_Options = TypeVar("_Options", CondensedOptions, FixedPointOptions, UzawaOptions, PivotingOptions)
 
 
 def solve_qvi(
@@ -71,10 +75,10 @@ def solve_qvi(
     qvi : FrictionQVI
         The problem, dimensionless.
     method : str, optional
-        "condensed", "fixed-point" or "uzawa". By default "condensed", and "fixed-point" where that fails and the
-        contact is not large, for as long again as the first took at most, or 15 seconds if that is more; another
-        method if an inner solver or options are given that only that one takes. `initial` is no such option: by default
-        the fixed point starts from it if its turn comes.
+        "condensed", "fixed-point", "pivoting" or "uzawa". By default "condensed"; where that fails "pivoting" if the
+        contact is small, and "fixed-point" if it is not large, for as long again as the first took at most, or 15
+        seconds if that is more; another method if an inner solver or options are given that only that one takes.
+        `initial` is no such option: by default the fixed point starts from it if its turn comes.
     inner : str, optional
         Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
         "strict:<cvxpy name>" or "strict-direct:clarabel" solve `qvi.strictly()`, which is the solution's problem then.
@@ -92,13 +96,14 @@ def solve_qvi(
         "time_limit" unless its certificate passes. Looked at in every iteration, and handed on to inner solvers that
         take a limit; a factorisation, and an inner solve by another one, is not interrupted.
     **options : object
-        Fields of `CondensedOptions`, `FixedPointOptions` or `UzawaOptions`. By default `max_iterations` counts the
-        iterations of both methods, and `callback` hears of both.
+        Fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or `UzawaOptions`. By default
+        `max_iterations` counts the iterations of the condensed method and the fixed point, and `callback` hears of all.
 
     Returns
     -------
     A `QVISolution` in every case, status and advice included; solved only if its certificate passed. There
-    may be other solutions: for large friction the solution of (D2) is not unique.
+    may be other solutions: the solution of (D2) is not unique for large friction. By default, and where the contact is
+    small, another way is tried to find one; its `remarks` say what was seen.
 
     Raises
     ------
@@ -121,6 +126,8 @@ def solve_qvi(
         if by_default and _worth_another(solution, options):
             seconds = max(LEAST_SECONDS, time.perf_counter() - began)
             solution = _second(qvi, solution, tolerance, options, seconds) if not expired() else out_of_time(solution)
+        if by_default and solution.solved and not expired() and (remark := another_solution(qvi, solution, tolerance)):
+            solution = dataclasses.replace(solution, remarks=(remark,))
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
@@ -148,11 +155,17 @@ def _worth_another(first: QVISolution, options: dict[str, Any]) -> bool:
 def _second(
     qvi: FrictionQVI, first: QVISolution, tolerance: float, options: dict[str, Any], seconds: float
 ) -> QVISolution:
-    """The fixed point after a first method, for so many seconds at most: the better of the two answers."""
+    """Pivoting and the fixed point after a first method, for so many seconds at most: the best of the answers."""
     kept = {name: value for name, value in options.items() if name in (_START, "callback")}
     if "max_iterations" in options:
         kept["max_iterations"] = options["max_iterations"] - first.iterations
     tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
+    if affordable(qvi):
+        tell(Progress("pivoting", remark=tried))
+        with watched(seconds):
+            vertex = solve_pivoting(qvi, tolerance, PivotingOptions(options.get("callback")))
+        if vertex.solved:
+            return _remarked(vertex, f"Pivoting found this: {tried}.")
     tell(Progress("fixed-point", remark=tried))
     with watched(seconds):
         second = _attempt(qvi, "fixed-point", DEFAULT_INNER, tolerance, kept)
@@ -208,6 +221,9 @@ def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options:
     if method == "condensed":
         condensed = _options(CondensedOptions, method, options)
         return _linear(qvi, method, "", tolerance) or solve_condensed(qvi, tolerance, condensed)
+    if method == "pivoting":
+        pivoting = _options(PivotingOptions, method, options)
+        return _linear(qvi, method, "", tolerance) or solve_pivoting(qvi, tolerance, pivoting)
     if method not in METHODS:
         raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
     if not qvi.bonded_error <= _HOPELESS:

@@ -63,6 +63,8 @@ class ContactRows:
         c and t_max at the points, dimensionless; infinity where there is no limit.
     gap, offset : (m,) arrays
         Obstacle position g and tangential offset w at the points, dimensionless.
+    reach : float
+        An obstacle that is farther counts as that far, see `Scales`.
 
     """
 
@@ -78,6 +80,12 @@ class ContactRows:
     shear_limit: FloatArray
     gap: FloatArray
     offset: FloatArray
+    reach: float = np.inf
+
+    @property
+    def beyond(self) -> FloatArray:
+        """By how much the obstacle stands beyond reach (m,), dimensionless: 0 where it does not, or is held."""
+        return np.where(self.bilateral, 0.0, np.maximum(self.gap - self.reach, 0.0))
 
     @property
     def edges(self) -> slice:
@@ -109,10 +117,11 @@ class ContactRows:
         return np.outer(self.points.lengths, self.rule.shares).ravel()
 
     def work(self) -> FloatArray:
-        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1)."""
+        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
         weights = self.points.weights
         return np.asarray(
-            self.points.normal().T @ (weights * self.gap) + self.points.shear().T @ (weights * self.offset)
+            self.points.normal().T @ (weights * (self.gap - self.beyond))
+            + self.points.shear().T @ (weights * self.offset)
         )
 
     def with_offset(self, offset: FloatArray) -> "ContactRows":
@@ -151,6 +160,7 @@ def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: Edg
         limits.cap,
         evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
         evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
+        scales.reach,
     )
 
 

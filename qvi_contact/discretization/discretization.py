@@ -141,7 +141,14 @@ class Discretization:
 
     def freeing(self, vertices: IntArray) -> "Discretization":
         """The same problem, in the same units and after the same slip, with the shear at the vertices given up."""
-        fresh = _discretized(self.problem, self.space, self.scales, vertices)
+        return self._again(self.scales, vertices)
+
+    def everywhere(self) -> "Discretization":
+        """The same problem, after the same slip, with all obstacles where they stand, however far."""
+        return self._again(replace(self.scales, reach=np.inf), self.freed)
+
+    def _again(self, scales: Scales, freed: IntArray) -> "Discretization":
+        fresh = _discretized(self.problem, self.space, scales, freed)
         return fresh.slipped([old.offset - new.offset for old, new in zip(self.contacts, fresh.contacts, strict=True)])
 
     def fitted(self) -> "Discretization":

@@ -12,6 +12,10 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 
+_AT_REST = 1e-6  # strain that is the unit of a body without any load
+REACH = 100.0
+"""Units of displacement that a body is at first taken to move at most, see `Scales`."""
+
 _SAMPLES = 8  # points between the ends of an edge where data are looked at
 
 
@@ -29,6 +33,10 @@ class Scales:
         C = max(c11, c22) of the body's materials [1/stress].
     loaded : bool
         Whether S comes from loads or displacements, not from a body at rest.
+    reach : float
+        An obstacle farther than this from the body counts as that far [D]: where the body does not reach it, nothing
+        but the width of the gap depends on it, and numbers decades apart would drown the rest in rounding. Infinite
+        where a body did reach one that had been moved.
 
     """
 
@@ -36,6 +44,7 @@ class Scales:
     stress: float
     compliance: float
     loaded: bool = True
+    reach: float = REACH
 
     @property
     def displacement(self) -> float:
@@ -58,8 +67,8 @@ class Scales:
 
         S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress 1/(C L)
         times the displacement that supports and obstacles force on the body (see `_forced`), and the mean stress under
-        plates driven by force; without any of these the largest cohesion. Neither a constant
-        potential, nor a common translation, nor an obstacle far away strains the body. Without any load S = 1/C.
+        plates driven by force. Neither a constant potential, nor a common translation, nor an obstacle far away strains
+        the body. Without any load S is the stress of a strain of 1e-6, or the largest cohesion if that is less.
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
@@ -72,8 +81,9 @@ class Scales:
         sizes.append(float(np.ptp(potential)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
         sizes += _plate_stresses(problem)
-        stress = max(sizes) or min(1.0 / compliance, max(_cohesions(problem), default=0.0))
-        return cls(length, stress if stress > 0.0 else 1.0 / compliance, compliance, max(sizes) > 0.0)
+        at_rest = _AT_REST / compliance
+        stress = max(sizes) or min(at_rest, max(_cohesions(problem), default=0.0)) or at_rest
+        return cls(length, stress, compliance, max(sizes) > 0.0)
 
 
 def _samples(problem: ContactProblem, edges: Edges | IntArray) -> tuple[FloatArray, FloatArray]:

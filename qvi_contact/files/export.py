@@ -145,12 +145,13 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
 
     * ``problem``: the text of a problem file; empty if functions are Python's, which no file can hold, and
       ``problem_missing`` then says which. Such a file has all fields, but cannot be checked;
-    * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``; ``freed``: nodes
-      whose prescribed shear is given up; ``earlier_slip``: of load steps before this one, at all contact points;
+    * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``, ``reach``: obstacles
+      farther than so many units of displacement count as that far; ``freed``: nodes whose prescribed shear is given
+      up; ``earlier_slip``: of load steps before this one, at all contact points;
       ``strict``: whether bounds hold on whole edges;
     * ``z``, ``normal_multiplier``, ``tangential_multiplier``, ``equality_multiplier``, ``threshold``: of `QVISolution`;
     * ``certificate`` (JSON) and ``tolerance``; ``method``, ``inner``, ``form``, ``factorisation``, ``iterations``,
-      ``corrections``, ``history``, ``history_status``, ``timings``, ``versions``;
+      ``corrections``, ``remarks``, ``history``, ``history_status``, ``timings``, ``versions``;
     * ``format``, ``format_version`` and ``digest``, see `qvi_contact.files.archive`.
 
     """

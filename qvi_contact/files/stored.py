@@ -32,6 +32,7 @@ def solution_arrays(result: ContactResult, units: Units | None = None, title: st
         "problem_missing": missing,
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
+        "reach": known.scales.reach,
         "freed": np.asarray(known.freed, dtype=np.int64),
         "earlier_slip": _joined([rows.offset - o for rows, o in zip(known.contacts, known.offsets(), strict=True)]),
         "strict": solution.problem.strict,
@@ -43,6 +44,7 @@ def solution_arrays(result: ContactResult, units: Units | None = None, title: st
         "certificate": _certificate_text(solution.certificate),
         "iterations": solution.iterations,
         "corrections": np.array(solution.corrections, dtype=np.float64),
+        "remarks": np.array(solution.remarks, dtype=np.str_),
         "timings": json.dumps(dict(solution.timings)),
         "versions": json.dumps({"qvi-contact": _own_version(), **solution.versions}),
         **_history_arrays(solution.history),
@@ -89,6 +91,7 @@ def result_from_archive(archive: Archive) -> ContactResult:
         "iterations": _count(archive, "iterations"),
         "message": archive.text("message"),
         "corrections": tuple(archive.floats("corrections").tolist()),
+        "remarks": tuple(archive.texts("remarks")) if "remarks" in archive.arrays else (),  # none in version 0.1
         **{name: _json(archive, name) for name in ("timings", "versions")},
         **{name: archive.text(name) for name in _TEXTS},
     }
@@ -115,7 +118,10 @@ def _discretization(archive: Archive) -> Discretization:
     length, stress, compliance = _sized(archive, "scales", 3)
     if not min(length, stress, compliance) > 0.0 or not np.isfinite([length, stress, compliance]).all():
         raise InputError("result", archive.path, "entry 'scales' holds units that are not positive numbers")
-    scales = Scales(length, stress, compliance, archive.number("loaded") != 0.0)
+    reach = archive.number("reach") if "reach" in archive.arrays else np.inf  # files of version 0.1 have none
+    if not reach > 0.0:
+        raise InputError("result", archive.path, "entry 'reach' is not a positive number")
+    scales = Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach)
     fresh = _discretized(archive, text, scales)
     counts = [len(rows.gap) for rows in fresh.contacts]
     slip = _sized(archive, "earlier_slip", sum(counts))

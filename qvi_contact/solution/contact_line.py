@@ -150,14 +150,16 @@ def contact_line(
 
     The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`).
 
-    λ = m/W gives u_N − g = −λ_N and u_T − w = −λ_T, projected on the trace spaces.
+    λ = m/W gives u_N − g = −λ_N and u_T − w = −λ_T, projected on the trace spaces; g as far as it is within reach, the
+    rest is added.
     """
     contacts = discretization.contacts
     rows = contacts[number]
     scales, points = discretization.scales, rows.points
     x, y = physical(discretization.problem, scales, points.coordinates)
+    far = normal_multiplier + points.weights * rows.beyond
     gap, against = discretization.space.contact_displacements(
-        contacts, number, normal_multiplier, tangential_multiplier, discretization.elimination
+        contacts, number, far, tangential_multiplier, discretization.elimination
     )
     slip = -against
     bound = rows.bound(normal)

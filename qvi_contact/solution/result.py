@@ -154,7 +154,7 @@ class ContactResult:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What to know about how the data were taken, such as shears that disagree in a corner; one sentence each."""
-        remarks = self.discretization.remarks
+        remarks = self.discretization.remarks + self.solution.remarks
         if self.has_state and self.traction_misfit > 1e-6 * self.discretization.scales.stress:
             remarks += (
                 f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "

@@ -9,8 +9,9 @@ from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.reach import solve_within_reach
 from qvi_contact.solution.result import ContactResult
-from solvers import Status, solve_qvi
+from solvers import Status
 from solvers.basics.watch import expired, watched
 from solvers.factorisation import FactorisationError
 from solvers.solution.finish import out_of_time
@@ -41,9 +42,10 @@ def solve(
     method : str, optional
         "condensed" (the inequality solved directly on what the contact feels, by an interior point method),
         "fixed-point" (outer iteration on the friction bound, convex inner problems) or "uzawa" (the paper's iteration
-        (4.1)-(4.4)). By default "condensed", and "fixed-point" where that fails and the contact is not large, for as
-        long again as the first took at most, or 15 seconds if that is more; another method if an inner solver or
-        options are given that only that one takes.
+        (4.1)-(4.4)), or "pivoting" (from vertex to vertex, for small contacts). By default "condensed"; where that
+        fails "pivoting" and "fixed-point", as far as the contact is small enough for them, for as long again as the
+        first took at most, or 15 seconds if that is more; another method if an inner solver or options are given that
+        only that one takes.
     inner : str, optional
         How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel", "direct:osqp",
         "strict:<cvxpy name>" or "strict-direct:clarabel" (the contact law on whole edges, by cones), or
@@ -99,7 +101,7 @@ def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactR
     """Solve, and try again without the shear in corners."""
     if settings.get("initial") is not None:
         settings["initial"] = _initial_pressure(settings["initial"], discretization)
-    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
+    result = solve_within_reach(discretization, settings)
     if result.status is Status.SOLVED or _stopped(result, settings):
         return result
     corners = _corners(result)
@@ -145,7 +147,7 @@ def _with_free_corners(failed: ContactResult, freed: IntArray, settings: dict[st
     """
     known = failed.discretization
     discretization = known.freeing(np.union1d(known.freed, freed))
-    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
+    result = solve_within_reach(discretization, settings)
     if result.status is not Status.SOLVED:
         possible = result.status not in (Status.INFEASIBLE, Status.TIME_LIMIT)
         return result if possible and failed.status is Status.INFEASIBLE else None
@@ -165,7 +167,7 @@ def _with_free_corners(failed: ContactResult, freed: IntArray, settings: dict[st
 
 def _solved(discretization: Discretization, settings: dict[str, Any]) -> ContactResult | None:
     """The result if it is solved."""
-    result = ContactResult(discretization, solve_qvi(discretization.qvi, **settings))
+    result = solve_within_reach(discretization, settings)
     return result if result.status is Status.SOLVED else None
 
 

@@ -129,6 +129,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     outcome = _outcome(run)
     outcome.form = "condensed"
     outcome.corrections = tuple(run.sizes)
+    outcome.turned = "The central path turned back on the way to this solution" if run.turns or run.before else ""
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
     return finish(qvi, outcome, "condensed", "", tolerance)
 

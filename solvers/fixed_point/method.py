@@ -151,6 +151,7 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
                 _step(qvi, form, solver, state, options, tolerance)
     outcome = _outcome(qvi, state)
     outcome.form = form.name
+    outcome.turned = "The fixed point cycled before it was damped" if state.breaks else ""
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
     outcome.versions = versions(solver.packages)
     return finish(qvi, outcome, "fixed-point", inner, tolerance)

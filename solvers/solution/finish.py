@@ -13,13 +13,22 @@ from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.inequality.problem import FrictionQVI
 from solvers.solution.solution import Iteration, QVISolution
 
+WHAT_TO_DO = (
+    "Which one a body takes depends on how it was loaded: follow the load in steps (solve_history, or initial=… from "
+    "the result of a smaller load)."
+)
+"""What a user can do where there are several solutions."""
+
 LOOSEST = 1e-4
 """A result whose accuracy is worse is not called inaccurate but by the reason why the iteration ended."""
 
 
 @dataclass(eq=False)
 class Outcome:
-    """What an iteration leaves behind; `reason` is its own view, before any certificate."""
+    """What an iteration leaves behind; `reason` is its own view, before any certificate.
+
+    `turned` says how the way to it had to turn, which happens where there are several solutions.
+    """
 
     reason: Status
     z: Vector
@@ -36,6 +45,7 @@ class Outcome:
     form: str = "full"
     check_feasible: bool = True
     corrections: tuple[float, ...] = ()
+    turned: str = ""
 
     def discard(self, qvi: FrictionQVI) -> None:
         """Forget the point."""
@@ -72,7 +82,7 @@ def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, toleranc
         tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
         _sentence(status, outcome.iterations, outcome.message, certificate, feasibility),
         dict(outcome.versions), farkas, outcome.form,
-        qvi.factorisation, outcome.corrections,
+        qvi.factorisation, outcome.corrections, _remarks(status, outcome.turned),
     )  # fmt: skip
 
 
@@ -83,6 +93,13 @@ def _status(reason: Status, certificate: Certificate) -> Status:
     if reason in (Status.SOLVED, Status.STALLED) and certificate.accuracy <= LOOSEST:
         return Status.INACCURATE
     return Status.STALLED if reason is Status.SOLVED else reason
+
+
+def _remarks(status: Status, turned: str) -> tuple[str, ...]:
+    """That there may be several solutions, where the way to this one suggests it."""
+    if status is not Status.SOLVED or not turned:
+        return ()
+    return (f"{turned}: the discrete problem may have several solutions, of which this is one. {WHAT_TO_DO}",)
 
 
 def _sentence(

@@ -65,6 +65,7 @@ class QVISolution:
     factorisation : back end and version of the factorisation of K; empty if none was made
     corrections : of the condensed method, sizes of the defect corrections in the energy norm, relative: what the
         rounding inside K had spoilt; they end where the next one would be rounding
+    remarks : what to know about a solution, such as that there are several; one sentence each
 
     """
 
@@ -87,6 +88,7 @@ class QVISolution:
     form: str = "full"
     factorisation: str = ""
     corrections: tuple[float, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def solved(self) -> bool:
