@@ -9,6 +9,7 @@ from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
 from comparisons.peers.command import peers
 from comparisons.verify.command import verify
+from comparisons.wild.command import wild
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -16,5 +17,5 @@ def group() -> None:
     """Experiments that compare methods, solvers and published numbers."""
 
 
-for command in (paper, benchmark, verify, solvers, convergence, peers, export, import_file):
+for command in (paper, benchmark, verify, solvers, convergence, peers, wild, export, import_file):
     group.add_command(command)

@@ -1,0 +1,76 @@
+"""The command `wild`."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import click
+from click.core import ParameterSource
+
+from comparisons.options import ListCommand, folder_option
+from comparisons.study.options import RunOptions, study_options
+
+STORE = "results/wild/wild.sqlite"
+QUICK_STORE = "results/wild/wild-quick.sqlite"
+
+
+@click.command(cls=ListCommand)
+@study_options(STORE, timeout=120.0, memory=4096)
+@click.option("--quick", is_flag=True, help=f"Five problems of each family; its own store, {QUICK_STORE}.")
+@click.option("--each", type=click.IntRange(1), metavar="NUMBER", help="Problems of each family.  [default: 250]")
+@click.option("--only", multiple=True, metavar="FAMILY…", help="These families alone, in a --store of their own.")
+@click.option("--out", metavar="FOLDER", default="results/wild", show_default=True, callback=folder_option,
+              help="Folder of the report.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
+def wild(options: RunOptions, quick: bool, each: int | None, only: tuple[str, ...], out: Path, as_json: bool) -> int:
+    """Problems as wild as users may make them, made by a generator: what becomes of each.
+
+    Thin bodies, odd units, much friction, masks and joints of every kind, gaps far away, every contact law, plates with
+    moments, no load at all, nonsense. Answers that are called solved are judged once more from their stresses and the
+    data alone. The exit status is 1 if one of them is wrong, an exception is not the package's own, or nonsense is
+    accepted.
+
+    \b
+    Examples:
+        python -m comparisons wild --quick
+        python -m comparisons wild --each 50 --only gaps idle --store results/gaps.sqlite --out results/gaps
+    """  # noqa: D301
+    from comparisons.report import show
+    from comparisons.study import read_study
+    from comparisons.wild.measures import counts_of, entries_of, failed
+    from comparisons.wild.report import report_of, write
+    from comparisons.wild.study import EACH, QUICK, declared
+    from qvi_contact.basics.writing import writable_folder
+
+    study = declared(only, each or (QUICK if quick else EACH))
+    folder = writable_folder(out)
+    options = _with_store(options, quick, bool(only) or each is not None)
+    options.run(study)
+    stored = read_study(options.store)
+    entries = entries_of(stored)
+    report = report_of(stored)
+    written = write(report, entries, folder)
+    if as_json:
+        document = {
+            "schema": "qvi-contact/wild/1",
+            "study": stored.declaration,
+            "outcomes": counts_of(entries),
+            "findings": [finding.text for finding in report.findings],
+            "files": [str(path) for path in written],
+        }
+        click.echo(json.dumps(document, indent=1, ensure_ascii=False))
+    else:
+        show(report, written)
+    return 1 if failed(entries) else 0
+
+
+def _with_store(options: RunOptions, quick: bool, some: bool) -> RunOptions:
+    """The store of a quick study is another one, and that of another choice of problems has to be named."""
+    from qvi_contact.errors import InputError
+
+    if click.get_current_context().get_parameter_source("store") is not ParameterSource.DEFAULT:
+        return options
+    if some:
+        remedy = "is for all problems: with --only or --each give --store FILE, --out FOLDER"
+        raise InputError("store", str(options.store), remedy)
+    return replace(options, store=Path(QUICK_STORE)) if quick else options

@@ -1,0 +1,99 @@
+"""The generator: a family and a number make a problem, always the same.
+
+Each family is wild in one way, and now and then in another one as well; "everything" in half of them at once.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Final
+
+from comparisons.wild.conditions import Maker
+from comparisons.wild.dice import Dice
+from comparisons.wild.nonsense import nonsense
+from comparisons.wild.shapes import body, with_joints, with_parts
+from qvi_contact import ContactProblem, Material, Polynomial, Region
+from qvi_contact.problem.conditions import Condition
+
+FAMILIES: Final[Mapping[str, str]] = MappingProxyType({
+    "thin": "bodies 1e-3 to 1e3 times as high as wide, cells graded by up to a factor of 5",
+    "units": "lengths and moduli of 1e-9 to 1e12 units, each on its own",
+    "friction": "μ from 0 and 1e-3 to 1e3",
+    "poisson": "ν up to the ends of what a material may have",
+    "masks": "combs, slits, checkerboards, waists, stairs, holes, cells that touch in a point",
+    "joints": "one to four joints inside the body, crossing or ending there",
+    "gaps": "gaps with kinks, waves and jumps, obstacles far away or pushed into the body",
+    "laws": "cohesion, caps, Tresca's law, bilateral and tied contacts",
+    "plates": "plates driven by forces and moments about pivots far away",
+    "idle": "bodies without any load",
+    "everything": "half of all that at once",
+    "nonsense": "one argument that is no number, no name, no shape or out of range",
+})  # fmt: skip
+"""Family → what is wild about it."""
+
+_TRAITS: Final = tuple(name for name in FAMILIES if name not in ("everything", "nonsense", "idle"))
+_STRAY: Final = 0.04
+"""Probability of a trait that is not the family's own."""
+
+_NEAR: Final = (0.5, 0.499999, 0.4999, 0.49, -0.9, -0.99, -0.9999, -0.999999)
+"""Poisson's ratios at the ends; 0.5 itself in plane stress alone."""
+
+
+@dataclass(frozen=True)
+class Wild:
+    """What a family and a number make.
+
+    Attributes
+    ----------
+    problem : the problem
+    settings : keyword arguments for `solve`
+    wrong : the argument that is nonsense, if there is one, in words: it ought to have been refused
+
+    """
+
+    problem: ContactProblem
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    wrong: str = ""
+
+
+def wild_problem(family: str, number: int) -> Wild:
+    """Problem `number` of a family; raises `InputError` where the package refuses it."""
+    dice = Dice(family, number)
+    if family == "nonsense":
+        return Wild(*nonsense(dice))
+    return Wild(_problem(dice, _traits(dice, family)))
+
+
+def _traits(dice: Dice, family: str) -> frozenset[str]:
+    if family == "everything":
+        return frozenset(name for name in _TRAITS if dice.chance(0.5))
+    return frozenset({family, *(name for name in _TRAITS if dice.chance(_STRAY))})
+
+
+def _material(dice: Dice, young: float, traits: frozenset[str], plane: Any) -> Material:
+    poisson = dice.pick((0.0, 0.2, 0.3, 0.45))
+    if "poisson" in traits:
+        poisson = dice.pick([value for value in _NEAR if value < 0.5 or plane == "stress"])
+    return Material(young, poisson, plane)
+
+
+def _problem(dice: Dice, traits: frozenset[str]) -> ContactProblem:
+    wild = "units" in traits
+    length = dice.magnitude(-9.0, 12.0) if wild else dice.pick((1.0, 1.0, 0.04, 30.0))
+    young = dice.magnitude(-9.0, 12.0) if wild else dice.pick((1.0, 1e3, 2.1e5))
+    strain = dice.magnitude(-7.0, -1.0) if wild else dice.pick((1e-4, 1e-3, 1e-2))
+    plane = dice.pick(("stress", "strain"))
+    mesh = body(dice, length, traits)
+    mesh = with_joints(dice, mesh, dice.whole(1, 4)) if "joints" in traits else mesh
+    mesh, parts = with_parts(dice, mesh)
+    maker = Maker(dice, mesh, strain * young, strain * length, traits)
+    conditions: list[Condition] = [condition for part in parts for condition in maker.condition(part)]
+    conditions += [maker.contact(name, joint=True) for name in mesh.joint_names]
+    material = _material(dice, young, traits, plane)
+    regions = []
+    if dice.chance(0.1) and mesh.shape[1] > 1:
+        other = _material(dice, young * dice.magnitude(-2.0, 2.0), traits, plane)
+        regions.append(Region(other, (float(mesh.x[0]), float(mesh.x[1]))))
+    weight = strain * young / length if dice.chance(0.1) and "idle" not in traits else 0.0
+    potential = Polynomial([[0.0, weight]]) if weight else 0.0
+    return ContactProblem(mesh, material, conditions, potential, regions)

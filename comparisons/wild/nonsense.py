@@ -1,0 +1,182 @@
+"""One argument of a plain problem replaced by what it must not be."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from comparisons.wild.dice import Dice
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    RectilinearMesh,
+    Region,
+    RigidPlate,
+    Symmetry,
+    Traction,
+)
+
+_PLAIN: Final[Mapping[str, Any]] = MappingProxyType({
+    "x": [0.0, 1.0, 2.0], "y": [0.0, 0.5, 1.0, 2.0], "active": None,
+    "edges.name": "part", "edges.side": "bottom", "edges.start": 0.0, "edges.stop": 1.0, "edges.at": 0.0,
+    "joint.name": "joint", "joint.direction": "horizontal", "joint.at": 0.5, "joint.start": 0.0, "joint.stop": 2.0,
+    "young": 1000.0, "poisson": 0.3, "plane": "stress",
+    "contact.edges": "part", "contact.friction": 0.3, "contact.gap": 0.0, "contact.offset": 0.0, "contact.name": "",
+    "contact.cohesion": 0.0, "contact.shear_limit": 5.0, "contact.law": "unilateral", "contact.plate": None,
+    "traction.edges": "right", "traction.x": -1.0, "traction.y": 0.0, "traction.name": "",
+    "displacement.edges": "rest", "displacement.x": 0.0, "displacement.y": 0.0,
+    "symmetry.edges": "left", "potential": 0.0, "region.x": (0.0, 1.0), "region.material": None,
+    "force_x": None, "force_y": -3.0, "moment": 0.0, "pivot": (1.0, 2.0),
+    "regions": None, "conditions": None, "mesh": None,
+})  # fmt: skip
+"""Argument → what is right."""
+
+_NUMBERS: Final[tuple[Any, ...]] = (
+    float("nan"), float("inf"), -float("inf"), np.nan * 1j, 1.0 + 1.0j, 1.0 + 0.0j, np.complex64(2.0), "1", "", b"1",
+    True, 10**400, [], [1.0], (1.0, 2.0), {}, np.array([1.0, 2.0]), np.array([[1.0]]), np.array("1"), object(), len,
+    np.datetime64("2020-01-01"),
+)  # fmt: skip
+_TEXTS: Final[tuple[Any, ...]] = (
+    None, 3, 2.5, True, b"bottom", ["bottom"], ("bottom",), {"bottom"}, np.array(["bottom", "top"]), np.array("bottom"),
+    np.array([1.0, 2.0]), "nowhere", "bottom\x00", "bottom ", object(),
+)  # fmt: skip
+_LINES: Final[tuple[Any, ...]] = (
+    None, 3.0, "012", [0.0], [], [0.0, 0.0], [1.0, 0.0], [0.0, float("nan"), 1.0], [0.0, float("inf")],
+    [0.0, 1.0 + 1.0j], np.array([0.0, 1.0], dtype=complex), [[0.0, 1.0], [2.0, 3.0]], ["a", "b"], [0.0, None],
+    [0.0, 10**400], {0.0: 1.0}, object(), [0.0, [1.0, 2.0]], np.array(["0", "x"]),
+)  # fmt: skip
+_MASKS: Final[tuple[Any, ...]] = (
+    3, "mask", [True], np.ones((2, 2), dtype=bool), np.ones((3, 2)), np.zeros((3, 2), dtype=bool),
+    np.ones((3, 2), dtype=complex), [[True, True], [True]], np.full((3, 2), "x"), np.full((3, 2), None), object(),
+    np.array([[1, 0], [0, 0], [0, 1]], dtype=bool), np.array([[1, 0], [1, 1], [0, 1]], dtype=int),
+)  # fmt: skip
+_PAIRS: Final[tuple[Any, ...]] = (
+    3.0, "ab", (1.0,), (1.0, 2.0, 3.0), (float("nan"), 1.0), (1.0j, 0.0), ("0", "1"), np.array([0.0, 1.0j]), object(),
+    [[0.0], [1.0]], (0.0, None),
+)  # fmt: skip
+_THINGS: Final[tuple[Any, ...]] = (
+    3,
+    "text",
+    [3],
+    ["text"],
+    np.array([1.0, 2.0]),
+    object(),
+    {"a": 1},
+    [None],
+    1.0j,
+    len,
+)
+
+
+def _nan(x: Any, _: Any) -> Any:
+    return np.full_like(x, np.nan)
+
+
+def _infinite(x: Any, _: Any) -> Any:
+    return x * np.inf
+
+
+def _complex(x: Any, y: Any) -> Any:
+    return x + 1j * y
+
+
+def _wrong_shape(x: Any, _: Any) -> Any:
+    return np.zeros((*np.shape(x), 2))
+
+
+def _one_argument(x: Any) -> Any:
+    return x
+
+
+def _text(_: Any, __: Any) -> Any:
+    return "1.0 and more"
+
+
+def _nothing(_: Any, __: Any) -> Any:
+    return None
+
+
+def _raising(_: Any, __: Any) -> Any:
+    message = "two\nlines"
+    raise RuntimeError(message)
+
+
+def _endless(x: Any, y: Any) -> Any:
+    return _endless(x, y)
+
+
+_FUNCTIONS: Final[tuple[Callable[..., Any], ...]] = (
+    _nan, _infinite, _complex, _wrong_shape, _one_argument, _text, _nothing, _raising, _endless,
+)  # fmt: skip
+_FIELDS: Final = (*_NUMBERS[:-2], *_FUNCTIONS)
+
+_BAD: Final[Mapping[str, tuple[Any, ...]]] = MappingProxyType({
+    "x": _LINES, "y": _LINES, "active": _MASKS, "edges.name": (*_TEXTS[:11], "top", "", object()),
+    "edges.side": _TEXTS, "edges.start": (*_NUMBERS, 0.3, 7.0), "edges.stop": (*_NUMBERS, 0.3, 0.0),
+    "edges.at": (*_NUMBERS, 0.3, 2.0), "joint.name": (*_TEXTS[:11], "part", "top", ""), "joint.direction": _TEXTS,
+    "joint.at": (*_NUMBERS, None, 0.0, 0.3, 9.0), "joint.start": (*_NUMBERS, 0.3), "joint.stop": (*_NUMBERS, 0.0),
+    "young": (*_NUMBERS, None, 0.0, -1.0, 5e-324, 1e308 * 1e10), "poisson": (*_NUMBERS, None, -1.0, 0.6, -3.0),
+    "plane": _TEXTS, "contact.edges": _TEXTS, "contact.friction": (*_FIELDS, None, -0.1),
+    "contact.gap": (*_FIELDS, None), "contact.offset": (*_FIELDS, None), "contact.name": _TEXTS[:11],
+    "contact.cohesion": (*_FIELDS, None, -1.0), "contact.shear_limit": (*_FIELDS, -1.0), "contact.law": _TEXTS,
+    "contact.plate": _THINGS, "traction.edges": _TEXTS, "traction.x": (*_FIELDS, None), "traction.y": (*_FIELDS, None),
+    "traction.name": _TEXTS[:11], "displacement.edges": _TEXTS, "displacement.x": _FIELDS, "displacement.y": _FIELDS,
+    "symmetry.edges": _TEXTS, "potential": (*_FIELDS, None), "region.x": (*_PAIRS, (1.0, 0.0), (0.0, 0.3)),
+    "region.material": _THINGS, "force_x": _NUMBERS, "force_y": _NUMBERS, "moment": _NUMBERS, "pivot": (*_PAIRS, None),
+    "regions": _THINGS, "conditions": (*_THINGS, []), "mesh": _THINGS,
+})  # fmt: skip
+"""Argument → what is wrong there, in whatever problem."""
+
+_SETTINGS: Final[Mapping[str, tuple[Any, ...]]] = MappingProxyType({
+    "tolerance": (*_NUMBERS, None, 0.0, 1.0, -1e-8), "method": (*_TEXTS[1:], ""), "inner": (*_TEXTS[1:], "qp:", "qp:x"),
+    "factorisation": (*_TEXTS, ""), "threads": (*_NUMBERS, 0, -1, 1.5), "initial": (*_NUMBERS[:-2], _LINES[-4]),
+    "max_iterations": (*_NUMBERS, None, 0, -1, 1.5), "damping": (*_NUMBERS, None, 0.0, 2.0), "gap": (*_NUMBERS, None),
+    "unknown": _THINGS,
+})  # fmt: skip
+"""Keyword argument of `solve` → what is wrong there."""
+
+
+def nonsense(dice: Dice) -> tuple[ContactProblem, dict[str, Any], str]:
+    """A problem, settings of `solve`, and which of their arguments is wrong; raises where the problem refuses it."""
+    place = dice.pick((*_BAD, *_SETTINGS))
+    value = dice.pick(_BAD[place] if place in _BAD else _SETTINGS[place])
+    if place in _SETTINGS:
+        return _problem(dict(_PLAIN)), {place: value}, f"{place} = {value!r}"
+    return _problem({**_PLAIN, place: value}), {}, f"{place} = {value!r}"
+
+
+def _problem(given: dict[str, Any]) -> ContactProblem:
+    """A plate pressed down on a part of its bottom, with a joint and a region, of these arguments."""
+    mesh = given["mesh"] or _mesh(given)
+    plate = RigidPlate(given["force_x"], given["force_y"], given["moment"], given["pivot"])
+    conditions: Any = [
+        Contact(
+            given["contact.edges"], given["contact.friction"], given["contact.gap"], given["contact.offset"],
+            given["contact.name"], given["contact.cohesion"], given["contact.shear_limit"], given["contact.law"],
+            given["contact.plate"],
+        ),
+        Contact("joint", 0.5),
+        Contact("top", 0.2, plate=plate),
+        Displacement(given["displacement.edges"], given["displacement.x"], given["displacement.y"]),
+        Traction(given["traction.edges"], given["traction.x"], given["traction.y"], given["traction.name"]),
+        Symmetry(given["symmetry.edges"]),
+    ]  # fmt: skip
+    material = Material(given["young"], given["poisson"], given["plane"])
+    inside = Material(500.0, 0.2) if given["region.material"] is None else given["region.material"]
+    regions = [Region(inside, given["region.x"])] if given["regions"] is None else given["regions"]
+    conditions = conditions if given["conditions"] is None else given["conditions"]
+    return ContactProblem(mesh, material, conditions, given["potential"], regions)
+
+
+def _mesh(given: dict[str, Any]) -> RectilinearMesh:
+    mesh = RectilinearMesh(given["x"], given["y"], given["active"])
+    mesh = mesh.with_edges(
+        given["edges.name"], given["edges.side"], given["edges.start"], given["edges.stop"], given["edges.at"]
+    )
+    mesh = mesh.with_edges("rest", "bottom", 1.0)
+    return mesh.with_joint(
+        given["joint.name"], given["joint.direction"], given["joint.at"], given["joint.start"], given["joint.stop"]
+    )

@@ -1,0 +1,196 @@
+"""Wild problems: the same every time, a sample of them, and a judge that sees what is wrong."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from comparisons.study import read_study
+from comparisons.wild import task
+from comparisons.wild.dice import Dice
+from comparisons.wild.enumeration import EXISTS, NONE, enumerated
+from comparisons.wild.generator import FAMILIES, wild_problem
+from comparisons.wild.judge import compare, wrong
+from comparisons.wild.measures import ORDER, counts_of, entries_of
+from comparisons.wild.report import report_of, write
+from comparisons.wild.study import declared
+from comparisons.wild.task import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, solve_case
+from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve
+from qvi_contact.discretization.discretization import discretize
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.solution.result import ContactResult
+
+STRENUOUS = {"gaps": (1, 4), "units": (5,)}
+"""Problems of the sample that take seconds each."""
+
+SAMPLE = [(family, number) for family in FAMILIES for number in range(7) if number not in STRENUOUS.get(family, ())]
+
+
+def described(family, number):
+    """What a problem is made of, as text; functions by their name."""
+    try:
+        problem = wild_problem(family, number).problem
+    except InputError as error:
+        return str(error)
+    values = [repr(condition).split(" at 0x")[0] for condition in problem.conditions]
+    return repr((problem.mesh.x.tolist(), problem.mesh.y.tolist(), problem.mesh.active.tolist(), values))
+
+
+class TestGenerator:
+    """Problems."""
+
+    @pytest.mark.parametrize("family", [name for name in FAMILIES if name != "nonsense"])
+    def test_makes_the_same_problem_again_and_others_of_other_numbers(self, family):
+        first = [described(family, number) for number in range(8)]
+        assert first == [described(family, number) for number in range(8)]
+        assert len(set(first)) == 8
+
+    def test_dice_do_not_depend_on_versions(self):
+        dice = Dice("thin", 3)
+        assert [dice.whole(0, 999) for _ in range(4)] == [74, 198, 372, 275]
+
+    def test_families_are_as_wild_as_they_say(self):
+        problems = {family: made(family, range(60)) for family in ("thin", "units", "friction", "idle")}
+        aspects = [np.ptp(each.mesh.y) / np.ptp(each.mesh.x) for each in problems["thin"]]
+        assert min(aspects) < 3e-3
+        assert max(aspects) > 300.0
+        lengths = [each.mesh.length for each in problems["units"]]
+        assert min(lengths) < 1e-7
+        assert max(lengths) > 1e10
+        frictions = [c.friction for each in problems["friction"] for c in each.contacts if not callable(c.friction)]
+        assert min(frictions) == 0.0
+        assert max(frictions) == 1e3
+        assert not any(c.x or c.y for each in problems["idle"] for c in each.conditions if isinstance(c, Traction))
+
+
+def made(family, numbers):
+    """The problems that are not refused."""
+    found = []
+    for number in numbers:
+        try:
+            found.append(wild_problem(family, number).problem)
+        except InputError:
+            continue
+    return found
+
+
+class TestSample:
+    """Outcomes."""
+
+    @pytest.mark.parametrize(("family", "number"), SAMPLE)
+    def test_ends_in_an_answer_that_is_true_or_in_one_of_our_own_words(self, family, number, monkeypatch):
+        monkeypatch.setattr(task, "_solvable", lambda _: {})
+        found = solve_case({"family": family, "number": number})
+        wanted = (REFUSED,) if family == "nonsense" else (SOLVED, INFEASIBLE, OPEN, REFUSED)
+        assert found["outcome"] in wanted, found
+        assert found["warnings"] == []
+
+    def test_bodies_at_rest_are_all_solved(self):
+        outcomes = {solve_case({"family": "idle", "number": number})["outcome"] for number in range(8, 15)}
+        assert outcomes <= {SOLVED, REFUSED}
+
+
+def test_two_certified_answers_of_a_generated_body_are_said():
+    """The condensed method and pivoting end 16 % apart."""
+    result = solve(wild_problem("thin", 23).problem)
+    assert any("several solutions" in text for text in result.remarks)
+
+
+def pressed(friction=0.3, **changes):
+    """A block pressed and dragged on its bottom."""
+    mesh = RectilinearMesh(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 1.0, 4))
+    given = {"top": (2.0, -10.0), "left": (0.0, 0.0), **changes}
+    tractions = [Traction(side, *values) for side, values in given.items()]
+    return ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", friction), *tractions, Symmetry("right")])
+
+
+@pytest.fixture(scope="module")
+def right():
+    return solve(pressed())
+
+
+def forged(result, problem=None, **changes):
+    """The result with another solution, or that of another problem."""
+    known = result.discretization if problem is None else replace(result.discretization, problem=problem)
+    return ContactResult(known, replace(result.solution, **changes))
+
+
+class TestJudge:
+    """Each check fails where it ought to."""
+
+    def test_a_right_answer_has_no_error(self, right):
+        assert wrong(right) == []
+
+    def test_another_load_is_seen(self, right):
+        assert any("prescribed" in text for text in wrong(forged(right, pressed(top=(2.0, -11.0)))))
+
+    def test_less_friction_is_seen(self, right):
+        assert any(text.startswith("friction on bottom") for text in wrong(forged(right, pressed(0.01))))
+
+    def test_a_body_force_that_is_not_there_is_seen(self, right):
+        heavy = replace(pressed(), body_potential=lambda _, y: 3.0 * y)
+        result = ContactResult(replace(right.discretization, problem=heavy), right.solution)
+        assert not wrong(solve(heavy))
+        assert wrong(result)
+
+    def test_tension_is_seen(self):
+        result = solve(pressed(top=(0.0, -10.0)))
+        assert any("tension" in text for text in wrong(forged(result, z=-3.0 * result.solution.z)))
+
+    def test_more_energy_than_needed_is_seen(self, right):
+        """The state of another friction bound obeys the law of a larger one, and is not the least."""
+        slipping = solve(pressed(0.21, top=(2.0, -10.0)))
+        difference = compare(forged(slipping, pressed(0.9)), solve(pressed(0.9)))
+        assert difference.differs
+        assert not compare(right, solve(right.discretization, method="fixed-point")).differs
+
+
+class TestEnumeration:
+    """States gone through."""
+
+    def test_of_a_plate(self):
+        assert enumerated(discretize(compressed_plate(0.2, (2, 2))).qvi, 20.0) == EXISTS
+
+    def test_of_a_block_dragged_beyond_its_limit(self):
+        free = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+        mesh = pressed().mesh
+        dragged = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.1), Traction("top", 2.0, -10.0), *free])
+        assert enumerated(discretize(dragged).qvi, 20.0) == NONE
+
+
+def test_command_writes_report_and_rows(tmp_path, capfd):
+    import sys
+
+    from comparisons.cli import group
+    from qvi_contact.basics import terminal
+
+    out, store = tmp_path / "out", tmp_path / "few.sqlite"
+    words = ["wild", "--each", "1", "--only", "thin", "nonsense", "--store", str(store), "--out", str(out)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["comparisons", *words])
+        with pytest.raises(SystemExit) as caught:
+            terminal.run(group, "comparisons")
+    assert caught.value.code == 0, capfd.readouterr().err
+    entries = entries_of(read_study(store))
+    assert [(entry.family, entry.number) for entry in entries] == [("thin", 0), ("nonsense", 0)]
+    assert sum(counts_of(entries).values()) == 2
+    assert tuple(counts_of(entries)) == ORDER
+    assert sorted(path.name for path in out.iterdir()) == ["wild.csv", "wild.html", "wild.md"]
+    before = (out / "wild.csv").read_bytes()
+    write(report_of(read_study(store)), entries, out)
+    assert (out / "wild.csv").read_bytes() == before
+
+
+def test_unknown_family_is_refused():
+    with pytest.raises(InputError, match="choose among thin"):
+        declared(["thick"], 1)
+
+
+def test_outcomes_of_failures(monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr(task, "wild_problem", broken)
+    assert solve_case({"family": "thin", "number": 0})["outcome"] == FOREIGN
+    monkeypatch.setattr(task, "wild_problem", lambda *_: task.Wild(pressed(), {}, "gap = nonsense"))
+    assert solve_case({"family": "nonsense", "number": 0})["outcome"] == ACCEPTED
