@@ -126,8 +126,10 @@ def solve_qvi(
         if by_default and _worth_another(solution, options):
             seconds = max(LEAST_SECONDS, time.perf_counter() - began)
             solution = _second(qvi, solution, tolerance, options, seconds) if not expired() else out_of_time(solution)
-        if by_default and solution.solved and not expired() and (remark := another_solution(qvi, solution, tolerance)):
-            solution = dataclasses.replace(solution, remarks=(remark,))
+        if by_default and solution.solved and not expired():
+            doubted = solution.method != chosen or bool(solution.remarks)
+            remark = another_solution(qvi, solution, tolerance, doubted=doubted)
+            solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution

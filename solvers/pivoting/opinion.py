@@ -15,16 +15,18 @@ from solvers.pivoting.method import affordable, other_ends
 from solvers.solution.finish import WHAT_TO_DO
 from solvers.solution.solution import QVISolution
 
-LARGEST = 48
-"""Contact points up to which a second opinion is asked for: some hundredths of a second."""
+LARGEST_DOUBTED, LARGEST_PLAIN = 48, 16
+"""Contact points up to which a second opinion is asked for, where the way to a solution had to turn or the first method
+failed, and where nothing was the matter: some hundredths and some thousandths of a second."""
 
 _OTHER = 1e-4  # difference of tractions, over the largest one, that is not the certificates' error
 
 
-def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float) -> str:
+def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, *, doubted: bool = True) -> str:
     """A sentence if there is a certified solution with other tractions at the end of another way, else nothing."""
+    largest = LARGEST_DOUBTED if doubted else LARGEST_PLAIN
     moving = (qvi.mu > 0.0) & (qvi.cap > qvi.cohesion)
-    if not (moving.any() and qvi.m <= LARGEST and affordable(qvi)):
+    if not (moving.any() and qvi.m <= largest and affordable(qvi)):
         return ""
     size = solution.certificate.scales["stress"]
     compliance = Compliance(qvi)
