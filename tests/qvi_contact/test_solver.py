@@ -19,7 +19,7 @@ from qvi_contact import (
     solve_history,
 )
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.solution import solver
+from qvi_contact.solution import reach
 from solvers import Status, solve_qvi
 
 
@@ -93,7 +93,7 @@ def test_a_certified_answer_is_not_given_up(monkeypatch, status):
         solution = solve_qvi(qvi, **settings)
         return solution if solution.solved else replace(solution, status=status)
 
-    monkeypatch.setattr(solver, "solve_qvi", ends_so)
+    monkeypatch.setattr(reach, "solve_qvi", ends_so)
     result = solve(sheared_block())
     assert result.status is Status.SOLVED
     assert result.certificate.passed
@@ -108,7 +108,7 @@ def test_a_limit_of_the_caller_is_no_reason_to_give_up_a_shear(monkeypatch):
         calls.append(settings)
         return solve_qvi(qvi, **settings)
 
-    monkeypatch.setattr(solver, "solve_qvi", counted)
+    monkeypatch.setattr(reach, "solve_qvi", counted)
     result = solve(sheared_block(), method="uzawa", iterations=3)
     assert (result.status, len(calls)) == (Status.MAX_ITERATIONS, 1)
     assert not len(result.discretization.freed)
@@ -124,7 +124,7 @@ def test_time_that_is_over_while_corners_are_given_up(monkeypatch, clock):
         clock.passes(1.0)
         return replace(solution, status=Status.STALLED)
 
-    monkeypatch.setattr(solver, "solve_qvi", slow)
+    monkeypatch.setattr(reach, "solve_qvi", slow)
     result = solve(sheared_block(), time_limit=1.5)
     assert result.status is Status.TIME_LIMIT
     assert result.message.startswith("time limit")
