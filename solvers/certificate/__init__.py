@@ -1,6 +1,6 @@
 """What is true of a state: the certificate, its measures, feasibility and uniqueness."""
 
-from solvers.certificate.certificate import EXPONENTS, Certificate, CertificateRow, certify, scales_at
+from solvers.certificate.certificate import EXPONENTS, Certificate, CertificateRow, body_scales, certify, scales_at
 from solvers.certificate.feasibility import AdmissibleRows, Feasibility, check_feasibility, is_farkas
 from solvers.certificate.measures import MEASURES, Measure
 from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
@@ -14,6 +14,7 @@ __all__ = [
     "Feasibility",
     "Measure",
     "UniquenessBound",
+    "body_scales",
     "certify",
     "check_feasibility",
     "is_farkas",

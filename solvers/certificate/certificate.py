@@ -259,25 +259,33 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     )
 
 
-def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[str, float]:
-    """Scales "stress", "displacement", "energy" of the contact and "body_energy" of the whole state z.
+def _contact_scales(qvi: FrictionQVI) -> tuple[float, float]:
+    """Length and stiffness of the contact; without one, or with tractions that nothing can change, any does."""
+    return _nonzero(float(qvi.W.sum())), _nonzero(qvi.contact_stiffness)
 
-    `body` is the strain energy at z, if it is known already.
-    """
-    length = _nonzero(float(qvi.W.sum()))
-    stiffness = _nonzero(qvi.contact_stiffness)  # without contact, or with tractions that nothing can change, any does
+
+def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
+    """Energy and stress of the body, and the traction up to which a contact carries nothing; `body` is its energy."""
+    length, stiffness = _contact_scales(qvi)
     reference = length / stiffness  # energy of unit stress
-    body = qvi.strain_energy(z) if body is None else body
     least = _LITTLE
     if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
         reference = min(reference, qvi.bonded_energy or reference)
         if body <= _NOTHING**2 * reference:
             body, least = reference, _NOTHING
-    in_body = float(np.sqrt(body * stiffness / length))
+    stress = float(np.sqrt(body * stiffness / length))
+    return body, stress, least * stress
+
+
+def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[str, float]:
+    """Scales "stress", "displacement", "energy" of the contact and "body_energy" of the whole state z.
+
+    `body` is the strain energy at z, if it is known already.
+    """
+    length, stiffness = _contact_scales(qvi)
+    body, in_body, least = body_scales(qvi, qvi.strain_energy(z) if body is None else body)
     stress = max(largest(qvi.normal(z)), largest(qvi.tangential(z)))
-    if stress <= least * in_body:
-        stress = in_body
-    stress = _nonzero(stress)
+    stress = _nonzero(in_body if stress <= least else stress)
     displacement = stress / stiffness
     body = _nonzero(body)
     energy = min(stress * displacement * length, body)

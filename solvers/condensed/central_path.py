@@ -6,8 +6,8 @@ unknown like the others, and the step goes along the tangent
 
     T ∝ (dlog τ, ds/s, dλ/λ),   norm² = (dlog τ)² + Σ W ((ds/s)² + (dλ/λ)²) / Σ W,
 
-in the direction in which the curve was followed so far, with Newton steps normal to it (pseudo-arclength continuation,
-H. B. Keller, 1977).
+pull and push counted as further s and λ, in the direction in which the curve was followed so far, with Newton steps
+normal to it (pseudo-arclength continuation, H. B. Keller, 1977).
 """
 
 import numpy as np
@@ -31,8 +31,8 @@ class CentralPath:
     def __init__(self, method: InteriorPoint) -> None:
         self._method = method
         weights = method.problem.weights
-        half = weights / weights.sum()
-        self._metric: Vector = np.concatenate([[1.0], half, half])
+        half, split = weights / weights.sum(), method.problem.split_weights / weights.sum()
+        self._metric: Vector = np.concatenate([[1.0], half, half, split, split])
         self._log: float = float(np.log(method.parameter()))
         self._start = self._log
         self._tangent: Vector | None = None
@@ -54,10 +54,10 @@ class CentralPath:
         method = self._method
         self._steps += 1
         point, residuals = method.point, method.residuals()
-        target = np.exp(self._log) * method.problem.shares
+        target = np.exp(self._log) * method.shares
         newton = Newton.at(method.problem, point, residuals)
         along = newton.step(target, only=True)
-        back = newton.step(target - point.s * point.lam)
+        back = newton.step(target - point.products)
         tangent, change = self._relative(1.0, along), self._relative(0.0, back)
         tangent_unit = tangent / np.sqrt(self._metric @ tangent**2)
         before = self._tangent if self._tangent is not None else np.concatenate([[-1.0], np.zeros(len(tangent) - 1)])
@@ -87,7 +87,8 @@ class CentralPath:
 
     def _relative(self, log: float, step: Step) -> Vector:
         point = self._method.point
-        return np.concatenate([[log], step.s / point.s, step.lam / point.lam])
+        changes = (step.s / point.s, step.lam / point.lam, step.pull / point.pull, step.push / point.push)
+        return np.concatenate([[log], *changes])
 
 
 def _sum(first: Step, second: Step, factor: float) -> Step:

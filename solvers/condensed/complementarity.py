@@ -1,6 +1,6 @@
 """Contact and friction as one mixed complementarity problem in trace coordinates y.
 
-With the pressure p = −σ_N (|σ_N| at bilateral points, smoothed as √(σ_N² + δ²) with δ → 0) every condition is a slack
+With the pressure p = −σ_N, at bilateral points |σ_N|, every condition is a slack
 
     normal      s = −σ_N                            at unilateral points
     friction    s = cohesion + mu p − σ_T,          multiplier λ₊
@@ -10,15 +10,24 @@ With the pressure p = −σ_N (|σ_N| at bilateral points, smoothed as √(σ_N�
 with s ≥ 0, λ ≥ 0, s λ = 0, m_N = W λ_N and m_T = W Σ (λ₊ − λ₋). As |σ_N| = −σ_N the threshold is linear in y and needs
 no outer iteration; the problem is not symmetric, since the pressure in the threshold has no multiplier of its own:
 
-    S y + c + Bᵀ W λ + Aᵀ ν = 0,    s = slack(y),    A y = b,
+    S y + c + Bᵀ W λ + Aᵀ ν = 0,    s = slack(y, p),    A y = b,
 
-rows of B the tractions on which λ works, C(y) = −∂slack/∂y. Points whose bound is always zero give equations σ_T = 0.
-Equations are solved for some of the coordinates (`equations`).
+rows of B the tractions on which λ works. At bilateral points with friction |σ_N| has a kink. There
+
+    σ_N = pull − push,    p = pull + push,    pull ≥ 0,  push ≥ 0,  pull push = 0,
+
+one more complementarity: slacks stay linear in all unknowns, and where pull push = δ²/4 is p = √(σ_N² + δ²). Points
+whose bound is always zero give equations σ_T = 0. Equations are solved for some of the coordinates (`equations`).
 """
 
+from functools import cached_property
+from typing import Final
+
 import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from solvers.basics.types import IntVector, Matrix, Vector
+from solvers.certificate import body_scales
 from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
 from solvers.condensed.reduction import Base, Reduction
@@ -29,9 +38,12 @@ FRICTION_SHARES = (1000.0, 100.0, 1e4, 10.0)
 """s λ of friction bounds and caps over s λ of normal bounds on the central path, one after the other if need be: with 1
 the path often turns back where contact opens and friction is large."""
 
-_UNLOADED = 1e-7  # tractions smaller than this share of the stress in the body are none
+SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
+"""Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""
+
+_EPSILON = float(np.finfo(np.float64).eps)
+_TERMS = 16.0  # roundings of the size of a sum's terms that count as none
 _FIRST = 1e-3  # the same of the stress at the start, before the first correction
-_SMOOTHEST, _SHARPEST, _SHARPER = 1.0, 1e-14, 0.1  # δ over the scale of stress, and its reduction
 
 
 class Complementarity:
@@ -43,6 +55,11 @@ class Complementarity:
     B : (q, k) rows
     weights : (q,) W of each bound
     shares : (q,) what s λ is on the central path, relative
+    friction : (q,) mu where a bound depends on the pressure, else 0
+    pressed : (q,) the normal bound of the pressure on which a bound depends, −1 without one
+    traction, slot : (q,) the traction on which λ works, and its place among at most `SLOTS` bounds of that traction; B
+        has the rows of tractions first, those of slot 0
+    split : (b,) bilateral points whose bound depends on |σ_N|
     sizes : (q,) what s may be relative to the tractions: 1 + mu for friction, else 1
     stress : scale of the tractions
 
@@ -53,7 +70,6 @@ class Complementarity:
     ) -> None:
         self._share = share
         self._qvi, self._reduction, self.stress = qvi, reduction, stress
-        self._smoothing = _SMOOTHEST * stress
         frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), reduction.E_T, qvi.W)
         self._equations = Equations.of(reduction.A, frictionless, reduction.size)
         self._lay_out()
@@ -70,23 +86,46 @@ class Complementarity:
         self._points: IntVector = np.concatenate(parts)
         self._sign: Vector = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], lengths)
         self._is_cap = np.repeat([False, False, False, True, True], lengths)
+        count = len(normal) + len(friction)
+        places = np.full((2, qvi.m), -1)
+        places[0, normal], places[1, friction] = np.arange(len(normal)), np.arange(len(normal), count)
+        self.traction: IntVector = places[np.where(self._sign == 0.0, 0, 1), self._points]
+        above, below = len(normal) + np.arange(len(friction)), count + np.arange(len(friction))
+        cap = count + len(friction) + np.arange(len(capped))
+        self._above, self._below = np.concatenate([above, cap]), np.concatenate([below, cap + len(capped)])
+        self.slot: IntVector = np.repeat([0, 0, 1, 2, 3], lengths)
+        rubs = (self._sign != 0.0) & ~self._is_cap & (qvi.mu[self._points] > 0.0)
+        self.pressed: IntVector = np.where(rubs, places[0, self._points], -1)
+        self.friction: Vector = np.where(rubs, qvi.mu[self._points], 0.0)
+        least = np.where(qvi.mu > 0.0, qvi.cohesion, np.minimum(qvi.cohesion, qvi.cap))[self._points]
+        fixed = np.where(self._is_cap, qvi.cap[self._points], least)
+        self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
         self.weights: Vector = qvi.W[self._points]
         self.sizes: Vector = np.where(self._is_cap | (self._sign == 0.0), 1.0, 1.0 + qvi.mu[self._points])
         self.shares: Vector = np.where(self._sign == 0.0, 1.0, self._share)
         whole = len(self._equations.free) == self._reduction.size
         self._all_N: Rows = E_N if whole else mapped(E_N, self._equations.map)
         self._all_T: Rows = E_T if whole else mapped(E_T, self._equations.map)
+        self._size_N, self._size_T = abs(self._all_N), abs(self._all_T)
         tangential = scaled(self._sign[len(normal) :], self._all_T[self._points[len(normal) :]])
         self.B: Rows = stacked([self._all_N[normal], tangential])
         self._B_transposed: Rows = transposed(self.B)
+        self.split: IntVector = np.flatnonzero(qvi.bilateral & (qvi.mu > 0.0) & ~qvi.frictionless)
+        self.split_weights: Vector = qvi.W[self.split]
+        self._split_rows: Rows = self._all_N[self.split]
+        self._rubs: IntVector = np.flatnonzero(
+            rubs & qvi.bilateral[self._points]
+        )  # bounds that depend on |σ_N| of a point in `split`
+        self._splits: IntVector = np.searchsorted(self.split, self._points[self._rubs])  # which one
         self._constant: Rows | None = None
-        if not (qvi.bilateral & (qvi.mu > 0.0)).any():
-            self._constant = self._slack_rows(np.zeros(qvi.m))
+        if not len(self.split):
+            self._constant = self.slack_rows(np.zeros(0))
 
     def rebase(self, base: Base) -> None:
         """Pose the problem about another point; u = 0 there, up to what equations had missed."""
         reduction = self._reduction
-        self._in_body = float(np.sqrt(2.0 * base.strain_energy * reduction.contact_stiffness / self._qvi.W.sum()))
+        self._moved = bool(base.z.any())
+        _, self._in_body, self._nothing = body_scales(self._qvi, base.strain_energy) if self._moved else (0.0, 0.0, 0.0)
         self._base = base
         self._offset: Vector = self._equations.offset(base.equality, base.tangential)
         half = base.c + 0.5 * (reduction.stiffness @ self._offset)
@@ -94,15 +133,6 @@ class Complementarity:
         self._energy = self._qvi.energy(z) + float(half @ self._offset)
         self.c: Vector = self._equations.map.T @ (base.c + reduction.stiffness @ self._offset)
         self._normal, self._tangential = reduction.tractions(base, self._offset)
-
-    @property
-    def is_sharp(self) -> bool:
-        """Whether |σ_N| is no longer smoothed, or need not be."""
-        return self._constant is not None or self._smoothing <= _SHARPEST * self.stress
-
-    def sharpen(self) -> None:
-        """Smooth |σ_N| less."""
-        self._smoothing = max(_SHARPER * self._smoothing, _SHARPEST * self.stress)
 
     def full(self, u: Vector) -> Vector:
         """All trace coordinates y."""
@@ -121,36 +151,98 @@ class Complementarity:
         return float(np.abs(self._tangential[self._qvi.frictionless]).max(initial=0.0)) / self.stress
 
     def stress_at(self, y: Vector) -> float:
-        """Max |σ_N|, |σ_T|; where the contact carries nothing that of the body, much as `certificate` does."""
+        """Max |σ_N|, |σ_T|; where the contact carries nothing that of the body, as `certificate` does."""
         largest = max(float(np.abs(part).max(initial=0.0)) for part in self.tractions(y))
-        if self._in_body == 0.0:  # nothing is known of the body yet
+        if not self._moved:  # nothing is known of the body yet
             return max(largest, _FIRST * self.stress)
-        return largest if largest > _UNLOADED * self._in_body else self._in_body
+        return largest if largest > self._nothing else self._in_body
 
-    def slack(self, y: Vector) -> Vector:
-        """s(y) (q,)."""
-        qvi, points = self._qvi, self._points
+    def slack(self, y: Vector, size: Vector) -> Vector:
+        """Slacks s (q,) for coordinates y and |σ_N| (b,) at the points `split`."""
+        points = self._points
         normal, tangential = self.tractions(y)
-        pressure = np.where(qvi.bilateral, np.hypot(normal, self._smoothing), -normal)
-        cap = np.where(qvi.mu > 0.0, np.inf, qvi.cap)
-        bound = np.minimum(qvi.cohesion + qvi.mu * pressure, cap)[points]
-        bound = np.where(self._is_cap, qvi.cap[points], bound)
-        return np.where(self._sign == 0.0, -normal[points], bound - self._sign * tangential[points])
+        pressure = -normal
+        pressure[self.split] = size
+        shear = np.where(self._sign == 0.0, normal[points], self._sign * tangential[points])
+        return self._fixed + self.friction * pressure[points] - shear
 
-    def slack_rows(self, y: Vector) -> Rows:
-        """C(y) = −∂slack/∂y (q, k)."""
-        return self._constant if self._constant is not None else self._slack_rows(self.tractions(y)[0])
+    def slack_residual(self, y: Vector, s: Vector, size: Vector) -> Vector:
+        """What s (q,) differs from the slacks, with zeros where it is rounding: λ/s would make much of it.
 
-    def _slack_rows(self, normal: Vector) -> Rows:
-        qvi, points = self._qvi, self._points
-        smooth = np.hypot(normal, self._smoothing)
-        change = np.where(qvi.bilateral, normal / np.where(smooth > 0.0, smooth, 1.0), -1.0)  # of the pressure
-        factor = np.where(self._is_cap | (self._sign == 0.0), 0.0, (qvi.mu * change)[points])
-        return scaled(-factor, self._all_N[points]) + self.B
+        Two bounds on either side of a traction have a sum in which the tractions cancel. It is taken from the slacks
+        themselves, so that it keeps its digits where a point opens and all its slacks are tiny.
+        """
+        normal, tangential = self.tractions(y)
+        normal_rounding, tangential_rounding = self._rounding(y)
+        count = len(self._points) - 2 * len(self._above)
+        points, pairs = self._points[:count], self._points[self._above]
+        residual = np.zeros(len(self._points))
+        residual[:count] = _beyond(s[:count] + normal[points], normal_rounding[points])
+        above, below = s[self._above], s[self._below]
+        pressed = self.pressed[self._above]
+        pressure = self.friction_of(size)[self._above]
+        pressure += np.where(pressed >= 0, self.friction[self._above] * s[pressed], 0.0)
+        bound = self._fixed[self._above] + pressure
+        both = 4.0 * _EPSILON * (above + below + 2.0 * bound)
+        total = _beyond(above + below - 2.0 * bound, both)
+        half = _beyond(0.5 * (above - below) + tangential[pairs], both + tangential_rounding[pairs])
+        missed = np.where(pressed >= 0, self.friction[self._above] * residual[pressed], 0.0)
+        residual[self._above] = 0.5 * total + half + missed
+        residual[self._below] = 0.5 * total - half + missed
+        return residual
+
+    def split_residual(self, y: Vector, difference: Vector) -> Vector:
+        """σ_N (b,) at the points `split` less the difference of pull and push, with zeros where it is rounding."""
+        if not len(self.split):
+            return np.zeros(0)
+        return _beyond(self.split_normal(y) - difference, self._rounding(y)[0][self.split])
+
+    def _rounding(self, y: Vector) -> tuple[Vector, Vector]:
+        """What the rounding of y and of sums may change of σ_N and σ_T (m,) each."""
+        size = np.abs(y)
+        return (
+            _TERMS * _EPSILON * (np.abs(self._normal) + self._size_N @ size),
+            _TERMS * _EPSILON * (np.abs(self._tangential) + self._size_T @ size),
+        )
+
+    def split_normal(self, y: Vector) -> Vector:
+        """σ_N (b,) at the points `split`."""
+        return np.asarray(self._normal[self.split] + self._split_rows @ y)
+
+    def split_change(self, y: Vector) -> Vector:
+        """Change of σ_N (b,) at the points `split` by a change of y."""
+        return np.asarray(self._split_rows @ y)
+
+    def friction_of(self, size: Vector) -> Vector:
+        """What |σ_N| (b,) of the points `split` adds to the bounds (q,) in which it appears."""
+        values = np.zeros(len(self._points))
+        values[self._rubs] = self.friction[self._rubs] * size[self._splits]
+        return values
+
+    def slack_rows(self, slope: Vector) -> Rows:
+        """C = −ds/dy (q, k), where the slope d|σ_N|/dσ_N (b,) is given at the points `split`."""
+        if self._constant is not None:
+            return self._constant
+        change = np.full(self._qvi.m, -1.0)  # of the pressure
+        change[self.split] = slope
+        return scaled(-self.friction * change[self._points], self._all_N[self._points]) + self.B
 
     def energy(self, y: Vector) -> float:
         """Of (D2), with what the base lacks in accuracy."""
         return self._energy + float(0.5 * y @ (self.S @ y) + self.c @ y)
+
+    def energy_norm(self, force: Vector) -> float:
+        """√(fᵀ S⁻¹ f) of a force (k,): how far it moves the body; 0 where S is no longer definite to rounding."""
+        if self._cholesky is None or not len(force):
+            return 0.0
+        return float(np.sqrt(abs(force @ cho_solve(self._cholesky, force))))
+
+    @cached_property
+    def _cholesky(self) -> tuple[Matrix, bool] | None:
+        try:
+            return cho_factor(self.S, lower=True) if len(self.S) else None
+        except LinAlgError:
+            return None
 
     def force(self, multipliers: Vector) -> Vector:
         """BᵀWλ (k,)."""
@@ -172,3 +264,8 @@ class Complementarity:
         )  # fmt: skip
         nu, frictionless = self._equations.multipliers(residual, qvi.m, qvi.p)
         return m_N, m_T + frictionless, nu
+
+
+def _beyond(values: Vector, rounding: Vector) -> Vector:
+    """The values, 0 where they are rounding."""
+    return np.where(np.abs(values) > rounding, values, 0.0)

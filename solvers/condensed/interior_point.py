@@ -1,12 +1,14 @@
 """Primal-dual interior point method for `Complementarity`, with Mehrotra's predictor and Gondzio's correctors.
 
-Each iteration factorises, once, the Newton matrix of the conditions with s λ = τ ω, ω the shares of the bounds:
+Each iteration factorises, once, the Newton matrix of the conditions with s λ = τ ω and pull push = τ ω, ω the shares:
 
-    (S + BᵀW diag(λ/s) C(y)) dy = …,    ds = slack(y) − s − C dy,    dλ = (target − s λ − λ ds) / s.
+    (S + BᵀW diag(λ/s) C) dy = …,    ds = slack − s − C dy,    dλ = (target − s λ − λ ds) / s,
+    d(pull + push) = (2 (target − pull push) + (pull − push) (dσ_N + what σ_N = pull − push lacks)) / (pull + push).
 
-One step length is taken for everything, since the threshold couples slacks and multipliers. Sources: S. Mehrotra, SIAM
-J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex problems; nothing is proved for this one,
-which is not monotone, hence `central_path`, and the certificate.
+Only products are nonlinear: a step of length t leaves 1 − t of every residual, and the kink of |σ_N| is rounded off by
+as much as the gap is open, no less. One step length is taken for everything, since the threshold couples slacks and
+multipliers. Sources: S. Mehrotra, SIAM J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex
+problems; nothing is proved for this one, which is not monotone, hence `central_path`, and the certificate.
 """
 
 from dataclasses import dataclass
@@ -28,37 +30,54 @@ _CORRECTORS = 2
 _REFINEMENTS = 1
 _GAIN = 0.02  # by which a corrector has to lengthen the step
 _START = 0.1  # least slack and multiplier at the start, of the scales
-_ROUNDING = 1e-14  # of slacks, relative to the tractions
+_SMOOTHEST = 1.0  # √(4 pull push) at the start, of the scale of stress
+_SHARPER = 0.1  # of the shares of pull push, where it lags behind
 _FINEST = 1e-17  # gap below which slacks and multipliers lose their digits
 _LEAST = 1e-300
 
 
 @dataclass(eq=False)
 class Point:
-    """An iterate: y (k,), slacks s > 0 and multipliers λ > 0 (q,)."""
+    """An iterate: y (k,), slacks s > 0 and multipliers λ > 0 (q,), pull > 0 and push > 0 (b,)."""
 
     y: Vector
     s: Vector
     lam: Vector
+    pull: Vector
+    push: Vector
+
+    @property
+    def products(self) -> Vector:
+        """All s λ and pull push (q + b,)."""
+        return np.concatenate([self.s * self.lam, self.pull * self.push])
 
     def moved(self, step: "Step", length: float) -> "Point":
         """The point a step further."""
-        return Point(self.y + length * step.y, self.s + length * step.s, self.lam + length * step.lam)
+        here = (self.y, self.s, self.lam, self.pull, self.push)
+        return Point(*(value + length * change for value, change in zip(here, step, strict=True)))
 
 
 class Step(NamedTuple):
-    """Changes of y, s and λ."""
+    """Changes of the unknowns of a `Point`."""
 
     y: Vector
     s: Vector
     lam: Vector
+    pull: Vector
+    push: Vector
+
+    @property
+    def products(self) -> Vector:
+        """Of second order, in the products (q + b,)."""
+        return np.concatenate([self.s * self.lam, self.pull * self.push])
 
 
 class Residuals(NamedTuple):
-    """What is left of S y + c + BᵀWλ = 0 (k,), and s − slack(y) (q,)."""
+    """What is left of S y + c + BᵀWλ = 0 (k,), s = slack (q,) and σ_N = pull − push (b,)."""
 
     force: Vector
     slack: Vector
+    split: Vector
 
 
 @dataclass(frozen=True)
@@ -68,40 +87,64 @@ class Measures:
     Attributes
     ----------
     gap : Σ W s λ over stress × displacement × Σ W, both as large as they are at the iterate
-    slack : largest |s − slack(y)| over the stress, of friction bounds over 1 + mu times the stress
+    slack : largest |s − slack| over the stress, of friction bounds over 1 + mu times the stress; |σ_N − pull + push|
+    kink : largest pull + push − |σ_N| over the stress
     force : largest residual of y, of its largest term or of what the scale of displacement would cause
 
     """
 
     gap: float
     slack: float
+    kink: float
     force: float
+
+    @property
+    def worst(self) -> float:
+        """The largest of them."""
+        return max(self.gap, self.slack, self.kink, self.force)
 
 
 class InteriorPoint:
-    """The method's state for one problem; `displacement` is the scale of λ."""
+    """The method's state for one problem; `displacement` is the scale of λ.
+
+    Attributes
+    ----------
+    point : the iterate
+    shares : (q + b,) what the products are on the central path, over τ
+    least : τ is not made smaller
+    accurate : whether Newton steps are those of `saddle`
+
+    """
 
     def __init__(self, problem: Complementarity, displacement: float) -> None:
         self.problem, self.displacement = problem, displacement
-        self.least = 0.0  # τ is not made smaller
-        self.accurate = False  # whether Newton steps are those of `saddle`
-        y = np.zeros(problem.S.shape[0])
-        self.point = Point(y, problem.sizes, _START * displacement * problem.shares / problem.sizes)
-        self.start_at(y)
+        self.least = 0.0
+        self.accurate = False
+        self.start_at(np.zeros(problem.S.shape[0]))
         self._force_scale = displacement * float(np.abs(problem.force(np.ones(len(problem.weights)))).max(initial=0.0))
 
     def start_at(self, y: Vector) -> None:
         """Start from trace coordinates, with slacks away from zero."""
-        least = _START * self.problem.stress * self.problem.sizes
-        self.point = Point(y, np.maximum(self.problem.slack(y), least), self.point.lam)
+        problem = self.problem
+        normal = problem.split_normal(y)
+        smooth = np.hypot(normal, _SMOOTHEST * problem.stress)
+        s = np.maximum(problem.slack(y, smooth), _START * problem.stress * problem.sizes)
+        lam = _START * self.displacement * problem.shares / np.maximum(problem.sizes, s / problem.stress)
+        self.point = Point(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
+        kink = self.point.pull * self.point.push / max(self.parameter(), _LEAST)  # the same at all points
+        self.shares = np.concatenate([problem.shares, kink])
 
     def residuals(self) -> Residuals:
         """At the current point."""
         problem, point = self.problem, self.point
         force = problem.S @ point.y + problem.c + problem.force(point.lam)
-        slack = point.s - problem.slack(point.y)
-        slack[np.abs(slack) <= _ROUNDING * problem.stress * problem.sizes] = 0.0  # λ/s would make much of it
-        return Residuals(force, slack)
+        slack = problem.slack_residual(point.y, point.s, point.pull + point.push)
+        split = problem.split_residual(point.y, point.pull - point.push)
+        return Residuals(force, slack, split)
+
+    def sharpen(self) -> None:
+        """Aim at smaller pull push: where both vanish they would else fall like √τ each."""
+        self.shares[len(self.point.s) :] *= _SHARPER
 
     def measures(self, residuals: Residuals) -> Measures:
         """At the current point."""
@@ -109,27 +152,28 @@ class InteriorPoint:
         stress = problem.stress_at(self.point.y)
         unit = stress * (stress / problem.stress * self.displacement) * float(problem.weights.sum())
         gap = float(problem.weights @ (self.point.s * self.point.lam)) / max(unit, _LEAST)
-        slack = float(np.abs(residuals.slack / problem.sizes).max(initial=0.0)) / stress
+        slack = max(_largest(residuals.slack / problem.sizes), _largest(residuals.split)) / stress
+        kink = 2.0 * _largest(np.minimum(self.point.pull, self.point.push)) / stress
         terms = (problem.S @ self.point.y, problem.c, problem.force(self.point.lam))
         size = max(self._force_scale, *(float(np.abs(term).max(initial=0.0)) for term in terms), _LEAST)
         self.least = _FINEST * unit / max(float(problem.weights @ problem.shares), _LEAST)
-        return Measures(gap, slack, float(np.abs(residuals.force).max(initial=0.0)) / size)
+        return Measures(gap, slack, kink, _largest(residuals.force) / size)
 
     def iterate(self, residuals: Residuals) -> float:
         """One iteration; returns the length of its step."""
         point = self.point
         newton = Newton.at(self.problem, point, residuals, accurate=self.accurate)
-        products = point.s * point.lam
+        products = point.products
         tau = self.parameter()
         affine = newton.step(-products)
         reach = min(1.0, _longest(point, affine))
         trial = point.moved(affine, reach)
         ahead = float(self.problem.weights @ (trial.s * trial.lam))
-        now = max(float(self.problem.weights @ products), _LEAST)
+        now = max(float(self.problem.weights @ (point.s * point.lam)), _LEAST)
         centring = min(1.0, max((max(ahead, 0.0) / now) ** 3, 1e-6, (1.0 - reach) ** 3))
         damping = 1.0 if reach >= _SHORT else reach**2
-        target = max(centring * tau, self.least) * self.problem.shares
-        comp = target - products - damping * affine.s * affine.lam
+        target = max(centring * tau, self.least) * self.shares
+        comp = target - products - damping * affine.products
         step, length = _corrected(newton, point, comp, target)
         length = self._in_neighbourhood(step, min(1.0, _STEP * length))
         self.point = point.moved(step, length)
@@ -137,23 +181,26 @@ class InteriorPoint:
 
     def parameter(self) -> float:
         """τ of the current point: Σ W s λ / Σ W ω; 0 without bounds."""
+        return self._parameter(self.point)
+
+    def _parameter(self, point: Point) -> float:
         problem = self.problem
         total = float(problem.weights @ problem.shares)
-        return float(problem.weights @ (self.point.s * self.point.lam)) / total if total > 0.0 else 0.0
+        return float(problem.weights @ (point.s * point.lam)) / total if total > 0.0 else 0.0
 
     def _in_neighbourhood(self, step: Step, length: float) -> float:
-        """Shorten the step until no product s λ is far below the others."""
-        shares, weights = self.problem.shares, self.problem.weights
-        total = float(weights @ shares)
-        products = self.point.s * self.point.lam
-        least = min(_NEIGHBOURHOOD, float((products / shares).min(initial=np.inf)) / max(self.parameter(), _LEAST))
+        """Shorten the step until no product is far below the others."""
+        least = min(_NEIGHBOURHOOD, self._centrality(self.point))
         for _ in range(20):
-            new = self.point.moved(step, length)
-            products = new.s * new.lam
-            if not total or float((products / shares).min()) >= 0.9 * least * float(weights @ products) / total:
+            if self._centrality(self.point.moved(step, length)) >= 0.9 * least:
                 break
             length *= 0.8
         return length
+
+    def _centrality(self, point: Point) -> float:
+        """The smallest of the products, relative to those of the central path."""
+        target = max(self._parameter(point), _LEAST) * self.shares
+        return float((point.products / target).min(initial=np.inf))
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +219,7 @@ class Newton:
     @classmethod
     def at(cls, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> "Newton":
         """Assemble and factorise, scaled to a diagonal of 1; `accurate`: as in `saddle`."""
-        rows = problem.slack_rows(point.y)
+        rows = problem.slack_rows((point.pull - point.push) / (point.pull + point.push))
         if accurate:
             nothing = np.zeros(0)
             saddle = Saddle.at(problem, point.s, point.lam, rows)
@@ -188,27 +235,40 @@ class Newton:
         return cls(point, problem, residuals, rows, scale, factor, pivots)
 
     def step(self, comp: Vector, *, only: bool = False) -> Step:
-        """The change that makes s λ grow by comp; `only`: without reducing the residuals."""
-        force, slack = self.residuals
+        """The change that makes the products grow by comp (q + b,); `only`: without reducing the residuals."""
+        residuals, point, problem = self.residuals, self.point, self.problem
         if only:
-            force, slack = 0.0 * force, 0.0 * slack
+            residuals = Residuals(*(0.0 * residual for residual in residuals))
+        force, slack, split = residuals
+        work, kink = comp[: len(point.s)], comp[len(point.s) :]
+        # |σ_N| changes by this much, and by its slope times the change of σ_N.
+        size = (2.0 * kink + (point.pull - point.push) * split) / (point.pull + point.push)
+        slack = slack - problem.friction_of(size)
+        y, s, lam = self._bounds(force, slack, work)
+        normal = problem.split_change(y) + split
+        pull, push = kink + point.pull * normal, kink - point.push * normal
+        return Step(y, s, lam, pull / (point.pull + point.push), push / (point.pull + point.push))
+
+    def _bounds(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
+        """Changes of y, s and λ for the residuals of y and of the slacks, and the wanted change of s λ."""
         if self.saddle is not None:
-            return Step(*self.saddle.solve(force, slack, comp))
+            return self.saddle.solve(force, slack, comp)
         problem = self.problem
         lam = (comp + self.point.lam * slack) / self.point.s
-        step = self._completed(self._solve(-force - problem.force(lam)), comp, slack)
+        y = self._solve(-force - problem.force(lam))
+        s, lam = self._completed(y, comp, slack)
         for _ in range(_REFINEMENTS):  # the elimination of s and λ loses digits where s is small
-            left = -force - problem.S @ step.y - problem.force(step.lam)
-            step = self._completed(step.y + self._solve(left), comp, slack)
-        return step
+            y = y + self._solve(-force - problem.S @ y - problem.force(lam))
+            s, lam = self._completed(y, comp, slack)
+        return y, s, lam
 
     def _solve(self, right: Vector) -> Vector:
         return np.asarray(self.scale * dgetrs(self.factor, self.pivots, self.scale * right)[0]) if len(right) else right
 
-    def _completed(self, y: Vector, comp: Vector, slack: Vector) -> Step:
+    def _completed(self, y: Vector, comp: Vector, slack: Vector) -> tuple[Vector, Vector]:
         """The changes of s and λ that belong to y."""
         s = -slack - self.rows @ y
-        return Step(y, s, (comp - self.point.lam * s) / self.point.s)
+        return s, (comp - self.point.lam * s) / self.point.s
 
 
 def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector) -> tuple[Step, float]:
@@ -219,7 +279,7 @@ def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector) -> tu
         if length > 0.95:
             break
         trial = point.moved(step, min(1.0, 1.1 * length + 0.1))
-        products = trial.s * trial.lam
+        products = trial.products
         wanted = comp + np.maximum(np.clip(products, 0.1 * target, 10.0 * target) - products, -10.0 * target)
         new = newton.step(wanted)
         further = _longest(point, new)
@@ -230,7 +290,11 @@ def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector) -> tu
 
 
 def _longest(point: Point, step: Step) -> float:
-    """The length at which a slack or multiplier reaches zero."""
-    fall = np.concatenate([-step.s / point.s, -step.lam / point.lam])
-    largest = float(fall.max(initial=0.0))
+    """The length at which a slack, a multiplier, a pull or a push reaches zero."""
+    fall = [-step.s / point.s, -step.lam / point.lam, -step.pull / point.pull, -step.push / point.push]
+    largest = float(np.concatenate(fall).max(initial=0.0))
     return 1.0 / largest if largest > 0.0 else np.inf
+
+
+def _largest(values: Vector) -> float:
+    return float(np.abs(values).max(initial=0.0))

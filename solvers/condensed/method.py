@@ -18,7 +18,8 @@
 | `max_iterations` done                                                  | max_iterations                |
 | the time is over, see `watch`                                          | time_limit                    |
 
-After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path.
+After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path,
+unless the certificate passes already; of all starts the best point by its certificate is the result.
 """
 
 import time
@@ -30,6 +31,7 @@ from numpy.linalg import LinAlgError
 
 from solvers.basics.status import Status
 from solvers.basics.watch import Progress, expired, tell
+from solvers.certificate import certify
 from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
@@ -45,7 +47,6 @@ _SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measur
 _COARSEST_GAP = 1e-11  # that will do if it does not shrink any more
 _SPOILT, _LATE = 1e-11, 1e-4  # force residual, below this gap, from which on Newton steps are those of `saddle`
 _LARGEST_SADDLE = 2500  # unknowns of them
-_SHARPENED = 1e-2  # slack residual at which the smoothing of |σ_N| is reduced
 _FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
 _PATIENCE = 6  # iterations without progress
 _PROGRESS = 0.7
@@ -56,6 +57,7 @@ _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which
 _HOPELESS = 0.3  # of the defect corrections' contraction
 _TURNS = 12
 _ONE_START = 300  # iterations of one start
+_LAST = (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
 
@@ -100,6 +102,7 @@ class _Run:
     force: float = np.inf  # residual of the iteration before
     last_gap: float = np.inf  # gap of the iteration before
     kept: tuple[float, Point | None] = (np.inf, None)  # the best point, by its largest measure
+    unsettled: float = np.inf  # energy norm of the residual of y when last all else was reached
     before: int = 0  # iterations of earlier starts
     turns: int = 0
     began: float = 0.0
@@ -125,7 +128,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
             reduction = Reduction(qvi)
             run = _start(qvi, reduction, options)
             _iterate(run)
-        run = _restarted(run)
+        run = _restarted(run, tolerance)
     outcome = _outcome(run)
     outcome.form = "condensed"
     outcome.corrections = tuple(run.sizes)
@@ -134,21 +137,32 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     return finish(qvi, outcome, "condensed", "", tolerance)
 
 
-def _restarted(first: _Run) -> _Run:
-    """Other central paths where the first led nowhere; the first again if none leads anywhere."""
+def _restarted(first: _Run, tolerance: float) -> _Run:
+    """Other central paths where the first led nowhere and ended nowhere near; the best of all by its certificate."""
+    best, run = first, first
+    accuracy = np.inf
     for share in FRICTION_SHARES[1:]:
-        if first.reason in (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT):
+        if run.reason in _LAST:
+            break
+        accuracy = min(accuracy, _accuracy(run))
+        if accuracy <= tolerance:
             break
         run = _start(first.qvi, first.reduction, first.options, share)
         run.history = first.history
         run.before = len(run.history)
         run.best = (np.inf, run.before)
         _iterate(run)
-        if run.reason is Status.SOLVED:
-            return run
-        if run.reason is Status.TIME_LIMIT:
-            first.reason, first.message = run.reason, ""
-    return first
+        if run.reason is Status.SOLVED or _accuracy(run) < accuracy:
+            best = run
+    if run.reason is Status.TIME_LIMIT:
+        best.reason, best.message = run.reason, ""
+    return best
+
+
+def _accuracy(run: _Run) -> float:
+    """The tolerance at which the certificate of the run's best point passes."""
+    outcome = _outcome(run)
+    return certify(run.qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu).accuracy
 
 
 def _start(
@@ -204,7 +218,7 @@ def _correct(run: _Run, step: float) -> None:
 def _reach(run: _Run, gap: float) -> None:
     """Iterate to a gap, around turns of the central path; ends at the best point on the way."""
     run.last_gap = np.inf
-    run.path, run.force, run.kept = None, np.inf, (np.inf, run.interior.point)
+    run.path, run.force, run.unsettled, run.kept = None, np.inf, np.inf, (np.inf, run.interior.point)
     _iterate_to(run, gap)
     run.interior.point = run.kept[1] or run.interior.point
 
@@ -213,11 +227,11 @@ def _iterate_to(run: _Run, gap: float) -> None:
     while True:
         residuals = run.interior.residuals()
         measures = run.interior.measures(residuals)
-        worst = max(measures.gap, measures.slack, measures.force)
-        if worst < run.kept[0] or not run.problem.is_sharp:
+        worst = measures.worst
+        if worst < run.kept[0]:
             run.kept = (worst, run.interior.point)
         stalled = run.path is None and _stalled(run, measures)
-        if _reached(run, measures, gap, stalled):
+        if _reached(run, measures, gap, stalled) and (stalled or _settled(run, residuals)):
             return
         _prepare(run, measures)
         if stalled:
@@ -242,11 +256,11 @@ def _limit(run: _Run, measures: Measures) -> Status | None:
 
 
 def _prepare(run: _Run, measures: Measures) -> None:
-    """Smooth less; and take the larger Newton matrix once the smaller one spoils the multipliers."""
+    """Sharpen the kink where it lags behind; take the larger Newton matrix once the smaller one spoils multipliers."""
     run.force, run.last_gap = measures.force, measures.gap
-    if measures.slack <= _SHARPENED:
-        run.problem.sharpen()
     problem, interior = run.problem, run.interior
+    if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
+        interior.sharpen()
     affordable = problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
     interior.accurate = affordable and (interior.accurate or (measures.force > _SPOILT and measures.gap < _LATE))
 
@@ -258,12 +272,23 @@ def _reached(run: _Run, measures: Measures, gap: float, stalled: bool) -> bool:
         gap = 10.0 * gap  # at its floor
     if stalled and measures.force <= _FORCE_FLOOR:  # where points touch without load the last digits do not come
         gap = max(gap, _COARSEST_GAP)
-    return measures.gap <= gap and measures.slack <= _SLACK and run.problem.is_sharp and (balanced or stalled)
+    return measures.gap <= gap and max(measures.slack, measures.kink) <= _SLACK and (balanced or stalled)
+
+
+def _settled(run: _Run, residuals: Residuals) -> bool:
+    """Whether the residual of y moves nothing any more, in the energy norm, or does not shrink any more.
+
+    What is little beside the largest force may be much in a direction in which the body is soft.
+    """
+    if run.scale == 0.0:  # before the first defect correction digits do not count
+        return True
+    before, run.unsettled = run.unsettled, run.problem.energy_norm(residuals.force) / run.scale
+    return run.unsettled <= _ENOUGH or run.unsettled > _HALVED * before
 
 
 def _stalled(run: _Run, measures: Measures) -> bool:
     """Whether nothing was gained for `_PATIENCE` iterations."""
-    worst = max(measures.gap / run.options.gap, measures.slack / _SLACK)
+    worst = max(measures.gap / run.options.gap, measures.slack / _SLACK, measures.kink / _SLACK)
     if worst < _PROGRESS * run.best[0]:
         run.best = (worst, len(run.history))
     return len(run.history) - run.best[1] >= _PATIENCE
@@ -300,7 +325,7 @@ def _record(run: _Run, measures: Measures) -> None:
     normal, _ = run.problem.tractions(y)
     now = time.perf_counter()
     entry = Iteration(
-        len(run.history) + 1, max(measures.gap, measures.slack, measures.force), run.problem.energy(y),
+        len(run.history) + 1, measures.worst, run.problem.energy(y),
         float(run.qvi.W @ normal), None, 1, now - run.began,
     )  # fmt: skip
     run.began = now

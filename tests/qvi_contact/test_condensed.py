@@ -230,6 +230,18 @@ def test_tension_on_top(method):
     assert "base" in result.message
 
 
+@pytest.mark.parametrize("law", [{}, {"cohesion": 0.03}, {"cohesion": 1e6, "shear_limit": 1e9}])
+@pytest.mark.parametrize("gap", [1e-3, 0.0, -1e-3])
+def test_nothing_but_rounding_to_carry(gap, law):
+    """A free block is not pressed by a base at any distance: zero, beside which cohesion is large beyond measure."""
+    block = RectilinearMesh.rectangle((2, 2))
+    base = Contact("bottom", 0.3, gap=gap, name="base", **law)
+    result = solve(ContactProblem(block, STEEL, [base, *free("left", "right", "top")]), method="condensed")
+    assert result.status is Status.SOLVED, result.message
+    assert np.abs(result.contacts["base"].normal_stress).max() < 1e-15 * STEEL.young
+    assert result.iterations < 60
+
+
 SIDES = {
     "one side": [Contact("bottom", 0.3), *free("left", "right"), Displacement("top", 0.0, -1e-3)],
     "opposite sides": [Contact("bottom", 0.3), Contact("top", 0.2, gap=-1e-3), *free("left", "right")],
