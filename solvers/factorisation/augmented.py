@@ -40,6 +40,7 @@ LEAF_ROWS: Final = 256
 _EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
 _BLOCK: Final = 32  # of LAPACK's QR
 _POWER_STEPS: Final = 4
+_DEPENDENT: Final = 0.1  # `rounding` above which columns count as dependent: a copied column has 1 to 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,7 @@ class OrthogonalFactor(Factorisation):
     rounding : float
         4 ε / σ_min(R), columns of R scaled to length one: how wrong a solution may be, relative, in the energy norm
         |R x|, and the factor that a defect correction shrinks the error by. S is usually far more accurate. Above 0.1
-        the problem is beyond double precision.
+        the columns of R are dependent as far as double precision can tell, which is refused.
 
     """
 
@@ -86,6 +87,9 @@ class OrthogonalFactor(Factorisation):
         _check(root, self.backend)
         self.schur_root = np.asarray(root * self._scale[interface])
         self.schur = np.asarray(self.schur_root.T @ self.schur_root)
+        if not self.rounding <= _DEPENDENT:
+            wrong = "columns of R are dependent up to rounding: a solution would be wrong by"
+            raise FactorisationError("singular", self.backend, f"{wrong} {self.rounding:.0e} of its size")
         self.seconds = {"analysis": analysed - start, "numeric": perf_counter() - analysed}
 
     @property
@@ -271,7 +275,10 @@ def _triangle(matrix: Matrix) -> Matrix:
 
 
 def _check(upper: Matrix, backend: str) -> None:
-    """`FactorisationError` if there are fewer rows than columns or a pivot is rounding; columns had length one."""
+    """`FactorisationError` if there are fewer rows than columns or a pivot is rounding; columns had length one.
+
+    Only what would divide by nothing is caught here: whether columns are dependent, no single pivot tells.
+    """
     if not upper.shape[1]:
         return
     least = float(np.abs(upper.diagonal()).min()) if upper.shape[0] == upper.shape[1] else 0.0

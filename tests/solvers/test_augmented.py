@@ -122,6 +122,20 @@ def test_dependent_columns_are_refused(change: str) -> None:
         factorise_root(csr_array(dense), np.array([0]), places[: len(dense)])
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_a_copied_column_is_refused_and_one_beside_it_is_not(seed: int) -> None:
+    """Rounding decides how small the last pivot of a copy is, so that no pivot can tell."""
+    R, places = _strip(cells=12, seed=seed)
+    dense = R.toarray()
+    dense[:, 4] = dense[:, 3]
+    with pytest.raises(FactorisationError):
+        factorise_root(csr_array(dense), np.array([0]), places)
+    dense[:, 4] *= 1.0 + 1e-9 * np.random.default_rng(seed).normal(size=len(dense))
+    factor = factorise_root(csr_array(dense), np.array([0]), places)
+    least = float(np.linalg.svd(dense / np.linalg.norm(dense, axis=0), compute_uv=False)[-1])
+    assert factor.rounding == pytest.approx(2.0 * np.finfo(float).eps / least, rel=1e-3)
+
+
 def test_rows_in_one_place_and_in_no_order() -> None:
     R, places = _strip(cells=40)
     order = np.random.default_rng(5).permutation(R.shape[0])
