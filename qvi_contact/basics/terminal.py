@@ -139,8 +139,11 @@ def progress(title: str, steps: int) -> Iterator[Advance]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = error_console()
+    if not console.is_terminal:  # before release 14.3 of rich even a disabled bar writes an empty line
+        yield lambda description="": None  # noqa: ARG005
+        return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(title, total=steps)
 
         def advance(description: str = "") -> None:
