@@ -140,7 +140,7 @@ def progress(title: str, steps: int) -> Iterator[Advance]:
 
     console = error_console()
     if not console.is_terminal:  # before release 14.3 of rich even a disabled bar writes an empty line
-        yield lambda description="": None  # noqa: ARG005
+        yield lambda *_: None
         return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as bar:

@@ -1,6 +1,7 @@
 """Processes of the tests of the study runner: started with a mark, found by it, gone in the end."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -18,17 +19,31 @@ MARK = "STUDY_TEST_MARK"
 
 
 @contextmanager
+def interruptible():
+    """What is started meanwhile hears an interrupt, even in a suite that ignores it, as one started with ``&`` does.
+
+    Programs inherit that a signal is ignored, but not that a function handles it.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
 def commands(store):
     """A function that starts the demo on this store; afterwards nothing of it is alive."""
     mark = uuid4().hex
     running = []
 
     def start(*arguments, seconds=0.0):
-        process = subprocess.Popen(
-            [sys.executable, "-m", "tests.comparisons.study_demo", "--store", str(store), *arguments],
-            cwd=ROOT, env={**os.environ, MARK: mark, "DEMO_SECONDS": str(seconds)}, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
+        with interruptible():
+            process = subprocess.Popen(
+                [sys.executable, "-m", "tests.comparisons.study_demo", "--store", str(store), *arguments],
+                cwd=ROOT, env={**os.environ, MARK: mark, "DEMO_SECONDS": str(seconds)}, text=True,
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            )  # fmt: skip
         running.append(process)
         process.mark = mark
         return process
@@ -62,8 +77,8 @@ def alive(pid):
         return False
 
 
-def eventually(condition, limit=20.0):
-    """Wait until it is true; whether it became so."""
+def eventually(condition, limit=60.0):
+    """Wait until it is true; whether it became so. The limit is for a machine that has much else to do."""
     until = time.monotonic() + limit
     while not condition():
         if time.monotonic() > until:

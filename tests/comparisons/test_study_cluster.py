@@ -27,7 +27,7 @@ class Cluster:
         self.file = folder / "scheduler.json"
         self.log = open(folder / "log", "wb")  # noqa: SIM115 - closed with the cluster
         self.processes = [self._start("scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard")]
-        assert eventually(self.file.exists, 60.0), self.tell()
+        assert eventually(self.file.exists), self.tell()
         self.address = json.loads(self.file.read_text(encoding="utf-8"))["address"]
         for _ in range(workers):
             self.add_worker()
@@ -132,7 +132,7 @@ class TestEnds:
         process = command("--dask", running.address)
         assert eventually(lambda: rows_in(tmp_path / "a") >= 3)
         process.send_signal(number)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=60)
         assert out == ""
         if number == signal.SIGINT:
             assert process.returncode == 130
@@ -146,9 +146,9 @@ class TestEnds:
         process = command("--dask", running.address, "--way", "hold")
         assert eventually(lambda: any("sleep" in line for line in marked(running.mark).values()))
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=30)
+        process.communicate(timeout=60)
         assert process.returncode == 130
-        assert eventually(lambda: not any("sleep" in line for line in marked(running.mark).values()), 5.0)
+        assert eventually(lambda: not any("sleep" in line for line in marked(running.mark).values()))
 
     def test_task_that_cannot_be_loaded(self, running, tmp_path):
         with pytest.raises(InputError, match="cannot be loaded: ModuleNotFoundError"):
@@ -168,7 +168,7 @@ class TestLosses:
                 assert eventually(lambda: lossy.processes[-1].poll() == -signal.SIGKILL)
                 assert not run.done()
                 lossy.add_worker()
-            assert run.result(timeout=30).statuses == {"done": 1, "crashed": 1}
+            assert run.result(timeout=60).statuses == {"done": 1, "crashed": 1}
         first, second = read_study(tmp_path / "a").rows
         assert (first.status, first.result) == ("done", {"tried": 2})
         assert (second.status, second.reason) == ("crashed", "the worker of the cluster was lost, 2 times")
@@ -186,8 +186,8 @@ class TestLosses:
         assert rows_in(tmp_path / "a") == 1
 
     def test_no_workers_and_workers_without_this_package(self, started, tmp_path, monkeypatch):
-        (tmp_path / "comparisons").mkdir()
-        (tmp_path / "comparisons" / "__init__.py").touch()
+        missing = "raise ModuleNotFoundError(f'No module named {__name__!r}', name=__name__)"  # whatever is installed
+        (tmp_path / "comparisons.py").write_text(missing, encoding="utf-8")
         bare = started(workers=0, path=tmp_path)
         with monkeypatch.context() as patch:
             patch.setattr(cluster, "_CONNECTING", 0.5)

@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import click
@@ -30,7 +29,7 @@ from tests.effort import examples
 from tests.qvi_contact.broken_files import RICH, mutated
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
-HEAVY = {"numpy", "scipy", "cvxpy", "matplotlib", "rich", "qpsolvers", "clarabel", "osqp", "pydantic"}
+OWN = {"comparisons", "qvi_contact", "solvers"}
 
 
 def command(*arguments):
@@ -39,31 +38,28 @@ def command(*arguments):
     )
 
 
-def test_help_comes_at_once():
-    def seconds():
-        began = time.perf_counter()
-        done = command("--help")
-        assert done.returncode == 0
-        assert "methods" in done.stdout
-        assert done.stderr == ""
-        return time.perf_counter() - began
-
-    assert min(seconds() for _ in range(5)) < 0.5
+def test_help():
+    done = command("--help")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "methods" in done.stdout
 
 
 @pytest.mark.parametrize("module", ["qvi_contact.cli", "comparisons.cli"])
-def test_help_imports_nothing_heavy(module):
+def test_help_imports_nothing_but_click(module):
+    """So that it comes at once; numpy alone would take as long again, and solvers several times that."""
     code = f"""
 import sys
+before = set(sys.modules)
 from {module} import group
 try:
     group.main(["--help"])
 except SystemExit:
-    print(*{{name.split(".")[0] for name in sys.modules}}, file=sys.stderr)
+    loaded = {{name.partition(".")[0] for name in set(sys.modules) - before}}
+    print(*loaded - set(sys.stdlib_module_names), file=sys.stderr)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert set(done.stderr.split()) - {"colorama"} <= {"click", *OWN}  # colorama: on Windows
     assert "click" in done.stderr.split()
-    assert HEAVY & set(done.stderr.split()) == set()
 
 
 @pytest.mark.parametrize("arguments", [("solv",), ("--jsn",), ("methods", "--jsn"), ("methods", "extra")])

@@ -1,6 +1,5 @@
 """Polynomials and expressions: they say what numpy says, and nothing dangerous is let in."""
 
-import time
 import warnings
 
 import numpy as np
@@ -131,10 +130,9 @@ class TestExpression:
 
     def test_integers_are_numbers(self):
         """No exact arithmetic of whole numbers, which has no limit; overflow is infinity."""
-        started = time.perf_counter()
+        assert (Expression("2**53 + 1 - 2**53")(*POINTS) == 0.0).all()
         assert np.isinf(Expression("9**9**9")(np.array([1.0]), np.array([1.0]))).all()
         assert np.isinf(Expression("(9**9**9)**9**9 * x")(np.array([1.0]), np.array([1.0]))).all()
-        assert time.perf_counter() - started < 1.0
 
     def test_in_a_problem(self):
         mesh = RectilinearMesh.rectangle((3, 3))
