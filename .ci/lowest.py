@@ -1,4 +1,4 @@
-"""Print the lowest version of every dependency that `pyproject.toml` allows, as constraints for pip.
+"""Print the lowest versions that `pyproject.toml` allows, as constraints for pip.
 
 ``python .ci/lowest.py EXTRA`` prints one line ``name==version`` for each requirement of the package and of the extra,
 including those of the package's own extras that it names.
@@ -33,4 +33,4 @@ def _lowest(requirement: Requirement) -> str:
 
 if __name__ == "__main__":
     wanted = [*map(Requirement, PROJECT["dependencies"]), *_requirements(sys.argv[1])]
-    print(*sorted(map(_lowest, wanted)), sep="\n")
+    print(*sorted(set(map(_lowest, wanted))), sep="\n")

@@ -190,7 +190,7 @@ class TestLosses:
         (tmp_path / "comparisons.py").write_text(missing, encoding="utf-8")
         bare = started(workers=0, path=tmp_path)
         with monkeypatch.context() as patch:
-            patch.setattr(cluster, "_CONNECTING", 0.5)
+            patch.setattr(cluster, "_CONNECTING", 3.0)  # long enough to reach the scheduler
             with pytest.raises(InputError, match="has no workers"):
                 run_study(SMALL, tmp_path / "a", dask=bare.address)
         bare.add_worker()

@@ -148,8 +148,9 @@ def test_loads_on_a_hole_must_balance_by_themselves():
     conditions += [Traction("floor of the hole", x=0.0, y=-1.0), Traction("bottom", x=0.0, y=0.0)]
     rest = mesh.with_edges("roof", "top", at=0.5)
     problem = ContactProblem(rest, MATERIAL, [*conditions, Displacement("roof", x=0.0, y=0.0)])
-    with pytest.raises(InputError, match=r"0\.3.*the loads on a hole"):
+    with pytest.raises(InputError, match="the loads on a hole") as caught:
         discretize(problem)
+    assert caught.value.value == pytest.approx(0.3, rel=1e-12)
 
 
 @pytest.mark.parametrize("cells", [1, 4, 8])

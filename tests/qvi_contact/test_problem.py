@@ -127,8 +127,9 @@ def test_components_may_come_from_different_conditions():
 
 def test_unbalanced_loads_are_refused_with_their_size():
     load = [Traction(side, x=0.0, y=1.0 if side == "top" else 0.0) for side in ("bottom", "right", "top", "left")]
-    with pytest.raises(InputError, match=r"1\.0.*out of balance"):
+    with pytest.raises(InputError, match="out of balance") as caught:
         discretize(ContactProblem(MESH, STEEL, load))
+    assert caught.value.value == pytest.approx(1.0, rel=1e-12)
     turning = [
         Traction("bottom", x=1.0, y=0.0),
         Traction("top", x=-1.0, y=0.0),
