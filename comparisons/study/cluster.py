@@ -87,8 +87,11 @@ def _check_installed(address: str) -> None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """What Dask's client would log on standard error is told by an exception."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    """What Dask's client would log on standard error is told by an exception.
+
+    Its event loop would log a fault of its own besides where an interrupt finds the client about to wait.
+    """
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "tornado.application")]
     levels = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL)
