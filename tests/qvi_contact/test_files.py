@@ -87,7 +87,7 @@ def test_places_without_files(earlier, place, name):
 
 
 def test_a_name_that_no_file_can_have(earlier):
-    with pytest.raises(InputError, match=r"cannot be written \(embedded null byte"):
+    with pytest.raises(InputError, match=r"cannot be written \(.*embedded null"):
         write_text(earlier.with_name("a\0b.csv"), "text")
     assert_untouched(earlier)
 
