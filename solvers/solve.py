@@ -16,12 +16,12 @@ from solvers.factorisation import FactorisationError
 from solvers.fixed_point.forms import CONDENSED_LIMIT
 from solvers.fixed_point.method import FixedPointOptions, initial_pressure, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
+from solvers.inner.names import STRICT_DEFAULT, is_strict
 from solvers.inner.registry import check_name, versions
 from solvers.pivoting.method import PivotingOptions, affordable, solve_pivoting
 from solvers.pivoting.opinion import another_solution
 from solvers.solution.finish import Outcome, finish, no_outcome, out_of_time
 from solvers.solution.solution import QVISolution
-from solvers.strict.names import STRICT_DEFAULT, is_strict
 from solvers.strict.threshold import strict_pressure
 from solvers.uzawa import UzawaOptions, solve_uzawa
 

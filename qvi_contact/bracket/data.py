@@ -45,7 +45,7 @@ def data_reasons(problem: ContactProblem, degree: int) -> tuple[str, ...]:
 
 def _on_edges(problem: ContactProblem, degree: int) -> Iterator[tuple[str, str, GridEdges, Field, int]]:
     """(name, edge set, edges, field, largest degree) of all data on edges."""
-    for condition in problem.conditions:
+    for condition in problem.cartesian_conditions:
         edges = problem.grid.edges(condition.edges)
         if isinstance(condition, (Traction, Displacement)):
             most = degree if isinstance(condition, Displacement) else 2

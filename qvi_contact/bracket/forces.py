@@ -63,7 +63,7 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
 def _data(problem: ContactProblem) -> Iterator[_Datum]:
     """All prescribed values."""
     yield _Datum("body_potential", problem.body_potential, False)
-    for condition in problem.conditions:
+    for condition in problem.cartesian_conditions:
         if isinstance(condition, Contact):
             yield _Datum(f"{condition.name}.normal_force", condition.gap, True, sign=-1.0)
             tied = condition.law == "tied"

@@ -86,7 +86,7 @@ def _loads(problem: ContactProblem) -> list[dict[str, Any]]:
     """Resultants of the prescribed tractions and of the body force b = −∇φ, ∫ b dx = −∮ φ n ds."""
     mesh = problem.grid
     found: list[dict[str, Any]] = []
-    for condition in problem.conditions:
+    for condition in problem.cartesian_conditions:
         if isinstance(condition, Traction):
             edges = mesh.edges(condition.edges)
             x, y, weights = _points(mesh, edges)

@@ -203,7 +203,7 @@ def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[Arr
 
     All contacts if nothing is, as under loads that change.
     """
-    driven = [condition.edges for condition in problem.conditions if _is_driven(problem, condition)]
+    driven = [condition.edges for condition in problem.cartesian_conditions if _is_driven(problem, condition)]
     loops: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name in (*(contact.name for contact in problem.contacts), *driven):
         loops.setdefault(name, history.loop(name))

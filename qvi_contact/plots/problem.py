@@ -75,7 +75,7 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     require_matplotlib()
     sketch = _Sketch(axes, problem, units or Units())
     sketch.body()
-    for condition in merged(problem.conditions):
+    for condition in merged(problem.cartesian_conditions):
         sketch.condition(condition)
     sketch.legend()
     frame(axes, problem.grid, margin=_AWAY + _ARROW + 0.06)
@@ -220,7 +220,7 @@ class _Sketch:
     def _largest(self, kind: type[Traction] | type[Displacement]) -> float:
         """Length of the longest vector among all conditions of a kind."""
         sizes = [0.0]
-        for condition in merged(self.problem.conditions):
+        for condition in merged(self.problem.cartesian_conditions):
             if isinstance(condition, kind):
                 pieces = runs(self.problem.grid, self.problem.grid.edges(condition.edges))
                 parts = [self._samples(f"{kind.__name__}.{n}", getattr(condition, n), pieces) for n in "xy"]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -144,6 +144,17 @@ class ContactProblem:
         return tuple(contact for contact in self.contacts if contact.edges in self.mesh.joint_names)
 
     @cached_property
+    def cartesian_conditions(self) -> tuple[Condition, ...]:
+        """The conditions of a rectilinear mesh, whose edge sets face one way each, with components x and y only."""
+        mesh = self.grid
+        return tuple(
+            _cartesian(condition, mesh.edges(condition.edges))
+            if isinstance(condition, (Traction, Displacement)) and components(condition).keys() & set(LOCAL)
+            else condition
+            for condition in self.conditions
+        )
+
+    @cached_property
     def owners(self) -> IntArray:
         """Index of the condition that rules each component of each boundary edge, shape (2, edges); −1 for none.
 
@@ -213,6 +224,17 @@ def direction_of(name: str, edges: Edges) -> FloatArray:
     if name in LOCAL:
         return edges.normal if name == "normal" else edges.tangent
     return np.tile(np.eye(2)[CARTESIAN.index(name)], (len(edges), 1))
+
+
+def _cartesian(condition: Traction | Displacement, edges: Edges) -> Condition:
+    """A condition by normal and tangential components, on edges that face one way along an axis, by x and y."""
+    given: dict[str, Field | None] = dict.fromkeys(LOCAL)
+    for name, value in components(condition).items():
+        direction = direction_of(name, edges)[0]
+        axis = int(np.argmax(np.abs(direction)))
+        given[CARTESIAN[axis]] = value if direction[axis] > 0.0 else opposite(value)
+    changed: Any = given
+    return replace(condition, **changed)
 
 
 def opposite(value: Field) -> Field:

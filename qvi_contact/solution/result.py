@@ -22,6 +22,7 @@ from qvi_contact.solution.contact_line import ContactLine, contact_line
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at
 from qvi_contact.solution.work import component, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
+from solvers.basics.types import load
 from solvers.certificate.feasibility import AdmissibleRows
 from solvers.strict.threshold import strict_bound
 
@@ -330,9 +331,8 @@ class ContactResult:
         Displacement elements of degree 2 on the same grid are solved for it. Raises `InputError` without a stress
         state, and for a step of a history.
         """
-        from qvi_contact.bracket import bracket  # builds on this module
-
-        return bracket(self)
+        found: Bracket = load("qvi_contact.bracket").bracket(self)  # that room builds on this one
+        return found
 
     def _multipliers(self, kind: str) -> FloatArray:
         """Row multipliers "normal", "tangential" or "equality"; says what is wrong if there are none."""

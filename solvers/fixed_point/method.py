@@ -35,12 +35,12 @@ from solvers.errors import InputError
 from solvers.fixed_point.anderson import Anderson
 from solvers.fixed_point.forms import Form, ProblemForm, make_form
 from solvers.inequality.problem import FrictionQVI
+from solvers.inner.names import STRICT_DEFAULT
 from solvers.inner.problem import InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
 from solvers.solution.finish import Outcome, finish, no_outcome
 from solvers.solution.solution import Iteration, QVISolution
 from solvers.strict.cones import strict_contradiction
-from solvers.strict.names import STRICT_DEFAULT
 from solvers.strict.newton import Newton
 from solvers.strict.threshold import affine_pressure, edge_rows, strict_pressure, strict_threshold
 

@@ -6,11 +6,12 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import Any
 
+from solvers.basics.types import load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner import qp_backends, socp
+from solvers.inner.names import STRICT_DEFAULT, is_strict
 from solvers.inner.problem import InnerSolver
-from solvers.strict.names import STRICT_DEFAULT, is_strict
 
 _DIRECT = ("clarabel", "osqp")
 _INSTALL = "pip install 'qvi-contact[solvers]'"
@@ -55,14 +56,12 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[s
 
 
 def _make_strict(kind: str, backend: str, qvi: FrictionQVI, tolerance: float) -> InnerSolver:
-    """Through cvxpy, or Clarabel itself."""
+    """Through cvxpy, or Clarabel itself; the room of strict solvers builds on this one and is loaded by name."""
     if kind == "strict":
-        from solvers.strict.cvxpy_cones import StrictSOCPSolver
-
-        return StrictSOCPSolver(qvi, backend, tolerance)
-    from solvers.strict.direct_clarabel import DirectStrictClarabel
-
-    return DirectStrictClarabel(qvi, tolerance)
+        through_cvxpy: InnerSolver = load("solvers.strict.cvxpy_cones").StrictSOCPSolver(qvi, backend, tolerance)
+        return through_cvxpy
+    direct: InnerSolver = load("solvers.strict.direct_clarabel").DirectStrictClarabel(qvi, tolerance)
+    return direct
 
 
 def check_name(name: str) -> str:

@@ -1,0 +1,80 @@
+"""Imports go one way: between the packages, and between the rooms of each."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("solvers", "qvi_contact", "comparisons")
+
+
+def modules(package):
+    """Name and syntax tree of each module, those that only lead to others left out."""
+    for path in sorted((ROOT / package).rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        if len(parts) > 2 or parts[-1] not in ("__init__", "__main__"):
+            yield ".".join(parts).removesuffix(".__init__"), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def for_types_only(tree):
+    """Numbers of the nodes below `if TYPE_CHECKING:`."""
+    guarded = [node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
+    return {id(inner) for node in guarded for inner in ast.walk(node)}
+
+
+def imports(tree):
+    """Modules that a module imports, be it inside a function."""
+    skipped = for_types_only(tree)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and id(node) not in skipped:
+            yield node.module
+        elif isinstance(node, ast.Import) and id(node) not in skipped:
+            yield from (name.name for name in node.names)
+
+
+def room(module):
+    return ".".join(module.split(".")[:2])
+
+
+def arrows(package):
+    """Rooms that each room of a package imports from."""
+    found = {}
+    for name, tree in modules(package):
+        others = {room(target) for target in imports(tree) if target.startswith(package + ".")}
+        found.setdefault(room(name), set()).update(others - {room(name)})
+    return found
+
+
+def reached(start, graph):
+    seen, waiting = set(), [start]
+    while waiting:
+        for other in graph.get(waiting.pop(), ()):
+            if other not in seen:
+                seen.add(other)
+                waiting.append(other)
+    return seen
+
+
+@pytest.mark.parametrize("package", ["solvers", "qvi_contact"])
+def test_no_room_leads_back_to_itself(package):
+    graph = arrows(package)
+    assert len(graph) > 10
+    assert [name for name in graph if name in reached(name, graph)] == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_packages_import_from_those_below_only(package):
+    above = PACKAGES[PACKAGES.index(package) + 1 :]
+    wrong = [
+        (name, target)
+        for name, tree in modules(package)
+        for target in imports(tree)
+        if target and target.split(".")[0] in above
+    ]
+    assert wrong == []
+
+
+def test_a_circle_is_found():
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}
+    assert [name for name in graph if name in reached(name, graph)] == ["a", "b", "c"]
