@@ -232,3 +232,23 @@ def test_what_is_shown_may_differ_in_the_last_digit_only():
     assert agree(["solved after 12 iterations; accuracy 1e-14"], ["solved after 11 iterations; …"])
     assert not agree(["failed after 11 iterations; "], ["solved after 11 iterations; …"])
     assert not agree(["-1.5"], ["1.5"])
+
+
+def test_formulas_lead_to_the_code_and_back():
+    """The index of the theory, and the last line of the docstrings of the modules it names."""
+    listed, told = set(), set()
+    for line in text(DOCS / "theory.md").splitlines():
+        if line.startswith("| (D"):
+            formulas, files = line.strip("|").split("|")
+            listed |= {
+                (formula, file)
+                for formula in re.findall(r"\(D\d+\)", formulas)
+                for file in re.findall(r"`([\w/.]+)`", files)
+            }
+    for package in ("qvi_contact", "solvers"):
+        for path in (ROOT / package).rglob("*.py"):
+            for found in re.findall(r"^In `docs/theory\.md`: (.+)\.$", text(path), re.M):
+                told |= {(formula, path.relative_to(ROOT).as_posix()) for formula in re.findall(r"\(D\d+\)", found)}
+    defined = re.findall(r"^    .+  (\(D\d+\))$", text(DOCS / "theory.md"), re.M)
+    assert listed == told
+    assert {formula for formula, _ in listed} == set(defined)

@@ -1,4 +1,7 @@
-"""Bounds of the energy of a contact problem, from its stress and a displacement computed beside it."""
+"""Bounds of the energy of a contact problem, from its stress and a displacement computed beside it.
+
+In `docs/theory.md`: (D19), (D20).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

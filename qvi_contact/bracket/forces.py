@@ -4,6 +4,8 @@ If the only datum that is not zero is a displacement a of one support or obstacl
 lost in friction, all equations and inequalities are homogeneous. Then ∫ σ : ε(u) dx = a R with R the resultant that
 belongs to a, hence J(u) = ½ a R, and the bounds of J(u) are bounds of ½ a R: for a plate pressed into the body by U,
 a = g = −U, R = −P and P lies between −2 J*(τ)/U and 2 J(v)/U.
+
+In `docs/theory.md`: (D21).
 """
 
 from collections.abc import Iterator

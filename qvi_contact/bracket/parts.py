@@ -6,6 +6,8 @@ For an admissible stress τ and an admissible displacement v, by the principle o
                  + ∫ −τ_N (g − v_N) ds + ∫ s |v_T − w| + τ_T (v_T − w) ds             contact, friction
 
 and every integrand is ≥ 0 (Prager-Synge; constitutive-relation error).
+
+In `docs/theory.md`: (D20).
 """
 
 from collections.abc import Mapping

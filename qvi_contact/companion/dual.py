@@ -15,6 +15,8 @@ displacement model. Unknowns come as all normal tractions, then all tangential o
 (supports prescribe it, or the tip of a joint) get a compliance of their own and stay zero; so do those whose c follows
 from others: in a corner where two contact lines end, or where joints cross, several forces act on one displacement, and
 friction there is left to the other line.
+
+In `docs/theory.md`: (D18).
 """
 
 from dataclasses import dataclass

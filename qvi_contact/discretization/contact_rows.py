@@ -1,4 +1,7 @@
-"""What the contacts put into (D2): points, laws and prescribed displacements, dimensionless."""
+"""What the contacts put into (D2): points, laws and prescribed displacements, dimensionless.
+
+In `docs/theory.md`: (D1).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -105,11 +108,11 @@ class ContactRows:
 
     def normal(self) -> sparse.csr_array:
         """Rows of N without φ, shape (m, N)."""
-        return self.rule.rows_of(self.points.normal())
+        return self.rule.rows_of(self.points.normal)
 
     def shear(self) -> sparse.csr_array:
         """Rows of T, shape (m, N)."""
-        return self.rule.rows_of(self.points.shear())
+        return self.rule.rows_of(self.points.shear)
 
     @property
     def row_weights(self) -> FloatArray:
@@ -120,8 +123,7 @@ class ContactRows:
         """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
         weights = self.points.weights
         return np.asarray(
-            self.points.normal().T @ (weights * (self.gap - self.beyond))
-            + self.points.shear().T @ (weights * self.offset)
+            self.points.normal.T @ (weights * (self.gap - self.beyond)) + self.points.shear.T @ (weights * self.offset)
         )
 
     def with_offset(self, offset: FloatArray) -> "ContactRows":

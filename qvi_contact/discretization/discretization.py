@@ -1,4 +1,7 @@
-"""From the contact problem to the algebraic quasi-variational inequality (D2)."""
+"""From the contact problem to the algebraic quasi-variational inequality (D2).
+
+In `docs/theory.md`: (D1).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -62,10 +62,12 @@ class EdgePoints:
         """The edge's tangent at each point, shape (n q, 2)."""
         return np.repeat(self.edges.tangent, self.count, axis=0)
 
+    @cached_property
     def normal(self) -> sparse.csr_array:
         """Rows of σ_N = n·σn without φ, shape (n q, N)."""
         return self.basis.normal_rows(self.edges, self.reference)
 
+    @cached_property
     def shear(self) -> sparse.csr_array:
         """Rows of σ_T = t·σn, shape (n q, N)."""
         return self.basis.shear_rows(self.edges, self.reference)
@@ -73,14 +75,13 @@ class EdgePoints:
     def traction(self, direction: FloatArray) -> sparse.csr_array:
         """Rows of d·σn without φ for a direction (2,), or one for each edge (n, 2); shape (n q, N)."""
         along = np.repeat(np.broadcast_to(direction, self.edges.normal.shape), self.count, axis=0)
-        rows = None
-        for own, part in ((self.normals, self.normal), (self.tangents, self.shear)):
-            share = (along * own).sum(axis=1)
-            if share.any():
-                scaled = sparse.diags_array(share) @ part()
-                rows = scaled if rows is None else rows + scaled
-        assert rows is not None  # normal and tangent span the plane
-        return sparse.csr_array(rows)
+        shares = [(along * own).sum(axis=1) for own in (self.normals, self.tangents)]
+        if not shares[1].any():
+            return sparse.csr_array(sparse.diags_array(shares[0]) @ self.normal)
+        if not shares[0].any():
+            return sparse.csr_array(sparse.diags_array(shares[1]) @ self.shear)
+        normal, shear = (sparse.diags_array(share) for share in shares)
+        return sparse.csr_array(normal @ self.normal + shear @ self.shear)
 
     def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of degrees of freedom u (N,), shape (n q,) each."""

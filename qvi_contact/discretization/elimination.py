@@ -1,4 +1,7 @@
-"""All degrees of freedom as an affine function of the unknowns, so that prescribed tractions hold."""
+"""All degrees of freedom as an affine function of the unknowns, so that prescribed tractions hold.
+
+In `docs/theory.md`: (D2).
+"""
 
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,4 +1,7 @@
-"""Prescribed tractions, displacements, body forces and obstacles as conditions and load vectors, dimensionless."""
+"""Prescribed tractions, displacements, body forces and obstacles as conditions and load vectors, dimensionless.
+
+In `docs/theory.md`: (D1).
+"""
 
 from collections.abc import Iterator
 

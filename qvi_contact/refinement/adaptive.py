@@ -1,4 +1,7 @@
-"""Refine a mesh until a quantity is as accurate as asked for."""
+"""Refine a mesh until a quantity is as accurate as asked for.
+
+In `docs/theory.md`: (D14).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -11,6 +11,8 @@ not use up its friction; where the fine one is open, the coarse one still presse
 Without friction D + K is c(σ) − c(τ), exactly, if loads are met pointwise: stresses admissible on the coarse grid then
 are so on the fine one. With friction the bound moves too, which counts in either sign and is left out. Both terms are
 ≥ 0, but for edges where σ violates the contact law between the points that check it; those count as zero.
+
+In `docs/theory.md`: (D12).
 """
 
 import numpy as np

@@ -9,6 +9,8 @@ s the ratio by which cells shrink from the coarsest to the middle grid. Stresses
 in each coarsest cell: 4 where they are smooth, 2λ in a corner with stresses like r^(λ−1). The contact terms have one
 at each end of a contact, where free shear beside friction costs 1, and one common to the rest of the contacts: where
 stick, slip and open zones meet, single cells say little.
+
+In `docs/theory.md`: (D13).
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,7 @@
-"""Which grid lines to insert: those that pay most, foreseen over several bisections."""
+"""Which grid lines to insert: those that pay most, foreseen over several bisections.
+
+In `docs/theory.md`: (D15).
+"""
 
 from dataclasses import dataclass
 

@@ -43,7 +43,7 @@ def normal_and_shear(
 ) -> tuple[FloatArray, FloatArray]:
     """τ_N and τ_T at points of edges, dimensionless, of degrees of freedom u of Φ."""
     potential = potential_at(discretization.problem, discretization.scales, points.coordinates)
-    return points.normal() @ u.ravel() + potential, points.shear() @ u.ravel()
+    return points.normal @ u.ravel() + potential, points.shear @ u.ravel()
 
 
 def traction(discretization: Discretization, u: FloatArray, points: EdgePoints) -> FloatArray:

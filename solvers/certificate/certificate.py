@@ -50,6 +50,8 @@ Alart-Curnier's are their minimum. Their limit is therefore looser, 10 tolerance
 adds both complementarities, is 2 tolerance, that of the others the tolerance itself. Except for
 states that carry nothing, all measures are invariant to the units of stress, displacement and length, and to exchanging
 the unknowns z for c z.
+
+In `docs/theory.md`: (D10).
 """
 
 from collections.abc import Iterator, Mapping

@@ -8,6 +8,8 @@ unknown like the others, and the step goes along the tangent
 
 pull and push counted as further s and λ, in the direction in which the curve was followed so far, with Newton steps
 normal to it (pseudo-arclength continuation, H. B. Keller, 1977).
+
+In `docs/theory.md`: (D7).
 """
 
 import numpy as np

@@ -18,6 +18,8 @@ rows of B the tractions on which λ works. At bilateral points with friction |σ
 
 one more complementarity: slacks stay linear in all unknowns, and where pull push = δ²/4 is p = √(σ_N² + δ²). Points
 whose bound is always zero give equations σ_T = 0. Equations are solved for some of the coordinates (`equations`).
+
+In `docs/theory.md`: (D5).
 """
 
 from functools import cached_property

@@ -2,6 +2,8 @@
 
 Of all k coordinates some are known from points without friction (`Frictionless`), p more are given by the others
 through A y = b, pivots of a QR factorisation of A, and u are the rest. M is sparse but for p rows.
+
+In `docs/theory.md`: (D6).
 """
 
 from dataclasses import dataclass

@@ -9,6 +9,8 @@ Only products are nonlinear: a step of length t leaves 1 − t of every residual
 as much as the gap is open, no less. One step length is taken for everything, since the threshold couples slacks and
 multipliers. Sources: S. Mehrotra, SIAM J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex
 problems; nothing is proved for this one, which is not monotone, hence `central_path`, and the certificate.
+
+In `docs/theory.md`: (D6).
 """
 
 from dataclasses import dataclass

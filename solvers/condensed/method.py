@@ -20,6 +20,8 @@
 
 After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path,
 unless the certificate passes already; of all starts the best point by its certificate is the result.
+
+In `docs/theory.md`: (D8).
 """
 
 import time

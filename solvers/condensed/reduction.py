@@ -7,6 +7,8 @@ About a point z with the gradient γ of the energy there, eliminating the interi
 
 γ is computed without the rounding inside K where the problem has an `EnergyRoot`, so that moving z repairs what S
 lacks.
+
+In `docs/theory.md`: (D4).
 """
 
 from dataclasses import dataclass

@@ -13,6 +13,8 @@ factorised K is ε cond(R)².
 
 Sources: J. Liu, On general row merging schemes for sparse Givens transformations, SIAM J. Sci. Stat. Comput. 7 (1986);
 Å. Björck, Numerical Methods for Least Squares Problems (1996), sections 2.5 and 6.6.
+
+In `docs/theory.md`: (D9).
 """
 
 from contextlib import AbstractContextManager, nullcontext

@@ -1,4 +1,7 @@
-"""What every factorisation offers: K with its interior eliminated, and the dense Schur complement on the interface."""
+"""What every factorisation offers: K with its interior eliminated, and the dense Schur complement on the interface.
+
+In `docs/theory.md`: (D3).
+"""
 
 from abc import ABC, abstractmethod
 from functools import cached_property

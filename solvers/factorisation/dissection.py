@@ -10,6 +10,8 @@ S is what it adds to the front of the subdomain that contains it. Subdomains wit
 are computed once for a class, and solves treat all its instances as the columns of one matrix.
 
 Source: A. George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10 (1973).
+
+In `docs/theory.md`: (D11).
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,7 @@
-"""The frictional contact problem as data: the quasi-variational inequality (D2)."""
+"""The frictional contact problem as data: the quasi-variational inequality (D2).
+
+In `docs/theory.md`: (D2).
+"""
 
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property

@@ -1,4 +1,7 @@
-"""Coordinates in which the contact rows [N; T] are sparse, well scaled and independent: the tractions themselves."""
+"""Coordinates in which the contact rows [N; T] are sparse, well scaled and independent: the tractions themselves.
+
+In `docs/theory.md`: (D4).
+"""
 
 from dataclasses import dataclass
 from typing import Any

@@ -9,6 +9,8 @@ for the increment x about a `Centre`, θ given. c = θ ∓ τ is in C (`quadrati
 A multiplier (y₀, y₁, y₂) of that cone, with 2y₂ ≥ 0 from β, is the functional q = (y₀ + y₁, 2y₂, y₀ − y₁) in the dual
 cone D, and m_T = rows(q₊ − q₋) as row multipliers, q₊ of the upper bound; those of σ_N at ends, π ≥ 0, give
 m_N = rows(π).
+
+In `docs/theory.md`: (D16).
 """
 
 from collections.abc import Mapping

@@ -6,6 +6,8 @@
 C: with b₁ = −√(b₀b₂) the quadratic is the square (√b₀ (1 − t) − √b₂ t)², and a larger b₁ adds a multiple of 2t(1 − t).
 D is the cone of the point evaluations ((1 − t)², 2t(1 − t), t²), for which q₁² = 4 q₀q₂, and of what lies between them.
 Source: Karlin, Studden, Tchebycheff Systems, ch. II (Markov-Lukács); here for degree 2.
+
+In `docs/theory.md`: (D16), (D17).
 """
 
 import numpy as np

@@ -10,6 +10,8 @@ that is more than rounding, slip goes both ways on one edge, or ±ℓ is no slip
 decomposition is found by an interior point method, whose points are feasible all along.
 
 Source: Boyd, Vandenberghe, Convex Optimization, 2004, ch. 11 (barrier method) and 9.6 (damped Newton steps).
+
+In `docs/theory.md`: (D17).
 """
 
 import numpy as np

@@ -110,8 +110,8 @@ def test_traces_are_the_stresses_of_the_airy_function():
         for f in (sympy.diff(phi, y, y), sympy.diff(phi, x, x), -sympy.diff(phi, x, y))
     )
     horizontal, sign = points.tangents[:, 0] == 1.0, points.normals.sum(axis=1)
-    assert points.normal() @ u == pytest.approx(np.where(horizontal, yy, xx), abs=1e-11)
-    assert points.shear() @ u == pytest.approx(sign * xy, abs=1e-11)
+    assert points.normal @ u == pytest.approx(np.where(horizontal, yy, xx), abs=1e-11)
+    assert points.shear @ u == pytest.approx(sign * xy, abs=1e-11)
     assert points.traction([1.0, 0.0]) @ u == pytest.approx(sign * np.where(horizontal, xy, xx), abs=1e-11)
     assert points.traction([0.0, 1.0]) @ u == pytest.approx(sign * np.where(horizontal, yy, xy), abs=1e-11)
     normal, shear = points.tractions(u)
@@ -122,7 +122,7 @@ def test_traces_are_the_stresses_of_the_airy_function():
 
 def test_traces_depend_on_the_nodes_of_their_edge_alone():
     points = EdgePoints(BognerFoxSchmit(GRADED), GRADED.boundary, 4)
-    for matrix in (points.normal(), points.shear()):
+    for matrix in (points.normal, points.shear):
         coo = matrix.tocoo()
         edge = coo.row // 4
         node = coo.col // 4

@@ -9,6 +9,8 @@ aside). A prescribed Cartesian component of the traction on an edge therefore
 
 Linked values form chains. Each chain has one free value, its root; what is left are a few equations between roots:
 closed loops of Γ_σ, which state the balance of loads, and the gauge Φ = Φ_x = Φ_y = 0 at one node.
+
+In `docs/theory.md`: (D2).
 """
 
 from dataclasses import dataclass

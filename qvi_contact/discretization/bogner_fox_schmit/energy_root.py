@@ -19,6 +19,8 @@ and in the polynomials P₀, …, P₃ of Legendre, orthonormal on [0, 1], with 
 Derivatives contain no E, second derivatives neither E nor D, so nothing large cancels once D, S and M are taken of
 stored numbers. In a cell, σ_xx takes the parts along y first, σ_yy those along x: then what is left to be combined
 across is as small as the stress itself.
+
+In `docs/theory.md`: (D8).
 """
 
 from collections.abc import Callable, Iterator

@@ -89,11 +89,11 @@ def _by_component(basis: Basis, tractions: Sequence[PrescribedTraction]) -> Iter
     for given in tractions:
         for component in (0, 1):
             for factor in (1.0, -1.0):
-                edges = given.edges.take(given.direction[:, component] == factor)
-                normal = horizontal(edges) == (component == 1)
-                for along_normal, chosen in ((True, edges.take(normal)), (False, edges.take(~normal))):
-                    if len(chosen):
-                        yield component, along_normal, _Load(basis, given, chosen, factor)
+                chosen = given.direction[:, component] == factor
+                normal = horizontal(given.edges) == (component == 1)
+                for along_normal, part in ((True, chosen & normal), (False, chosen & ~normal)):
+                    if part.any():
+                        yield component, along_normal, _Load(basis, given, given.edges.take(part), factor)
 
 
 def _stack(rows: Sequence[tuple[Any, ...]], integers: int, floats: int) -> list[Any]:

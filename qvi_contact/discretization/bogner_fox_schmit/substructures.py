@@ -12,6 +12,8 @@ r ≤ 3 parameters, mostly, for each chain of them:
 
 with X from the rows of the basis (`Elimination`). On a uniform grid X is the same all along a side, while in the basis
 itself Φ = Φ₀ + s Φ'₀ grows with the distance s from the root of the chain, which differs from block to block.
+
+In `docs/theory.md`: (D11).
 """
 
 from collections.abc import Iterator
