@@ -112,7 +112,11 @@ def _data(condition: Mapping[str, Any]) -> str:
     """What is given, without what goes without saying."""
     given = {key: value for key, value in condition.items() if key not in _HIDDEN and value not in (None, "unilateral")}
     given |= given.pop("plate", {})
-    given = {key: value for key, value in given.items() if value != 0.0 or key in ("x", "y", "friction")}
+    given = {
+        key: value
+        for key, value in given.items()
+        if value != 0.0 or key in ("x", "y", "normal", "tangential", "friction")
+    }
     text = ", ".join(f"{key} = {value}" for key, value in given.items())
     return f": {text}" if text else ""
 
