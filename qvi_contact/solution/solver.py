@@ -14,6 +14,7 @@ from qvi_contact.solution.result import ContactResult
 from solvers import Status
 from solvers.basics.watch import expired, watched
 from solvers.factorisation import FactorisationError
+from solvers.inner.names import is_strict
 from solvers.solution.finish import out_of_time
 from solvers.solve import takes_initial
 
@@ -57,7 +58,8 @@ def solve(
         far is returned, with the status "time_limit" unless its certificate passes. A factorisation under way, and an
         inner solver that takes no limit, are not interrupted.
     degree, contact_rows
-        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`.
+        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`. With Bernstein
+        coefficients, the default but for "uzawa", a strict inner solver is its counterpart without cones.
     **options
         ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`; ``callback`` is called
         with every `solvers.Iteration` of any method. ``initial``, the pressure the fixed point starts from, is an
@@ -90,6 +92,8 @@ def solve(
         if isinstance(problem, Discretization):
             result = _solve(problem, settings)
         else:
+            if contact_rows is None and method == "uzawa":
+                contact_rows = "gauss"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
             fresh = discretize(problem, degree=degree, contact_rows=contact_rows)
             result = _solve(_fitted(fresh, settings), settings)
     if throw and result.status is not Status.SOLVED:
@@ -99,6 +103,8 @@ def solve(
 
 def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactResult:
     """Solve, and try again without the shear in corners."""
+    if discretization.space.contact_rule.kind == "bernstein":
+        settings = {**settings, "inner": _on_coefficients(settings["inner"])}
     if settings.get("initial") is not None:
         settings["initial"] = _initial_pressure(settings["initial"], discretization)
     result = solve_within_reach(discretization, settings)
@@ -118,6 +124,14 @@ def _stopped(result: ContactResult, settings: dict[str, Any]) -> bool:
     """Whether a limit that the caller has set came first."""
     counted = any(settings.get(name) is not None for name in _COUNTS)
     return result.status is Status.TIME_LIMIT or (counted and result.status is Status.MAX_ITERATIONS)
+
+
+def _on_coefficients(inner: str | None) -> str | None:
+    """The inner solver without strict cones: bounds of Bernstein coefficients hold on whole edges anyway."""
+    if not is_strict(inner):
+        return inner
+    kind, _, name = str(inner).partition(":")
+    return f"{'socp' if kind.lower() == 'strict' else 'direct'}:{name}"
 
 
 def _fitted(discretization: Discretization, settings: dict[str, Any]) -> Discretization:
