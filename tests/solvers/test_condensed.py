@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.linalg import LinAlgError
 from scipy.sparse import csc_matrix, identity, random_array
-from solvers.traces import Traces
 
 from solvers import FrictionQVI, Status, solve_qvi
 from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Newton, Residuals
 from solvers.condensed.reduction import Reduction
+from solvers.inequality.traces import Traces
 from tests.covering import every_pair
 from tests.solvers.conftest import dragged_block, one_contact, random_problem, two_contacts
 from tests.solvers.test_laws import mixed_problem, violations
