@@ -4,6 +4,7 @@ import numpy as np
 
 from qvi_contact import ContactLine, ContactResult, ContactState
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.exact import ExactState
 
 _POINTS = 60
@@ -78,7 +79,7 @@ def between_points(values: FloatArray, degree: int, count: int = 1000) -> FloatA
 
     `values` has the shape (4 edges,); the polynomial through them has this degree on every edge.
     """
-    gauss = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
+    gauss = gauss_legendre(4)[0]
     t = np.linspace(0.0, 1.0, count)
     coefficients = np.polynomial.polynomial.polyfit(gauss, values.reshape(-1, 4).T, degree)
     return np.asarray(np.polynomial.polynomial.polyval(t, coefficients))

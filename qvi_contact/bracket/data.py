@@ -7,10 +7,9 @@ Bounds need data that are the same in both models. Functions are looked at in `b
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
-from qvi_contact.companion import bernstein
+from qvi_contact.element import bernstein, legendre
 from qvi_contact.mesh.rectilinear import GridEdges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
@@ -81,5 +80,5 @@ def _cells_hold(problem: ContactProblem, field: Field) -> bool:
 
 def _fits(values: FloatArray, t: FloatArray, degree: int) -> bool:
     """Whether rows of values (n, k) at points t (k,) are polynomials of that degree."""
-    basis = np.linalg.qr(legendre.legvander(2.0 * t - 1.0, degree))[0]
+    basis = np.linalg.qr(legendre.basis(degree, t))[0]
     return bool(np.abs(values - values @ basis @ basis.T).max() <= _ROUNDING * np.abs(values).max())

@@ -17,10 +17,11 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.bracket.outcome import EdgeParts
-from qvi_contact.companion import CompanionResult, bernstein
+from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import contact_named
+from qvi_contact.element import bernstein
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 from qvi_contact.solution.stress import cell_stresses

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
-from qvi_contact.companion import bernstein
 from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.space import Space
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element import bernstein
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 from qvi_contact.problem.conditions import Displacement, Traction

@@ -13,9 +13,9 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.companion import bernstein
 from qvi_contact.companion.element import lattice, reference_matrices
 from qvi_contact.companion.space import Space
+from qvi_contact.element import bernstein
 from qvi_contact.element.hermite import gauss_legendre
 
 

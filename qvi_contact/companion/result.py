@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.companion import bernstein
 from qvi_contact.companion.elasticity import Elasticity, tensor_values
 from qvi_contact.companion.points import cells_around
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionContact, CompanionParts, CompanionState
 from qvi_contact.companion.traces import Trace, plate_centre
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import contact_states

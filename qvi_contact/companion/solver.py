@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, evaluate
-from qvi_contact.companion import bernstein
 from qvi_contact.companion.admissible import admissible
 from qvi_contact.companion.condensation import CondensedBody
 from qvi_contact.companion.data import load_vector, supports
@@ -17,6 +16,7 @@ from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionState
 from qvi_contact.companion.traces import Trace, traces
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem

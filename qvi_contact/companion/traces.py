@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
-from qvi_contact.companion import bernstein
 from qvi_contact.companion.data import MISFIT, edge_data, edge_moments
 from qvi_contact.companion.space import Space
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 from qvi_contact.problem.conditions import Contact, Law

@@ -1,4 +1,4 @@
-"""Cubic Hermite functions and Gauss points on the reference interval [0, 1].
+"""Cubic Hermite functions, nodal quadratics and Gauss points on the reference interval [0, 1].
 
 Everything the Bogner-Fox-Schmit element needs is a tensor product of these, so no matrix is ever inverted and
 nothing depends on where the element lies in the plane.
@@ -73,6 +73,12 @@ def scaled_hermite(t: FloatArray, length: FloatArray, scale: FloatArray, derivat
     values = hermite(t, derivative) / length[..., None, None] ** derivative
     ratio = length[..., None] / scale
     return np.asarray(values * np.stack([np.ones_like(ratio), ratio], axis=-1))
+
+
+def nodal_quadratics(t: FloatArray) -> FloatArray:
+    """Quadratics with the value one at 0, at 1 and at 1/2, and zero at the other two, shape (..., 3)."""
+    t = np.asarray(t, dtype=float)
+    return np.stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)], axis=-1)
 
 
 @cache

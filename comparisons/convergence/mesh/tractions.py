@@ -7,16 +7,15 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.element.hermite import gauss_legendre, nodal_quadratics
 
 Field: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """σ_N and σ_T [stress] at coordinates s along a contact, arrays of one shape."""
 
-_GAUSS: Final = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+_GAUSS: Final = gauss_legendre(4)[0]
+_POINTS, _WEIGHTS = gauss_legendre(6)
 _END_VALUES: Final = np.linalg.pinv(np.column_stack([1.0 - _GAUSS, _GAUSS]))
-_NODE_VALUES: Final = np.linalg.pinv(
-    np.column_stack([(1 - _GAUSS) * (1 - 2 * _GAUSS), 4 * _GAUSS * (1 - _GAUSS), _GAUSS * (2 * _GAUSS - 1)])
-)
+_NODE_VALUES: Final = np.linalg.pinv(nodal_quadratics(_GAUSS)[:, [0, 2, 1]])  # start, middle, end
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,4 +99,4 @@ def quadrature(lines: FloatArray) -> tuple[FloatArray, FloatArray]:
     steps = np.diff(lines)
     kept = steps > 1e-13 * (lines[-1] - lines[0])
     start, steps = lines[:-1][kept], steps[kept]
-    return start[:, None] + steps[:, None] * (1.0 + _POINTS) / 2.0, steps[:, None] * _WEIGHTS / 2.0
+    return start[:, None] + steps[:, None] * _POINTS, steps[:, None] * _WEIGHTS

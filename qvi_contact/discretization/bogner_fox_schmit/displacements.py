@@ -16,7 +16,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.bogner_fox_schmit.traces import horizontal
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.elimination import Elimination
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.hermite import gauss_legendre, nodal_quadratics
 from qvi_contact.mesh.edges import edge_ends
 
 
@@ -57,7 +57,7 @@ def project_tangential(rows: ContactRows, functional: FloatArray, fixed: IntArra
     ends = 2 * np.concatenate([edges.first, edges.second]) + np.tile(~horizontal(edges), 2)
     nodes, local = np.unique(ends, return_inverse=True)
     n, e = len(nodes), len(edges)
-    shape = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)])
+    shape = nodal_quadratics(t)
     columns = np.column_stack([local[:e], local[e:], n + np.arange(e)])
     at_point = np.repeat(columns, points.count, axis=0)
     index = (np.repeat(np.arange(e * points.count), 3), at_point.ravel())

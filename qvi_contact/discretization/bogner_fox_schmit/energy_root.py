@@ -32,6 +32,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.element import legendre
 from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT, STRESS_DERIVATIVES, Grid
 from qvi_contact.element.hermite import gauss_legendre
 
@@ -222,8 +223,8 @@ class StressRoot:
             return None
         t, w = gauss_legendre(GAUSS_COUNT)
         degrees = np.arange(GAUSS_COUNT)
-        legendre = np.polynomial.legendre.legvander(2.0 * t - 1.0, GAUSS_COUNT - 1) * np.sqrt(2 * degrees + 1)
-        transform = (legendre * w[:, None]).T
+        orthonormal = legendre.basis(GAUSS_COUNT - 1, t) * np.sqrt(2 * degrees + 1)
+        transform = (orthonormal * w[:, None]).T
         coefficients = np.zeros((GAUSS_COUNT, GAUSS_COUNT, *self.active.shape))
         at_points = self.potential.reshape(-1, GAUSS_COUNT, GAUSS_COUNT)
         coefficients[:, :, self.active] = np.moveaxis(transform @ at_points @ transform.T, 0, -1)

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT, Grid
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.hermite import gauss_legendre, nodal_quadratics
 from qvi_contact.mesh.edges import Edges
 
 
@@ -111,7 +111,7 @@ def trace_parameters(
     t = gauss_legendre(GAUSS_COUNT)[0]
     first, last = t[0], t[-1]
     linear = np.column_stack([last - t, t - first]) / (last - first)
-    quadratic = np.column_stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)])
+    quadratic = nodal_quadratics(t)
     count = int(sum(len(part) for part in edges))
     ends = np.concatenate([np.column_stack([part.first, part.second]) for part in edges])
     signs = np.concatenate([part.normal.sum(axis=1) for part in edges])

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from qvi_contact.bracket.parts import slip_work
-from qvi_contact.companion import bernstein
+from qvi_contact.element import bernstein
 
 NUMBERS = st.floats(-10.0, 10.0, allow_subnormal=False)
 T = np.linspace(0.0, 1.0, 4001)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qvi_contact.companion import bernstein
+from qvi_contact.element import bernstein
 
 DEGREES = (2, 3, 4)
 coefficient = st.floats(-3.0, 3.0).map(lambda value: round(value, 3))

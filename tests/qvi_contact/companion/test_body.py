@@ -14,12 +14,13 @@ from qvi_contact import (
     Traction,
     exact,
 )
-from qvi_contact.companion import bernstein, solve_companion
+from qvi_contact.companion import solve_companion
 from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.element import BernsteinQuad, lattice, reference_matrices
 from qvi_contact.companion.solver import moduli
 from qvi_contact.companion.space import Space
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element import bernstein
 from solvers import Status
 from tests.covering import every_pair
 

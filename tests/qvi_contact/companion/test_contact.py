@@ -20,8 +20,9 @@ from qvi_contact import (
     exact,
     solve,
 )
-from qvi_contact.companion import bernstein, solve_companion
+from qvi_contact.companion import solve_companion
 from qvi_contact.companion.dual import DualProblem
+from qvi_contact.element import bernstein
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from solvers import Status
 

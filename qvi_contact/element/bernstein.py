@@ -9,9 +9,9 @@ of a linear function are its values at i/p.
 from math import comb
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.element import legendre
 from qvi_contact.element.hermite import gauss_legendre
 
 _END = 1e-6  # so far inside the ends a step on a grid line is not seen, a peak there is
@@ -48,7 +48,7 @@ def from_values(degree: int) -> FloatArray:
 def gauss_interpolation(count: int, t: FloatArray) -> FloatArray:
     """Matrix (count, j): values at the `count` Gauss points to those at t (j,) of the polynomial through them."""
     points, weights = gauss_legendre(count)
-    at_points, at_t = (legendre.legvander(2.0 * part - 1.0, count - 1) for part in (points, t))
+    at_points, at_t = (legendre.basis(count - 1, part) for part in (points, t))
     return np.asarray((weights[:, None] * at_points * (2.0 * np.arange(count) + 1.0)) @ at_t.T)
 
 
