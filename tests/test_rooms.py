@@ -1,6 +1,7 @@
 """Imports go one way: between the packages, and between the rooms of each."""
 
 import ast
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,24 @@ def test_packages_import_from_those_below_only(package):
         if target and target.split(".")[0] in above
     ]
     assert wrong == []
+
+
+@pytest.mark.parametrize(
+    ("public", "home"),
+    [
+        ("qvi_contact.cli", "qvi_contact.command.cli"),
+        ("qvi_contact.exact", "qvi_contact.gallery.exact"),
+        ("qvi_contact.export", "qvi_contact.files.export"),
+        ("qvi_contact.result", "qvi_contact.solution.result"),
+        ("qvi_contact.units", "qvi_contact.basics.units"),
+        ("solvers.measures", "solvers.certificate.measures"),
+        ("solvers.uniqueness", "solvers.certificate.uniqueness"),
+    ],
+)
+def test_public_names_outside_rooms_lead_into_them(public, home):
+    offered = import_module(public)
+    assert offered.__all__
+    assert all(getattr(offered, name) is getattr(import_module(home), name) for name in offered.__all__)
 
 
 def test_a_circle_is_found():

@@ -3,3 +3,6 @@
 from qvi_contact.command.cli import group, main
 
 __all__ = ["group", "main"]
+
+if __name__ == "__main__":
+    main()
