@@ -44,6 +44,12 @@ class AffineTriangles:
         J = self.jacobians
         return np.abs(J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0])
 
+    @property
+    def elongations(self) -> FloatArray:
+        """Longest side over the height on it, shape (n,)."""
+        sides = self.corners - np.roll(self.corners, 1, axis=1)
+        return np.asarray(np.square(sides).sum(axis=2).max(axis=1) / (self.scales * np.sqrt(0.75)))
+
     @cached_property
     def inverses(self) -> FloatArray:
         """J⁻¹ = ∂ξ/∂x, shape (n, 2, 2)."""

@@ -153,7 +153,10 @@ class HsiehCloughTocher:
         orthogonal, triangular = np.linalg.qr(stresses @ null)
         dual = dual - null @ np.linalg.solve(triangular, orthogonal.T @ (stresses @ dual))
         inner = np.linalg.solve(triangular.T, null.T).T
-        return np.asarray(flat @ np.hstack([dual, inner])).reshape(smooth.shape)
+        functions = np.hstack([dual, inner])
+        for _ in range(2):  # what rounding left of the functionals, 1e-13, is taken off
+            functions = functions - dual @ (functionals @ functions - np.eye(self.shared, self.dimension))
+        return np.asarray(flat @ functions).reshape(smooth.shape)
 
     @cached_property
     def _derivatives(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -162,13 +165,17 @@ class HsiehCloughTocher:
         return functions, self._gradients @ functions, self._hessians @ functions
 
     @cached_property
-    def _energies(self) -> FloatArray:
-        """∫ (H_a ⊗ H_b + H_b ⊗ H_a)/(1 + δ_ab) on the reference triangle for `_PAIRS`, shape (6, dimension²)."""
+    def _weighted_hessians(self) -> FloatArray:
+        """(xx, yy, xy) at quadrature points of the reference triangle times √weight, shape (3, q, dimension)."""
         points, weights = quadrature(2 * self.degree - 4)
         values = bernstein(self.degree - 2, points) * np.sqrt(_AREA / 3.0 * weights)[:, None]
-        stresses = np.moveaxis(values @ self._derivatives[2], 1, 0)
-        stresses = stresses.reshape(3, -1, self.dimension)
-        products = [stresses[a].T @ stresses[b] for a, b in _PAIRS]
+        return np.asarray(np.moveaxis(values @ self._derivatives[2], 1, 0)).reshape(3, -1, self.dimension)
+
+    @cached_property
+    def _energies(self) -> FloatArray:
+        """∫ (H_a ⊗ H_b + H_b ⊗ H_a)/(1 + δ_ab) on the reference triangle for `_PAIRS`, shape (6, dimension²)."""
+        hessians = self._weighted_hessians
+        products = [hessians[a].T @ hessians[b] for a, b in _PAIRS]
         symmetric = [
             product if a == b else product + product.T for product, (a, b) in zip(products, _PAIRS, strict=True)
         ]
@@ -189,6 +196,25 @@ class HsiehCloughTocher:
         weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
         chosen = np.stack([weights[:, a, b] for a, b in _PAIRS], axis=1)
         return np.asarray(chosen @ self._energies).reshape(-1, self.dimension, self.dimension)
+
+    def energy_rows(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
+        """Rows S with SᵀS = `energies`, stresses at quadrature points: what small energies are not lost in.
+
+        Parameters
+        ----------
+        triangles : AffineTriangles
+            The n triangles.
+        compliances : (n, 3, 3) array
+            Compliance c of each.
+
+        Returns
+        -------
+        (n, 3 q, dimension) array
+
+        """
+        upper = np.linalg.cholesky(compliances).swapaxes(1, 2) * np.sqrt(triangles.scales)[:, None, None]
+        rows = np.einsum("nab,bqd->naqd", upper @ triangles.stress_maps, self._weighted_hessians)
+        return np.asarray(rows).reshape(len(triangles), -1, self.dimension)
 
     def transformations(self, triangles: AffineTriangles) -> FloatArray:
         """From degrees of freedom of triangles to those of the reference triangle, shape (n, shared, shared).

@@ -402,3 +402,17 @@ def test_an_edge_without_condition_is_named_with_its_place():
         ContactProblem(mesh, STEEL, [Symmetry("bottom"), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)])
     with pytest.raises(InputError, match="already ruled"):
         ContactProblem(mesh, STEEL, [Symmetry("bottom"), Traction("bottom", 0.0, 0.0)])
+
+
+@pytest.mark.parametrize("length", [1e2, 1e3, 1e4, 1e6])
+def test_needles_cost_accuracy_and_are_refused_in_the_end(length):
+    mesh = TriangleMesh.rectangle((4, 3), length, 1.0)
+    conditions = [Symmetry("left"), Symmetry("bottom"), Traction("right", 0.0, 0.0), Contact("top", 0.0, gap=-1e-3)]
+    problem = ContactProblem(mesh, STEEL, conditions)
+    if length > 1e3:
+        with pytest.raises(InputError, match="as long as high"):
+            solve(problem)
+        return
+    for degree in (3, 4, 7):  # energies alone would be wrong by 4e-4 at a thousand, with a certificate that passes
+        result = solved(problem, 1e-8, degree=degree)
+        assert result.contacts["top"].normal_force == pytest.approx(length, rel=1e-8)

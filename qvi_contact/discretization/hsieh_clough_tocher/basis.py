@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy import sparse
@@ -17,11 +17,14 @@ from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace, 
 from qvi_contact.discretization.hsieh_clough_tocher.tractions import eliminate_tractions
 from qvi_contact.element import legendre
 from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 
 if TYPE_CHECKING:
     from qvi_contact.discretization.contact_rows import ContactRows
+
+_LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +148,23 @@ class TriangleBasis:
         return normal / weights, tangential / weights
 
     def energy(self, materials: IntArray, compliances: FloatArray, potential: FloatArray | None) -> "TriangleEnergy":
-        """The energy of the body; see `Basis.energy`."""
-        condensed = CondensedTriangles.of(self.space.element, self.space.triangles, compliances[materials], potential)
+        """The energy of the body; see `Basis.energy`.
+
+        Raises
+        ------
+        InputError
+            If a triangle is so long and thin that its energy is lost in rounding.
+
+        """
+        triangles = self.space.triangles
+        thinnest = int(np.argmax(triangles.elongations))
+        if triangles.elongations[thinnest] > _LONGEST:
+            x, y = self.mesh.corners[thinnest].mean(axis=0)
+            remedy = (
+                f"the triangle around ({x:.6g}, {y:.6g}) is this many times as long as high: give at most {_LONGEST:g}"
+            )
+            raise InputError("ContactProblem.mesh", float(triangles.elongations[thinnest]), remedy)
+        condensed = CondensedTriangles.of(self.space.element, triangles, compliances[materials], potential)
         return TriangleEnergy(self.space, condensed)
 
     def points(self, cells: IntArray, t: FloatArray) -> FloatArray:

@@ -26,6 +26,7 @@ from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher
 from qvi_contact.element.triangle import quadrature
 
 _AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine function is made of
+_LONG: Final = 10.0  # longest side over height: beyond, energies, unlike stresses, lose too many digits
 _BLOCK: Final = 2**24  # entries of element matrices at a time
 _EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
 
@@ -97,28 +98,41 @@ class CondensedTriangles:
 def _condensed(
     element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, potential: FloatArray | None
 ) -> CondensedTriangles:
-    """`CondensedTriangles.of` for one block."""
-    nb, count = element.shared, len(triangles)
-    energies, B = element.energies(triangles, compliances), element.transformations(triangles)
-    load, rest = np.zeros((count, element.dimension)), np.zeros(count)
+    """`CondensedTriangles.of` for one block.
+
+    With K = RᵀR, interior degrees of freedom first, the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
+    The least over v makes the upper part of the first term vanish.
+    """
+    order = np.concatenate([np.arange(element.shared, element.dimension), np.arange(_AFFINE, element.shared)])
+    v, w = slice(0, element.interior), slice(element.interior, None)
+    R = _triangular(element, triangles, compliances, order)
+    B = element.transformations(triangles)[:, _AFFINE:, _AFFINE:]
+    residual: FloatArray = np.zeros((len(triangles), len(order)))
+    rest: FloatArray = np.zeros(len(triangles))
     if potential is not None:
         load, rest = _potential_load(element, triangles, compliances, potential)
-    inner, shift = np.zeros((count, 0, nb)), np.zeros((count, 0))
-    S, s = energies[:, :nb, :nb], load[:, :nb]
-    if element.interior:
-        right = np.concatenate([energies[:, nb:, :nb], load[:, nb:, None]], axis=2)
-        solved = -np.linalg.solve(energies[:, nb:, nb:], right)
-        inner, shift = solved[:, :, :nb], solved[:, :, nb]
-        coupling = energies[:, :nb, nb:]
-        S, s = S + coupling @ inner, s + (coupling @ shift[:, :, None])[:, :, 0]
-        rest = rest + (load[:, nb:] * shift).sum(axis=1) / 2.0
-    lower = np.linalg.cholesky(S[:, _AFFINE:, _AFFINE:])
-    constant = np.zeros((count, nb - _AFFINE))
-    if potential is not None:
-        constant = np.linalg.solve(lower, s[:, _AFFINE:, None])[:, :, 0]
-        rest = rest - (constant**2).sum(axis=1) / 2.0
-    root = lower.swapaxes(1, 2) @ B[:, _AFFINE:, _AFFINE:]
-    return CondensedTriangles(root, constant, np.maximum(rest, 0.0), inner[:, :, _AFFINE:], shift)
+        residual = np.asarray(np.linalg.solve(R.swapaxes(1, 2), load[:, order, None]))[:, :, 0]
+        rest = np.maximum(rest - np.square(residual).sum(axis=1) / 2.0, 0.0)
+    inner = -np.linalg.solve(R[:, v, v], np.concatenate([R[:, v, w], residual[:, v, None]], axis=2))
+    return CondensedTriangles(R[:, w, w] @ B, residual[:, w], rest, inner[:, :, :-1], inner[:, :, -1])
+
+
+def _triangular(
+    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, order: IntArray
+) -> FloatArray:
+    """R of the reference functions in that order, upper triangular, shape (n, len(order), len(order)).
+
+    By Cholesky of the energies; of triangles that are long and thin, which lose small energies, by QR of stresses.
+    """
+    long = triangles.elongations > _LONG
+    R = np.empty((len(triangles), len(order), len(order)))
+    plain = AffineTriangles(triangles.corners[~long])
+    energies = element.energies(plain, compliances[~long])[:, order[:, None], order]
+    R[~long] = np.linalg.cholesky(energies).swapaxes(1, 2)
+    if long.any():
+        rows = element.energy_rows(AffineTriangles(triangles.corners[long]), compliances[long])
+        R[long] = np.linalg.qr(rows[:, :, order], mode="r")
+    return R
 
 
 def _potential_load(
