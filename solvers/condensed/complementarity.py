@@ -75,51 +75,52 @@ class Complementarity:
         frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), reduction.E_T, qvi.W)
         self._equations = Equations.of(reduction.A, frictionless, reduction.size)
         self._lay_out()
+        self._lay_out_rows()
         self.S: Matrix = self._equations.quadratic(reduction.stiffness)
         self.rebase(base)
 
     def _lay_out(self) -> None:
-        """Which bound belongs to which point, and its rows."""
-        qvi, E_N, E_T = self._qvi, self._reduction.E_N, self._reduction.E_T
+        """Which bound belongs to which point and traction, and what is fixed of it."""
+        qvi = self._qvi
         normal, friction = np.flatnonzero(~qvi.bilateral), np.flatnonzero(~qvi.frictionless)
         capped = friction[np.isfinite(qvi.cap[friction]) & (qvi.mu[friction] > 0.0)]
         parts = (normal, friction, friction, capped, capped)
         lengths = [len(part) for part in parts]
+        of_normal, of_friction, below, cap, below_cap = np.split(np.arange(sum(lengths)), np.cumsum(lengths)[:-1])
         self._points: IntVector = np.concatenate(parts)
+        self._above, self._below = np.concatenate([of_friction, cap]), np.concatenate([below, below_cap])
         self._sign: Vector = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], lengths)
-        self._is_cap = np.repeat([False, False, False, True, True], lengths)
-        count = len(normal) + len(friction)
+        is_cap = np.repeat([False, False, False, True, True], lengths)
         places = np.full((2, qvi.m), -1)
-        places[0, normal], places[1, friction] = np.arange(len(normal)), np.arange(len(normal), count)
+        places[0, normal], places[1, friction] = of_normal, of_friction
         self.traction: IntVector = places[np.where(self._sign == 0.0, 0, 1), self._points]
-        above, below = len(normal) + np.arange(len(friction)), count + np.arange(len(friction))
-        cap = count + len(friction) + np.arange(len(capped))
-        self._above, self._below = np.concatenate([above, cap]), np.concatenate([below, cap + len(capped)])
         self.slot: IntVector = np.repeat([0, 0, 1, 2, 3], lengths)
-        rubs = (self._sign != 0.0) & ~self._is_cap & (qvi.mu[self._points] > 0.0)
+        mu, cohesion, limit = qvi.mu[self._points], qvi.cohesion[self._points], qvi.cap[self._points]
+        rubs = (self._sign != 0.0) & ~is_cap & (mu > 0.0)
         self.pressed: IntVector = np.where(rubs, places[0, self._points], -1)
-        self.friction: Vector = np.where(rubs, qvi.mu[self._points], 0.0)
-        least = np.where(qvi.mu > 0.0, qvi.cohesion, np.minimum(qvi.cohesion, qvi.cap))[self._points]
-        fixed = np.where(self._is_cap, qvi.cap[self._points], least)
+        self.friction: Vector = np.where(rubs, mu, 0.0)
+        fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
         self.weights: Vector = qvi.W[self._points]
-        self.sizes: Vector = np.where(self._is_cap | (self._sign == 0.0), 1.0, 1.0 + qvi.mu[self._points])
+        self.sizes: Vector = np.where(is_cap | (self._sign == 0.0), 1.0, 1.0 + mu)
         self.shares: Vector = np.where(self._sign == 0.0, 1.0, self._share)
+        self.split: IntVector = np.flatnonzero(qvi.bilateral & (qvi.mu > 0.0) & ~qvi.frictionless)
+        self.split_weights: Vector = qvi.W[self.split]
+        self._rubs: IntVector = np.flatnonzero(rubs & qvi.bilateral[self._points])  # bounds of points in `split`
+        self._splits: IntVector = np.searchsorted(self.split, self._points[self._rubs])  # which of them
+
+    def _lay_out_rows(self) -> None:
+        """Rows of tractions and bounds in the coordinates that are free."""
+        E_N, E_T, count = self._reduction.E_N, self._reduction.E_T, int((self._sign == 0.0).sum())
         whole = len(self._equations.free) == self._reduction.size
         self._all_N: Rows = E_N if whole else mapped(E_N, self._equations.map)
         self._all_T: Rows = E_T if whole else mapped(E_T, self._equations.map)
         self._size_N, self._size_T = abs(self._all_N), abs(self._all_T)
-        tangential = scaled(self._sign[len(normal) :], self._all_T[self._points[len(normal) :]])
-        self.B: Rows = stacked([self._all_N[normal], tangential])
+        tangential = scaled(self._sign[count:], self._all_T[self._points[count:]])
+        self.B: Rows = stacked([self._all_N[self._points[:count]], tangential])
         self._B_transposed: Rows = transposed(self.B)
-        self.split: IntVector = np.flatnonzero(qvi.bilateral & (qvi.mu > 0.0) & ~qvi.frictionless)
-        self.split_weights: Vector = qvi.W[self.split]
         self._split_rows: Rows = self._all_N[self.split]
-        self._rubs: IntVector = np.flatnonzero(
-            rubs & qvi.bilateral[self._points]
-        )  # bounds that depend on |σ_N| of a point in `split`
-        self._splits: IntVector = np.searchsorted(self.split, self._points[self._rubs])  # which one
-        self._constant: Rows | None = None
+        self._constant: Rows | None = None  # C where it is the same everywhere
         if not len(self.split):
             self._constant = self.slack_rows(np.zeros(0))
 

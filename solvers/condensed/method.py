@@ -141,12 +141,10 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
 
 def _restarted(first: _Run, tolerance: float) -> _Run:
     """Other central paths where the first led nowhere and ended nowhere near; the best of all by its certificate."""
-    best, run = first, first
-    accuracy = np.inf
+    if first.reason in _LAST:
+        return first
+    best, run, accuracy = first, first, _accuracy(first)
     for share in FRICTION_SHARES[1:]:
-        if run.reason in _LAST:
-            break
-        accuracy = min(accuracy, _accuracy(run))
         if accuracy <= tolerance:
             break
         run = _start(first.qvi, first.reduction, first.options, share)
@@ -154,8 +152,11 @@ def _restarted(first: _Run, tolerance: float) -> _Run:
         run.before = len(run.history)
         run.best = (np.inf, run.before)
         _iterate(run)
-        if run.reason is Status.SOLVED or _accuracy(run) < accuracy:
-            best = run
+        found = _accuracy(run)
+        if found < accuracy:
+            best, accuracy = run, found
+        if run.reason in _LAST:
+            break
     if run.reason is Status.TIME_LIMIT:
         best.reason, best.message = run.reason, ""
     return best
