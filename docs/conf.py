@@ -38,12 +38,13 @@ python_maximum_signature_line_length = 80
 nitpicky = True
 nitpick_ignore_regex = [
     # types of other libraries, whose pages are not read: nothing is loaded from the network
-    (r"py:.*", r"(numpy|np|scipy|matplotlib|click|collections|pathlib|typing|types|enum)(\..*)?"),
+    (r"py:.*", r"(numpy|np|scipy|matplotlib|click|collections|dataclasses|pathlib|typing|types|enum)(\..*)?"),
     (r"py:.*", r"(Any|Array|ArrayLike|Axes|Console|QuadMesh|Figure|IO|Module|NDArray|Protocol|Self)"),
     (r"py:.*", r"(str|int|float|bool|None|object|tuple|list|dict|Path|Mapping|Sequence|Callable|Iterable|Iterator)"),
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),
+    (r"py:class", r"qvi_contact\.problem\.problem\.Prescribed"),
     (r"py:class", r"qvi_contact\.companion\.(elasticity|space|state)\.\w+"),
-    (r"py:class", r"qvi_contact\.(mesh\.rectilinear\.Edge\w+|plots\.figures\.LoadHistory)"),
-    (r"py:class", r"solvers\.(factorisation\.dissection|inequality\.linear)\.\w+"),
+    (r"py:class", r"qvi_contact\.(mesh\.(edges|mesh|rectilinear|topology)\.\w+|plots\.figures\.LoadHistory)"),
+    (r"py:class", r"solvers\.(factorisation\.dissection|inequality\.(energy|linear|operator))\.\w+"),
 ]
