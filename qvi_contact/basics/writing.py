@@ -4,9 +4,9 @@ import tempfile
 from pathlib import Path
 
 from qvi_contact.errors import InputError
-from solvers.basics.files import replacing, unwritable
+from solvers.basics.files import check_writable, identity, replacing, unwritable
 
-__all__ = ["check_suffix", "replacing", "writable_folder", "write_text"]
+__all__ = ["check_suffix", "check_writable", "identity", "replacing", "writable_folder", "write_text"]
 
 
 def write_text(path: str | Path, text: str) -> None:

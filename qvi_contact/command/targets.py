@@ -1,10 +1,9 @@
 """Files that a command is to write, checked before it works for them."""
 
-import tempfile
+import os
 from importlib.util import find_spec
-from pathlib import Path
 
-from qvi_contact.basics.writing import check_suffix
+from qvi_contact.basics.writing import check_suffix, check_writable, identity
 from qvi_contact.errors import InputError
 
 _MODULES = {"plot": ("matplotlib", "plot"), "vtk": ("meshio", "vtk")}  # option → module, extra that brings it
@@ -21,14 +20,16 @@ def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
 
     """
     given = {option: path for option, path in targets.items() if path is not None}
-    taken = {Path(source).absolute(): "the problem file"}
+    taken = {identity(source): "the problem file"}
     for option, path in given.items():
         name = f"--{option.replace('_', '-')}"
-        place = Path(path).absolute()
+        if not path or os.path.isdir(path):  # Path's raises for names that no file can have
+            raise InputError(name, path, "give the name of a file")
+        check_writable(path, name)
+        place = identity(path)
         if place in taken:
             raise InputError(name, path, f"is {taken[place]}: give a file of its own")
         taken[place] = f"the file of {name} too"
-        _check_writable(name, path)
         _check_kind(option, path)
     return given
 
@@ -44,16 +45,3 @@ def _check_kind(option: str, path: str) -> None:
         picture_suffix(path)
     elif option in _SUFFIXES:
         check_suffix(f"--{option}", path, _SUFFIXES[option])
-
-
-def _check_writable(name: str, path: str) -> None:
-    try:
-        if not path or Path(path).is_dir():
-            raise InputError(name, path, "give the name of a file")
-        with tempfile.TemporaryFile(dir=Path(path).parent):
-            pass
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(name, path, f"cannot be written ({reason}): give another place") from error

@@ -1,9 +1,17 @@
-"""Files that are either there whole or not there at all."""
+"""Files that are either there whole or not there at all.
 
+Only regular files are replaced, by renaming. Links are followed; a file with several names or another owner keeps both
+and gets new contents, as do devices and pipes.
+"""
+
+import errno
 import os
+import shutil
+import stat
+import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from solvers.errors import InputError
@@ -11,9 +19,9 @@ from solvers.errors import InputError
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Give a temporary name beside `path` to write to, and rename it to `path` when the block ends well.
+    """Give a temporary name to write to; when the block ends well, what was written becomes the contents of `path`.
 
-    An earlier file of that name survives any failure.
+    An earlier file of that name survives any failure of the block, and keeps its mode after it.
 
     Raises
     ------
@@ -21,21 +29,49 @@ def replacing(path: str | Path) -> Iterator[Path]:
         If the folder or file cannot be written.
 
     """
-    target = Path(path)
     try:
-        handle, name = tempfile.mkstemp(prefix=".writing-", suffix=target.suffix, dir=target.parent)
+        target, earlier = _followed(Path(path))
+        beside = target.parent if earlier is None or stat.S_ISREG(earlier.st_mode) else None
+        handle, name = tempfile.mkstemp(prefix=".writing-", suffix=Path(path).suffix, dir=beside)
         os.close(handle)
     except (OSError, ValueError) as error:  # ValueError: a folder's name that none can have
-        raise unwritable(target, error) from error
+        raise unwritable(Path(path), error) from error
     temporary = Path(name)
     try:
         yield temporary
-        temporary.chmod(0o666 & ~_umask())
-        _rename(temporary, target)
+        _put(temporary, target, earlier)
     except OSError as error:
-        raise unwritable(target, error) from error
+        raise unwritable(Path(path), error) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: str | Path, field: str = "output") -> None:
+    """Find out before any work is done whether `replacing` can write a file.
+
+    Raises
+    ------
+    InputError
+        If it cannot; about `field`, the option that named it.
+
+    """
+    try:
+        target, earlier = _followed(Path(path))
+        if earlier is None or stat.S_ISREG(earlier.st_mode):
+            with tempfile.TemporaryFile(dir=target.parent):
+                pass
+    except (OSError, ValueError) as error:
+        raise unwritable(Path(path), error, field) from error
+
+
+def identity(path: str | Path) -> object:
+    """What all names of one file have in common, whether it exists or not."""
+    with suppress(OSError, ValueError):
+        found = Path(path).stat()
+        return found.st_dev, found.st_ino
+    with suppress(OSError, ValueError):  # where the working folder is gone, or no file can have that name
+        return os.path.realpath(path)
+    return str(path)
 
 
 def unwritable(path: Path, error: OSError | ValueError, field: str = "output") -> InputError:
@@ -44,11 +80,64 @@ def unwritable(path: Path, error: OSError | ValueError, field: str = "output") -
     return InputError(field, str(path), f"cannot be written ({reason}): give another place, or make room there")
 
 
-def _rename(temporary: Path, target: Path) -> None:
+def _followed(path: Path) -> tuple[Path, os.stat_result | None]:
+    """Where a path leads through links, and what stands there; an error if that is there and cannot be written."""
+    resolved = Path(os.path.realpath(path))
     try:
+        found = path.stat()
+    except FileNotFoundError:  # a new file, or a link to one
+        return resolved, None
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    named = resolved.exists() and resolved.samefile(path)  # pipes that a process holds open have no name
+    return resolved if named else path, found
+
+
+def _put(temporary: Path, target: Path, earlier: os.stat_result | None) -> None:
+    """Rename onto nothing or a regular file of one name and the same owner; else write into what stands there."""
+    new = temporary.stat()
+    if earlier is None:
+        temporary.chmod(0o666 & ~_umask())
         temporary.replace(target)
-    except ValueError as error:  # a name no file can have
-        raise unwritable(target, error) from error
+    elif (stream := _standard_stream(earlier)) is not None:  # as /dev/stdout: in its turn, wherever it leads
+        with temporary.open("rb") as source, os.fdopen(os.dup(stream), "wb") as sink:
+            shutil.copyfileobj(source, sink)
+    elif stat.S_ISREG(earlier.st_mode) and earlier.st_nlink == 1 and _owners(earlier) == _owners(new):
+        temporary.chmod(stat.S_IMODE(earlier.st_mode))
+        temporary.replace(target)
+    else:
+        _overwrite(temporary, target)
+
+
+def _standard_stream(earlier: os.stat_result) -> int | None:
+    """The number of the standard output or error stream that a file is, with nothing left in its buffer."""
+    for number, stream in ((1, sys.stdout), (2, sys.stderr)):
+        with suppress(OSError):  # closed by the shell
+            if os.path.samestat(os.fstat(number), earlier):
+                if stream is not None:
+                    stream.flush()
+                return number
+    return None
+
+
+def _overwrite(temporary: Path, target: Path) -> None:
+    """Write into what stands there; the whole contents are kept beside a file where that ends early."""
+    try:
+        with temporary.open("rb") as source, target.open("wb") as sink:
+            shutil.copyfileobj(source, sink)
+    except OSError as error:
+        if not target.is_file():
+            raise
+        kept = target.with_name(target.stem + temporary.name.removeprefix(".writing"))
+        temporary.replace(kept)
+        remedy = f"is written in part only ({error.strerror}): the whole of it is in {kept}"
+        raise InputError("output", str(target), remedy) from error
+
+
+def _owners(found: os.stat_result) -> tuple[int, int]:
+    return found.st_uid, found.st_gid
 
 
 def _umask() -> int:

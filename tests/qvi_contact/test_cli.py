@@ -320,6 +320,38 @@ def test_targets_are_checked_before_the_work(shell, plate, monkeypatch, option, 
     assert len(err.splitlines()) == 1
 
 
+@pytest.mark.parametrize("make", ["symlink_to", "hardlink_to"])
+def test_another_name_of_the_problem_file_is_no_target(shell, plate, make):
+    other = plate.with_name("other.json")
+    getattr(other, make)(plate)
+    before = plate.read_bytes()
+    status, _, err = shell("solve", plate, "--save-json", other)
+    assert status == 2
+    assert "the problem file" in err
+    assert plate.read_bytes() == before
+
+
+@pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="no /dev/stdout")
+def test_standard_output_by_its_name(plate, tmp_path):
+    """The document and then the report, in the file that the shell has opened."""
+    both = tmp_path / "both"
+    with both.open("wb") as file:
+        arguments = [sys.executable, "-m", "qvi_contact", "solve", plate, "--save-json", "/dev/stdout"]
+        subprocess.run(arguments, stdout=file, timeout=60, check=True)
+    text = both.read_text(encoding="utf-8")
+    document, end = json.JSONDecoder().raw_decode(text)
+    assert document["solved"] is True
+    assert text[end:].strip().startswith("The plate")
+
+
+def test_what_stands_at_the_target_is_kept(shell, plate, tmp_path):
+    link, target = tmp_path / "link.json", tmp_path / "target.json"
+    link.symlink_to(target)
+    assert shell("solve", plate, "--save-json", link)[0] == 0
+    assert link.is_symlink()
+    assert json.loads(target.read_text(encoding="utf-8"))["solved"] is True
+
+
 def test_two_options_cannot_share_a_file(shell, plate, tmp_path):
     status, _, err = shell("solve", plate, "--npz", tmp_path / "a.npz", "--save-json", tmp_path / "a.npz")
     assert status == 2

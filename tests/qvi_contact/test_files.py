@@ -2,11 +2,12 @@
 
 import errno
 import os
+import stat
 from pathlib import Path
 
 import pytest
 
-from qvi_contact.basics.writing import replacing, writable_folder, write_text
+from qvi_contact.basics.writing import check_writable, replacing, writable_folder, write_text
 from qvi_contact.errors import InputError
 
 
@@ -140,3 +141,122 @@ def test_permissions_are_those_of_any_new_file(tmp_path, mask, mode):
 def test_text_is_written_byte_for_byte(tmp_path):
     write_text(tmp_path / "text", "Więckowski, μ\r\nσ\n")
     assert (tmp_path / "text").read_bytes() == "Więckowski, μ\r\nσ\n".encode()
+
+
+@pytest.fixture(params=["there", "dangling", "chain"])
+def link(request, tmp_path):
+    """A symbolic link in another folder, and the file it leads to, which may not be there yet."""
+    target, link = tmp_path / "data" / "table.csv", tmp_path / "links" / "name.csv"
+    for folder in (target.parent, link.parent):
+        folder.mkdir()
+    if request.param != "dangling":
+        target.write_text("earlier", encoding="utf-8")
+    first = link.with_name("first.csv") if request.param == "chain" else link
+    first.symlink_to(target)
+    if first != link:
+        link.symlink_to("first.csv")
+    return link, target
+
+
+def test_links_are_followed(link):
+    name, target = link
+    write_text(name, "later")
+    assert name.is_symlink()
+    assert not target.is_symlink()
+    assert target.read_text(encoding="utf-8") == name.read_text(encoding="utf-8") == "later"
+    assert list(target.parent.iterdir()) == [target]
+
+
+def test_links_in_a_circle_are_one_line(tmp_path):
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(InputError, match="cannot be written") as caught:
+        write_text(tmp_path / "a", "text")
+    assert len(str(caught.value).splitlines()) == 1
+    assert (tmp_path / "a").is_symlink()
+
+
+def test_all_names_of_a_file_get_the_new_contents(earlier):
+    other = earlier.with_name("other.csv")
+    other.hardlink_to(earlier)
+    write_text(earlier, "later")
+    assert other.read_text(encoding="utf-8") == "later"
+    assert other.samefile(earlier)
+    assert set(earlier.parent.iterdir()) == {earlier, other}
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o755])
+def test_a_file_keeps_its_mode(earlier, mode):
+    earlier.chmod(mode)
+    write_text(earlier, "later")
+    assert earlier.stat().st_mode & 0o7777 == mode
+    assert earlier.read_text(encoding="utf-8") == "later"
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can give files away")
+def test_a_file_of_another_owner_keeps_its_owner(earlier):
+    os.chown(earlier, 12345, 23456)
+    write_text(earlier, "later")
+    assert (earlier.stat().st_uid, earlier.stat().st_gid) == (12345, 23456)
+    assert earlier.read_text(encoding="utf-8") == "later"
+
+
+def test_a_pipe_is_written_into(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    check_writable(pipe)  # does not wait for a reader
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_text(pipe, "text")
+        assert os.read(reader, 10) == b"text"
+    finally:
+        os.close(reader)
+    assert pipe.is_fifo()
+
+
+def test_a_pipe_without_a_name_is_written_into():
+    """As /dev/stdout is in a pipeline."""
+    reading, writing = os.pipe()
+    with os.fdopen(reading, encoding="utf-8") as stream:
+        with os.fdopen(writing, "w"):
+            write_text(f"/dev/fd/{writing}", "text")
+        assert stream.read() == "text"
+
+
+@pytest.mark.parametrize(("minor", "reason"), [(3, None), (7, "No space left on device")], ids=["null", "full"])
+def test_devices_stay_devices(tmp_path, minor, reason):
+    device = tmp_path / "device"  # a failing test must not spoil those of the machine
+    try:
+        os.mknod(device, stat.S_IFCHR | 0o666, os.makedev(1, minor))
+        device.open("wb").close()
+    except (AttributeError, OSError):
+        pytest.skip("devices of Linux, that root can make")
+    if reason is None:
+        write_text(device, "text")
+    else:
+        with pytest.raises(InputError, match=reason):
+            write_text(device, "text")
+    assert device.is_char_device()
+    assert list(tmp_path.iterdir()) == [device]
+
+
+def test_what_could_not_be_written_in_place_is_kept_beside_it(earlier, monkeypatch):
+    earlier.with_name("other.csv").hardlink_to(earlier)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("solvers.files.shutil.copyfileobj", full)
+    with pytest.raises(InputError, match="No space left on device") as caught:
+        write_text(earlier, "later")
+    (kept,) = set(earlier.parent.iterdir()) - {earlier, earlier.with_name("other.csv")}
+    assert str(caught.value).endswith(str(kept))
+    assert kept.read_text(encoding="utf-8") == "later"
+
+
+def test_a_file_that_is_protected_is_not_replaced(earlier, monkeypatch):
+    monkeypatch.setattr("solvers.files.os.access", lambda *_: False)  # root may write to all
+    for attempt in (check_writable, lambda path: write_text(path, "later")):
+        with pytest.raises(InputError, match="Permission denied"):
+            attempt(earlier)
+    assert_untouched(earlier)
