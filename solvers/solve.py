@@ -112,6 +112,7 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
+    _check_names(method, inner)
     if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     inner, qvi = _strict(qvi, method, inner)
@@ -122,7 +123,7 @@ def solve_qvi(
         initial_pressure(qvi, options[_START])  # says what is wrong, whether its turn comes or not
     with qvi.operator.using(factorisation, threads), watched(time_limit):
         began = time.perf_counter()
-        solution = _attempt(qvi, chosen, inner or DEFAULT_INNER, tolerance, first)
+        solution = _attempt(qvi, chosen, DEFAULT_INNER if inner is None else inner, tolerance, first)
         if by_default and _worth_another(solution, options):
             seconds = max(LEAST_SECONDS, time.perf_counter() - began)
             solution = _second(qvi, solution, tolerance, options, seconds) if not expired() else out_of_time(solution)
@@ -200,9 +201,17 @@ def _strict(qvi: FrictionQVI, method: str | None, inner: str | None) -> tuple[st
     return name, qvi.strictly()
 
 
+def _check_names(method: object, inner: object) -> None:
+    """Refuse an unknown method, and an inner solver that is no name; an unknown one where it is used."""
+    if method is not None and not (isinstance(method, str) and method in METHODS):
+        raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
+    if inner is not None and not isinstance(inner, str):
+        check_name(inner)
+
+
 def default_method(settings: Mapping[str, Any]) -> str:
     """The method that keyword arguments of `solve_qvi` ask for, by name or by an inner solver or option they hold."""
-    if settings.get("method"):
+    if settings.get("method") is not None:
         return str(settings["method"])
     given = set(settings).difference(_GENERAL, (_START,))
     if settings.get("inner") is None:
@@ -226,8 +235,6 @@ def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options:
     if method == "pivoting":
         pivoting = _options(PivotingOptions, method, options)
         return _linear(qvi, method, "", tolerance) or solve_pivoting(qvi, tolerance, pivoting)
-    if method not in METHODS:
-        raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
     if not qvi.bonded_error <= _HOPELESS:
         return _give_up(qvi, method, inner, tolerance)
     if method == "fixed-point":

@@ -37,11 +37,11 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from solvers.basics.checks import one_of, positive_number, whole_number
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate.certificate import certify
-from solvers.errors import InputError
 from solvers.inequality.compliance import Compliance
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import versions
@@ -84,16 +84,13 @@ class UzawaOptions:
 
     def __post_init__(self) -> None:
         for name, choices in (("rule", get_args(Rule)), ("decay", get_args(Decay))):
-            if getattr(self, name) not in choices:
-                raise InputError(name, getattr(self, name), f"give one of {', '.join(choices)}")
+            one_of(name, getattr(self, name), choices)
         for name in ("omega_T", "omega_N", "step_decay"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(name, value, "give a number > 0")
+            if getattr(self, name) is not None:
+                positive_number(name, getattr(self, name))
         for name in ("max_iterations", "iterations"):
-            value = getattr(self, name)
-            if value is not None and not (isinstance(value, int) and value >= 1):
-                raise InputError(name, value, "give a whole number ≥ 1")
+            if getattr(self, name) is not None:
+                whole_number(name, getattr(self, name))
 
 
 @dataclass(eq=False)

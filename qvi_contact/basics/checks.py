@@ -7,6 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from qvi_contact.errors import InputError
+from solvers.basics.checks import finite_number, one_of, positive_number, real_array
+
+__all__ = [
+    "BoolArray", "Field", "FloatArray", "IntArray", "check_field", "evaluate", "finite_number", "one_of",
+    "positive_number", "real_array",
+]  # fmt: skip
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
@@ -14,27 +20,6 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 
 #: A number, or a function of the coordinate arrays ``(x, y)`` that returns an array of the same shape.
 Field: TypeAlias = float | Callable[[FloatArray, FloatArray], ArrayLike]
-
-
-def finite_number(field: str, value: object) -> float:
-    """Return `value` as a float, or say that `field` must be one finite number."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise InputError(field, value, "give one real number")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = np.inf
-    if not np.isfinite(number):
-        raise InputError(field, value, "give a finite number")
-    return number
-
-
-def positive_number(field: str, value: object) -> float:
-    """Return `value` as a float, or say that `field` must be one finite number above zero."""
-    number = finite_number(field, value)
-    if number <= 0:
-        raise InputError(field, value, "give a number greater than 0")
-    return number
 
 
 def check_field(field: str, value: object, *, minimum: float | None = None) -> None:
@@ -70,8 +55,9 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
         values = np.full(np.shape(x), float(field))
     else:
         try:
-            raw = np.asarray(field(x, y), dtype=float)
-            values = np.array(np.broadcast_to(raw, np.shape(x)))
+            values = np.array(np.broadcast_to(real_array("value", field(x, y)), np.shape(x)))
+        except TimeoutError:  # meant for those who called
+            raise
         except Exception as error:
             remedy = f"the function must take two arrays (x, y) and return an array of their shape ({error})"
             raise InputError(name, field, remedy) from error

@@ -40,8 +40,9 @@ def _check_kind(option: str, path: str) -> None:
         if find_spec(module) is None:
             raise InputError(f"--{option}", path, f"needs {module}: python -m pip install 'qvi-contact[{extra}]'")
     if option == "plot":
-        from qvi_contact.plots import picture_suffix
+        from qvi_contact.plots import picture_suffix, require_matplotlib
 
         picture_suffix(path)
+        require_matplotlib()
     elif option in _SUFFIXES:
         check_suffix(f"--{option}", path, _SUFFIXES[option])

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate, real_array
 from qvi_contact.companion.data import MISFIT, edge_data, edge_moments
 from qvi_contact.companion.space import Space
 from qvi_contact.discretization.plates import COMPONENTS
@@ -134,10 +134,7 @@ def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | No
 
 def _checked_bound(problem: ContactProblem, contact: Contact, bound: ArrayLike) -> FloatArray:
     field = f"bounds[{contact.name!r}]"
-    try:
-        values = np.array(bound, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(field, bound, "give an array of numbers") from error
+    values = real_array(field, bound, "give an array of real numbers")
     shape = (len(problem.grid.edges(contact.edges)), 3)
     if values.shape != shape:
         raise InputError(field, f"shape {values.shape}", f"give Bernstein coefficients of shape {shape}")

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, finite_number, positive_number
+from qvi_contact.basics.checks import FloatArray, finite_number, positive_number, real_array
 from qvi_contact.errors import InputError
 
 _SAMPLES: Final = 2000  # points per half interval where sizes are summed
@@ -63,10 +63,7 @@ def subdivided(lines: FloatArray, critical: FloatArray, largest: float, smallest
 
 def checked_lines(name: str, lines: ArrayLike) -> FloatArray:
     """Strictly increasing finite grid lines as an array that cannot be written to, or `InputError`."""
-    try:
-        values = np.array(lines, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(name, lines, "give a sequence of numbers") from error
+    values = real_array(name, lines, "give a sequence of real numbers")
     if values.ndim != 1 or len(values) < 2:
         raise InputError(name, lines, "give a sequence of at least two grid lines")
     if not np.isfinite(values).all():

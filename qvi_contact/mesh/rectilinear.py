@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, one_of, positive_number
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.lines import checked_lines, graded_lines, on_line, subdivided
@@ -267,21 +267,19 @@ class RectilinearMesh:
 
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`."""
-        if name not in self.edge_names:
-            known = ", ".join(self.edge_names)
-            raise InputError("edges", name, f"name one of the mesh's edge sets ({known}) or add it by with_edges()")
-        return self._sets[name]
+        known = ", ".join(self.edge_names)
+        remedy = f"name one of the mesh's edge sets ({known}) or add it by with_edges()"
+        return self._sets[one_of("edges", name, self.edge_names, remedy)]
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the joint called `name`."""
-        if name not in self.joint_names:
-            known = ", ".join(self.joint_names) or "there is none"
-            raise InputError("joint", name, f"name one of the mesh's joints ({known}) or add it by with_joint()")
-        return self._sets[name]
+        known = ", ".join(self.joint_names) or "there is none"
+        remedy = f"name one of the mesh's joints ({known}) or add it by with_joint()"
+        return self._sets[one_of("joint", name, self.joint_names, remedy)]
 
     def edges(self, name: str) -> GridEdges:
         """The edges called `name`, on the boundary or in a joint."""
-        if name in self.joint_names:
+        if isinstance(name, str) and name in self.joint_names:
             return self.interior.take(self.joint_set(name))
         return self.boundary.take(self.edge_set(name))
 
@@ -365,9 +363,7 @@ class RectilinearMesh:
             the same way.
 
         """
-        if side not in SIDES:
-            raise InputError("side", side, f"give one of {', '.join(SIDES)}")
-        return self._with(name, EdgeRange(side, start, stop, at))
+        return self._with(name, EdgeRange(one_of("side", side, SIDES), start, stop, at))
 
     def with_joint(
         self, name: str, direction: str, at: float, start: float | None = None, stop: float | None = None
@@ -386,9 +382,7 @@ class RectilinearMesh:
             Range along the line [length]; both must lie on grid lines. Across the whole body by default.
 
         """
-        if direction not in DIRECTIONS:
-            raise InputError("direction", direction, f"give one of {', '.join(DIRECTIONS)}")
-        return self._with(name, EdgeRange(direction, start, stop, at))
+        return self._with(name, EdgeRange(one_of("direction", direction, DIRECTIONS), start, stop, at))
 
     def _with(self, name: str, chosen: EdgeRange) -> "RectilinearMesh":
         if not isinstance(name, str) or not name:
@@ -432,6 +426,8 @@ class RectilinearMesh:
             raise InputError("ratio", ratio, "give a number between 0.01 and 0.99")
         if self.length / largest > _MOST_LINES:
             raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
+        if isinstance(towards, str) or not isinstance(towards, Sequence):
+            raise InputError("towards", towards, "give a list of names of edge sets or joints")
         critical = self._critical_nodes(towards)
         x, y = (
             subdivided(lines, np.unique(self.coordinates[critical, axis]), largest, smallest, -float(np.log(ratio)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.plots.fields import principal_stress_map, stress_field
@@ -184,7 +184,7 @@ def hysteresis_loop(
 
     """
     units = units or Units()
-    moved, carried = np.asarray(displacement, dtype=float), np.asarray(force, dtype=float)
+    moved, carried = real_array("displacement", displacement), real_array("force", force)
     if moved.ndim != 1 or moved.shape != carried.shape or not len(moved):
         shapes = (moved.shape, carried.shape)
         raise InputError("hysteresis_loop", shapes, "give displacements and forces as rows of one length")

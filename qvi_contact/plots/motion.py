@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray, one_of
 from qvi_contact.basics.units import Units
-from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.plots.style import GREY, STATE_LOOK, draw_outline, frame, legend_below, lines
 from qvi_contact.plots.symbols import ground
@@ -111,10 +110,8 @@ def deformed_contact(
 def _names(result: ContactResult, contacts: str | Sequence[str] | None) -> list[str]:
     known = list(result.contacts)
     names = known if contacts is None else [contacts] if isinstance(contacts, str) else list(contacts)
-    for name in names:
-        if name not in known:
-            raise InputError("contacts", name, f"give names of contacts: {', '.join(known) or 'there is none'}")
-    return names
+    remedy = f"give names of contacts: {', '.join(known) or 'there is none'}"
+    return [one_of("contacts", name, known, remedy) for name in names]
 
 
 def _motion(result: ContactResult, name: str) -> _Motion:

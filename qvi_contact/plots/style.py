@@ -4,6 +4,7 @@ Colours are from the Okabe-Ito palette, colour maps from those that colour-blind
 on colour alone: line style, hatching and markers say the same.
 """
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -17,6 +18,7 @@ from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.solution.contact_line import ContactState
+from solvers.basics.types import load
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -46,10 +48,15 @@ def has_matplotlib() -> bool:
 
 
 def require_matplotlib() -> None:
-    """Raise `InputError` with the command to type if matplotlib is missing."""
+    """Raise `InputError` with the command to type if matplotlib is missing, and name a wrong MPLBACKEND."""
     if not has_matplotlib():
         remedy = "pictures need matplotlib: python -m pip install 'qvi-contact[plot]'"
         raise InputError("plot", "matplotlib", remedy)
+    try:
+        load("matplotlib")
+    except ValueError as error:
+        remedy = "matplotlib has no such back end: unset this environment variable, pictures in files need none"
+        raise InputError("MPLBACKEND", os.environ.get("MPLBACKEND"), remedy) from error
 
 
 @contextmanager

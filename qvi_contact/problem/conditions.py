@@ -14,7 +14,7 @@ the tangential component of the traction σn, u_N and u_T are the components of 
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias, get_args
 
-from qvi_contact.basics.checks import Field, check_field, finite_number
+from qvi_contact.basics.checks import Field, check_field, finite_number, one_of
 from qvi_contact.errors import InputError
 
 Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
@@ -29,6 +29,12 @@ def components(condition: "Traction | Displacement") -> dict[str, Field]:
     """The components that a condition gives, by name: "x", "y" or "normal", "tangential"."""
     values = {name: getattr(condition, name) for name in (*CARTESIAN, *LOCAL)}
     return {name: value for name, value in values.items() if value is not None}
+
+
+def _check_edges(condition: "Condition") -> None:
+    edges: object = condition.edges
+    if not isinstance(edges, str):
+        raise InputError(f"{type(condition).__name__}.edges", edges, "give the name of an edge set of the mesh")
 
 
 def _check_components(condition: "Traction | Displacement") -> None:
@@ -84,6 +90,7 @@ class Traction:
     tangential: Field | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        _check_edges(self)
         _check_components(self)
         _name_after_edges(self, "Traction")
 
@@ -110,6 +117,7 @@ class Displacement:
     tangential: Field | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        _check_edges(self)
         _check_components(self)
 
 
@@ -125,6 +133,9 @@ class Symmetry:
     """
 
     edges: str
+
+    def __post_init__(self) -> None:
+        _check_edges(self)
 
 
 @dataclass(frozen=True)
@@ -225,6 +236,7 @@ class Contact:
     plate: RigidPlate | None = None
 
     def __post_init__(self) -> None:
+        _check_edges(self)
         check_field("Contact.friction", self.friction, minimum=0.0)
         check_field("Contact.gap", self.gap)
         check_field("Contact.offset", self.offset)
@@ -232,8 +244,7 @@ class Contact:
         if self.shear_limit is not None:
             check_field("Contact.shear_limit", self.shear_limit, minimum=0.0)
         _name_after_edges(self, "Contact")
-        if self.law not in get_args(Law):
-            raise InputError("Contact.law", self.law, f"give one of {', '.join(get_args(Law))}")
+        one_of("Contact.law", self.law, get_args(Law))
         if self.plate is not None and not isinstance(self.plate, RigidPlate):
             raise InputError("Contact.plate", self.plate, "give a RigidPlate")
         frictional: dict[str, Any] = {"friction": 0.0, "cohesion": 0.0, "shear_limit": None}

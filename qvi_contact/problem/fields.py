@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.polynomial import polynomial
 
-from qvi_contact.basics.checks import FloatArray, finite_number
+from qvi_contact.basics.checks import FloatArray, finite_number, real_array
 from qvi_contact.errors import InputError
 from solvers.basics.types import load
 
@@ -52,10 +52,14 @@ class Polynomial:
     coefficients: Sequence[Sequence[float]]
 
     def __post_init__(self) -> None:
+        remedy = "give rows of real numbers, [i][j] for xⁱ yʲ"
         try:
-            rows = tuple(tuple(float(value) for value in row) for row in self.coefficients)
-        except (TypeError, ValueError) as error:
-            raise InputError("Polynomial", self.coefficients, "give rows of numbers, [i][j] for xⁱ yʲ") from error
+            table = [real_array("Polynomial", row, remedy) for row in self.coefficients]
+        except TypeError as error:
+            raise InputError("Polynomial", self.coefficients, remedy) from error
+        if any(row.ndim != 1 for row in table):
+            raise InputError("Polynomial", self.coefficients, remedy)
+        rows = tuple(tuple(row.tolist()) for row in table)
         if not any(rows) or not all(np.isfinite(value) for row in rows for value in row):
             raise InputError("Polynomial", self.coefficients, "give finite coefficients, at least one")
         object.__setattr__(self, "coefficients", rows)
@@ -100,6 +104,9 @@ class Expression:
     t: float = 0.0
 
     def __post_init__(self) -> None:
+        finite_number("Expression.t", self.t)
+        if not isinstance(self.constants, Mapping):
+            raise InputError("Expression.constants", self.constants, "give a mapping from names to numbers")
         for name, value in self.constants.items():
             if name in (*_VARIABLES, "pi", *FUNCTIONS):
                 raise InputError(f"constants.{name}", value, "this name means something already: choose another one")

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, positive_number
+from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, one_of, positive_number
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.lines import on_line
 from qvi_contact.mesh.mesh import Mesh
@@ -40,8 +40,7 @@ class Material:
     def __post_init__(self) -> None:
         positive_number("Material.young", self.young)
         poisson = finite_number("Material.poisson", self.poisson)
-        if self.plane not in ("stress", "strain"):
-            raise InputError("Material.plane", self.plane, "give 'stress' or 'strain'")
+        one_of("Material.plane", self.plane, ("stress", "strain"), "give 'stress' or 'strain'")
         if not -1.0 < poisson <= 0.5:
             raise InputError("Material.poisson", poisson, "give a number above -1 and at most 0.5")
         if self.plane == "strain" and poisson == 0.5:

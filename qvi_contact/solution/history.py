@@ -254,7 +254,7 @@ def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
 
 def _driven(step: ContactResult, name: str) -> tuple[float, float]:
     problem, scales = step.problem, step.discretization.scales
-    if name in step.contacts:
+    if isinstance(name, str) and name in step.contacts:
         index = next(i for i, rows in enumerate(step.discretization.contacts) if rows.name == name)
         line, points = step.contacts[name], step.discretization.contacts[index].points
         offset = step.discretization.offsets()[index] * scales.displacement

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import linprog
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, one_of
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import shear_beside_contacts
@@ -130,10 +130,8 @@ def _checked_names(problem: ContactProblem, loads: Sequence[str]) -> tuple[str, 
     known += [contact.name for contact in problem.contacts if contact.plate is not None]
     if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
         raise InputError("loads", loads, f"give a list of names out of {', '.join(known)}")
-    for name in loads:
-        if name not in known:
-            raise InputError("loads", name, f"there is no such load; there are {', '.join(known)}")
-    return tuple(loads)
+    remedy = f"there is no such load; there are {', '.join(known)}"
+    return tuple(one_of("loads", name, known, remedy) for name in loads)
 
 
 def _sampled(

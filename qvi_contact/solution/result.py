@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.edge_points import EdgePoints
@@ -246,10 +246,11 @@ class ContactResult:
             If a point lies outside the body.
 
         """
+        remedy = "give real numbers, or arrays of them whose shapes go together"
         try:
-            points_x, points_y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        except (TypeError, ValueError) as error:
-            raise InputError("stress(x, y)", (x, y), "give numbers or arrays whose shapes go together") from error
+            points_x, points_y = np.broadcast_arrays(*(real_array("stress(x, y)", value, remedy) for value in (x, y)))
+        except ValueError as error:
+            raise InputError("stress(x, y)", (x, y), remedy) from error
         return stress_at(self.discretization, self.dofs, points_x, points_y)
 
     def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -303,7 +304,8 @@ class ContactResult:
         mesh, scales = self.problem.mesh, self.discretization.scales
         named = {contact.name: contact.edges for contact in self.problem.contacts}
         known = (*mesh.edge_names, *mesh.joint_names)
-        chosen = mesh.edges(edges if edges in known else named.get(edges, edges))
+        contact = isinstance(edges, str) and edges not in known
+        chosen = mesh.edges(named.get(edges, edges) if contact else edges)
         points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS)
         x, y = physical(self.problem, scales, points.coordinates)
         force_x, force_y = scales.length * points.weights * traction(self.discretization, self.dofs, points)

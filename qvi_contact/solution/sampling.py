@@ -9,9 +9,8 @@ from typing import Final
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, evaluate
+from qvi_contact.basics.checks import FloatArray, evaluate, one_of, real_array
 from qvi_contact.element.bogner_fox_schmit import STRESS_DERIVATIVES, Line
-from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import principal_stresses
@@ -107,7 +106,7 @@ def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0) -> FloatArra
         In the unit of `stress`.
 
     """
-    xx, yy, xy = np.moveaxis(np.asarray(stress, dtype=float), -1, 0)
+    xx, yy, xy = np.moveaxis(real_array("stress", stress), -1, 0)
     zz = factor * (xx + yy)
     return np.asarray(np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2.0 + 3.0 * xy**2))
 
@@ -121,8 +120,7 @@ def stress_component(stress: FloatArray, component: str, factor: FloatArray | fl
         If there is no such component.
 
     """
-    if component not in COMPONENTS:
-        raise InputError("component", component, f"give one of {', '.join(COMPONENTS)}")
+    one_of("component", component, COMPONENTS)
     if component == "von_mises":
         return von_mises(stress, factor)
     if component in ("first", "second"):

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.errors import InputError, SolveError
@@ -192,10 +192,7 @@ def _initial_pressure(initial: object, discretization: Discretization) -> FloatA
         solution, unit = initial.solution, initial.discretization.scales.stress
         pressure = unit * solution.problem.pressure(solution.z)
     else:
-        try:
-            pressure = np.array(initial, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise InputError("initial", initial, "give a ContactResult or an array of pressures") from error
+        pressure = real_array("initial", initial, "give a ContactResult or an array of pressures")
         if pressure.shape == (discretization.qvi.m,):
             pressure = discretization.space.contact_rule.at_rows(pressure)
     return np.asarray(np.maximum(pressure, 0.0) / discretization.scales.stress)

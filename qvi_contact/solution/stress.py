@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, real_array
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.errors import InputError
@@ -95,7 +95,7 @@ def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, Floa
         Angle from the x-axis to the direction of σ₁, counterclockwise [rad], in (−π/2, π/2].
 
     """
-    stress = np.asarray(stress, dtype=float)
+    stress = real_array("stress", stress)
     mean = (stress[..., 0] + stress[..., 1]) / 2.0
     half = (stress[..., 0] - stress[..., 1]) / 2.0
     radius = np.hypot(half, stress[..., 2])

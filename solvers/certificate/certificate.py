@@ -60,6 +60,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from solvers.basics.checks import real_array
 from solvers.basics.types import Vector
 from solvers.certificate.measures import MEASURES, Measure
 from solvers.certificate.strict import admissible_change, strict_residuals
@@ -230,7 +231,7 @@ def _explained(rows: tuple[CertificateRow, ...]) -> Iterator[str]:
 def _checked(name: str, value: Vector | None, size: int) -> Vector | None:
     if value is None:
         return None
-    vector = np.asarray(value, dtype=np.float64)
+    vector = real_array(name, value)
     if vector.shape != (size,):
         raise InputError(name, f"shape {vector.shape}", f"give shape ({size},)")
     return vector

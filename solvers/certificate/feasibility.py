@@ -19,6 +19,7 @@ from scipy.sparse import csc_matrix, diags, hstack, identity, triu, vstack
 from solvers.basics.types import BoolVector, IntVector, Sparse, Vector, load
 from solvers.basics.watch import left
 from solvers.inequality.problem import FrictionQVI
+from solvers.inner.guard import is_failure, one_line
 
 _REACH = 1e4
 """The proof must exclude every z up to this many times the size of the bonded solution (and of 1)."""
@@ -138,10 +139,11 @@ def _minimise(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice
             csc_matrix(triu(qvi.K)), -qvi.f, stacked, np.concatenate([qvi.b, h]), cones, settings
         )
         answer = solver.solve()
-    except BaseException as error:  # a Rust panic is not an Exception
-        if isinstance(error, KeyboardInterrupt | SystemExit):
+    except BaseException as error:
+        if not is_failure(error):
             raise
-        return Feasibility(None, None, None, f"feasibility check failed: {type(error).__name__}: {error}")
+        text = one_line(f"feasibility check failed: {type(error).__name__}: {error}")
+        return Feasibility(None, None, None, text)
     word = str(answer.status)
     multipliers = np.array(answer.z)
     y, nu = np.zeros(rows.h.size), multipliers[: qvi.p]

@@ -31,6 +31,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from solvers.basics.checks import whole_number
 from solvers.basics.status import Status
 from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate import certify
@@ -82,8 +83,7 @@ class CondensedOptions:
     def __post_init__(self) -> None:
         if not (isinstance(self.gap, int | float) and 0 < self.gap < 1):
             raise InputError("gap", self.gap, "give a number between 0 and 1")
-        if not (isinstance(self.max_iterations, int) and self.max_iterations >= 1):
-            raise InputError("max_iterations", self.max_iterations, "give a whole number ≥ 1")
+        whole_number("max_iterations", self.max_iterations)
 
 
 @dataclass(eq=False)

@@ -19,6 +19,7 @@ from typing import Literal
 
 import numpy as np
 
+from solvers.basics.checks import real_array
 from solvers.basics.types import Vector
 from solvers.errors import InputError
 from solvers.exchange.local_problem import LocalProblem
@@ -73,7 +74,7 @@ def project(mu: Vector, x_N: Vector, x_T: Vector) -> tuple[Vector, Vector]:
 
 
 def _vector(name: str, value: Vector, size: int) -> Vector:
-    vector = np.asarray(value, dtype=np.float64)
+    vector = real_array(name, value)
     if vector.shape != (size,):
         raise InputError(name, f"shape {vector.shape}", f"give shape ({size},)")
     return vector

@@ -4,10 +4,9 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Final, NamedTuple, TypeAlias
 
-import numpy as np
-
+from solvers.basics.checks import whole_number
 from solvers.basics.types import IntVector, Sparse
-from solvers.errors import InputError, SolverUnavailableError
+from solvers.errors import SolverUnavailableError
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.dissection import SharedSubdomains, SubdomainTree
 from solvers.factorisation.registry import BACKENDS, chosen, factorise, resolve
@@ -21,6 +20,7 @@ Structure: TypeAlias = Callable[[IntVector], SubdomainTree | None]
 """K as a tree of subdomains for an interface Γ, None where K has no such structure."""
 
 _WORTH_SHARING: Final = 10_000  # unknowns from which on shared subdomains are faster than any sparse back end
+_MOST_THREADS: Final = 1024  # more do not pay on any machine, and libraries take no number of any size
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
 
@@ -39,7 +39,7 @@ class Request(NamedTuple):
         SolverUnavailableError
             The name is not in `CHOICES`, or its library does not load.
         InputError
-            `threads` is not a whole number ≥ 1.
+            `threads` is not a whole number from 1 to 1024.
 
         """
         canonical = str(name).lower()
@@ -49,9 +49,7 @@ class Request(NamedTuple):
             resolve(canonical)
         if threads is None:
             return cls(canonical)
-        if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-            raise InputError("threads", threads, "give a whole number ≥ 1, or None")
-        return cls(canonical, int(threads))
+        return cls(canonical, whole_number("threads", threads, _MOST_THREADS))
 
     def fits(self, factor: Factorisation) -> bool:
         """Whether a factorisation made earlier is what is asked for."""

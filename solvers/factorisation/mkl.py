@@ -29,8 +29,11 @@ LP64: Final = 0
 def library() -> ctypes.CDLL | None:
     """MKL with its layers chosen, or None where it does not load.
 
-    Another user of MKL in the same process may have fixed the layers before; then they stay as they are.
+    Another user of MKL in the same process may have fixed the layers before; then they stay as they are. In a working
+    folder that has been deleted MKL would end the process.
     """
+    if not _has_working_folder():
+        return None
     for path in _candidates():
         with suppress(OSError):
             mkl = ctypes.CDLL(str(path))
@@ -59,6 +62,13 @@ def limited_threads(mkl: ctypes.CDLL, count: int) -> Iterator[None]:
         yield
     finally:
         mkl.MKL_Set_Num_Threads_Local(previous)
+
+
+def _has_working_folder() -> bool:
+    try:
+        return bool(Path.cwd())
+    except OSError:
+        return False
 
 
 def _candidates() -> Iterator[Path]:

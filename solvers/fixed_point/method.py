@@ -26,6 +26,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from solvers.basics.checks import finite_number, one_of, real_array, whole_number
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.basics.watch import Progress, expired, tell
@@ -35,6 +36,7 @@ from solvers.errors import InputError
 from solvers.fixed_point.anderson import Anderson
 from solvers.fixed_point.forms import Form, ProblemForm, make_form
 from solvers.inequality.problem import FrictionQVI
+from solvers.inner.guard import is_failure, one_line
 from solvers.inner.names import STRICT_DEFAULT
 from solvers.inner.problem import InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
@@ -91,16 +93,13 @@ class FixedPointOptions:
     callback: Callable[[Iteration], object] | None = None
 
     def __post_init__(self) -> None:
-        if self.variant not in get_args(Variant):
-            raise InputError("variant", self.variant, f"give one of {', '.join(get_args(Variant))}")
-        if self.form not in get_args(Form):
-            raise InputError("form", self.form, f"give one of {', '.join(get_args(Form))}")
-        if not 0 < self.damping <= 1:
+        one_of("variant", self.variant, get_args(Variant))
+        one_of("form", self.form, get_args(Form))
+        if not 0 < finite_number("damping", self.damping) <= 1:
             raise InputError("damping", self.damping, "give a number in (0, 1]")
         for name in ("memory", "max_iterations", "patience"):
-            if not (isinstance(getattr(self, name), int) and getattr(self, name) >= 1):
-                raise InputError(name, getattr(self, name), "give a whole number ≥ 1")
-        if self.inner_tolerance is not None and not 0 < self.inner_tolerance < 1:
+            whole_number(name, getattr(self, name))
+        if self.inner_tolerance is not None and not 0 < finite_number("inner_tolerance", self.inner_tolerance) < 1:
             raise InputError("inner_tolerance", self.inner_tolerance, "give a number between 0 and 1")
 
 
@@ -138,8 +137,10 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
         solver = make_inner(inner, form.problem, inner_tolerance, options.inner_options)
     except InputError:
         raise
-    except Exception as error:
-        nothing = no_outcome(qvi, Status.BACKEND_FAILED, f"{inner}: {type(error).__name__}: {error}")
+    except BaseException as error:
+        if not is_failure(error):
+            raise
+        nothing = no_outcome(qvi, Status.BACKEND_FAILED, one_line(f"{inner}: {type(error).__name__}: {error}"))
         return finish(qvi, nothing, "fixed-point", inner, tolerance)
     state = _init(qvi, options)
     set_up = time.perf_counter()
@@ -159,12 +160,10 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
 
 def initial_pressure(qvi: FrictionQVI, initial: object) -> Vector:
     """The option `initial`, checked (m,)."""
-    try:
-        s = np.array(initial, dtype=np.float64)
-    except (TypeError, ValueError):
-        s = np.array(np.nan)
+    remedy = f"give a finite pressure ≥ 0 of shape ({qvi.m},)"
+    s = real_array("initial", initial, remedy)
     if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:
-        raise InputError("initial", initial, f"give a finite pressure ≥ 0 of shape ({qvi.m},)")
+        raise InputError("initial", initial, remedy)
     return s
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix, identity, kron
 
+from solvers.basics.checks import real_array
 from solvers.basics.types import Matrix, Sparse, Vector
 from solvers.errors import InputError
 
@@ -34,10 +35,7 @@ class EdgeRows:
     shear_degree: int = 2
 
     def __post_init__(self) -> None:
-        try:
-            points = np.array(self.points, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError("edges.points", type(self.points).__name__, "give a vector of numbers") from error
+        points = real_array("edges.points", self.points, "give a vector of real numbers")
         least = max(self.normal_degree, self.shear_degree) + 1
         if points.ndim != 1 or len(np.unique(points)) < max(least, points.size):
             raise InputError("edges.points", self.points, f"give {least} or more different points")
@@ -78,7 +76,7 @@ class EdgeRows:
 
     def grouped(self, values: Any) -> Matrix:
         """Values at the points (m,) edge by edge (e, q); `InputError` if they are no whole number of edges."""
-        array = np.asarray(values, dtype=np.float64)
+        array = real_array("values", values)
         if array.ndim != 1 or array.size % self.count:
             raise InputError("values", f"shape {array.shape}", f"give a vector of {self.count} values an edge")
         return array.reshape(-1, self.count)
@@ -93,7 +91,7 @@ class EdgeRows:
 
     def at_points(self, coefficients: Matrix) -> Vector:
         """Values at the points (m,) from end values (e, 2) or Bernstein coefficients (e, 3)."""
-        array = np.asarray(coefficients, dtype=np.float64)
+        array = real_array("coefficients", coefficients)
         if array.ndim != 2 or array.shape[1] not in (2, 3):
             raise InputError("coefficients", f"shape {array.shape}", "give 2 end values or 3 coefficients an edge")
         basis = self.affine if array.shape[1] == 2 else self.quadratic

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix, issparse
 
+from solvers.basics.checks import real_array
 from solvers.basics.types import BoolVector, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.choice import Structure
@@ -332,9 +333,11 @@ def _matrix(name: str, value: Any, columns: int) -> Sparse:
             raise InputError(name, None, "give a matrix")
         return csc_matrix((0, columns))
     try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex numbers")
         matrix = csc_matrix(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InputError(name, type(value).__name__, "give a matrix of numbers, sparse or dense") from error
+        raise InputError(name, type(value).__name__, "give a matrix of real numbers, sparse or dense") from error
     if not issparse(value) and np.ndim(value) != 2:
         raise InputError(name, f"{np.ndim(value)} dimensions", "give a matrix, with two dimensions")
     if not np.isfinite(matrix.data).all():
@@ -351,10 +354,7 @@ def _flags(name: str, value: Any, size: int) -> BoolVector:
 
 
 def _vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
-    try:
-        vector = np.array([] if value is None and name == "b" else value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(name, type(value).__name__, "give a vector of numbers") from error
+    vector = real_array(name, [] if value is None and name == "b" else value, "give a vector of real numbers")
     if np.isnan(vector).any() or not (infinite or np.isfinite(vector).all()):
         raise InputError(name, "NaN or infinity", "give finite numbers")
     vector.setflags(write=False)

@@ -44,6 +44,8 @@ class Traces:
             if not issparse(value):
                 raise InputError(f"traces.{name}", type(value).__name__, "give a sparse matrix")
             matrix: Any = value
+            if np.iscomplexobj(matrix):
+                raise InputError(f"traces.{name}", "complex numbers", "give real ones")
             object.__setattr__(self, name, csc_matrix(matrix, dtype=np.float64))
 
     def check(self, contact_rows: Sparse) -> None:

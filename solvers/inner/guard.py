@@ -3,12 +3,15 @@
 import math
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from solvers.basics.types import Module, Vector
 from solvers.basics.watch import left
 
 _Answer = TypeVar("_Answer")
+
+_LONGEST: Final = 500  # characters of what a back end says
+_PANIC: Final = "PanicException"  # of Rust, which is no Exception
 
 
 class BackendFailure(str):
@@ -16,13 +19,30 @@ class BackendFailure(str):
 
 
 def attempt(name: str, call: Callable[[], _Answer]) -> _Answer | BackendFailure:
-    """What the call returns, or how it failed; panics of compiled back ends count, interrupts by the user do not."""
+    """What the call returns, or how it failed.
+
+    Panics of compiled back ends are failures. Interrupts, cancellations and time-outs are not: they are meant for those
+    who called, and go on.
+    """
     try:
         return call()
-    except BaseException as error:  # a Rust panic is not an Exception
-        if isinstance(error, KeyboardInterrupt | SystemExit):
+    except BaseException as error:
+        if not is_failure(error):
             raise
-        return BackendFailure(f"{name}: {type(error).__name__}: {error}")
+        return BackendFailure(one_line(f"{name}: {type(error).__name__}: {error}"))
+
+
+def is_failure(error: BaseException) -> bool:
+    """Whether an exception is a failure of what was called, rather than a sign that it is to end."""
+    if isinstance(error, Exception):
+        return not isinstance(error, TimeoutError)
+    return type(error).__name__ == _PANIC
+
+
+def one_line(text: str) -> str:
+    """The text without line breaks, cut where it is long."""
+    joined = " ".join(text.split())
+    return joined if len(joined) <= _LONGEST else f"{joined[: _LONGEST - 1]}…"
 
 
 def solve_cvxpy(problem: Module, name: str, settings: Mapping[str, Any]) -> tuple[str, str] | BackendFailure:

@@ -10,6 +10,7 @@ from solvers.basics.types import load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner import qp_backends, socp
+from solvers.inner.guarded import Guarded
 from solvers.inner.names import STRICT_DEFAULT, is_strict
 from solvers.inner.problem import InnerSolver
 
@@ -33,6 +34,10 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[s
     `options`, by the back end's own names, replace all that `tolerance` would set; strict solvers take none.
     """
     name = check_name(name)
+    return Guarded(name, qvi, _make(name, qvi, tolerance, options))
+
+
+def _make(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None) -> InnerSolver:
     kind, backend = name.split(":")
     if kind == "qp":
         from solvers.inner.qp import QPSolver
@@ -64,7 +69,7 @@ def _make_strict(kind: str, backend: str, qvi: FrictionQVI, tolerance: float) ->
     return direct
 
 
-def check_name(name: str) -> str:
+def check_name(name: object) -> str:
     """Return the name in lower case if it can be used now, else `SolverUnavailableError`."""
     canonical = str(name).lower()
     modules = _catalogue().get(canonical)

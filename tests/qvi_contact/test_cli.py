@@ -299,6 +299,76 @@ def test_without_a_state_there_are_no_fields(shell, sliding, tmp_path):
     assert (tmp_path / "a.png").exists()
 
 
+@pytest.fixture
+def gone(tmp_path, monkeypatch):
+    """A working folder that is deleted."""
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+
+
+@pytest.mark.usefixtures("gone")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--plot", "a.png"), "--plot: 'a.png': cannot be written (No such file or directory)"),
+        (("--save-json", "a.json"), "--save-json: 'a.json': cannot be written (No such file or directory)"),
+    ],
+)
+def test_a_deleted_working_folder_is_one_line(shell, plate, arguments, words):
+    status, out, err = shell("solve", plate, *arguments)
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert words in err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="folders in use cannot be deleted")
+def test_a_deleted_working_folder_does_not_matter_where_nothing_is_written(plate, tmp_path):
+    """In a process of its own, which some libraries would end."""
+    code = f"""
+import os, sys
+os.rmdir(os.getcwd())
+from qvi_contact.cli import main
+sys.argv = ["qvi-contact", "solve", {str(plate)!r}]
+main()
+"""
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    root = str(Path(__file__).parent.parent.parent)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "certificate passed" in done.stdout
+
+
+@pytest.mark.parametrize("command", ["solve", "check"])
+def test_a_wrong_back_end_of_matplotlib_is_one_line(plate, tmp_path, command):
+    done = subprocess.run(
+        [sys.executable, "-m", "qvi_contact", command, plate, "--plot", tmp_path / "a.png"],
+        env=os.environ | {"MPLBACKEND": "nonsense"}, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    assert "MPLBACKEND: 'nonsense'" in done.stderr
+    assert not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("--method", ""), ("--inner", ""), ("--factorisation", ""), ("--threads", str(10**30))]
+)
+def test_options_that_mean_nothing(shell, plate, option, value):
+    status, out, err = shell("solve", plate, option, value)
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert option.removeprefix("--") in err
+
+
 @pytest.mark.parametrize(
     ("option", "target", "words"),
     [

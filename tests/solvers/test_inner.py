@@ -1,13 +1,15 @@
 """Every inner back end on the same problems, and each one's quirks."""
 
+import asyncio
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from solvers import Status, available, certify, solve_qvi
-from solvers.inner.problem import Centre, InnerProblem
+from solvers.inner.problem import Centre, InnerProblem, InnerSolution
 from solvers.inner.qp import QPSolver
 from solvers.inner.registry import make_inner
 from solvers.inner.root import square_root
@@ -128,6 +130,90 @@ def test_exceptions_become_a_status(monkeypatch):
     assert solution.status is Status.BACKEND_FAILED
     assert np.isnan(solution.z).all()
     assert solution.certificate.accuracy == np.inf
+
+
+class Panic(BaseException):
+    """As Rust's, which is no Exception."""
+
+
+Panic.__name__ = "PanicException"
+
+
+@pytest.mark.parametrize("error", [ValueError("one\ntwo\r\n  three"), Panic("one\ntwo\nthree")])
+@pytest.mark.parametrize("name", ["qp:clarabel", "direct:clarabel", "direct:osqp", "socp:clarabel"])
+def test_whatever_is_raised_becomes_a_status_and_one_line(monkeypatch, name, error):
+    def broken(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(LIBRARIES[name], broken)
+    solution = solve_qvi(random_problem(0), inner=name)
+    assert solution.status is Status.BACKEND_FAILED
+    assert "one two three" in solution.message
+    assert len(solution.message.splitlines()) == 1
+
+
+LIBRARIES = {
+    "qp:clarabel": "qpsolvers.solve_problem",
+    "direct:clarabel": "solvers.inner.direct_clarabel.updated_solve",
+    "direct:osqp": "osqp.OSQP.solve",
+    "socp:clarabel": "cvxpy.Problem.solve",
+}
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+@pytest.mark.parametrize("error", [TimeoutError("time is over"), asyncio.CancelledError(), GeneratorExit()])
+def test_cancellation_and_time_outs_go_on(monkeypatch, name, error):
+    def interrupted(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(LIBRARIES[name], interrupted)
+    with pytest.raises(type(error)) as caught:
+        solve_qvi(random_problem(0), inner=name)
+    assert caught.value is error
+
+
+@pytest.mark.parametrize("name", ["qp:clarabel", "direct:clarabel", "direct:osqp"])
+def test_a_back_end_that_returns_nothing(monkeypatch, name):
+    monkeypatch.setattr(LIBRARIES[name], lambda *_, **__: None)
+    solution = solve_qvi(random_problem(0), inner=name)
+    assert solution.status is Status.BACKEND_FAILED
+    assert "NoneType" in solution.message
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"z": np.zeros(1)}, {"m_N": 0.0}, {"m_T": None}, {"nu": np.zeros(3)}, {"z": 1j * np.zeros(12)}, None],
+    ids=["short", "number", "none", "long", "complex", "nothing"],
+)  # fmt: skip
+def test_answers_of_another_form(monkeypatch, change):
+    qvi = random_problem(0)
+
+    def lie(solver, threshold, centre, start):  # noqa: ARG001
+        sound = InnerSolution(np.zeros(qvi.n), np.zeros(qvi.m), np.zeros(qvi.m), np.zeros(0), Status.SOLVED)
+        return sound if change is None else replace(sound, **change)
+
+    if change is None:
+        monkeypatch.setattr(QPSolver, "solve", lambda *_: None)
+    else:
+        monkeypatch.setattr(QPSolver, "solve", lie)
+    result = make_inner("qp:clarabel", qvi, 1e-8).solve(np.ones(qvi.m), origin(qvi), None)
+    assert result.status is Status.BACKEND_FAILED
+    assert result.z.shape == (qvi.n,)
+    assert "qp:clarabel: " in result.message
+
+
+def test_imaginary_parts_are_not_dropped(monkeypatch):
+    from qpsolvers import solve_problem
+
+    def rotated(problem, *_, **__):
+        solution = solve_problem(problem, "clarabel")
+        solution.x = solution.x * (1.0 + 1e-3j)
+        return solution
+
+    monkeypatch.setattr("qpsolvers.solve_problem", rotated)
+    solution = solve_qvi(random_problem(0), inner="qp:clarabel")
+    assert solution.status is Status.BACKEND_FAILED
+    assert "ComplexWarning" in solution.message
 
 
 def test_nothing_is_written_on_standard_output(capfd):

@@ -1,0 +1,63 @@
+"""Checks of what callers hand in: numbers, arrays of real numbers, names."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.errors import InputError
+
+
+def finite_number(field: str, value: object) -> float:
+    """Return `value` as a float, or say that `field` must be one finite number."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise InputError(field, value, "give one real number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = np.inf
+    if not np.isfinite(number):
+        raise InputError(field, value, "give a finite number")
+    return number
+
+
+def positive_number(field: str, value: object) -> float:
+    """Return `value` as a float, or say that `field` must be one finite number above zero."""
+    number = finite_number(field, value)
+    if number <= 0:
+        raise InputError(field, value, "give a number greater than 0")
+    return number
+
+
+def whole_number(field: str, value: object, largest: int = 2**31 - 1) -> int:
+    """Return `value` as an int, or say that `field` must be a whole number from 1 to `largest`."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not 1 <= value <= largest:  # type: ignore[operator]  # a number by now
+        raise InputError(field, value, f"give a whole number from 1 to {largest}")
+    return int(value)  # type: ignore[call-overload,no-any-return]
+
+
+def one_of(field: str, value: object, choices: Iterable[str], remedy: str = "") -> str:
+    """The value if it is one of the choices; else `InputError`, whose remedy lists them unless another is given."""
+    known = tuple(choices)
+    if not isinstance(value, str) or value not in known:
+        raise InputError(field, value, remedy or f"give one of {', '.join(known)}")
+    return value
+
+
+def real_array(field: str, value: object, remedy: str = "give real numbers") -> NDArray[np.float64]:
+    """A copy as an array of float64; `InputError` for anything but real numbers, such as complex ones and texts."""
+    try:
+        array = np.asarray(value)
+        entries = array.flat if array.dtype.kind == "O" else ()
+        if array.dtype.kind in "biufO" and not any(map(_is_no_number, entries)):
+            with np.errstate(over="ignore"):  # infinity is refused where it must be
+                return np.array(array, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(field, value, remedy) from error
+    raise InputError(field, value, remedy)
+
+
+def _is_no_number(entry: object) -> bool:
+    """Whether Python would make a number of it that is not the one given."""
+    return entry is None or isinstance(entry, complex | np.complexfloating | str | bytes)
