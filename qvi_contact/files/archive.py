@@ -8,13 +8,16 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Final
+from zipfile import BadZipFile
 
 import numpy as np
+from numpy.lib.format import MAGIC_PREFIX
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
+from solvers.basics.archives import read_arrays
 
 FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 1
@@ -34,7 +37,7 @@ def digest(arrays: Mapping[str, NDArray[Any]]) -> str:
     for name in sorted(set(arrays) - {"digest"}):
         array = np.ascontiguousarray(arrays[name])
         found.update(f"{name}\0{array.dtype.str}\0{array.shape}\0".encode())
-        found.update(array.tobytes())
+        found.update(array.reshape(-1).view(np.uint8).data)  # not a copy of them
     return found.hexdigest()
 
 
@@ -135,14 +138,15 @@ class Archive:
 
 def _entries(path: str, stream: BinaryIO) -> Arrays:
     """All entries of an open file."""
-    found = np.load(stream, allow_pickle=False)
-    if not isinstance(found, np.lib.npyio.NpzFile):
+    if stream.read(len(MAGIC_PREFIX)) == MAGIC_PREFIX:
         raise InputError("result", path, f"is a single array: {_REMEDY}")
-    with found:
-        return {name: found[name] for name in found.files}
+    stream.seek(0)
+    return read_arrays("result", path, stream)
 
 
 def _reason(error: BaseException) -> str:
     """Why a file cannot be read, on one line."""
     text = getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
-    return "it is no archive, or holds pickled objects" if "pickle" in text else str(text)
+    return (
+        "it is no archive, or holds pickled objects" if "pickle" in text or isinstance(error, BadZipFile) else str(text)
+    )

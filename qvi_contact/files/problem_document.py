@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from qvi_contact.errors import InputError
+from qvi_contact.files.problem_size import check_size
 
 VERSION: Final = 1
 
@@ -18,6 +19,8 @@ _LARGEST: Final = 1e60  # numbers beyond it overflow when they are squared and m
 _WHOLE: Final = 2**63  # TOML's whole numbers have 64 bits
 _LONGEST_NAME: Final = 100
 _MOST_CELLS: Final = 10_000  # in a row
+_MOST_STEPS: Final = 10_000
+_MOST_NAMES: Final = 2000
 
 
 def _one_line(text: str) -> str:
@@ -258,14 +261,14 @@ class TimeRange(Table):
 
     start: float = 0.0
     stop: float
-    steps: Annotated[int, Field(ge=1, le=10_000)]
+    steps: Annotated[int, Field(ge=1, le=_MOST_STEPS)]
 
 
 class HistoryTable(Table):
     """Load steps: the values that t takes."""
 
     times: Annotated[
-        Annotated[list[float], Tag("<lines>")] | Annotated[TimeRange, Tag("<segment>")],
+        Annotated[list[float], Field(max_length=_MOST_STEPS), Tag("<lines>")] | Annotated[TimeRange, Tag("<segment>")],
         Discriminator(
             _kind_of_axis,
             custom_error_type="times",
@@ -284,8 +287,8 @@ class Document(Table):
     units: UnitsTable = UnitsTable()
     constants: dict[str, float] = {}
     mesh: MeshTable
-    edges: list[EdgesTable] = []
-    joints: list[JointTable] = []
+    edges: Annotated[list[EdgesTable], Field(max_length=_MOST_NAMES)] = []
+    joints: Annotated[list[JointTable], Field(max_length=_MOST_NAMES)] = []
     material: MaterialTable
     regions: list[RegionTable] = []
     symmetry: list[SymmetryTable] = []
@@ -305,11 +308,17 @@ def parse(text: str) -> Document:
         If the text is no TOML, or does not follow the schema; the first thing wrong is named by its path.
 
     """
+    check_size(text)
     try:
         data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also whole numbers of too many digits
+        _check_values(data, "")
+    except InputError:
+        raise
+    except ValueError as error:  # also whole numbers of too many digits
         raise InputError("TOML", _wrong_line(text, str(error)), f"correct the syntax: {error}") from error
-    _check_values(data, "")
+    except RecursionError as error:
+        remedy = "lists and tables are nested more deeply than those of any problem: take brackets away"
+        raise InputError("TOML", text[:100], remedy) from error
     try:
         return Document.model_validate(data)
     except ValidationError as error:
@@ -402,7 +411,7 @@ def _remedy(error: Mapping[str, Any]) -> str:
         "string_type": "give a text in quotes",
         "bool_type": "give true or false",
         "too_short": f"give a list of {limits.get('min_length')} entries",
-        "too_long": f"give a list of {limits.get('max_length')} entries",
+        "too_long": f"give a list of at most {limits.get('max_length')} entries",
         "greater_than_equal": f"give at least {limits.get('ge')}",
         "less_than_equal": f"give at most {limits.get('le')}",
     }

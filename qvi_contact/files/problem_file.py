@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +16,8 @@ from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_builder import Reader, file_path
 from qvi_contact.files.problem_document import Document, TimeRange, parse
+from qvi_contact.files.problem_size import LARGEST, check_length
 from qvi_contact.problem.problem import ContactProblem
-
-_LARGEST_FILE: Final = 20_000_000  # bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +95,11 @@ def load_problem(path: str | Path) -> ProblemFile:
     """
     try:
         with Path(path).open("rb") as stream:
-            content = stream.read(_LARGEST_FILE + 1)
+            content = stream.read(LARGEST + 1)
     except (OSError, ValueError) as error:  # ValueError: a name no file can have
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError("file", str(path), f"cannot be read ({reason}): give the name of a problem file") from error
-    if len(content) > _LARGEST_FILE:
-        raise InputError("file", str(path), f"give a problem file of at most {_LARGEST_FILE} bytes")
+    check_length("file", str(path), len(content))
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

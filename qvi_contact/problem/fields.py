@@ -16,6 +16,7 @@ from qvi_contact.errors import InputError
 from solvers.basics.types import load
 
 _LONGEST: Final = 2000  # characters of an expression
+_MOST_POWERS: Final = 100  # of x, and of y
 _VARIABLES: Final = ("x", "y", "t")
 
 FUNCTIONS: Final[Mapping[str, Any]] = MappingProxyType(
@@ -59,6 +60,8 @@ class Polynomial:
             raise InputError("Polynomial", self.coefficients, remedy) from error
         if any(row.ndim != 1 for row in table):
             raise InputError("Polynomial", self.coefficients, remedy)
+        if max([len(table), *map(len, table)]) > _MOST_POWERS:
+            raise InputError("Polynomial", self.coefficients, f"give powers of x and y below {_MOST_POWERS}")
         rows = tuple(tuple(row.tolist()) for row in table)
         if not any(rows) or not all(np.isfinite(value) for row in rows for value in row):
             raise InputError("Polynomial", self.coefficients, "give finite coefficients, at least one")

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from solvers.basics.archives import read_arrays
 from solvers.basics.files import replacing
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse
@@ -95,8 +96,10 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
 def _arrays(path: str | Path) -> Arrays:
     """All arrays of the file, each read to its end so that nothing truncated goes unnoticed."""
     try:
-        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
+        with Path(path).open("rb") as stream:
+            return read_arrays("file", str(path), stream)
+    except InputError:
+        raise
     except (*_BROKEN, AttributeError) as error:  # AttributeError: a single array, which is no archive
         raise unreadable(path, error, _KIND) from error
 

@@ -1,7 +1,9 @@
 """Problem files: what is read is what was written, and what is wrong is one error that says where and what to do."""
 
 import dataclasses
+import time
 import tomllib
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -260,7 +262,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ("young = 1000.0", "young = 1979-05-27", "material.young", "dates"),
         ("young = 1000.0", "young = 0x" + "f" * 400, "material.young", "64 bits"),
         ("young = 1000.0", "young = 1000.0 1000.0", "TOML", "line 7"),
-        ("young = 1000.0", "young = " + "[" * 5000, "TOML", "syntax"),
+        ("young = 1000.0", "young = " + "[" * 5000, "TOML", "nested"),
         ("young = 1000.0", "young = " + "1" * 5000, "TOML", "syntax"),
     ],
 )
@@ -323,3 +325,54 @@ def test_a_joint_that_no_contact_uses_is_named():
     last = text.rindex("[[contacts]]")
     with pytest.raises(InputError, match=r"joints\[1\].*'upper'.*no contact uses this joint"):
         problem_from_toml(text[:last])
+
+
+ZEROS = ",".join(["0"] * 400_001)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a" + ".a" * 1000 + " = 1", "so many parts"),
+        ("[a" + " . a" * 60_000 + "]", "so many parts"),
+        ('"a"' + ".'a'" * 1000 + " = 1", "so many parts"),
+        ("a = " + "{a=" * 900 + "1" + "}" * 900, "nested more deeply"),
+        ("a = " + "{" + ".".join("a" * 19) + "=" + ("{" + ".".join("a" * 19) + "=") * 200 + "1" + "}" * 201, "nested"),
+        ("a = " + "[" * 5000 + "1" + "]" * 5000, "nested more deeply"),
+        (f"contacts = [{ZEROS}]", "200000 numbers"),
+        ("[[contacts]]\n" * 200_001, "200000 numbers"),
+        ("a.a = 1\n" * 200_001, "200000 numbers"),
+        ("a = " + "1" * 1_000_000, "so long"),
+        ("a = 0." + "1" * 1_000_000, "so long"),
+        ("title = '" + "a" * 20_000_001 + "'", "20000000 bytes"),
+    ],
+)
+def test_texts_beyond_measure_are_refused_before_they_are_parsed(text, words):
+    began = time.perf_counter()
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError) as caught:
+            problem_from_toml(text)
+        assert tracemalloc.get_traced_memory()[1] < 2 * len(text) + 50_000_000
+    finally:
+        tracemalloc.stop()
+    assert words in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+    assert time.perf_counter() - began < 30.0
+
+
+def test_what_looks_deep_in_texts_and_comments_is_none():
+    dots = "a." * 1000 + "," * 500_000
+    assert problem_from_toml(f"{RICH}\n# {dots}\n").problem.contacts
+    for text in (f"'{dots}'", f'"{dots}\\""', f"'''\n{dots}'\n'''", f'"""\n{dots}\\"""\n"""'):
+        assert dots in problem_from_toml(RICH.replace('"everything"', text)).title
+
+
+def test_more_values_than_mean_anything():
+    times = ", ".join(["0.0"] * 10_001)
+    with pytest.raises(InputError, match=r"history\.times"):
+        problem_from_toml(f"{RICH}\n[history]\ntimes = [{times}]\n")
+    with pytest.raises(InputError, match=r"edges: .* at most 2000"):
+        problem_from_toml(RICH + "".join(f'\n[[edges]]\nname = "e{i}"\nside = "top"' for i in range(2001)))
+    with pytest.raises(InputError, match="powers of x and y below 100"):
+        Polynomial([[0.0]] * 101)

@@ -1,6 +1,8 @@
 """Results in files: read back they are the same, and whatever was changed in them does not verify."""
 
 import json
+import tracemalloc
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -351,6 +353,34 @@ class TestRefused:
         assert "no result" in fails(tmp_path / "other.npz")
         assert "No such file" in fails(tmp_path / "missing.npz")
         assert "cannot be read" in fails(tmp_path)
+
+    def test_more_bytes_than_the_limit_are_not_read(self, tmp_path, monkeypatch):
+        """The sizes stand in the archive's directory; a megabyte of it can hold a gigabyte of zeros."""
+        np.savez_compressed(tmp_path / "a.npz", z=np.zeros(5_000_000))
+        assert (tmp_path / "a.npz").stat().st_size < 100_000
+        monkeypatch.setattr("solvers.basics.archives.LARGEST", 39_000_000)
+        tracemalloc.start()
+        try:
+            assert "40000128 bytes, more than the limit of 39000000" in fails(tmp_path / "a.npz")
+            assert tracemalloc.get_traced_memory()[1] < 5_000_000
+        finally:
+            tracemalloc.stop()
+
+    def test_a_long_problem_is_refused_before_it_is_parsed(self, entries, tmp_path):
+        problem = str(entries["problem"]) + "\nzeros = [" + "0," * 1_000_000 + "]"
+        assert "200000 numbers" in fails(stored(tmp_path / "a.npz", entries | {"problem": np.array(problem)}))
+
+    def test_items_without_a_size_are_not_listed(self, entries, tmp_path):
+        """A header alone can claim a thousand million empty texts."""
+        np.savez(tmp_path / "a.npz", **entries)
+        header = np.lib.format.magic(1, 0)
+        text = b"{'descr': '<U0', 'fortran_order': False, 'shape': (1000000000,), }"
+        text += b" " * (64 - (len(header) + 3 + len(text)) % 64) + b"\n"
+        with zipfile.ZipFile(tmp_path / "a.npz") as old, zipfile.ZipFile(tmp_path / "b.npz", "w") as new:
+            for name in old.namelist():
+                content = header + len(text).to_bytes(2, "little") + text
+                new.writestr(name, content if name == "history_status.npy" else old.read(name))
+        assert "more items than bytes" in fails(tmp_path / "b.npz")
 
     def test_pickles_are_never_loaded(self, entries, tmp_path):
         np.savez(tmp_path / "a.npz", **entries | {"z": np.array([{}], dtype=object)})
