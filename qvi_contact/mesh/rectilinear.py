@@ -27,7 +27,7 @@ DIRECTIONS: Final = ("horizontal", "vertical")
 
 _FINEST: Final = 1e-9  # smallest cell size, relative to the body, that `refined` makes
 _MOST_LINES: Final = 100_000
-_ON_LINE: Final = 1e-12  # of the body: distance outside the first or last line that is rounding
+_ROUNDING: Final = 64.0 * float(np.finfo(np.float64).eps)  # of a coordinate that was computed, relative to the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -497,17 +497,25 @@ def _grid_edges(mesh: RectilinearMesh, axis: int, sign: float, column: IntArray,
     return GridEdges(first, second, cells, normal, tangent, length, *place)
 
 
+def _slack(lines: FloatArray) -> float:
+    """What the rounding of coordinates makes; cells are much longer than that, see `checked_lines`."""
+    return _ROUNDING * float(np.abs(lines).max())
+
+
 def _within(lines: FloatArray, values: FloatArray) -> BoolArray:
-    """Which values lie between the first and the last line."""
-    slack = _ON_LINE * (lines[-1] - lines[0])
+    """Which values lie between the first and the last line: those of contacts are computed, and may miss by an ulp."""
+    slack = _slack(lines)
     return np.asarray((values >= lines[0] - slack) & (values <= lines[-1] + slack))
 
 
 def _adjacent(lines: FloatArray, values: FloatArray) -> tuple[IntArray, IntArray]:
-    """Intervals on either side of each value: the same one twice unless it lies on an interior line."""
-    last = len(lines) - 2
-    before = np.clip(np.searchsorted(lines, values, side="left") - 1, 0, last)
-    after = np.clip(np.searchsorted(lines, values, side="right") - 1, 0, last)
+    """Intervals on either side of each value: the same one twice unless it lies on an interior line.
+
+    A value lies on a line if it does up to the rounding of coordinates, wherever the body stands.
+    """
+    slack, last = _slack(lines), len(lines) - 2
+    before = np.clip(np.searchsorted(lines, values - slack, side="left") - 1, 0, last)
+    after = np.clip(np.searchsorted(lines, values + slack, side="right") - 1, 0, last)
     return before, after
 
 

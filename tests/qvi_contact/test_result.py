@@ -12,11 +12,14 @@ from qvi_contact import (
     RectilinearMesh,
     Symmetry,
     Traction,
+    discretize,
     exact,
     solve,
 )
+from qvi_contact.discretization.loads import physical
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.mesh.rectilinear import SIDES
+from qvi_contact.solution.stress import stress_at
 from solvers import Status
 
 FORCE = 209.0
@@ -252,3 +255,42 @@ def test_the_limit_load_of_a_dragged_block(factor, status):
     mesh = RectilinearMesh.rectangle((3, 2))
     result = solve(exact.problem_from_state(state, mesh, material, sides, (Contact("bottom", friction=0.3),)))
     assert result.status is status
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e3, -1e3, 17.7])
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1.0, 7.3, 1e12])
+def test_points_of_the_boundary_belong_to_the_body(shift, unit):
+    """Those of contacts and joints are computed, and may lie outside by an ulp; a body with steps, at any place."""
+    numbers = np.random.default_rng(1)
+    active = np.ones((6, 6), dtype=bool)
+    active[3:, 4:] = active[:2, :2] = False
+    for _ in range(4):
+        x, y = (unit * (shift + np.append(0.0, np.cumsum(numbers.uniform(0.05, 1.0, 6)))) for _ in "xy")
+        mesh = RectilinearMesh(x, y, active).with_joint("joint", "horizontal", at=y[2])
+        contacts = [Contact(side, 0.3) for side in SIDES]
+        known = discretize(ContactProblem(mesh, Material(1.0, 0.3), [*contacts, Contact.tied("joint")]))
+        nothing = known.values(np.zeros(known.qvi.n))
+        for rows in known.contacts:
+            points = physical(known.problem, known.scales, rows.points.coordinates)
+            assert np.isfinite(stress_at(known, nothing, *points)).all()
+        beyond = np.array([x[5]]), np.array([y[3] + 1e-9 * mesh.length])
+        with pytest.raises(InputError, match="inside the body"):
+            stress_at(known, nothing, *beyond)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e3])
+def test_the_stress_at_a_contact_is_that_of_the_contact(shift):
+    """Also on a line inside the body, from whichever side."""
+    x, y = shift + np.array([0.0, 0.3, 0.7, 1.1]), shift + np.array([0.0, 0.4, 0.9])
+    mesh = RectilinearMesh(x, y, np.array([[True, True, True], [True, True, False]]))
+    mesh = mesh.with_edges("step", "top", at=y[1]).with_edges("roof", "top", at=y[2])
+    conditions = [
+        Contact("bottom", 0.3), Contact("left", 0.0), Contact("right", 0.0), Contact("step", 0.2, gap=1e-4),
+        Traction("roof", x=0.0, y=-1e-3),
+    ]  # fmt: skip
+    result = solve(ContactProblem(mesh, Material(1.0, 0.3), conditions))
+    assert result.status is Status.SOLVED
+    for name, line in result.contacts.items():
+        component = {"bottom": 1, "step": 1}.get(name, 0)
+        stress = result.stress(line.x, line.y)
+        assert stress[:, component] == pytest.approx(line.normal_stress, abs=1e-9)
