@@ -37,8 +37,8 @@ _CONTINUES = (Status.SOLVED, Status.INACCURATE)
 class History:
     """Results of the load steps, up to the first that has none.
 
-    In each step's result `slip` and `energies.dissipation` are those of the step, from the projected slip; `dissipated`
-    and `friction_work` are computed from the multipliers, which obey the friction law at every point.
+    In each step's result `slip` and `energies.dissipation` are those of the step. The energies are computed from the
+    multipliers, which obey the friction law at every point, `slip` is their projection.
 
     Attributes
     ----------

@@ -64,8 +64,10 @@ class Energies:
     complementary : float
         strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
     dissipation : float
-        −∫ σ_T (u_T − w) ds, work lost in friction, from the projected slip: ≥ 0 up to the mesh. Beside a prescribed
-        shear other than zero the slip is extrapolated, and this with it; `History.dissipated` does not use it.
+        −∫ σ_T (u_T − w) ds = Σ m_T σ_T over the contact points, work lost in friction. From the row multipliers m_T,
+        which obey the friction law at every point: ≥ 0 to the accuracy of the certificate, which the projected `slip`
+        need not give. Beside a prescribed shear other than zero the tractions of the mesh leave the slip of the corner
+        open, and this number with it, by a part of what the last edge loses.
 
     """
 
@@ -318,12 +320,13 @@ class ContactResult:
         scales, problem = self.discretization.scales, self.problem
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
-        load, dissipation = support_work(self.discretization, self.dofs), 0.0
+        load = support_work(self.discretization, self.dofs)
         for rows in self.discretization.contacts:
             line = self.contacts[rows.name]
             gap, offset = rows.gap * scales.displacement, rows.offset * scales.displacement
             load += float(line.weights @ (gap * line.normal_stress + offset * line.tangential_stress))
-            dissipation -= float(line.weights @ (line.tangential_stress * line.slip))
+        qvi, multiplier = self.solution.problem, self._multipliers("tangential")
+        dissipation = float(multiplier @ qvi.tangential(self.solution.z)) * scales.energy
         return Energies(strain, load, strain - load, dissipation)
 
     @cached_property

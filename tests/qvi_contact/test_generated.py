@@ -213,12 +213,7 @@ def check_solved(result):
     energies = result.energies
     work = abs(energies.strain) + abs(energies.load) + abs(energies.dissipation)
     assert energies.strain >= 0.0
-    solution = result.solution
-    shear = solution.problem.tangential(solution.z)
-    least = -10.0 * result.certificate.tolerance * max(work, result.discretization.scales.energy)
-    assert solution.tangential_multiplier @ shear * result.discretization.scales.energy >= least
-    if not any("prescribed beside" in remark for remark in result.remarks):  # there the slip is an extrapolation
-        assert energies.dissipation >= min(least, -0.1 * work)  # from the projected slip, ≥ 0 up to the mesh only
+    assert energies.dissipation >= -10.0 * result.certificate.tolerance * max(work, result.discretization.scales.energy)
     motions = [vars(motion) for motion in result.plates.values()]
     json.dumps([vars(energies), motions, result.traction_misfit, list(result.remarks), result.message], allow_nan=False)
 
