@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
@@ -42,7 +43,7 @@ class LoadHistory(Protocol):
         """The state after each step."""
 
     def loop(self, contact: str, /) -> tuple[FloatArray, FloatArray]:
-        """Displacement [length] and tangential force [stress × length] of a contact, step by step."""
+        """Displacement [length] and force [stress × length] of a contact or edge set, step by step."""
 
 
 def result_figure(result: ContactResult, units: Units | None = None) -> "Figure":
@@ -195,18 +196,22 @@ def hysteresis_loop(
     axes.locator_params(axis="x", nbins=6)
     axes.plot(moved[:1], carried[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
     axes.set_xlabel(f"displacement [{units.displacement}]")
-    axes.set_ylabel(f"tangential force [{units.force}]")
+    axes.set_ylabel(f"force [{units.force}]")
 
 
 def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[ArrayLike, ArrayLike]]:
     """Loops of what is moved sideways: contacts, and edge sets whose tangential displacement is prescribed.
 
-    All contacts if nothing is, as under loads that change.
+    All contacts if nothing is, as under loads that change; edge sets moved across if these move the body.
     """
     driven = [condition.edges for condition in problem.cartesian_conditions if _is_driven(problem, condition)]
     loops: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name in (*(contact.name for contact in problem.contacts), *driven):
-        loops.setdefault(name, history.loop(name))
+        with suppress(InputError):  # an obstacle at rest while displacements move the body
+            loops.setdefault(name, history.loop(name))
+    for condition in problem.conditions if not loops else ():
+        if isinstance(condition, Displacement):
+            loops.setdefault(condition.edges, history.loop(condition.edges))
     moving = {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
     return dict(moving or loops)
 

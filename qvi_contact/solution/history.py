@@ -90,23 +90,47 @@ class History:
         return np.asarray(0.5 * (self.dissipated + np.array(work)))
 
     def loop(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """Tangential displacement of a plate and tangential force on the body in each step.
+        """Displacement of what drives the body, and the force on the body in its direction, in each step.
 
         Parameters
         ----------
         name : str
-            A contact, whose obstacle moves by its mean offset and, driven by force, by the plate's own motion in the
-            contact's centre; or an edge set along which the tangential displacement is prescribed. A plate that also
-            moves normally or turns does more work than this loop shows.
+            A contact, whose obstacle moves along the tangent by its mean offset and, driven by force, by the plate's
+            own motion in the contact's centre; or an edge set with a prescribed displacement: along the tangent, or
+            along x or y across it where nothing moves along the tangent. A plate that also moves normally or turns does
+            more work than this loop shows.
 
         Returns
         -------
         displacement, force : (steps,) arrays
-            Along the tangent [length], [stress × length].
+            [length], [stress × length].
+
+        Raises
+        ------
+        InputError
+            If there is no such contact or edge set, or the obstacle of the contact is at rest while displacements
+            prescribed elsewhere move the body: the edge sets to name instead are listed.
 
         """
-        pairs = [_driven(step, name) for step in self._states]
-        return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+        states = self._states
+        if not states:
+            return np.zeros(0), np.zeros(0)
+        if not (isinstance(name, str) and any(name in step.contacts for step in states)):
+            return self._edge_loop(name)
+        pairs = [_obstacle(step, name) for step in states]
+        displacement, force = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+        movers = [edges for edges in _displaced(states) if np.ptp(self._edge_loop(edges)[0]) > 0.0]
+        if movers and not np.ptp(displacement) > 0.0:
+            remedy = f"its obstacle does not move: name what drives the body, {' or '.join(map(repr, movers))}"
+            raise InputError("name", name, remedy)
+        return displacement, force
+
+    def _edge_loop(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
+        found = [loop for component in (0, 1) if (loop := _component_loop(self._states, name, component)) is not None]
+        if not found:
+            raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
+        return next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
 
     @property
     def _states(self) -> tuple[ContactResult, ...]:
@@ -252,37 +276,57 @@ def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
     return float(now.solution.tangential_multiplier @ traction) * now.discretization.scales.energy
 
 
-def _driven(step: ContactResult, name: str) -> tuple[float, float]:
+def _obstacle(step: ContactResult, name: str) -> tuple[float, float]:
+    """Displacement of a contact's obstacle along the tangent, and the tangential force."""
     problem, scales = step.problem, step.discretization.scales
-    if isinstance(name, str) and name in step.contacts:
-        index = next(i for i, rows in enumerate(step.discretization.contacts) if rows.name == name)
-        line, points = step.contacts[name], step.discretization.contacts[index].points
-        offset = step.discretization.offsets()[index] * scales.displacement
-        along = float(line.weights @ offset / line.weights.sum())
-        plate = problem.contacts[index].plate
-        if plate is not None:
-            motion, (x, y) = step.plates[name], centre_of(problem, scales, step.discretization.contacts[index])
-            in_x = motion.x - motion.rotation * (y - plate.pivot[1])
-            in_y = motion.y + motion.rotation * (x - plate.pivot[0])
-            along += float(points.edges.tangent[0] @ (in_x, in_y))
-        return along, line.tangential_force
-    return _supported(step, name)
+    index = next(i for i, rows in enumerate(step.discretization.contacts) if rows.name == name)
+    line, points = step.contacts[name], step.discretization.contacts[index].points
+    offset = step.discretization.offsets()[index] * scales.displacement
+    along = float(line.weights @ offset / line.weights.sum())
+    plate = problem.contacts[index].plate
+    if plate is not None:
+        motion, (x, y) = step.plates[name], centre_of(problem, scales, step.discretization.contacts[index])
+        in_x = motion.x - motion.rotation * (y - plate.pivot[1])
+        in_y = motion.y + motion.rotation * (x - plate.pivot[0])
+        along += float(points.edges.tangent[0] @ (in_x, in_y))
+    return along, line.tangential_force
 
 
-def _supported(step: ContactResult, name: str) -> tuple[float, float]:
-    """Mean of the tangential displacement prescribed on an edge set, and the tangential force there."""
+def _displaced(states: Sequence[ContactResult]) -> list[str]:
+    """Edge sets with a prescribed displacement."""
+    conditions = states[0].problem.conditions
+    return list(dict.fromkeys(condition.edges for condition in conditions if isinstance(condition, Displacement)))
+
+
+def _component_loop(states: Sequence[ContactResult], name: str, across: int) -> tuple[FloatArray, FloatArray] | None:
+    """Mean prescribed displacement of an edge set along (0) or across (1) it, and the force; None if not prescribed.
+
+    Across it, x or y is positive that the edges face, or face away from, most.
+    """
+    pairs = []
+    for step in states:
+        edges = step.problem.mesh.edges(name)
+        normal = edges.normal[0]
+        towards = normal * np.sign(normal[np.argmax(np.abs(normal))]) if across else edges.tangent[0]
+        given = _prescribed_along(step, name, towards)
+        if given is None:
+            return None
+        resultant = step.resultant(name)
+        pairs.append((given, float(towards @ (resultant.x, resultant.y))))
+    return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+
+
+def _prescribed_along(step: ContactResult, name: str, towards: FloatArray) -> float | None:
+    """Mean of the displacement prescribed on an edge set in the direction (2,) of its first edge; None if it is not."""
     problem = step.problem
     edges = problem.mesh.edges(name)
-    tangent = edges.tangent[0]
     for condition in problem.conditions:
         if condition.edges != name or not isinstance(condition, Displacement):
             continue
         for component, value in components(condition).items():
-            sense = float(direction_of(component, edges)[0] @ tangent)
+            sense = float(direction_of(component, edges)[0] @ towards)
             if abs(sense) == 1.0:
                 middles = problem.mesh.points_along(edges, np.array([0.5]))
                 values = evaluate(f"Displacement.{component}", value, *middles)[:, 0]
-                resultant = step.resultant(name)
-                force = float(tangent @ (resultant.x, resultant.y))
-                return sense * float(np.average(values, weights=edges.length)), force
-    raise InputError("name", name, "name a contact, or an edge set whose tangential displacement is prescribed")
+                return sense * float(np.average(values, weights=edges.length))
+    return None

@@ -191,6 +191,56 @@ def test_bad_steps_are_refused():
         solve_history([pressed_block(0.0)]).loop("left")
 
 
+def dragged_block(u, shift=0.0):
+    """A block pressed on rough ground and moved by its right side, the ground by `shift`."""
+    mesh = RectilinearMesh.rectangle((4, 2), WIDTH, HEIGHT)
+    sides = [Traction("top", x=0.0, y=-10.0), Traction("left", x=0.0, y=0.0), Displacement("right", x=u, y=0.0)]
+    ground = Contact("bottom", FRICTION, offset=shift, name="ground")
+    return ContactProblem(mesh, Material(YOUNG, 0.0), [ground, *sides])
+
+
+class TestWhatDrives:
+    """An obstacle at rest has no loop where displacements move the body; what moves it has one."""
+
+    path = 0.05 * ramp(0.0, 1.0, -1.0, 1.0, steps=2)
+
+    def test_an_obstacle_at_rest_is_told(self):
+        history = solve_history([sheared_layer(u) for u in self.path])
+        with pytest.raises(InputError, match="name what drives the body, 'top'"):
+            history.loop("base")
+        assert np.ptp(history.loop("top")[0]) > 0.0
+
+    def test_what_is_moved_across_its_edges_has_a_loop(self):
+        history = solve_history([dragged_block(u) for u in self.path])
+        assert history.status is Status.SOLVED
+        with pytest.raises(InputError, match="'right'"):
+            history.loop("ground")
+        displacement, force = history.loop("right")
+        assert displacement == pytest.approx(self.path)
+        ground = [step.contacts["ground"].tangential_force for step in history.steps]
+        assert force == pytest.approx(-np.array(ground), abs=1e-6)  # nothing else acts along x
+        assert loop_area(displacement, force) > 0.0
+
+    def test_a_ground_that_moves_has_a_loop_whatever_else_moves(self):
+        history = solve_history([dragged_block(u, shift=-u) for u in self.path])
+        assert history.loop("ground")[0] == pytest.approx(-self.path)
+
+    def test_loads_that_change_leave_the_loop_at_rest(self):
+        problem = dragged_block(0.0)
+        loads = [replace(problem, conditions=[*problem.conditions[:-1], Displacement("right", x=0.0, y=0.0)])] * 2
+        assert solve_history(loads).loop("ground")[0].tolist() == [0.0, 0.0]
+
+    def test_the_picture_shows_what_drives(self):
+        plots = pytest.importorskip("qvi_contact.plots")
+        pytest.importorskip("matplotlib")
+        for problems, name in (
+            ([sheared_layer(u) for u in self.path], "top"),
+            ([dragged_block(u) for u in self.path], "right"),
+        ):
+            figure = plots.history_figure(solve_history(problems))
+            assert figure.axes[0].get_title() == name
+
+
 def test_callback_hears_of_every_step():
     heard = []
     history = solve_history(

@@ -633,7 +633,7 @@ class TestFigures:
         (axes,) = figure.axes
         assert axes.lines[2].get_xydata() == pytest.approx(np.column_stack([w, force]))
         assert axes.get_xlabel() == "displacement [mm]"
-        assert axes.get_ylabel() == "tangential force [MPa mm]"
+        assert axes.get_ylabel() == "force [MPa mm]"
 
     def test_history_of_results(self):
         """Loops of what moves only; forces of every contact step by step."""
