@@ -244,7 +244,7 @@ def _finish(
     m_N, m_T = np.split(m, 2)
     if state.history[-1].number != state.number:
         state.history.append(_iteration(state, qvi, W2, times["began"]))
-    threshold = qvi.threshold(qvi.pressed(state.sigma[: qvi.m]))
+    threshold = qvi.threshold(qvi.pressure(z))
     outcome = Outcome(
         state.reason or Status.STALLED, z, m_N, m_T, nu, threshold, state.history, state.number, state.message
     )

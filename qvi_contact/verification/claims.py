@@ -18,6 +18,7 @@ from qvi_contact.solution.work import component, traction
 from solvers import Certificate, FrictionQVI, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
+from solvers.strict.threshold import bound_at
 
 AGREEMENT: Final = 1e-8
 """What a number may differ from the one computed anew: of its own size and 1e-4 of the largest of its kind."""
@@ -172,6 +173,19 @@ def scales_difference(claimed: Certificate, computed: Certificate) -> float:
     if now.keys() != then.keys():
         return np.inf
     return _largest([difference(float(then[name]), float(value)) for name, value in now.items()])
+
+
+def bound_difference(result: ContactResult, found: Recomputed) -> float:
+    """Largest difference of the bound of |σ_T| kept with the unknowns from that of the pressure there.
+
+    Relative to the largest traction.
+    """
+    claimed, solution = np.asarray(result.solution.threshold, dtype=np.float64), found.result.solution
+    computed = bound_at(solution.problem, solution.z)
+    if claimed.shape != computed.shape:
+        return np.inf
+    unit = found.result.certificate.scales.get("stress", 1.0)
+    return _largest([np.abs(claimed - computed) / unit])
 
 
 def unexpected(claims: Mapping[str, Any], result: ContactResult, found: Recomputed) -> list[str]:

@@ -27,6 +27,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.verification.claims import (
     AGREEMENT,
     Recomputed,
+    bound_difference,
     compared,
     missed_tractions,
     problem_difference,
@@ -47,6 +48,7 @@ DOCUMENT_VERSION: Final = 1
 
 _CLAIMED: Final = 0.1  # of its limit, by which a measure may be larger than it was said to be: rounding
 _SCALES: Final = 1e-6  # the stiffness of the contact that is in them is as accurate as its factorisation
+_BOUND: Final = 10.0  # of the tolerance: results of the fixed point may hold that of its last iteration
 _SHOWN: Final = 5  # names in a sentence
 
 _GROUPS: Final = {
@@ -300,6 +302,10 @@ def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed, a
         yield _entries(claims, result, found)
         yield from _agreements(claims, found)
         yield _limited(
+            "friction bound", bound_difference(result, found), _BOUND * result.certificate.tolerance,
+            "The bound of |σ_T| kept with the unknowns, beside that of the pressure there; over the largest traction.",
+        )  # fmt: skip
+        yield _limited(
             "prescribed resultants", missed_tractions(found.result), AGREEMENT,
             "Forces of the prescribed tractions on their edges: equilibrium with the loads.",
         )  # fmt: skip
@@ -400,8 +406,8 @@ def _facts(found: Recomputed) -> Iterator[Check]:
         yield Check("uniqueness", bound.sharper, None, None, bound.sentence())
     yield Check(
         "not checked", None, None, None,
-        "How the result was found cannot be computed anew: iterations and their history, corrections, the last bound "
-        "of friction, timings, method, versions, and the message after its first words are what the result says.",
+        "How the result was found cannot be computed anew: iterations and their history, corrections, timings, "
+        "method, versions, and the message after its first words are what the result says.",
     )  # fmt: skip
 
 

@@ -44,7 +44,7 @@ from solvers.solution.finish import Outcome, finish, no_outcome
 from solvers.solution.solution import Iteration, QVISolution
 from solvers.strict.cones import strict_contradiction
 from solvers.strict.newton import Newton
-from solvers.strict.threshold import affine_pressure, edge_rows, strict_pressure, strict_threshold
+from solvers.strict.threshold import affine_pressure, bound_at, strict_pressure, strict_threshold
 
 Variant = Literal["plain", "damped", "anderson"]
 
@@ -114,7 +114,6 @@ class _State:
     previous: InnerSolution | None = None  # last result, original unknowns
     inner: InnerSolution | None = None  # the same in those of the form
     best: InnerSolution | None = None
-    best_s: Vector | None = None
     best_residual: float = np.inf
     progress: tuple[float, int] = (np.inf, 0)  # residual and number at the last substantial progress
     past: deque[Vector] = field(default_factory=lambda: deque(maxlen=_CYCLE_LENGTHS.stop))
@@ -203,10 +202,10 @@ def _step(
         residual = _residual(qvi, result.z, g, state.s)
         _record(qvi, state, result, residual, began, options)
         if residual < state.best_residual:
-            state.best, state.best_s, state.best_residual = result, state.s, residual
+            state.best, state.best_residual = result, residual
         state.previous, state.feasible = result, state.s
         if residual <= tolerance and certify(qvi, result.z, result.m_N, result.m_T, result.nu, tolerance).passed:
-            state.best, state.best_s, state.reason = result, state.s, Status.SOLVED
+            state.best, state.reason = result, Status.SOLVED
             return
         if qvi.strict and residual <= state.close and _refine(qvi, state, result, options, tolerance):
             return
@@ -262,7 +261,7 @@ def _refine(
     if not certificate.passed:
         return False
     state.best = replace(result, z=z, m_N=refined.m_N, m_T=refined.m_T, nu=nu)
-    state.best_s, state.reason = _pressure(qvi, z), Status.SOLVED
+    state.reason = Status.SOLVED
     entry = Iteration(
         len(state.history) + 1, certificate.accuracy, qvi.energy(z), qvi.resultant(z), None, refined.steps,
         time.perf_counter() - began,
@@ -327,12 +326,6 @@ def _start(qvi: FrictionQVI, z: Vector) -> Vector:
 def _bound(qvi: FrictionQVI, pressure: Vector) -> Vector:
     """The bound of |σ_T| from a pressure (m,): (m,), strict its Bernstein coefficients (3e,)."""
     return strict_threshold(qvi, pressure).coefficients.ravel() if qvi.strict else qvi.threshold(pressure)
-
-
-def _bound_at_points(qvi: FrictionQVI, pressure: Vector) -> Vector:
-    if not qvi.strict:
-        return qvi.threshold(pressure)
-    return edge_rows(qvi).at_points(strict_threshold(qvi, pressure).coefficients)
 
 
 def _check_progress(
@@ -410,9 +403,9 @@ def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _S
 
 def _outcome(qvi: FrictionQVI, state: _State) -> Outcome:
     result = state.best or no_result(qvi, Status.BACKEND_FAILED, "")
-    s = state.best_s if state.best_s is not None else state.s
+    threshold = bound_at(qvi, result.z)
     reason = state.reason or Status.STALLED
     return Outcome(
-        reason, result.z, result.m_N, result.m_T, result.nu, _bound_at_points(qvi, s), state.history,
+        reason, result.z, result.m_N, result.m_T, result.nu, threshold, state.history,
         len(state.history), state.message, feasibility=state.feasibility,
     )  # fmt: skip

@@ -51,7 +51,7 @@ class QVISolution:
     z : (n,) unknowns; NaN if there is no result
     normal_multiplier, tangential_multiplier : (m,) row multipliers m = W λ, signs as in `FrictionQVI`
     equality_multiplier : (p,)
-    threshold : (m,) bound of |σ_T| in the last inner problem, condensed: at z
+    threshold : (m,) bound of |σ_T| at z, NaN without a z
     certificate : computed on `problem`
     history : one `Iteration` each (thinned out for long Uzawa runs: the first thousand, then every tenth,
         hundredth, … and the last)

@@ -65,6 +65,16 @@ def strict_pressure(qvi: FrictionQVI, normal: Vector) -> Vector:
     return edge_rows(qvi).at_points(end_pressure(qvi, normal))
 
 
+def bound_at(qvi: FrictionQVI, z: Vector) -> Vector:
+    """The bound of |σ_T| at the contact points (m,) for the pressure at z; NaN where z is not finite."""
+    if not np.isfinite(z).all():
+        return np.full(qvi.m, np.nan)
+    if not qvi.strict:
+        return qvi.threshold(qvi.pressure(z))
+    pressure = strict_pressure(qvi, qvi.normal(z))
+    return edge_rows(qvi).at_points(strict_threshold(qvi, pressure).coefficients)
+
+
 def affine_pressure(qvi: FrictionQVI, pressure: Vector) -> Vector:
     """The pressure (m,) nearest to a given one that is affine on each edge and ≥ 0 at its ends."""
     edges = edge_rows(qvi)

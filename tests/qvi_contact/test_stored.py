@@ -35,7 +35,7 @@ from solvers import Status
 
 REMARKS = {
     "method", "inner", "form", "factorisation", "iterations", "corrections", "timings", "versions", "history",
-    "history_status", "problem_missing", "threshold", "loaded", "message", "freed",
+    "history_status", "problem_missing", "loaded", "message", "freed",
 }  # fmt: skip
 """Entries about how the result was found, the message after its first words, a node without a shear to give up.
 
