@@ -31,6 +31,7 @@ from qvi_contact.element.bogner_fox_schmit import Grid
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from solvers import EdgeRows, FrictionQVI, Traces
+from solvers.basics.pickles import Stated
 from solvers.inequality.operator import Operator
 
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
@@ -39,7 +40,7 @@ _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are le
 
 
 @dataclass(frozen=True, eq=False)
-class Discretization:
+class Discretization(Stated):
     """A contact problem on the elements of its mesh, traction conditions and gauge eliminated.
 
     Attributes

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.lines import checked_lines, graded_lines, on_line, subdivided
 from qvi_contact.mesh.mesh import Mesh
+from solvers.basics.pickles import Stated
 
 SIDES: Final = ("bottom", "right", "top", "left")
 """The four directions a boundary edge can face, counterclockwise from −y."""
@@ -86,7 +87,7 @@ class EdgeRange:
 
 
 @dataclass(frozen=True, eq=False)
-class RectilinearMesh:
+class RectilinearMesh(Stated):
     """A rectilinear grid, possibly with cells left out.
 
     Nodes are numbered along x first: node (i, j) at (x[i], y[j]) has number i + j (nx + 1).
@@ -120,6 +121,14 @@ class RectilinearMesh:
         object.__setattr__(self, "x", checked_lines("RectilinearMesh.x", self.x))
         object.__setattr__(self, "y", checked_lines("RectilinearMesh.y", self.y))
         object.__setattr__(self, "active", _checked_mask(self.active, self.shape))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "_named": dict(self._named)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _named=MappingProxyType(state["_named"]))
+        for name in ("x", "y", "active"):
+            state[name].flags.writeable = False
 
     @classmethod
     def rectangle(

@@ -1,7 +1,8 @@
 """The contact problem as the user states it: mesh, material, conditions, body force."""
 
+import pickle
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -25,6 +26,7 @@ from qvi_contact.problem.conditions import (
     components,
 )
 from qvi_contact.problem.material import Material, Region, cell_materials, material_numbers
+from solvers.basics.pickles import Stated
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
 _CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1
@@ -54,7 +56,7 @@ class Prescribed:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactProblem:
+class ContactProblem(Stated):
     """A body, what it is made of, and what happens on its boundary.
 
     Parameters
@@ -116,6 +118,33 @@ class ContactProblem:
     def cell_materials(self) -> IntArray:
         """Index into `materials` for each cell, shape (cells,)."""
         return cell_materials(self.mesh, self.regions)
+
+    def __getstate__(self) -> dict[str, Any]:
+        for name, value in self._functions():
+            try:
+                pickle.dumps(value)
+            except Exception as error:
+                remedy = "this function cannot be pickled: take an Expression, a Polynomial, or a function of a module"
+                raise InputError(name, value, remedy) from error
+        return super().__getstate__()
+
+    def __copy__(self) -> "ContactProblem":
+        """The problem itself: nothing in it can be changed."""
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "ContactProblem":
+        """The problem itself."""
+        return self
+
+    def _functions(self) -> Iterator[tuple[str, object]]:
+        """Functions of position by the name of their field."""
+        if callable(self.body_potential):
+            yield "ContactProblem.body_potential", self.body_potential
+        for condition in self.conditions:
+            for field in fields(condition):
+                value = getattr(condition, field.name)
+                if callable(value):
+                    yield f"{type(condition).__name__}.{field.name}", value
 
     @cached_property
     def material_numbers(self) -> IntArray:

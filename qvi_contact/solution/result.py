@@ -22,6 +22,7 @@ from qvi_contact.solution.contact_line import ContactLine, contact_line
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at
 from qvi_contact.solution.work import component, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
+from solvers.basics.pickles import Stated
 from solvers.basics.types import load
 from solvers.certificate.feasibility import AdmissibleRows
 from solvers.strict.threshold import strict_bound
@@ -99,7 +100,7 @@ _MOTIONS = {"force_x": "x", "force_y": "y", "moment": "rotation"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult:
+class ContactResult(Stated):
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
