@@ -12,6 +12,7 @@ every system has and that go with the process, however it dies. Reading is possi
 make a new one, so that two of them would write. It may be deleted when no run is at work.
 
 A store without rows is nobody's: the next study takes it, so that a run which came to nothing stands in no one's way.
+A new store gets its name when its tables are there; an empty file is somebody else's.
 """
 
 import json
@@ -27,7 +28,7 @@ from comparisons.study.differences import differences
 from comparisons.study.outcome import Outcome
 from comparisons.study.plain import canonical
 from comparisons.study.rows import Row, StoredStudy
-from qvi_contact.basics.writing import writable_folder
+from qvi_contact.basics.writing import replacing, writable_folder
 from qvi_contact.errors import InputError
 
 SCHEMA: Final = 1
@@ -79,8 +80,6 @@ def read_study(path: str | Path) -> StoredStudy:
     """
     with _opened(Path(path)) as connection:
         declaration = _declaration(connection, Path(path))
-        if declaration is None:
-            raise _damaged(Path(path))
         try:
             rows = tuple(_row(values) for values in connection.execute(_READ))
         except ValueError as error:
@@ -147,11 +146,15 @@ def writing(path: Path, study: Study) -> Iterator[Store]:
 
     """
     writable_folder(path.parent, "store")
-    with _locked(path), _opened(path, create=True) as connection:
-        if not _is_of(connection, path, study):
-            _take(connection, study)
-        _try_to_write(connection)
-        yield Store(path, connection)
+    with _locked(path):
+        if not path.exists():
+            with replacing(path) as temporary, _opened(temporary) as connection:
+                _make(connection, study)
+        with _opened(path) as connection:
+            if not _is_of(connection, path, study):
+                _take(connection, study)
+            _try_to_write(connection)
+            yield Store(path, connection)
 
 
 @contextmanager
@@ -171,9 +174,9 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _opened(path: Path, create: bool = False) -> Iterator[sqlite3.Connection]:
+def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     """A connection, after a look whether the file is sound; what SQLite says about it becomes one line."""
-    address = f"{path.resolve().as_uri()}?mode={'rwc' if create else 'rw'}"
+    address = f"{path.resolve().as_uri()}?mode=rw"
     with (
         _explained(path),
         closing(sqlite3.connect(address, uri=True, timeout=_PATIENCE, isolation_level="IMMEDIATE")) as connection,
@@ -206,8 +209,6 @@ def _is_of(connection: sqlite3.Connection, path: Path, study: Study) -> bool:
     """Whether the store is this study's; False if it is still nobody's, having no rows."""
     found = _declaration(connection, path)
     wanted = study.declaration()
-    if found is None:
-        return False
     if found == wanted:
         return True
     if connection.execute('SELECT EXISTS (SELECT * FROM "rows")').fetchone() == (0,):
@@ -218,11 +219,11 @@ def _is_of(connection: sqlite3.Connection, path: Path, study: Study) -> bool:
     raise InputError("store", str(path), f"belongs to the study {other}: give another file")
 
 
-def _declaration(connection: sqlite3.Connection, path: Path) -> dict[str, Any] | None:
-    """What the store says of its study; None if the file is still empty."""
+def _declaration(connection: sqlite3.Connection, path: Path) -> dict[str, Any]:
+    """What the store says of its study."""
     ((pages,),) = connection.execute("PRAGMA page_count")
     if pages == 0:
-        return None
+        raise InputError("store", str(path), "is an empty file, not the store of a study: delete it, or give another")
     ((application,),) = connection.execute("PRAGMA application_id")
     ((schema,),) = connection.execute("PRAGMA user_version")
     if application != _APPLICATION:
@@ -239,17 +240,27 @@ def _declaration(connection: sqlite3.Connection, path: Path) -> dict[str, Any] |
 
 
 def _take(connection: sqlite3.Connection, study: Study) -> None:
-    """Make the store this study's, and the tables unless there are some: all or nothing."""
+    """Make a store without rows this study's: all or nothing."""
     connection.execute("BEGIN IMMEDIATE")
     with connection:
-        if connection.execute("SELECT count(*) FROM sqlite_schema").fetchone() == (0,):
-            connection.execute(f"PRAGMA application_id = {_APPLICATION}")
-            connection.execute(f"PRAGMA user_version = {SCHEMA}")
-            for statement in _TABLES:
-                connection.execute(statement)
         connection.execute("DELETE FROM study")
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        connection.execute("INSERT INTO study VALUES (?, ?)", (canonical(study.declaration()), now))
+        _declare(connection, study)
+
+
+def _make(connection: sqlite3.Connection, study: Study) -> None:
+    """Fill an empty file with the tables, and make it this study's."""
+    connection.execute("BEGIN IMMEDIATE")
+    with connection:
+        connection.execute(f"PRAGMA application_id = {_APPLICATION}")
+        connection.execute(f"PRAGMA user_version = {SCHEMA}")
+        for statement in _TABLES:
+            connection.execute(statement)
+        _declare(connection, study)
+
+
+def _declare(connection: sqlite3.Connection, study: Study) -> None:
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    connection.execute("INSERT INTO study VALUES (?, ?)", (canonical(study.declaration()), now))
 
 
 def _try_to_write(connection: sqlite3.Connection) -> None:

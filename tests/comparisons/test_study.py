@@ -373,9 +373,26 @@ class TestRefused:
             run_study(SMALL, tmp_path)
 
     def test_empty_file(self, tmp_path):
+        """It is somebody else's, whoever made it; and stays empty."""
         (tmp_path / "a").touch()
-        with pytest.raises(InputError, match="damaged"):
-            read_study(tmp_path / "a")
+        for use in (read_study, filled):
+            with pytest.raises(InputError, match="is an empty file") as caught:
+                use(tmp_path / "a")
+            assert caught.value.field == "store"
+        assert (tmp_path / "a").stat().st_size == 0
+
+    def test_a_new_store_has_its_name_when_its_tables_are_there(self, tmp_path, monkeypatch):
+        """A run that is killed before leaves no empty file that would stand in the way of the next."""
+
+        def killed(*_):
+            assert not (tmp_path / "a").exists()
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(stores, "_declare", killed)
+        with pytest.raises(KeyboardInterrupt):
+            filled(tmp_path / "a")
+        assert not (tmp_path / "a").exists()
+        monkeypatch.undo()
         assert len(read_study(filled(tmp_path / "a")).rows) == 2
 
     @pytest.mark.parametrize("change", [{"seed": 6}, {"name": "other"}, {"version": 2}])
