@@ -224,6 +224,8 @@ def discretize(
         or the mesh has no element of that degree.
 
     """
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
     space = basis_for(problem.mesh, degree, contact_rows)
     none = np.empty(0, dtype=np.int64)
     return _discretized(problem, space, scales or Scales.of(problem), none if freed is None else freed)

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, positive_number
+from qvi_contact.basics.checks import FloatArray, whole_number
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, replacing, write_text
 from qvi_contact.discretization.loads import physical
@@ -27,6 +27,7 @@ from qvi_contact.solution.stress import principal_stresses, stress_in_cells
 from solvers.basics.types import load
 
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
+_MOST_SUBDIVISIONS: Final = 100  # of a cell: ten thousand quadrilaterals
 
 SUMMARY_VERSION: Final = 1
 """Grows when an entry of `summary` changes its meaning or goes away; new entries may come at any time."""
@@ -196,9 +197,7 @@ def write_vtu(path: str | Path, result: ContactResult, units: Units | None = Non
     if find_spec("meshio") is None:
         raise InputError("vtk", "meshio", "VTU files need meshio: python -m pip install 'qvi-contact[vtk]'")
     check_suffix("vtk", path, ".vtu")
-    if isinstance(subdivisions, bool) or subdivisions != int(positive_number("subdivisions", subdivisions)):
-        raise InputError("subdivisions", subdivisions, "give a whole number of at least 1")
-    r = int(subdivisions)
+    r = whole_number("subdivisions", subdivisions, _MOST_SUBDIVISIONS)
     points, point_data = _point_data(result, r, units)
     t, corners = result.discretization.space.lattice(r)
     material = np.repeat(result.problem.cell_materials, len(corners))

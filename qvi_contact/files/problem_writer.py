@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import write_text
 from qvi_contact.errors import InputError
@@ -61,6 +61,7 @@ def problem_to_toml(
         If a function is one of Python, which a file cannot hold, or expressions disagree about constants or time.
 
     """
+    _check_details(problem, title, description, units, solve_options, times)
     writer = _Writer()
     document: dict[str, Any] = {"version": VERSION, "title": title, "description": description}
     potential = writer.field("body_potential", problem.body_potential)
@@ -82,6 +83,27 @@ def problem_to_toml(
     text = _toml({key: value for key, value in document.items() if value not in ({}, [], "")})
     problem_from_toml(text)  # refuses what Python takes and a file does not, such as names of several lines
     return text
+
+
+def _check_details(
+    problem: object, title: object, description: object, units: object, solve_options: object, times: object
+) -> None:
+    """Refuse what is of another kind than the signature says."""
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
+    for name, text in (("title", title), ("description", description)):
+        if not isinstance(text, str):
+            raise InputError(name, text, "give a text")
+    if units is not None and not isinstance(units, Units):
+        raise InputError("units", units, "give Units, or nothing")
+    if real_array("times", times, "give a list of numbers").ndim != 1:
+        raise InputError("times", times, "give a list of numbers")
+    options = {} if solve_options is None else solve_options
+    if not isinstance(options, Mapping):
+        raise InputError("solve_options", options, "give a mapping from names to values")
+    for name, value in options.items():
+        if not isinstance(value, str | int | float | np.generic):
+            raise InputError(f"solve_options.{name}", value, "give a number or a text: a file holds nothing else")
 
 
 class _Writer:

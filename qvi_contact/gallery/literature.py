@@ -64,7 +64,7 @@ def compressed_plate(
         Symmetry("left"),
         Symmetry("bottom"),
         Traction("right", x=0.0, y=0.0),
-        Contact("top", friction=friction, gap=-displacement, name="plate"),
+        Contact("top", friction=friction, gap=-finite_number("displacement", displacement), name="plate"),
     ]
     return ContactProblem(mesh, Material(young, poisson, plane), conditions)
 

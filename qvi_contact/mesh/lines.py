@@ -6,9 +6,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, finite_number, positive_number, real_array
+from qvi_contact.basics.checks import FloatArray, finite_number, positive_number, real_array, whole_number
 from qvi_contact.errors import InputError
 
+_MOST_CELLS: Final = 1_000_000
 _SAMPLES: Final = 2000  # points per half interval where sizes are summed
 
 
@@ -33,8 +34,7 @@ def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, bo
 
     """
     start, stop = finite_number("start", start), finite_number("stop", stop)
-    if isinstance(cells, bool) or not isinstance(cells, (int, np.integer)) or cells < 1:
-        raise InputError("cells", cells, "give a whole number of at least 1")
+    cells = whole_number("cells", cells, _MOST_CELLS)
     grading = positive_number("grading", grading)
     if not start < stop:
         raise InputError("stop", stop, f"give a number greater than start = {start:g}")

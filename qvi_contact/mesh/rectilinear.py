@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, one_of, positive_number
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, one_of, positive_number
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.lines import checked_lines, graded_lines, on_line, subdivided
@@ -151,6 +151,7 @@ class RectilinearMesh(Stated):
             if not isinstance(value, (tuple, list)) or len(value) != 2:
                 raise InputError(name, value, "give a pair, for x and y")
         grading_x, grading_y = pair
+        origin = finite_number("origin", origin[0]), finite_number("origin", origin[1])
         return cls(
             graded_lines(origin[0], origin[0] + width, cells[0], grading_x),
             graded_lines(origin[1], origin[1] + height, cells[1], grading_y),

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, one_of
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.discretization.plates import centre_of
@@ -70,6 +70,9 @@ class History:
 
     def slip(self, contact: str) -> FloatArray:
         """Slip u_T − w accumulated up to each step at the points of a contact, shape (steps, m) [length]."""
+        names = self._states[0].contacts if self._states else ()
+        if self._states:
+            one_of("contact", contact, names, f"name a contact: {', '.join(names) or 'there is none'}")
         return np.cumsum([step.contacts[contact].slip for step in self._states], axis=0)
 
     @property
@@ -236,7 +239,7 @@ def _follow(
 
 
 def _checked_steps(problems: Iterable[ContactProblem]) -> list[ContactProblem]:
-    steps = list(problems)
+    steps = list(problems) if isinstance(problems, Iterable) else []
     if not steps or not all(isinstance(problem, ContactProblem) for problem in steps):
         raise InputError("problems", problems, "give a list of at least one ContactProblem")
     first = steps[0]

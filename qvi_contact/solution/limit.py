@@ -111,6 +111,8 @@ def limit_load_factor(
 
 def limit_load(problem: ContactProblem, loads: Sequence[str], **element: Any) -> LimitLoad:
     """The linear program of `limit_load_factor` with its certificate; `element` is for `discretize`."""
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
     names = _checked_names(problem, loads)
     low, high = _sampled(problem, names, element)
     rows, slopes = _affine(low.qvi, high.qvi)

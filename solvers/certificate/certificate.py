@@ -60,7 +60,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from solvers.basics.checks import real_array
+from solvers.basics.checks import finite_number, real_array
 from solvers.basics.types import Vector
 from solvers.certificate.measures import MEASURES, Measure
 from solvers.certificate.strict import admissible_change, strict_residuals
@@ -198,7 +198,7 @@ def certify(
     A missing or non-finite argument gives infinite measures; a wrong shape raises `InputError`.
 
     """
-    if not 0 < tolerance < 1:
+    if not 0 < finite_number("tolerance", tolerance) < 1:
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     if equality_multiplier is None and qvi.p == 0:
         equality_multiplier = np.zeros(0)

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
+from solvers.basics.archives import LARGEST as LARGEST_CONTENT
 from solvers.basics.files import replacing
 from solvers.basics.types import Matrix, Module, Sparse, Vector, load
 from solvers.errors import InputError
@@ -246,7 +247,7 @@ def _checked(problem: LocalProblem, state: ContactState, field: str) -> ContactS
 
 def _read_text(group: Any, name: str) -> str:
     """A string, empty if missing."""
-    value = group[name][()] if name in group else b""
+    value = _content(group[name], name) if name in group else b""
     value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
     return value.decode("utf-8", "replace").rstrip("\0") if isinstance(value, bytes) else str(value)
 
@@ -258,7 +259,17 @@ def _item(group: Any, name: str) -> Any:
 
 
 def _numbers(dataset: Any, field: str) -> Vector:
-    return np.atleast_1d(finite(field, np.asarray(dataset[()]))).ravel()
+    return np.atleast_1d(finite(field, np.asarray(_content(dataset, field)))).ravel()
+
+
+def _content(dataset: Any, field: str) -> Any:
+    """What a dataset holds, unless it is more than a limit: a short file can hold gigabytes of zeros."""
+    size = int(getattr(dataset, "nbytes", 0))
+    if size > LARGEST_CONTENT:
+        raise InputError(
+            field, f"{size} bytes", f"give at most {LARGEST_CONTENT} bytes: the problem is too large to read"
+        )
+    return dataset[()]
 
 
 def _vector(group: Any, name: str) -> Vector:

@@ -91,6 +91,7 @@ class FrictionQVI:
     operator: Operator = field(init=False, repr=False)
 
     def __post_init__(self, shared: Operator | None) -> None:
+        self._check_kinds()
         if (self.A is None) != (self.b is None):
             raise InputError("A" if self.A is None else "b", None, "give A and b together, or neither")
         if (self.root is None) != (self.load is None):
@@ -122,6 +123,11 @@ class FrictionQVI:
         if not shared.serves(self.K):
             raise InputError("shared", None, "share the operator of a problem with the same K")
         return shared
+
+    def _check_kinds(self) -> None:
+        for name, kind in (("traces", Traces), ("edges", EdgeRows)):
+            if not isinstance(getattr(self, name), kind | None):
+                raise InputError(name, type(getattr(self, name)).__name__, f"give {kind.__name__}, or nothing")
 
     def _check_edges(self) -> None:
         """`InputError` unless tractions are polynomials on edges, tried at z = 0 and with a random vector."""
@@ -336,7 +342,7 @@ def _matrix(name: str, value: Any, columns: int) -> Sparse:
         if np.iscomplexobj(value):
             raise TypeError("complex numbers")
         matrix = csc_matrix(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(name, type(value).__name__, "give a matrix of real numbers, sparse or dense") from error
     if not issparse(value) and np.ndim(value) != 2:
         raise InputError(name, f"{np.ndim(value)} dimensions", "give a matrix, with two dimensions")

@@ -15,9 +15,13 @@ from qvi_contact import (
     RectilinearMesh,
     Symmetry,
     Traction,
+    discretize,
+    graded_lines,
     limit_load_factor,
     solve,
+    solve_history,
 )
+from qvi_contact.files.problem_writer import problem_to_toml
 from qvi_contact.gallery import compressed_plate
 
 MESH = RectilinearMesh.rectangle((2, 2)).with_joint("joint", "horizontal", at=0.5)
@@ -116,3 +120,26 @@ def test_a_time_out_in_a_function_goes_on():
 
     with pytest.raises(TimeoutError, match="time is over"):
         solve(compressed_plate(slow, (2, 2)))
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda: limit_load_factor(None, ["body"]),
+        lambda: discretize(None),
+        lambda: solve_history(compressed_plate(0.3)),
+        lambda: solve_history([compressed_plate(0.3, (1, 1))]).slip("typo"),
+        lambda: problem_to_toml(None),
+        lambda: problem_to_toml(compressed_plate(0.3), title=None),
+        lambda: problem_to_toml(compressed_plate(0.3), units="mm"),
+        lambda: problem_to_toml(compressed_plate(0.3), times=1.0),
+        lambda: problem_to_toml(compressed_plate(0.3), solve_options=["method"]),
+        lambda: problem_to_toml(compressed_plate(0.3), solve_options={"tolerance": None}),
+        lambda: RectilinearMesh.rectangle((2, 2), origin=("0", 0.0)),
+        lambda: graded_lines(0.0, 1.0, 10**400),
+        lambda: compressed_plate(0.3, displacement="1e-3"),
+    ],
+)
+def test_arguments_of_another_kind(use):
+    with pytest.raises(InputError):
+        use()

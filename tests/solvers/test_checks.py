@@ -77,3 +77,19 @@ def test_options_of_another_kind(name, value):
     with pytest.raises(InputError) as caught:
         solve_qvi(random_problem(0), **{name: value})
     assert caught.value.field == name
+
+
+@pytest.mark.parametrize(("name", "value"), [("traces", {}), ("edges", np.zeros(4)), ("K", [[10**400]])])
+def test_parts_of_another_kind(name, value):
+    qvi = random_problem(0)
+    fields = {part: getattr(qvi, part) for part in ("K", "f", "N", "n0", "T", "t0", "mu", "W")}
+    with pytest.raises(InputError) as caught:
+        FrictionQVI(**fields | {name: value})
+    assert caught.value.field == name
+
+
+@pytest.mark.parametrize("tolerance", [None, "1e-8", 1j, np.ones(2), 0.0, 1.0, np.nan])
+def test_tolerances_of_certificates(tolerance):
+    qvi = random_problem(0)
+    with pytest.raises(InputError):
+        certify(qvi, np.zeros(qvi.n), np.zeros(qvi.m), np.zeros(qvi.m), np.zeros(qvi.p), tolerance)

@@ -536,6 +536,17 @@ def _rewritten(path, **changes):
     np.savez(path, **{name: value for name, value in content.items() if value is not None})
 
 
+def test_a_dataset_beyond_the_limit_is_not_read(tmp_path, monkeypatch):
+    """Compressed zeros take next to nothing in a file."""
+    path = tmp_path / "a.hdf5"
+    write_fclib(path, random_local(0))
+    with h5py.File(path, "a") as file:
+        del file["fclib_local/vectors/q"]
+        file.create_dataset("fclib_local/vectors/q", shape=(10_000_000,), chunks=(1_000_000,), dtype="f8")
+    monkeypatch.setattr("solvers.exchange.fclib.LARGEST_CONTENT", 79_000_000)
+    refused(lambda: read_fclib(path), "80000000 bytes", "79000000")
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
