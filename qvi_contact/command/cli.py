@@ -104,11 +104,13 @@ def solve(
         history, steps = _solved(problem_file, options)
         checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, steps, checked) if as_json or save_json else {}
-        _write(problem_file, history, steps[-1], targets, document)
+        complete = _write(problem_file, history, steps[-1], targets, document)
     if as_json:
         click.echo(_json(document))
     else:
         _show(problem_file, history, steps, checked)
+    if not complete:
+        return 2
     return 0 if _all_solved(problem_file, steps) and all(found.passed for found in checked) else 1
 
 
@@ -414,30 +416,41 @@ def _write(
     last: "ContactResult",
     targets: dict[str, str],
     document: dict[str, Any],
-) -> None:
-    """Write the files asked for."""
-    if "save_json" in targets:
+) -> bool:
+    """Write the files asked for, as many as can be; whether all could be, and a line for each that could not."""
+    from qvi_contact.command.targets import written
+
+    def save_json(path: str) -> None:
         from qvi_contact.basics.writing import write_text
 
-        write_text(targets["save_json"], _json(document) + "\n")
-    if "plot" in targets:
+        write_text(path, _json(document) + "\n")
+
+    def plot(path: str) -> None:
         from qvi_contact import plots
 
         if history is not None and history.steps[0].has_state and last.problem.contacts:
-            plots.save_figure(targets["plot"], plots.history_figure(history, file.units))
+            plots.save_figure(path, plots.history_figure(history, file.units))
         else:
-            plots.save_figure(targets["plot"], plots.result_figure(last, file.units))
-    fields = {option: path for option, path in targets.items() if option in ("vtk", "npz")}
-    if fields and not last.has_state:
-        click.echo(f"qvi-contact: there is no stress state to write to {', '.join(fields.values())}", err=True)
-    elif fields:
-        from qvi_contact.files import export
+            plots.save_figure(path, plots.result_figure(last, file.units))
 
-        for option, path in fields.items():
-            if option == "vtk":
-                export.write_vtu(path, last, file.units)
-            else:
-                export.write_npz(path, last, file.units, file.title)
+    def vtk(path: str) -> None:
+        from qvi_contact.files.export import write_vtu
+
+        write_vtu(path, last, file.units)
+
+    def npz(path: str) -> None:
+        from qvi_contact.files.export import write_npz
+
+        write_npz(path, last, file.units, file.title)
+
+    fields = {option: path for option, path in targets.items() if option in ("vtk", "npz") and not last.has_state}
+    if fields:
+        click.echo(f"qvi-contact: there is no stress state to write to {', '.join(fields.values())}", err=True)
+    writers = {"save_json": save_json, "plot": plot, "vtk": vtk, "npz": npz}
+    failures = written({option: path for option, path in targets.items() if option not in fields}, writers)
+    for failure in failures:
+        click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
+    return not failures
 
 
 def _show(

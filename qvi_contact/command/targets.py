@@ -1,6 +1,7 @@
 """Files that a command is to write, checked before it works for them."""
 
 import os
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 
 from qvi_contact.basics.writing import check_suffix, check_writable, identity
@@ -22,7 +23,7 @@ def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
     given = {option: path for option, path in targets.items() if path is not None}
     taken = {identity(source): "the problem file"}
     for option, path in given.items():
-        name = f"--{option.replace('_', '-')}"
+        name = _name(option)
         if not path or os.path.isdir(path):  # Path's raises for names that no file can have
             raise InputError(name, path, "give the name of a file")
         check_writable(path, name)
@@ -32,6 +33,22 @@ def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
         taken[place] = f"the file of {name} too"
         _check_kind(option, path)
     return given
+
+
+def written(targets: Mapping[str, str], writers: Mapping[str, Callable[[str], None]]) -> list[InputError]:
+    """Write every file by the writer of its option, whatever becomes of the others; the errors, named by the option."""
+    failures = []
+    for option, path in targets.items():
+        try:
+            writers[option](path)
+        except InputError as error:
+            name = _name(option) if error.field == "output" else error.field
+            failures.append(InputError(name, error.value, error.remedy))
+    return failures
+
+
+def _name(option: str) -> str:
+    return f"--{option.replace('_', '-')}"
 
 
 def _check_kind(option: str, path: str) -> None:

@@ -1,5 +1,7 @@
 """NumPy archives that others may have written: no pickles, and no more memory than a limit."""
 
+import os
+import stat
 import zipfile
 from typing import Any, BinaryIO, Final
 
@@ -23,6 +25,8 @@ def read_arrays(field: str, path: str, stream: BinaryIO) -> dict[str, NDArray[An
         Of many kinds (of zip, zlib, NumPy) for what is no such file, is broken, or holds pickles.
 
     """
+    if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+        raise ValueError("it is no regular file")  # the end of a device may be nowhere
     with zipfile.ZipFile(stream) as archive:
         sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in archive.infolist()}
     total = sum(sizes.values())  # a reader gets no more, whatever the header of an entry says

@@ -1,5 +1,6 @@
 """The command `qvi-contact`, and what all command lines of the project share."""
 
+import errno
 import io
 import json
 import os
@@ -21,6 +22,7 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from solvers import available
+from solvers.basics.files import _put as put
 from solvers.basics.watch import Progress, tell
 from solvers.factorisation import available_backends
 from solvers.factorisation.choice import SHARED
@@ -399,6 +401,23 @@ def test_another_name_of_the_problem_file_is_no_target(shell, plate, make):
     assert status == 2
     assert "the problem file" in err
     assert plate.read_bytes() == before
+
+
+def test_what_cannot_be_written_costs_nothing_else(shell, plate, tmp_path, monkeypatch):
+    """The disk is full for one of three files: the report and the others come, with a line and status 2."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(
+        "solvers.basics.files._put", lambda *files: (full if files[1].suffix == ".json" else put)(*files)
+    )
+    json_file, npz, picture = tmp_path / "a.json", tmp_path / "a.npz", tmp_path / "a.png"
+    status, out, err = shell("solve", plate, "--save-json", json_file, "--npz", npz, "--plot", picture)
+    assert (status, len(err.splitlines())) == (2, 1)
+    assert err.startswith(f"qvi-contact: --save-json: '{json_file}': cannot be written (No space left on device)")
+    assert "certificate passed" in out
+    assert (json_file.exists(), npz.exists(), picture.exists()) == (False, True, True)
 
 
 @pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="no /dev/stdout")

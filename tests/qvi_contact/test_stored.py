@@ -1,6 +1,7 @@
 """Results in files: read back they are the same, and whatever was changed in them does not verify."""
 
 import json
+import os
 import tracemalloc
 import zipfile
 from dataclasses import replace
@@ -365,6 +366,10 @@ class TestRefused:
             assert tracemalloc.get_traced_memory()[1] < 5_000_000
         finally:
             tracemalloc.stop()
+
+    def test_devices_are_not_read(self):
+        """The end of /dev/zero, where an archive has its directory, is nowhere."""
+        assert "no regular file" in fails(os.devnull)
 
     def test_a_long_problem_is_refused_before_it_is_parsed(self, entries, tmp_path):
         problem = str(entries["problem"]) + "\nzeros = [" + "0," * 1_000_000 + "]"
