@@ -94,6 +94,12 @@ def test_both_factorisations_give_one_force(friction):
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
 
 
+WITHOUT_ANSWER = (
+    Status.ILL_CONDITIONED, Status.STALLED, Status.INACCURATE, Status.INNER_INFEASIBLE, Status.MAX_ITERATIONS,
+)  # fmt: skip
+"""How a method ends that rounding keeps from an answer; which of them, rounding decides as well."""
+
+
 @pytest.mark.parametrize(
     ("cells", "grading", "friction"),
     [
@@ -113,7 +119,7 @@ def test_beyond_double_precision_there_is_no_wrong_number(cells, grading, fricti
             discretize(problem)
         return
     if result.status is not Status.SOLVED:
-        assert result.status in (Status.ILL_CONDITIONED, Status.STALLED, Status.INACCURATE, Status.INNER_INFEASIBLE)
+        assert result.status in WITHOUT_ANSWER
     if result.status in (Status.SOLVED, Status.INACCURATE):
         expected = {0.0: 209.0, 0.2: 214.2327}.get(friction, BONDED[28, 0.6])
         allowed = 1e-5 if result.status is Status.SOLVED else 1e3 * result.certificate.accuracy
