@@ -164,9 +164,8 @@ def _second(
         kept["max_iterations"] = options["max_iterations"] - first.iterations
     tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
     if affordable(qvi):
-        tell(Progress("pivoting", remark=tried))
         with watched(seconds):
-            vertex = solve_pivoting(qvi, tolerance, PivotingOptions(options.get("callback")))
+            vertex = _attempt(qvi, "pivoting", "", tolerance, {"callback": options.get("callback")})
         if vertex.solved:
             return _remarked(vertex, f"Pivoting found this: {tried}.")
     tell(Progress("fixed-point", remark=tried))
