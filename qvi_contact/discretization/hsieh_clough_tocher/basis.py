@@ -13,7 +13,7 @@ from qvi_contact.discretization.basis import ContactRule, PrescribedTraction, Ro
 from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.discretization.hsieh_clough_tocher.condensed import CondensedTriangles, potential_points
 from qvi_contact.discretization.hsieh_clough_tocher.energy import TriangleEnergy
-from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace, edgewise
+from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace
 from qvi_contact.discretization.hsieh_clough_tocher.tractions import eliminate_tractions
 from qvi_contact.element import legendre
 from qvi_contact.element.hermite import gauss_legendre
@@ -106,29 +106,24 @@ class TriangleBasis:
 
     def normal_rows(self, edges: Edges, t: FloatArray) -> sparse.csr_array:
         """Rows of σ_N without φ at the points t (q,) along each of n edges, edge by edge, shape (n q, N)."""
-        return edgewise(legendre.basis(self.normal_degree, t), self.space.normal_coefficients(edges))
+        return self.space.normal(edges).mapped(legendre.basis(self.normal_degree, t)).matrix()
 
     def shear_rows(self, edges: Edges, t: FloatArray) -> sparse.csr_array:
         """Rows of σ_T, along the tangent of each edge, at the same points, shape (n q, N)."""
-        return edgewise(legendre.basis(self.shear_degree, t), self.space.shear_coefficients(edges))
+        return self.space.shear(edges).mapped(legendre.basis(self.shear_degree, t)).matrix()
 
     def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of u (N,) at the same points, (n q,) each."""
         values = legendre.basis(self.normal_degree, t)
-        normal, shear = (
-            (rows @ u).reshape(len(edges), self.degree - 1) @ values.T
-            for rows in (self.space.normal_coefficients(edges), self.space.shear_coefficients(edges))
-        )
+        normal, shear = (found.apply(u) @ values.T for found in (self.space.normal(edges), self.space.shear(edges)))
         return normal.ravel(), shear.ravel()
 
     def trace_parameters(self, edges: Sequence[Edges]) -> tuple[sparse.csr_array, sparse.csr_array]:
         """The rows of contacts themselves, and the identity."""
-        q = self.degree - 1
-        rule = self.contact_rule
-        map_ = legendre.to_bernstein(q - 1) if rule.kind == "bernstein" else legendre.basis(q - 1, rule.points)
-        parts = [edgewise(map_, self.space.normal_coefficients(part)) for part in edges]
-        parts += [edgewise(map_, self.space.shear_coefficients(part)) for part in edges]
-        Y = sparse.csr_array(sparse.vstack(parts)) if parts else sparse.csr_array((0, self.space.size))
+        rule, degree = self.contact_rule, self.normal_degree
+        map_ = legendre.to_bernstein(degree) if rule.kind == "bernstein" else legendre.basis(degree, rule.points)
+        parts = [kind(part).mapped(map_).matrix() for kind in (self.space.normal, self.space.shear) for part in edges]
+        Y = sparse.csr_array(sparse.vstack(parts)) if parts else sparse.csr_array((0, self.size))
         return Y, sparse.csr_array(sparse.eye_array(Y.shape[0]))
 
     def eliminate(self, tractions: Sequence[PrescribedTraction], corners: SharedCorners) -> Elimination:  # noqa: ARG002

@@ -37,8 +37,7 @@ class TriangleEnergy:
     def reduced(self, elimination: Elimination) -> tuple[sparse.csr_array, FloatArray]:
         """K = Bᵀ 𝒦 B (n, n) and 𝒦 u₀ (N,)."""
         B = elimination.basis
-        K = sparse.csr_array(B.T @ (self.matrix @ B))
-        return sparse.csr_array((K + K.T) / 2.0), self.matrix @ elimination.particular
+        return sparse.csr_array(B.T @ (self.matrix @ B)), self.matrix @ elimination.particular
 
     def root(self, elimination: Elimination) -> TriangleRoot:
         """The stresses from differences."""

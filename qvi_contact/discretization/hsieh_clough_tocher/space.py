@@ -8,23 +8,22 @@ Degrees of freedom are those of `element.hsieh_clough_tocher` in units that make
 with s the length of the shortest edge at the vertex and h the edge's own.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Final
 
 import numpy as np
-from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.hsieh_clough_tocher.condensed import Differences
+from qvi_contact.discretization.hsieh_clough_tocher.functionals import EdgeFunctionals
 from qvi_contact.element.affine import AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 
-Entries: TypeAlias = Sequence[tuple[IntArray, IntArray, FloatArray]]
-"""Entries of a matrix: rows, columns, values; what stands in one place is summed."""
+_FIRST: Final = slice(1, 3)  # slopes at the first end of an edge
+_SECOND: Final = slice(4, 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,54 +96,61 @@ class TriangleSpace:
         """Dimensionless lengths of edges (n,)."""
         return edges.length / self.mesh.length
 
-    def on_edges(self, edges: Edges, kind: int, k: int) -> tuple[IntArray, FloatArray]:
-        """Degree of freedom of N_k (kind 0) or Q_k (kind 1) on edges, and its factor ±1 along the tangent (n,)."""
-        place = k - 2 if kind == 0 else self.degree - 3 + k - 1
-        sign = np.where(edges.first < edges.second, 1.0, -1.0) ** k
-        return 3 * len(self.vertices) + self.element.on_edge * self.number(edges) + place, sign
+    def normal(self, edges: Edges) -> EdgeFunctionals:
+        """Coefficients of Legendre, p − 1 an edge, of σ_N without φ along edges."""
+        found, sign, h = self._blank(edges, self.degree - 1)
+        values, slope = found.values, edges.tangent / self.lengths(edges)[:, None]
+        values[:, 0, _FIRST], values[:, 0, _SECOND] = -slope, slope
+        values[:, 1, _FIRST] = values[:, 1, _SECOND] = 3.0 * slope
+        values[:, 1, 0], values[:, 1, 3] = 6.0 / h**2, -6.0 / h**2
+        for k in range(2, self.degree - 1):
+            values[:, k, self._place("N", k)] = sign**k
+        return self._scaled(found)
 
-    def normal_coefficients(self, edges: Edges) -> sparse.csr_array:
-        """Coefficients of Legendre of σ_N without φ along edges, shape (n (p − 1), N)."""
-        h, t = self.lengths(edges), edges.tangent
-        a, b, row = 3 * edges.first, 3 * edges.second, (self.degree - 1) * np.arange(len(edges))
-        entries = []
-        for axis in (0, 1):
-            slope = t[:, axis] / h
-            entries += [(row, b + 1 + axis, slope), (row, a + 1 + axis, -slope)]
-            entries += [(row + 1, b + 1 + axis, 3.0 * slope), (row + 1, a + 1 + axis, 3.0 * slope)]
-        entries += [(row + 1, b, -6.0 / h**2), (row + 1, a, 6.0 / h**2)]
-        entries += [(row + k, *self.on_edges(edges, 0, k)) for k in range(2, self.degree - 1)]
-        return self.rows(entries, len(edges) * (self.degree - 1))
-
-    def shear_coefficients(self, edges: Edges) -> sparse.csr_array:
-        """Coefficients of Legendre of σ_T along edges, shape (n (p − 1), N)."""
-        h = self.lengths(edges)
+    def shear(self, edges: Edges) -> EdgeFunctionals:
+        """Coefficients of Legendre, p − 1 an edge, of σ_T along edges."""
+        found, sign, h = self._blank(edges, self.degree - 1)
         m, factor = frame(edges)
-        a, b, row = 3 * edges.first, 3 * edges.second, (self.degree - 1) * np.arange(len(edges))
-        entries = []
-        for axis in (0, 1):
-            slope = factor * m[:, axis] / h
-            entries += [(row, b + 1 + axis, slope), (row, a + 1 + axis, -slope)]
+        slope = factor[:, None] * m / h[:, None]
+        found.values[:, 0, _FIRST], found.values[:, 0, _SECOND] = -slope, slope
         for k in range(1, self.degree - 1):
-            dof, sign = self.on_edges(edges, 1, k)
-            entries.append((row + k, dof, factor * sign))
-        return self.rows(entries, len(edges) * (self.degree - 1))
+            found.values[:, k, self._place("Q", k)] = factor * sign**k
+        return self._scaled(found)
 
-    def rows(self, entries: Entries, count: int) -> sparse.csr_array:
-        """Rows on values of Φ and its derivatives as rows on degrees of freedom; zeros are left out."""
-        rows, columns, data = (np.concatenate([part[i] for part in entries]) for i in range(3))
-        kept = data != 0.0
-        rows, columns, data = rows[kept], columns[kept], (data * self.units[columns])[kept]
-        return sparse.csr_array(sparse.coo_array((data, (rows, columns)), shape=(count, self.size)))
+    def resultants(self, edges: Edges) -> EdgeFunctionals:
+        """What both tractions prescribe, 2p − 2 an edge: ∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_k, Q_k."""
+        found, sign, h = self._blank(edges, 2 * self.degree - 2)
+        values = found.values
+        for axis in (0, 1):
+            values[:, axis, 1 + axis], values[:, axis, 4 + axis] = -1.0, 1.0
+        values[:, 2, 0], values[:, 2, 3] = -1.0, 1.0
+        values[:, 2, _FIRST] = values[:, 2, _SECOND] = -h[:, None] * edges.tangent / 2.0
+        for kind, first in (("N", 2), ("Q", 1)):
+            for k in range(first, self.degree - 1):
+                place = self._place(kind, k)
+                values[:, place - 3, place] = sign**k
+        return self._scaled(found)
+
+    def _place(self, kind: str, k: int) -> int:
+        """Where N_k, k ≥ 2, or Q_k, k ≥ 1, stands among the degrees of freedom of an edge and its ends."""
+        return 6 + (k - 2 if kind == "N" else self.degree - 3 + k - 1)
+
+    def _blank(self, edges: Edges, count: int) -> tuple[EdgeFunctionals, FloatArray, FloatArray]:
+        """Functionals that are zero, whether edges run along their tangents (±1), and their lengths."""
+        own = 3 * len(self.vertices) + self.element.on_edge * self.number(edges)[:, None]
+        at_ends = [3 * ends[:, None] + np.arange(3) for ends in (edges.first, edges.second)]
+        columns = np.hstack([*at_ends, own + np.arange(self.element.on_edge)])
+        sign = np.where(edges.first < edges.second, 1.0, -1.0)
+        values = np.zeros((len(edges), count, columns.shape[1]))
+        return EdgeFunctionals(columns, values, self.size), sign, self.lengths(edges)
+
+    def _scaled(self, on_values: EdgeFunctionals) -> EdgeFunctionals:
+        """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
+        values = on_values.values * self.units[on_values.columns][:, None]
+        return EdgeFunctionals(on_values.columns, values, self.size)
 
 
 def frame(edges: Edges) -> tuple[FloatArray, FloatArray]:
     """The normal m = (−t_y, t_x) left of the tangents of edges (n, 2), and −n·m (n,), the factor of Φ_tm in σ_T."""
     m = np.column_stack([-edges.tangent[:, 1], edges.tangent[:, 0]])
     return m, -np.sign((edges.normal * m).sum(axis=1))
-
-
-def edgewise(map_: FloatArray, coefficients: sparse.csr_array) -> sparse.csr_array:
-    """A map (q, j) of the j rows of each edge."""
-    edges = coefficients.shape[0] // map_.shape[1]
-    return sparse.csr_array(sparse.kron(sparse.eye_array(edges), map_, format="csr") @ coefficients)

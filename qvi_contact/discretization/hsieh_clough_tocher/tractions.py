@@ -21,6 +21,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.basis import PrescribedTraction
 from qvi_contact.discretization.constraints import solve_conditions
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
+from qvi_contact.discretization.hsieh_clough_tocher.functionals import EdgeFunctionals
 from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace, frame
 from qvi_contact.element import legendre
 from qvi_contact.element.hermite import gauss_legendre
@@ -151,28 +152,15 @@ def _conditions(space: TriangleSpace, tractions: EdgeTractions) -> Conditions:
 
 def _of_vectors(space: TriangleSpace, tractions: EdgeTractions, vectors: FloatArray) -> Conditions:
     """Whole traction vectors of Cartesian coefficients (n, 2, p − 1): 2p − 2 rows an edge."""
-    edges, count, rows = tractions.edges, len(tractions.edges), 2 * space.degree - 2
-    h, t = space.lengths(edges), edges.tangent
+    edges, h = tractions.edges, space.lengths(tractions.edges)[:, None]
     m, factor = frame(edges)
     N = (edges.normal[:, :, None] * vectors).sum(axis=1)
-    Q = factor[:, None] * (t[:, :, None] * vectors).sum(axis=1)
-    a, b, row, one = 3 * edges.first, 3 * edges.second, rows * np.arange(count), np.ones(count)
-    d = np.zeros((count, rows))
-    entries = [(row + 2, b, one), (row + 2, a, -one)]
-    for axis in (0, 1):
-        entries += [(row + axis, b + 1 + axis, one), (row + axis, a + 1 + axis, -one)]
-        entries += [(row + 2, end + 1 + axis, -h * t[:, axis] / 2.0) for end in (a, b)]
-        d[:, axis] = h * (N[:, 0] * t[:, axis] + Q[:, 0] * m[:, axis])
-    d[:, 2] = -(h**2) * N[:, 1] / 6.0
-    place = 3
-    for kind, values in ((0, N), (1, Q)):
-        for k in range(2 - kind, space.degree - 1):
-            dof, sign = space.on_edges(edges, kind, k)
-            entries.append((row + place, dof, one))
-            d[:, place] = sign * values[:, k]
-            place += 1
-    is_load = np.tile(np.arange(rows) < 3, count)
-    return Conditions(space.rows(entries, count * rows), d.ravel(), is_load, np.repeat(tractions.number, rows))
+    Q = factor[:, None] * (edges.tangent[:, :, None] * vectors).sum(axis=1)
+    forces = h * (N[:, :1] * edges.tangent + Q[:, :1] * m)
+    d = np.hstack([forces, -(h**2) * N[:, 1:2] / 6.0, N[:, 2:], Q[:, 1:]])
+    rows = d.shape[1]
+    is_load = np.tile(np.arange(rows) < 3, len(edges))
+    return Conditions(space.resultants(edges).matrix(), d.ravel(), is_load, np.repeat(tractions.number, rows))
 
 
 def _of_components(space: TriangleSpace, tractions: EdgeTractions) -> Conditions:
@@ -181,10 +169,10 @@ def _of_components(space: TriangleSpace, tractions: EdgeTractions) -> Conditions
     h = space.lengths(edges)
     scale = np.column_stack([h, h**2 / 6.0, *[np.ones_like(h)] * (rows - 2)])
     parts = [(tractions.direction * axis).sum(axis=1) for axis in (edges.normal, edges.tangent)]
-    normal, tangential = ((np.where(np.abs(part) <= _PARALLEL, 0.0, part)[:, None] * scale).ravel() for part in parts)
-    C = sparse.diags_array(normal) @ space.normal_coefficients(edges)
-    C = sparse.csr_array(C + sparse.diags_array(tangential) @ space.shear_coefficients(edges))
-    C.eliminate_zeros()
+    n, t = (np.where(np.abs(part) <= _PARALLEL, 0.0, part)[:, None] * scale for part in parts)
+    normal, shear = space.normal(edges), space.shear(edges)
+    combined = n[:, :, None] * normal.values + t[:, :, None] * shear.values
+    C = EdgeFunctionals(normal.columns, combined, space.size).matrix()
     is_load = np.tile(np.arange(rows) < 2, len(edges))
     return Conditions(C, (tractions.coefficients * scale).ravel(), is_load, np.repeat(tractions.number, rows))
 
