@@ -115,6 +115,16 @@ class TestPlate:
         assert result.discretization.qvi.n <= most
         assert result.contacts["plate"].normal_force == pytest.approx(LIMITS[friction], rel=within)
 
+    def test_degree_four_on_a_mesh_graded_by_hand(self):
+        """Rings around the corner, then bisection to corner and transition: 1e-9 with 2349 unknowns."""
+        mesh = TriangleMesh.rectangle((7, 7))
+        for radius in (0.5, 0.25):
+            centres = mesh.corners.mean(axis=1)
+            mesh = mesh.refined(np.hypot(*(centres - (0.95, 1.0)).T) < radius)
+        result = solved(plate(0.2, mesh.graded([(1.0, 1.0), (0.745, 1.0)], [4, 6])), 1e-8, degree=4)
+        assert result.discretization.qvi.n <= 2500
+        assert result.contacts["plate"].normal_force == pytest.approx(LIMITS[0.2], rel=1e-9)
+
     def test_gauss_rows_differ_by_the_law_between_points_only(self):
         forces = [plate_result(8, 4, rows).contacts["plate"].normal_force for rows in ("bernstein", "gauss")]
         assert forces[0] == pytest.approx(forces[1], rel=1e-7)
