@@ -426,3 +426,37 @@ def test_needles_cost_accuracy_and_are_refused_in_the_end(length):
     for degree in (3, 4, 7):  # energies alone would be wrong by 4e-4 at a thousand, with a certificate that passes
         result = solved(problem, 1e-8, degree=degree)
         assert result.contacts["top"].normal_force == pytest.approx(length, rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_numbers_of_vertices_do_not_matter(seed):
+    mesh = moved(plate_result(4, 4).problem.mesh, seed, amount=0.0)
+    result = solved(replace(plate_result(4, 4).problem, mesh=mesh), 1e-8, degree=4)
+    line, reference = result.contacts["plate"], plate_result(4, 4).contacts["plate"]
+    assert line.normal_force == pytest.approx(reference.normal_force, rel=1e-11)
+    assert line.tangential_stress[np.argsort(line.x)] == pytest.approx(
+        reference.tangential_stress[np.argsort(reference.x)], abs=1e-7 * 214.0
+    )
+
+
+@pytest.mark.parametrize("degree", [3, 4])
+def test_a_hole_under_tractions_in_balance(degree):
+    """Uniform stress in a plate with a square hole whose rim carries what the hole's filling would."""
+    active = np.ones((4, 4), dtype=bool)
+    active[1:3, 1:3] = False
+    grid = RectilinearMesh(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 2.0, 5), active)
+    mesh = TriangleMesh.of_rectangles(grid)
+    mesh = TriangleMesh(turned(mesh.vertices, 15.0), mesh.cells, {"rim": mesh.topology.ends[mesh.topology.boundary]})
+    state = exact.uniform(STEEL, xx=3.0, yy=-2.0, xy=1.5)
+    stress = np.array([[3.0, 1.5], [1.5, -2.0]])
+    conditions = []
+    for number in range(len(mesh.boundary)):
+        pair = [[mesh.boundary.first[number], mesh.boundary.second[number]]]
+        mesh = mesh.with_edges(f"edge {number}", pair)
+        traction = stress @ mesh.boundary.normal[number]
+        conditions.append(Traction(f"edge {number}", x=float(traction[0]), y=float(traction[1])))
+    result = solved(ContactProblem(mesh, STEEL, conditions), degree=degree)
+    assert error(result, state) < 1e-11
+    wrong = [replace(conditions[0], x=7.0), *conditions[1:]]
+    with pytest.raises(InputError, match="out of balance"):
+        solve(ContactProblem(mesh, STEEL, wrong), degree=degree)
