@@ -23,7 +23,7 @@ from numpy.polynomial.legendre import leggauss
 
 from qvi_contact import Contact, ContactProblem, ContactResult, Displacement, Traction
 from qvi_contact.basics.checks import Field, FloatArray
-from qvi_contact.mesh.rectilinear import HORIZONTAL, Edges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 
 _DISTANCE: Final = 1e-3
 """Distance of two states in the energy norm, relative, that is none: errors of 1e-8 in energy allow 1e-4."""
@@ -61,11 +61,11 @@ def _values(field: Field, x: FloatArray, y: FloatArray) -> FloatArray:
 
 def floor(problem: ContactProblem) -> float:
     """A stress that is as good as none: 1e-6 of the largest that loads, supports and obstacles pushed in suggest."""
-    mesh = problem.mesh
+    mesh = problem.grid
     young = max(material.young for material in problem.materials)
     stresses, moves = [_REST / _NOTHING * young], [0.0]
     for kind, sizes in ((Traction, stresses), (Displacement, moves)):
-        for _, chosen, value in problem.prescribed(kind):
+        for _, chosen, value in problem.by_component(kind):
             points = mesh.points_along(mesh.boundary.take(chosen), _POINTS)
             sizes.append(float(np.abs(_values(value, *points)).max()))
     for contact in problem.contacts:
@@ -96,7 +96,7 @@ class Samples:
     @classmethod
     def of(cls, result: ContactResult) -> "Samples":
         """Samples of a result."""
-        mesh = result.problem.mesh
+        mesh = result.problem.grid
         x = (mesh.x[:-1, None] + np.diff(mesh.x)[:, None] * _POINTS).ravel()
         y = (mesh.y[:-1, None] + np.diff(mesh.y)[:, None] * _POINTS).ravel()
         rows, columns = mesh.shape
@@ -114,19 +114,19 @@ class Samples:
     @cached_property
     def sizes(self) -> tuple[FloatArray, FloatArray]:
         """Width (columns,) and height (rows,) of cells [length]."""
-        return np.diff(self.problem.mesh.x), np.diff(self.problem.mesh.y)
+        return np.diff(self.problem.grid.x), np.diff(self.problem.grid.y)
 
     @cached_property
     def potential(self) -> FloatArray:
         """The potential at the samples, (rows, columns, 4, 4) [stress]."""
-        mesh, (width, height) = self.problem.mesh, self.sizes
+        mesh, (width, height) = self.problem.grid, self.sizes
         x = mesh.x[:-1, None] + width[:, None] * _POINTS
         y = mesh.y[:-1, None] + height[:, None] * _POINTS
         shape = (*mesh.shape, 4, 4)
         everywhere = (np.broadcast_to(x[None, :, None, :], shape), np.broadcast_to(y[:, None, :, None], shape))
         return np.where(mesh.active[..., None, None], _values(self.problem.body_potential, *everywhere), 0.0)
 
-    def on(self, edges: Edges) -> FloatArray:
+    def on(self, edges: GridEdges) -> FloatArray:
         """Stresses at four Gauss points of edges, seen from the cell they belong to; (edges, 4, 3)."""
         cells = self.stress[edges.row, edges.column]
         upper = (edges.sign > 0.0).astype(int)
@@ -134,7 +134,7 @@ class Samples:
         vertical = np.einsum("eq,epqk->epk", _ENDS[upper], cells)
         return np.asarray(np.where((edges.axis == HORIZONTAL)[:, None, None], horizontal, vertical))
 
-    def beyond(self, edges: Edges) -> FloatArray:
+    def beyond(self, edges: GridEdges) -> FloatArray:
         """The same of edges inside the body from the cell above or to the right."""
         horizontal = edges.axis == HORIZONTAL
         cells = self.stress[edges.row + horizontal, edges.column + ~horizontal]
@@ -142,7 +142,7 @@ class Samples:
         return np.asarray(np.where(horizontal[:, None, None], below, beside))
 
 
-def tractions(edges: Edges, stress: FloatArray) -> FloatArray:
+def tractions(edges: GridEdges, stress: FloatArray) -> FloatArray:
     """σn on edges with the outward normal n; (edges, points, 2) from (edges, points, 3)."""
     horizontal = (edges.axis == HORIZONTAL)[:, None]
     x = np.where(horizontal, stress[..., 2], stress[..., 0])
@@ -150,7 +150,7 @@ def tractions(edges: Edges, stress: FloatArray) -> FloatArray:
     return np.asarray(edges.sign[:, None, None] * np.stack([x, y], axis=-1))
 
 
-def normal_and_shear(edges: Edges, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
+def normal_and_shear(edges: GridEdges, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
     """σ_N = n·σn and σ_T, the component of σn along +x or +y; (edges, points) each."""
     traction = tractions(edges, stress)
     horizontal = (edges.axis == HORIZONTAL)[:, None]
@@ -185,15 +185,15 @@ def _equilibrium(samples: Samples) -> Iterator[tuple[str, float]]:
     smallest = np.minimum(width, height)
     for name, first, second in zip("xy", along_x, along_y, strict=True):
         yield f"equilibrium along {name}", _relative((first + second) * smallest, samples.largest)
-    inside = samples.problem.mesh.interior
+    inside = samples.problem.grid.interior
     jump = tractions(inside, samples.on(inside)) - tractions(inside, samples.beyond(inside))
     yield "tractions of neighbours", _relative(jump, samples.largest)
 
 
 def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
     """Force and normal moment on every edge, over the largest stress and what it does there."""
-    mesh = samples.problem.mesh
-    for component, chosen, value in samples.problem.prescribed(Traction):
+    mesh = samples.problem.grid
+    for component, chosen, value in samples.problem.by_component(Traction):
         edges = mesh.boundary.take(chosen)
         x, y = mesh.points_along(edges, _POINTS)
         error = tractions(edges, samples.on(edges))[..., component]
@@ -205,16 +205,16 @@ def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
             yield "prescribed moment", _relative((moments @ (_WEIGHTS * (_POINTS - 0.5)))[across], samples.largest)
 
 
-def _mean(problem: ContactProblem, edges: Edges, value: Field) -> FloatArray:
+def _mean(problem: ContactProblem, edges: GridEdges, value: Field) -> FloatArray:
     """The mean of a field on each edge (edges,)."""
     points, weights = _gauss(8)
-    x, y = problem.mesh.points_along(edges, points)
+    x, y = problem.grid.points_along(edges, points)
     return np.asarray(_values(value, x, y) @ weights)
 
 
 def _plates(samples: Samples) -> Iterator[tuple[str, float]]:
     """Resultants over the largest traction times the length of the contact, and its reach from the pivot."""
-    mesh = samples.problem.mesh
+    mesh = samples.problem.grid
     for contact in samples.problem.contacts:
         if contact.plate is None:
             continue
@@ -243,7 +243,7 @@ def _bound(contact: Contact, x: FloatArray, y: FloatArray, normal: FloatArray) -
 
 def _laws(samples: Samples) -> Iterator[tuple[str, float]]:
     """What pulls and what exceeds the bound, over the largest stress."""
-    mesh = samples.problem.mesh
+    mesh = samples.problem.grid
     for contact in samples.problem.contacts:
         edges = mesh.edges(contact.edges)
         x, y = mesh.points_along(edges, _POINTS)
@@ -258,7 +258,7 @@ def _laws(samples: Samples) -> Iterator[tuple[str, float]]:
 
 def _reported(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]]:
     """The tractions that contacts report, beside the sampled ones."""
-    mesh = samples.problem.mesh
+    mesh = samples.problem.grid
     for contact in samples.problem.contacts:
         line, edges = result.contacts[contact.name], mesh.edges(contact.edges)
         normal, shear = normal_and_shear(edges, samples.on(edges))
@@ -296,7 +296,7 @@ def compare(result: ContactResult, other: ContactResult) -> Comparison:
     first, second = Samples.of(result), Samples.of(other)
     change = second.stress - first.stress
     size = max(_strain(first, first.stress, first.stress), _strain(second, second.stress, second.stress))
-    area = float((first.sizes[1][:, None] * first.sizes[0])[first.problem.mesh.active].sum())
+    area = float((first.sizes[1][:, None] * first.sizes[0])[first.problem.grid.active].sum())
     size = max(size, floor(first.problem) ** 2 * area / max(each.young for each in first.problem.materials))
     middle = (first.stress + second.stress) / 2.0
     gain = _work(first, change) - 2.0 * _strain(first, middle, change)
@@ -306,7 +306,7 @@ def compare(result: ContactResult, other: ContactResult) -> Comparison:
 def _strain(samples: Samples, one: FloatArray, two: FloatArray) -> float:
     """½ ∫ c σ : τ dx."""
     width, height = samples.sizes
-    mesh, problem = samples.problem.mesh, samples.problem
+    mesh, problem = samples.problem.grid, samples.problem
     compliance = np.zeros((*mesh.shape, 3, 3))
     compliance[mesh.active] = problem.compliances
     work = np.einsum("rcijk,rckl,rcijl,i,j->rc", one, compliance, two, _WEIGHTS, _WEIGHTS)
@@ -316,8 +316,8 @@ def _strain(samples: Samples, one: FloatArray, two: FloatArray) -> float:
 def _work(samples: Samples, stress: FloatArray) -> float:
     """∫_{Γ_u} U · σn ds + ∫_{Γ_μ} (g σ_N + w σ_T) ds of any stresses at the samples."""
     problem, total = samples.problem, 0.0
-    mesh, moved = problem.mesh, Samples(problem, stress)
-    for component, chosen, value in problem.prescribed(Displacement):
+    mesh, moved = problem.grid, Samples(problem, stress)
+    for component, chosen, value in problem.by_component(Displacement):
         edges = mesh.boundary.take(chosen)
         x, y = mesh.points_along(edges, _POINTS)
         work = _values(value, x, y) * tractions(edges, moved.on(edges))[..., component]
