@@ -115,6 +115,7 @@ def solve_qvi(
     _check_names(method, inner)
     if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    check_choice(method, inner)
     inner, qvi = _strict(qvi, method, inner)
     chosen = default_method({"method": method, "inner": inner, **options})
     by_default = method is None and chosen == "condensed"
@@ -134,6 +135,14 @@ def solve_qvi(
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
+
+
+def check_choice(method: object, inner: object) -> None:
+    """Raise `SolverUnavailableError` where a method or an inner solver is given that is not the name of one."""
+    if method is not None and not (isinstance(method, str) and method in METHODS):
+        raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
+    if inner is not None:
+        check_name(inner)
 
 
 def _attempt(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:
@@ -223,7 +232,7 @@ def default_method(settings: Mapping[str, Any]) -> str:
 def takes_initial(settings: Mapping[str, Any]) -> bool:
     """Whether `initial` may be added to these keyword arguments of `solve_qvi`, and changes no method."""
     method = default_method(settings)
-    return method == "fixed-point" or (method == "condensed" and not settings.get("method"))
+    return method == "fixed-point" or (method == "condensed" and settings.get("method") is None)
 
 
 def _solve(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from comparisons.study import DONE, Row, StoredStudy
 from comparisons.wild.enumeration import EXISTS, NONE
+from comparisons.wild.generator import FAMILIES
 from comparisons.wild.task import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, WRONG
 
 BROKEN: Final = "broken"
@@ -53,8 +54,9 @@ class Entry:
 
 
 def entries_of(study: StoredStudy) -> list[Entry]:
-    """The entries, in the order of the study."""
-    return [_entry(row) for row in study.rows]
+    """The entries, family by family."""
+    families = list(FAMILIES)
+    return sorted(map(_entry, study.rows), key=lambda entry: (families.index(entry.family), entry.number))
 
 
 def _entry(row: Row) -> Entry:

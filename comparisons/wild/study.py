@@ -8,7 +8,7 @@ from comparisons.study import Study
 from comparisons.wild.generator import FAMILIES
 from qvi_contact.errors import InputError
 
-VERSION: Final = 1
+VERSION: Final = 2
 TASK: Final = "comparisons.wild.task:solve_case"
 NAME: Final = "wild"
 EACH, QUICK = 250, 5
@@ -16,9 +16,9 @@ EACH, QUICK = 250, 5
 
 
 def declared(families: Sequence[str], each: int) -> Study:
-    """The study of these families, all of them if none is named."""
+    """The study of these families, all of them if none is named; a run that was stopped has as many of each."""
     for name in families:
         if name not in FAMILIES:
             raise InputError("only", name, f"there is no such family: choose among {', '.join(FAMILIES)}")
     chosen = tuple(name for name in FAMILIES if not families or name in families)
-    return Study(NAME, VERSION, TASK, {"family": chosen, "number": tuple(range(each))}, packages=(*PACKAGES, "daqp"))
+    return Study(NAME, VERSION, TASK, {"number": tuple(range(each)), "family": chosen}, packages=(*PACKAGES, "daqp"))

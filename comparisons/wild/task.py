@@ -35,7 +35,6 @@ INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
 OUTCOMES: Final = (SOLVED, INFEASIBLE, OPEN, REFUSED, ACCEPTED, WRONG, FOREIGN)
 
 OTHERS: Final[Mapping[str, Mapping[str, Any]]] = {
-    "condensed": {"method": "condensed"},
     "qp:daqp": {"method": "fixed-point", "inner": "qp:daqp"},
     "qp:quadprog": {"method": "fixed-point", "inner": "qp:quadprog"},
     "direct:clarabel": {"method": "fixed-point", "inner": "direct:clarabel"},
@@ -45,10 +44,11 @@ OTHERS: Final[Mapping[str, Mapping[str, Any]]] = {
     "qp:daqp, slow": {"method": "fixed-point", "inner": "qp:daqp", "memory": 10, "damping": 0.1, "max_iterations": 300,
                       "patience": 60},
 }  # fmt: skip
-"""Methods that are tried where the default finds no answer: name → settings of `solve`."""
+"""Methods that are tried where the default finds no answer: name → settings of `solve`. The default itself has tried
+the condensed method and, where the contact is small, pivoting."""
 
-SECONDS: Final = 10.0
-"""Time for the enumeration of one problem."""
+SECONDS: Final = 5.0
+"""Time for each of these, and for the enumeration of one problem."""
 
 SECOND: Final = "qp:daqp"
 """Inner solver that judges compatibility: an active-set method, of another kind than the default."""
@@ -110,7 +110,7 @@ def _second(result: ContactResult) -> tuple[Comparison | None, str]:
 def _solvable(result: ContactResult) -> dict[str, Any]:
     """Which other method has an answer; else whether one exists, and whether any traction is admissible."""
     for name, settings in OTHERS.items():
-        if solve(result.discretization, **settings).status is Status.SOLVED:
+        if solve(result.discretization, time_limit=SECONDS, **settings).status is Status.SOLVED:
             return {"answer": name, "exists": EXISTS, "admissible": True}
     qvi = result.solution.problem
     far = np.isinf(result.discretization.scales.reach)  # it moves to an obstacle that is out of bounds

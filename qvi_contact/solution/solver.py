@@ -16,7 +16,7 @@ from solvers.basics.watch import expired, watched
 from solvers.factorisation import FactorisationError
 from solvers.inner.names import is_strict
 from solvers.solution.finish import out_of_time
-from solvers.solve import takes_initial
+from solvers.solve import check_choice, takes_initial
 
 _CONDENSED_ONLY = ("gap",)  # options
 _COUNTS = ("max_iterations", "iterations")
@@ -86,6 +86,7 @@ def solve(
         for option, value in (("degree", degree), ("contact_rows", contact_rows)):
             if value is not None:
                 raise InputError(option, value, "belongs to discretize: this problem is discretised already")
+    check_choice(method, inner)
     throw = bool(options.pop("throw", False))
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
     with watched(time_limit):

@@ -71,7 +71,7 @@ def _make_strict(kind: str, backend: str, qvi: FrictionQVI, tolerance: float) ->
 
 def check_name(name: object) -> str:
     """Return the name in lower case if it can be used now, else `SolverUnavailableError`."""
-    canonical = str(name).lower()
+    canonical = name.lower() if isinstance(name, str) else ""
     modules = _catalogue().get(canonical)
     if modules is None:
         raise SolverUnavailableError("inner", name, f"there is no such inner solver; {_choices()}")

@@ -19,6 +19,8 @@ from qvi_contact import Contact, ContactProblem, InputError, Material, Rectiline
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.solution.result import ContactResult
+from solvers import Status
+from solvers.pivoting.opinion import another_solution
 
 STRENUOUS = {"gaps": (1, 4), "units": (5,)}
 """Problems of the sample that take seconds each."""
@@ -91,9 +93,14 @@ class TestSample:
 
 
 def test_two_certified_answers_of_a_generated_body_are_said():
-    """The condensed method and pivoting end 16 % apart."""
-    result = solve(wild_problem("thin", 23).problem)
-    assert any("several solutions" in text for text in result.remarks)
+    """The condensed method and pivoting end apart; unasked that is looked for where the contact is smaller."""
+    solution = solve(wild_problem("thin", 23).problem).solution
+    assert "several solutions" in another_solution(solution.problem, solution, 1e-8)
+
+
+def test_a_factorisation_that_fails_is_a_status():
+    """Cells 40000 times as long as high are beyond double precision; which method sees that first is rounding."""
+    assert solve(wild_problem("joints", 11).problem).status in (Status.ILL_CONDITIONED, Status.STALLED)
 
 
 def pressed(friction=0.3, **changes):

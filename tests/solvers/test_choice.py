@@ -82,6 +82,15 @@ def test_a_back_end_that_is_not_installed_is_named(monkeypatch):
         solve(compressed_plate(0.2), factorisation="cholmod")
 
 
+@pytest.mark.parametrize("option", ["method", "inner"])
+@pytest.mark.parametrize("name", ["", 3, b"uzawa", ["condensed"], np.array([1.0, 2.0]), np.array("qp:clarabel")])
+def test_what_is_no_name_of_a_method_or_inner_solver_is_refused(option, name):
+    for given in (compressed_plate(0.2), discretize(compressed_plate(0.2)).qvi):
+        with pytest.raises(SolverUnavailableError) as caught:
+            (solve_qvi if isinstance(given, FrictionQVI) else solve)(given, **{option: name})
+        assert caught.value.field == option
+
+
 def l_shape():
     mesh = RectilinearMesh([0, 1, 2, 3], [0, 1, 2, 3], np.array([[1, 1, 1], [1, 0, 0], [1, 0, 0]], dtype=bool))
     mesh = mesh.with_edges("roof", "top", at=3.0).with_edges("ledge", "top", at=1.0)
