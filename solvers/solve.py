@@ -112,7 +112,6 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    _check_names(method, inner)
     if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     check_choice(method, inner)
@@ -207,14 +206,6 @@ def _strict(qvi: FrictionQVI, method: str | None, inner: str | None) -> tuple[st
     if not is_strict(name):
         raise InputError("inner", inner, f"the problem is strict: give {STRICT_DEFAULT!r} or 'strict:<cvxpy name>'")
     return name, qvi.strictly()
-
-
-def _check_names(method: object, inner: object) -> None:
-    """Refuse an unknown method, and an inner solver that is no name; an unknown one where it is used."""
-    if method is not None and not (isinstance(method, str) and method in METHODS):
-        raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
-    if inner is not None and not isinstance(inner, str):
-        check_name(inner)
 
 
 def default_method(settings: Mapping[str, Any]) -> str:
