@@ -121,4 +121,5 @@ class Saddle:
 def _sums(problem: Complementarity, values: Vector) -> csr_matrix:
     """Sums over the bounds of each traction, with their side: (tractions, q)."""
     sides = np.take(SLOTS, problem.slot) * values
-    return csr_matrix((sides, (problem.traction, np.arange(len(sides)))))
+    shape = (int(problem.traction.max(initial=-1)) + 1, len(sides))  # no bound, no traction: all may be equations
+    return csr_matrix((sides, (problem.traction, np.arange(len(sides)))), shape)
