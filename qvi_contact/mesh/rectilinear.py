@@ -535,9 +535,12 @@ def _holding(lines: FloatArray, others: FloatArray) -> IntArray:
 
 
 def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
-    active = np.ones(shape, dtype=bool) if mask is None else np.array(mask)
+    remedy = f"give a boolean array of shape (ny, nx) = {shape}"
+    try:
+        active = np.ones(shape, dtype=bool) if mask is None else np.array(mask)
+    except ValueError as error:  # rows of different lengths
+        raise InputError("RectilinearMesh.active", mask, remedy) from error
     if active.dtype != bool or active.shape != shape:
-        remedy = f"give a boolean array of shape (ny, nx) = {shape}"
         raise InputError("RectilinearMesh.active", mask, remedy)
     if not active.any():
         raise InputError("RectilinearMesh.active", mask, "at least one cell must belong to the body")
