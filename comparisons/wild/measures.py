@@ -82,6 +82,8 @@ def _reason(found: Mapping[str, Any]) -> str:
 def _open_reason(found: Mapping[str, Any]) -> str:
     if found.get("answer"):
         return f"{found['answer']} finds an answer"
+    if found.get("exists") == EXISTS and found["status"] in ("ill_conditioned", "inaccurate"):
+        return "there is a solution, and the answer found is short of the tolerance: rounding"
     if found.get("exists") == EXISTS:
         return "there is a solution, and no method finds it"
     if found.get("exists") == NONE:
