@@ -19,7 +19,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import RigidPlate, Traction
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line
-from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at
+from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
 from qvi_contact.solution.work import component, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.pickles import Stated
@@ -29,6 +29,9 @@ from solvers.strict.threshold import strict_bound
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
+
+_ROUNDED = 1e-6
+"""Share of the stress in which rounding of single stresses is worth a remark."""
 
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
@@ -164,7 +167,22 @@ class ContactResult(Stated):
                 f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
                 "single points; every edge keeps their resultant force and moment. Refine there for less.",
             )
-        return remarks + self._inexact_bounds() if self.has_state else remarks
+        return remarks + self._rounded_stresses() + self._inexact_bounds() if self.has_state else remarks
+
+    def _rounded_stresses(self) -> tuple[str, ...]:
+        """That single stresses have lost digits, where they have lost more than the certificate's square root."""
+        unit = self.certificate.scales.get("stress", 1.0) * self.discretization.scales.stress
+        if not self.stress_rounding > _ROUNDED * unit:
+            return ()
+        return (
+            f"Rounding leaves stresses in the smallest cells uncertain by up to {self.stress_rounding:.2g} [stress]; "
+            "forces and energies are not affected. Use larger cells there, or less grading.",
+        )
+
+    @cached_property
+    def stress_rounding(self) -> float:
+        """What rounding alone does to stresses in the smallest cells [stress]; see `stress.stress_rounding`."""
+        return stress_rounding(self.discretization, self.dofs) * self.discretization.scales.stress
 
     def _inexact_bounds(self) -> tuple[str, ...]:
         """Contacts where a strict solve has used less than the law's own bound."""

@@ -1,11 +1,15 @@
 """Stresses from the Airy function anywhere in the body, and principal stresses."""
 
+from typing import Final
+
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, real_array
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.errors import InputError
+
+_MOST_CELLS: Final = 1024
 
 
 def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -71,6 +75,22 @@ def stress_in_cells(
     stress = space.stress(coefficients, cells, t)
     stress[..., :2] += potential_at(problem, discretization.scales, points)[..., None]
     return points, stress
+
+
+def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
+    """What the rounding of the degrees of freedom u (N,) does to stresses, dimensionless: the largest change found.
+
+    Stresses are second differences of u, so rounding them takes ε (L/h)² of the stresses in a cell of size h. Every
+    entry is moved up or down by half a unit in its last place, at random, and the stresses are looked at in the cells
+    of least area, `_MOST_CELLS` of them.
+    """
+    space, energy = discretization.space, discretization.energy
+    cells = np.argsort(space.cell_sizes, kind="stable")[:_MOST_CELLS]
+    signs = np.random.default_rng(0).integers(2, size=u.size) * 2.0 - 1.0
+    moved = u.ravel() * (1.0 + signs * np.finfo(np.float64).eps)
+    stresses = (space.stress(energy.coefficients(values), cells, space.cell_points) for values in (u.ravel(), moved))
+    first, second = stresses
+    return float(np.abs(second - first).max(initial=0.0))
 
 
 def cell_weights(discretization: Discretization) -> FloatArray:

@@ -310,3 +310,15 @@ def test_the_stress_at_a_contact_is_that_of_the_contact(shift):
         component = {"bottom": 1, "step": 1}.get(name, 0)
         stress = result.stress(line.x, line.y)
         assert stress[:, component] == pytest.approx(line.normal_stress, abs=1e-9)
+
+
+@pytest.mark.parametrize(("grading", "lost"), [(1.0, False), (0.4, True)])
+def test_rounding_of_single_stresses_is_said(grading, lost):
+    """It is of the size ε (L/h)² of the stress, as stresses are second differences of what is stored."""
+    result = solve(compressed_plate(0.2, cells=(14, 14), grading=grading))
+    assert result.status is Status.SOLVED
+    assert any("Rounding leaves stresses" in remark for remark in result.remarks) is lost
+    smallest = np.diff(result.problem.grid.x).min()
+    stress = np.abs(result.gauss_stress()[2]).max()
+    expected = np.finfo(float).eps / smallest**2 * stress
+    assert 0.01 * expected < result.stress_rounding < 100.0 * expected
