@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -121,14 +121,6 @@ class RectilinearMesh(Stated):
         object.__setattr__(self, "x", checked_lines("RectilinearMesh.x", self.x))
         object.__setattr__(self, "y", checked_lines("RectilinearMesh.y", self.y))
         object.__setattr__(self, "active", _checked_mask(self.active, self.shape))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), "_named": dict(self._named)}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state, _named=MappingProxyType(state["_named"]))
-        for name in ("x", "y", "active"):
-            state[name].flags.writeable = False
 
     @classmethod
     def rectangle(

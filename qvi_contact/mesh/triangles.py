@@ -29,6 +29,7 @@ from qvi_contact.mesh.triangle_checks import (
     refuse_flaws,
 )
 from qvi_contact.mesh.triangulation import triangulated
+from solvers.basics.pickles import Stated
 
 Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
@@ -40,7 +41,7 @@ _NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is l
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleMesh:
+class TriangleMesh(Stated):
     """A body divided into triangles.
 
     Parameters

@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, one_of
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, one_of
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.result import ContactResult
@@ -130,7 +131,11 @@ class History:
 
     def _edge_loop(self, name: str) -> tuple[FloatArray, FloatArray]:
         """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
-        found = [loop for component in (0, 1) if (loop := _component_loop(self._states, name, component)) is not None]
+        states = self._states
+        given = [_prescribed(step, name) for step in states]
+        always = [component for component in given[0] if all(component in each for each in given)]
+        pairs = [np.array([_supported(step, name, component) for step in states]).T for component in always]
+        found = [(displacement, force) for displacement, force in pairs]
         if not found:
             raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
         return next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
@@ -301,35 +306,28 @@ def _displaced(states: Sequence[ContactResult]) -> list[str]:
     return list(dict.fromkeys(condition.edges for condition in conditions if isinstance(condition, Displacement)))
 
 
-def _component_loop(states: Sequence[ContactResult], name: str, across: int) -> tuple[FloatArray, FloatArray] | None:
-    """Mean prescribed displacement of an edge set along (0) or across (1) it, and the force; None if not prescribed.
-
-    Across it, x or y is positive that the edges face, or face away from, most.
-    """
-    pairs = []
-    for step in states:
-        edges = step.problem.mesh.edges(name)
-        normal = edges.normal[0]
-        towards = normal * np.sign(normal[np.argmax(np.abs(normal))]) if across else edges.tangent[0]
-        given = _prescribed_along(step, name, towards)
-        if given is None:
-            return None
-        resultant = step.resultant(name)
-        pairs.append((given, float(towards @ (resultant.x, resultant.y))))
-    return np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+def _prescribed(step: ContactResult, name: str) -> dict[str, Field]:
+    """Components of the displacement prescribed on an edge set, those along its tangent first."""
+    edges, found = step.problem.mesh.edges(name), dict[str, Field]()
+    for condition in step.problem.conditions:
+        if isinstance(condition, Displacement) and condition.edges == name:
+            found |= components(condition)
+    return dict(sorted(found.items(), key=lambda item: -abs(_direction(item[0], edges) @ edges.tangent[0])))
 
 
-def _prescribed_along(step: ContactResult, name: str, towards: FloatArray) -> float | None:
-    """Mean of the displacement prescribed on an edge set in the direction (2,) of its first edge; None if it is not."""
-    problem = step.problem
-    edges = problem.mesh.edges(name)
-    for condition in problem.conditions:
-        if condition.edges != name or not isinstance(condition, Displacement):
-            continue
-        for component, value in components(condition).items():
-            sense = float(direction_of(component, edges)[0] @ towards)
-            if abs(sense) == 1.0:
-                middles = problem.mesh.points_along(edges, np.array([0.5]))
-                values = evaluate(f"Displacement.{component}", value, *middles)[:, 0]
-                return sense * float(np.average(values, weights=edges.length))
-    return None
+def _direction(component: str, edges: Edges) -> FloatArray:
+    """Unit vector (2,) of a component, that of the tangent if it is along the edges."""
+    direction, tangent = np.asarray(direction_of(component, edges)[0]), np.asarray(edges.tangent[0])
+    return tangent if abs(float(direction @ tangent)) == 1.0 else direction
+
+
+def _supported(step: ContactResult, name: str, component: str) -> tuple[float, float]:
+    """Mean of a component of the displacement prescribed on an edge set, and the force in its direction."""
+    edges, value = step.problem.mesh.edges(name), _prescribed(step, name)[component]
+    direction = _direction(component, edges)
+    sense = float(np.asarray(direction_of(component, edges)[0]) @ direction)
+    middles = step.problem.mesh.points_along(edges, np.array([0.5]))
+    values = evaluate(f"Displacement.{component}", value, *middles)[:, 0]
+    resultant = step.resultant(name)
+    force = float(direction @ (resultant.x, resultant.y))
+    return sense * float(np.average(values, weights=edges.length)), force

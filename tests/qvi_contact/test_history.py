@@ -17,6 +17,7 @@ from qvi_contact import (
     Traction,
     solve,
 )
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import RigidPlate
 from qvi_contact.solution.history import loop_area, solve_history
 from solvers import Status
@@ -220,6 +221,27 @@ class TestWhatDrives:
         ground = [step.contacts["ground"].tangential_force for step in history.steps]
         assert force == pytest.approx(-np.array(ground), abs=1e-6)  # nothing else acts along x
         assert loop_area(displacement, force) > 0.0
+
+    def test_edges_that_slant_have_one_too(self):
+        def dragged(u):
+            flat = TriangleMesh.rectangle((4, 2), WIDTH, HEIGHT)
+            x, y = flat.vertices.T
+            slanted = np.column_stack([x + 0.2 * x * y, y])  # the right side leans
+            mesh = TriangleMesh(slanted, flat.cells).with_edges(
+                "right", lambda x, y: x > WIDTH * (1.0 + 0.2 * y) - 1e-9
+            )
+            mesh = mesh.with_edges("top", lambda _, y: y > HEIGHT - 1e-9).with_edges("left", lambda x, _: x < 1e-9)
+            mesh = mesh.with_edges("bottom", lambda _, y: y < 1e-9)
+            return ContactProblem(mesh, Material(YOUNG, 0.0), dragged_block(u).conditions)
+
+        history = solve_history([dragged(u) for u in self.path])
+        assert history.status is Status.SOLVED
+        with pytest.raises(InputError, match="'right'"):
+            history.loop("ground")
+        displacement, force = history.loop("right")
+        assert displacement == pytest.approx(self.path)
+        ground = [step.contacts["ground"].tangential_force for step in history.steps]
+        assert force == pytest.approx(-np.array(ground), abs=1e-6)
 
     def test_a_ground_that_moves_has_a_loop_whatever_else_moves(self):
         history = solve_history([dragged_block(u, shift=-u) for u in self.path])

@@ -94,3 +94,11 @@ def test_functions_without_a_name_are_told(copied):
             pickle.dumps(value)
         assert caught.value.field == "Contact.friction"
     assert discretize(copied(problem)).qvi.m == discretize(problem).qvi.m
+
+
+def test_triangles():
+    result = solve(compressed_plate(0.3, (2, 2)).triangulated())
+    again = through_pickle(result)
+    assert verify_result(again).passed
+    assert again.problem.mesh.edge_sets.keys() == result.problem.mesh.edge_sets.keys()
+    assert not again.problem.mesh.vertices.flags.writeable
