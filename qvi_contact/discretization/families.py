@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from qvi_contact.basics.checks import whole_number
 from qvi_contact.discretization.basis import Basis, RowKind
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
 from qvi_contact.discretization.hsieh_clough_tocher.basis import TriangleBasis
@@ -33,6 +34,8 @@ def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | Non
         If the mesh has no element of that degree, or no such rows.
 
     """
+    if degree is not None:
+        whole_number("degree", degree)
     if isinstance(mesh, RectilinearMesh):
         if degree not in (None, BognerFoxSchmit.degree):
             remedy = "rectangles have the Bogner-Fox-Schmit element of degree 3: leave this out, or take a TriangleMesh"

@@ -8,10 +8,11 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.topology import Topology
 
+_LARGEST: Final = 2.0**53  # whole numbers below it are exact
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
 _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
@@ -44,14 +45,11 @@ def checked_cells(cells: ArrayLike, vertices: FloatArray) -> IntArray:
 
 def _numbers(name: str, value: Any, kind: type) -> Any:
     """An array of numbers of the kind."""
-    try:
-        found = np.asarray(value)
-        exact = found.astype(np.int64 if kind is int else np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(name, type(value).__name__, "give an array of numbers") from error
-    if found.dtype == bool or (kind is int and not np.array_equal(exact, found)):
-        raise InputError(name, found.dtype, "give whole numbers" if kind is int else "give numbers")
-    return exact
+    found = real_array(name, value, "give an array of real numbers")
+    whole = kind is not int or bool((np.abs(found) < _LARGEST).all() and (found == np.rint(found)).all())
+    if np.asarray(value).dtype == bool or not whole:
+        raise InputError(name, type(value).__name__, "give whole numbers" if kind is int else "give numbers")
+    return found.astype(np.int64) if kind is int else found
 
 
 def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, one_of, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.bisection import bisected
 from qvi_contact.mesh.edges import Edges, points_along
@@ -198,28 +198,25 @@ class TriangleMesh(Stated):
 
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`."""
-        if name not in self.edge_names:
-            known = ", ".join(self.edge_names) or "there is none"
-            raise InputError("edges", name, f"name one of the mesh's edge sets ({known}) or add it by with_edges()")
+        known = ", ".join(self.edge_names) or "there is none"
+        one_of("edges", name, self.edge_names, f"name one of the mesh's edge sets ({known}) or add it by with_edges()")
         return np.searchsorted(np.flatnonzero(self.topology.boundary), self.numbers(name))
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the joint called `name`."""
-        if name not in self.joint_names:
-            known = ", ".join(self.joint_names) or "there is none"
-            raise InputError("joint", name, f"name one of the mesh's joints ({known}) or add it by with_joint()")
+        known = ", ".join(self.joint_names) or "there is none"
+        one_of("joint", name, self.joint_names, f"name one of the mesh's joints ({known}) or add it by with_joint()")
         return np.searchsorted(np.flatnonzero(~self.topology.boundary), self.numbers(name))
 
     def region(self, name: str) -> IntArray:
         """Numbers of the triangles of a region, in ascending order."""
-        if name not in self.regions:
-            known = ", ".join(self.regions) or "there is none"
-            raise InputError("region", name, f"name one of the mesh's regions ({known}) or add it by with_region()")
-        return self.regions[name]
+        known = ", ".join(self.regions) or "there is none"
+        remedy = f"name one of the mesh's regions ({known}) or add it by with_region()"
+        return self.regions[one_of("region", name, self.regions, remedy)]
 
     def edges(self, name: str) -> Edges:
         """The edges called `name`, on the boundary or in a joint."""
-        if name in self.joint_names:
+        if isinstance(name, str) and name in self.joint_names:
             return self.interior.take(self.joint_set(name))
         return self.boundary.take(self.edge_set(name))
 
@@ -284,12 +281,14 @@ class TriangleMesh(Stated):
             Which triangles: a function that is given their centres, or their numbers.
 
         """
+        _check_name(name)
         if name in self.regions:
             raise InputError("name", name, "this region exists already: choose another name")
         chosen = _selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
         return replace(self, regions={**self.regions, name: np.asarray(chosen)})
 
     def _with(self, name: str, pairs: IntArray) -> "TriangleMesh":
+        _check_name(name)
         if name in self.edge_sets:
             raise InputError("name", name, "this edge set exists already: choose another name")
         return replace(self, edge_sets={**self.edge_sets, name: pairs})
@@ -338,7 +337,7 @@ class TriangleMesh(Stated):
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
-        points = np.asarray(points, dtype=float).reshape(-1, 2)
+        points = real_array("points", points).reshape(-1, 2)
         count = min(_NEIGHBOURS, len(self.cells))
         near = np.sort(self._centres.query(points, count)[1].reshape(-1, count), axis=1)
         found = self._holding(points, near)
@@ -456,3 +455,8 @@ def _selected(name: str, where: Callable[[FloatArray, FloatArray], Any], points:
     if mask.dtype != bool:
         raise InputError(name, mask.dtype, "the function must return booleans")
     return np.flatnonzero(mask)
+
+
+def _check_name(name: object) -> None:
+    if not isinstance(name, str) or not name:
+        raise InputError("name", name, "give a non-empty string")

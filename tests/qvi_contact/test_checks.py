@@ -23,8 +23,10 @@ from qvi_contact import (
 )
 from qvi_contact.files.problem_writer import problem_to_toml
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.mesh.triangles import TriangleMesh
 
 MESH = RectilinearMesh.rectangle((2, 2)).with_joint("joint", "horizontal", at=0.5)
+TRIANGLES = TriangleMesh.of_rectangles(MESH)
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +65,12 @@ NAMES = [np.array(["top", "bottom"]), np.array(["top"]), ["top"], b"top", None, 
         lambda name: MESH.with_joint(name, "vertical", 0.5),
         lambda name: MESH.refined(0.5, [name]),
         lambda name: limit_load_factor(compressed_plate(0.3, (2, 2)), [name]),
+        TRIANGLES.edges,
+        TRIANGLES.edge_set,
+        TRIANGLES.joint_set,
+        TRIANGLES.region,
+        lambda name: TRIANGLES.with_edges(name, [[0, 1]]),
+        lambda name: TRIANGLES.with_region(name, [0]),
     ],
 )
 def test_names_are_texts(use, name):
@@ -85,6 +93,9 @@ COMPLEX = [0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0
     [
         lambda value: RectilinearMesh(value, [0.0, 1.0]),
         lambda value: MESH.on_lines(value, [0.0, 1.0]),
+        lambda value: TriangleMesh(value, TRIANGLES.cells),
+        lambda value: TriangleMesh(TRIANGLES.vertices, value),
+        TRIANGLES.locate,
         lambda value: Polynomial([value] if np.ndim(value) else [[value]]),
         lambda value: Contact("top", friction=value),
         lambda value: Material(value, 0.3),
