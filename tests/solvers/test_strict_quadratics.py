@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -39,10 +39,12 @@ def test_largest_and_smallest_against_sampling(b):
 
 @settings(deadline=None, max_examples=60)
 @given(ROW)
+@example(np.array([[1.0, -(2.0**-14), 0.0]]))  # negative near one end only, between two samples
 def test_cone_is_where_the_quadratic_is_nonnegative(b):
     sides = np.sqrt(np.maximum(b[0, 0], 0.0) * np.maximum(b[0, 2], 0.0))
     cone = b[0, 0] >= 0.0 and b[0, 2] >= 0.0 and b[0, 1] >= -sides
-    if abs(smallest(b)[0]) > 1e-9:
+    curvature = 2.0 * np.abs(b[0, 0] - 2.0 * b[0, 1] + b[0, 2])
+    if abs(smallest(b)[0]) > 1e-9 + curvature * 1e-7:  # samples miss a minimum between them by that much
         assert is_nonnegative(b)[0] == cone == bool((AT @ b.T).min() >= 0.0)
 
 
