@@ -42,7 +42,7 @@ def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
 
 _POINTS, _WEIGHTS = _gauss(4)
 _NOTHING: Final = 1e-6  # share of the stress that the data suggest
-_REST: Final = 1e-6  # share of Young's modulus where they suggest none
+_REST: Final = 1e-6  # strain whose stress is taken where they suggest none; ν → −1 is far stiffer than E
 
 
 def _lagrange(t: FloatArray) -> FloatArray:
@@ -65,8 +65,8 @@ def _values(field: Field, x: FloatArray, y: FloatArray) -> FloatArray:
 def floor(problem: ContactProblem) -> float:
     """A stress that is as good as none: 1e-6 of the largest that loads, supports and obstacles pushed in suggest."""
     mesh = problem.grid
-    young = max(material.young for material in problem.materials)
-    stresses, moves = [_REST / _NOTHING * young], [0.0]
+    stiffest = max(1.0 / float(np.linalg.eigvalsh(material.compliance)[0]) for material in problem.materials)
+    stresses, moves = [_REST / _NOTHING * stiffest], [0.0]
     for kind, sizes in ((Traction, stresses), (Displacement, moves)):
         for _, chosen, value in problem.by_component(kind):
             points = mesh.points_along(mesh.boundary.take(chosen), _POINTS)
@@ -79,7 +79,7 @@ def floor(problem: ContactProblem) -> float:
         if contact.plate is not None:
             length = float(mesh.edge_lengths(edges).sum())
             stresses += [abs(force or 0.0) / length for force in (contact.plate.force_x, contact.plate.force_y)]
-    return _NOTHING * max(*stresses, young * max(moves) / mesh.length)
+    return _NOTHING * max(*stresses, stiffest * max(moves) / mesh.length)
 
 
 @dataclass(frozen=True, eq=False)
