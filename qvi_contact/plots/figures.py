@@ -14,7 +14,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.plots.fields import principal_stress_map, stress_field
 from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
-from qvi_contact.plots.style import BLUE, GREY, new_figure, settings
+from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, settings
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import Condition, Displacement
 from qvi_contact.problem.problem import ContactProblem
@@ -105,7 +105,8 @@ def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figu
 
     """
     with settings():
-        sides = np.ptp(problem.grid.x), np.ptp(problem.grid.y)
+        low, high = bounding_box(problem.mesh)
+        sides = high - low
         scale = 6.0 / max(1.25 * sides[0], 1.5 * sides[1])  # what is around the body takes room too
         figure = new_figure(scale * sides[0] + 6.5, max(3.2, scale * (sides[1] + 0.4 * max(sides)) + 0.7))
         draw_problem(figure.subplots(), problem, units)

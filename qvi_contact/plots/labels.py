@@ -5,10 +5,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
+import numpy as np
+
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.problem.conditions import Condition, Displacement, Traction
+from qvi_contact.problem.conditions import CARTESIAN, LOCAL, Condition, Displacement, Traction, components
 
 _WRAP: Final = 44  # characters in a line of the legend
+_NOISE: Final = 1e-12  # share of the largest value below which one is rounding
+_UPRIGHT: Final = 0.3  # component of a normal below which a side counts as facing across it
 
 
 def merged(conditions: Sequence[Condition]) -> list[Condition]:
@@ -16,27 +20,37 @@ def merged(conditions: Sequence[Condition]) -> list[Condition]:
     found: list[Condition] = []
     for condition in conditions:
         for index, other in enumerate(found):
-            if isinstance(condition, (Traction, Displacement)) and type(other) is type(condition):
-                components = [(other.x, condition.x), (other.y, condition.y)]
-                if other.edges == condition.edges and all(None in pair for pair in components):
-                    x, y = (b if a is None else a for a, b in components)
-                    found[index] = replace(other, x=x, y=y)
-                    break
+            together = _together(other, condition)
+            if together is not None:
+                found[index] = together
+                break
         else:
             found.append(condition)
     return found
 
 
+def _together(one: Condition, other: Condition) -> Condition | None:
+    """One condition instead of two that give a component each, in one frame, of a traction or displacement."""
+    if not isinstance(one, (Traction, Displacement)) or not isinstance(other, type(one)) or one.edges != other.edges:
+        return None
+    more: dict[str, Any] = components(other)
+    names = {*components(one), *more}
+    apart = len(names) == len(components(one)) + len(more)
+    return replace(one, **more) if apart and (names <= set(CARTESIAN) or names <= set(LOCAL)) else None
+
+
 def alignment(normal: FloatArray) -> dict[str, Any]:
     """How a text beside a side is aligned, so that it grows away from the body."""
-    if normal[1]:
-        return {"ha": "center", "va": "bottom" if normal[1] > 0 else "top"}
-    return {"ha": "left" if normal[0] > 0 else "right", "va": "center"}
+    x, y = normal.tolist()
+    across = "center" if abs(x) < _UPRIGHT else "left" if x > 0.0 else "right"
+    upward = "center" if abs(y) < _UPRIGHT else "bottom" if y > 0.0 else "top"
+    return {"ha": across, "va": upward}
 
 
 def value_range(name: str, values: FloatArray, unit: str) -> str:
     """The value or the range of values of a named quantity, with its unit."""
-    low, high = float(values.min()) + 0.0, float(values.max()) + 0.0  # no −0
+    noise = _NOISE * float(np.abs(values).max())
+    low, high = (0.0 if abs(value) <= noise else float(value) for value in (values.min(), values.max()))  # no −0
     numbers = f"{low:.4g}" if high - low <= 1e-9 * max(abs(low), abs(high)) else f"{low:.4g} … {high:.4g}"
     return f"{name} = {numbers} {unit}".replace("-", "−").rstrip().replace(" ", "\xa0")  # kept on one line
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
 from qvi_contact.basics.units import Units
 from qvi_contact.plots.labels import alignment, merged, value_range, wrapped
 from qvi_contact.plots.style import (
@@ -21,8 +21,17 @@ from qvi_contact.plots.style import (
     frame,
     require_matplotlib,
 )
-from qvi_contact.plots.symbols import Run, arrows, ground, runs
-from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
+from qvi_contact.plots.symbols import Places, Run, arrows, ground, runs
+from qvi_contact.problem.conditions import (
+    CARTESIAN,
+    LOCAL,
+    Condition,
+    Contact,
+    Displacement,
+    Symmetry,
+    Traction,
+    components,
+)
 from qvi_contact.problem.problem import ContactProblem
 
 if TYPE_CHECKING:
@@ -38,8 +47,14 @@ _MATERIALS: Final = 8  # so many materials are explained in the legend
 
 _CENTRED: Final[dict[str, Any]] = {"ha": "center", "va": "center"}
 
-_POINTING_INWARD: Final = {(0, -1): "^", (0, 1): "v", (-1, 0): ">", (1, 0): "<"}
-"""Triangles that point at the body, by the outward normal."""
+_SIGNS: Final[dict[type, dict[str, str]]] = {
+    Traction: {"x": "t_x", "y": "t_y", "normal": "σ_N", "tangential": "σ_T"},
+    Displacement: {"x": "u_x", "y": "u_y", "normal": "u_N", "tangential": "u_T"},
+}
+"""What components are called in the legend."""
+
+_SLIM: Final = (0.8, 1.2)  # triangles of supports: one of equal sides would point three ways
+_ACROSS: Final = 0.7  # cosine of the angle to the normal below which a held component is a tangential one
 
 _FREE: Final[dict[str, Any]] = {"color": GREY, "linewidth": 1.0}
 _LOADED: Final[dict[str, Any]] = {"color": VERMILLION, "linewidth": 1.2}
@@ -75,10 +90,10 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     require_matplotlib()
     sketch = _Sketch(axes, problem, units or Units())
     sketch.body()
-    for condition in merged(problem.cartesian_conditions):
+    for condition in merged(problem.conditions):
         sketch.condition(condition)
     sketch.legend()
-    frame(axes, problem.grid, margin=_AWAY + _ARROW + 0.06)
+    frame(axes, problem.mesh, margin=_AWAY + _ARROW + 0.06)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
     axes.set_xlabel(f"x [{sketch.units.length}]")
     axes.set_ylabel(f"y [{sketch.units.length}]")
@@ -107,15 +122,15 @@ class _Sketch:
 
     @property
     def length(self) -> float:
-        return self.problem.grid.length
+        return self.problem.mesh.length
 
     def body(self) -> None:
         """Cells filled by material, grid, outline."""
         from matplotlib.collections import PolyCollection
         from matplotlib.patches import Patch
 
-        mesh, outlines = self.problem.grid, cell_outlines(self.problem.grid)
-        number = self.problem.material_numbers[mesh.active]
+        mesh, outlines = self.problem.mesh, cell_outlines(self.problem.mesh)
+        number = self.problem.cell_materials
         present = np.unique(number).tolist()
         for index, chosen in enumerate(present):
             look: dict[str, Any] = {
@@ -127,9 +142,10 @@ class _Sketch:
                 PolyCollection(list(cells), **look, edgecolors="#cccccc", linewidths=0.0, antialiased=False, zorder=0)
             )
             material = self.problem.materials[chosen]
+            name = self.problem.regions[chosen - 1].name if chosen else None
             text = f"E = {material.young:.6g} {self.units.stress}, ν = {material.poisson:.4g}, plane {material.plane}"
             if len(present) > 1:
-                text = f"{index + 1}: {text}"
+                text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
                 self._number(cells.mean(axis=1), str(index + 1))
             if index < _MATERIALS:
                 self.entries.append(Patch(**look, edgecolor="#999999", label=wrapped(text)))
@@ -145,32 +161,30 @@ class _Sketch:
             Symmetry: self.symmetry,
             Contact: self.contact,
         }
-        pieces = runs(self.problem.grid, self.problem.grid.edges(condition.edges))
-        kind[type(condition)](condition, pieces)
+        kind[type(condition)](condition, self._runs(condition))
 
     def traction(self, condition: Traction, pieces: Sequence[Run]) -> None:
-        values = {name: self._samples(f"Traction.{name}", getattr(condition, name), pieces) for name in "xy"}
+        values = self._values(condition, pieces)
         if not any(value.any() for value in values.values()):
-            if condition.x is not None and condition.y is not None:
+            if len(values) == 2:
                 self._line(pieces, _FREE)
                 self.groups["free"].append(condition.edges)
             return
         self._line(pieces, _LOADED)
-        self._arrows(condition, pieces, self._largest(Traction), {"color": VERMILLION})
-        given = [value_range(f"t_{name}", values[name], self.units.stress) for name in "xy" if values[name].size]
+        self._arrows(condition, pieces, {"color": VERMILLION})
+        given = [value_range(_SIGNS[Traction][name], value, self.units.stress) for name, value in values.items()]
         self._entry(f"traction {condition.name}: {', '.join(given)}", _LOADED, marker=">", filled=True)
 
     def displacement(self, condition: Displacement, pieces: Sequence[Run]) -> None:
-        values = {name: self._samples(f"Displacement.{name}", getattr(condition, name), pieces) for name in "xy"}
+        values = self._values(condition, pieces)
         self._line(pieces, _HELD)
-        given = [value_range(f"u_{name}", values[name], self.units.length) for name in "xy" if values[name].size]
-        held = [name for name in "xy" if values[name].size and not values[name].any()]
-        for run in pieces if held else ():
-            self._supports(run, held)
-        moved = any(value.any() for value in values.values())
+        given = [value_range(_SIGNS[Displacement][name], value, self.units.length) for name, value in values.items()]
+        held = [name for name, value in values.items() if not value.any()]
+        if held:
+            self._supports(pieces, held)
+        moved = len(held) < len(values)
         if moved:
-            look = {"facecolor": "white", "edgecolor": BLUE, "linewidth": 0.7}
-            self._arrows(condition, pieces, self._largest(Displacement), look)
+            self._arrows(condition, pieces, {"facecolor": "white", "edgecolor": BLUE, "linewidth": 0.7})
         self._entry(
             f"{condition.edges}: {', '.join(given)}", _HELD, marker=">" if moved else "^", filled=len(held) == 2
         )
@@ -178,7 +192,7 @@ class _Sketch:
     def symmetry(self, condition: Symmetry, pieces: Sequence[Run]) -> None:
         self._line(pieces, _MIRROR)
         for run in pieces:
-            self._symbols(run, "o", filled=False, colour=GREEN)
+            self._symbols(self._beside(run), "o", filled=False, colour=GREEN)
         self.groups["symmetry"].append(condition.edges)
 
     def contact(self, contact: Contact, pieces: Sequence[Run]) -> None:
@@ -198,9 +212,12 @@ class _Sketch:
                 self._entry(f"{name}: {', '.join(self.groups[name])}", look, marker=marker)
         self.axes.legend(handles=self.entries, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False)
 
+    def _runs(self, condition: Condition) -> list[Run]:
+        return runs(self.problem.mesh, self.problem.mesh.edges(condition.edges))
+
     def _line(self, pieces: Sequence[Run], look: dict[str, Any]) -> None:
         for run in pieces:
-            self.axes.plot(*np.stack([run.start, run.stop]).T, solid_capstyle="butt", zorder=3, **look)
+            self.axes.plot(*run.line.T, solid_capstyle="butt", zorder=3, **look)
 
     def _entry(self, text: str, look: dict[str, Any], marker: str = "", filled: bool = False) -> None:
         from matplotlib.lines import Line2D
@@ -214,40 +231,67 @@ class _Sketch:
         """Values along the pieces, ends included; none for a component that is not given."""
         if value is None:
             return np.empty(0)
-        points = np.concatenate([run.ends_and_points(self.length / _SAMPLES) for run in pieces])
+        points = np.concatenate([run.ends_and_points(self.length / _SAMPLES).points for run in pieces])
         return evaluate(name, value, *points.T)
+
+    def _values(self, condition: Traction | Displacement, pieces: Sequence[Run]) -> dict[str, FloatArray]:
+        """Values of the given components along the pieces, ends included."""
+        kind = type(condition).__name__
+        return {name: self._samples(f"{kind}.{name}", value, pieces) for name, value in components(condition).items()}
+
+    def _vectors(self, condition: Traction | Displacement, places: Places) -> FloatArray:
+        """The prescribed vectors (n, 2) at places; zero in components that are not given."""
+        vectors, kind = np.zeros_like(places.points), type(condition).__name__
+        for name, value in components(condition).items():
+            size = evaluate(f"{kind}.{name}", value, *places.points.T)
+            vectors += size[:, None] * _directions(name, places)
+        return vectors
 
     def _largest(self, kind: type[Traction] | type[Displacement]) -> float:
         """Length of the longest vector among all conditions of a kind."""
-        sizes = [0.0]
-        for condition in merged(self.problem.cartesian_conditions):
-            if isinstance(condition, kind):
-                pieces = runs(self.problem.grid, self.problem.grid.edges(condition.edges))
-                parts = [self._samples(f"{kind.__name__}.{n}", getattr(condition, n), pieces) for n in "xy"]
-                x, y = (part if part.size else np.zeros(1) for part in parts)
-                sizes.append(float(np.hypot(x, y).max()))
-        return max(sizes)
+        conditions = [each for each in merged(self.problem.conditions) if isinstance(each, kind)]
+        found = (
+            np.hypot(*self._vectors(condition, run.ends_and_points(self.length / _SAMPLES)).T).max()
+            for condition in conditions
+            for run in self._runs(condition)
+        )
+        return float(max(found, default=0.0))
 
-    def _arrows(
-        self, condition: Traction | Displacement, pieces: Sequence[Run], largest: float, look: dict[str, Any]
-    ) -> None:
+    def _arrows(self, condition: Traction | Displacement, pieces: Sequence[Run], look: dict[str, Any]) -> None:
+        largest = self._largest(type(condition))
         for run in pieces:
-            points = run.points(_SPACING * self.length)
-            vectors = np.zeros_like(points)
-            for component, name in enumerate("xy"):
-                value = getattr(condition, name)
-                if value is not None:
-                    vectors[:, component] = evaluate(f"{type(condition).__name__}.{name}", value, *points.T)
-            vectors *= _ARROW * self.length / largest
-            arrows(self.axes, points, vectors, run.normal, _AWAY * self.length, look)
+            places = run.points(_SPACING * self.length)
+            vectors = self._vectors(condition, places) * (_ARROW * self.length / largest)
+            arrows(self.axes, places, vectors, _AWAY * self.length, look)
 
-    def _supports(self, run: Run, held: Sequence[str]) -> None:
-        inward = _POINTING_INWARD[int(run.normal[0]), int(run.normal[1])]
-        normal = "x" if run.normal[0] else "y"
-        self._symbols(run, inward if normal in held else "d", filled=len(held) == 2, colour=BLUE)
+    def _supports(self, pieces: Sequence[Run], held: Sequence[str]) -> None:
+        """Triangles that point at the body, diamonds where only a component along the side is held."""
+        for run in pieces:
+            places = self._beside(run)
+            across = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) > _ACROSS
+            both = len(held) == 2
+            along = ~across & (not both)
+            self._symbols(_chosen(places, along), "d", filled=both, colour=BLUE)
+            self._triangles(_chosen(places, ~along), filled=both)
 
-    def _symbols(self, run: Run, marker: str, filled: bool, colour: str) -> None:
-        places = run.points(_SPACING * self.length, least=1) + _AWAY * self.length * run.normal
+    def _triangles(self, places: Places, filled: bool) -> None:
+        from matplotlib.markers import MarkerStyle
+        from matplotlib.transforms import Affine2D
+
+        angles = np.degrees(np.arctan2(*places.normals.T[::-1])) + 90.0  # from "^" to the way into the body
+        for angle in np.unique(np.round(angles)):
+            chosen = _chosen(places, np.round(angles) == angle)
+            marker = MarkerStyle("^", transform=Affine2D().scale(*_SLIM).rotate_deg(float(angle)))
+            self._symbols(chosen, marker, filled=filled, colour=BLUE)
+
+    def _beside(self, run: Run) -> Places:
+        """Places of symbols beside a run."""
+        places = run.points(_SPACING * self.length, least=1)
+        return places._replace(points=places.points + _AWAY * self.length * places.normals)
+
+    def _symbols(self, places: Places, marker: Any, filled: bool, colour: str) -> None:
+        if not len(places.points):
+            return
         face = colour if filled else "white"
         look: dict[str, Any] = {
             "linestyle": "none",
@@ -256,7 +300,7 @@ class _Sketch:
             "markerfacecolor": face,
             "zorder": 4,
         }
-        self.axes.plot(*places.T, marker=marker, **look)
+        self.axes.plot(*places.points.T, marker=marker, **look)
 
     def _obstacle(self, contact: Contact, pieces: Sequence[Run]) -> None:
         """Hatched lines whose distance from the body shows how the gap varies, and the force on a plate."""
@@ -264,32 +308,30 @@ class _Sketch:
         least, most = min(gap.min() for gap in gaps), max(gap.max() for gap in gaps)
         spread = 0.06 * self.length / (most - least) if most - least > 1e-9 * max(abs(least), abs(most)) else 0.0
         for run, gap in zip(pieces, gaps, strict=True):
-            points = run.ends_and_points(self.length / _SAMPLES)
+            places = run.ends_and_points(self.length / _SAMPLES)
             distance = 0.5 * _AWAY * self.length + spread * (gap - least)
-            normals = np.broadcast_to(run.normal, points.shape)
-            ground(self.axes, points + distance[:, None] * normals, normals, 0.025 * self.length)
+            line = places.points + distance[:, None] * places.normals
+            ground(self.axes, line, places.normals, 0.025 * self.length)
         plate = contact.plate
         if plate is not None:
             force = np.array([[plate.force_x or 0.0, plate.force_y or 0.0]])
             size = float(np.hypot(*force[0]))
-            middle = np.mean([run.middle for run in pieces], axis=0, keepdims=True)
+            middle = Places(*np.mean([run.at(0.5) for run in pieces], axis=0))
             away = 2.0 * _AWAY * self.length
             if size > 0.0:
                 vector = 1.2 * _ARROW * self.length * force / size
-                place = middle + away * pieces[0].normal
-                arrows(self.axes, place, vector, pieces[0].normal, away, {"color": "black", "width": 0.012})
+                place = middle._replace(points=middle.points + away * middle.normals)
+                arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012})
 
     def _name(self, contact: Contact, pieces: Sequence[Run], joint: bool) -> None:
         """The contact's name: outside beside the obstacle, or on the line of a joint."""
         run = max(pieces, key=lambda run: run.length)
-        place, align = run.middle, _CENTRED
         if joint:
-            place = run.start + 0.15 * (run.stop - run.start)
+            place, align = run.at(0.15).points[0], _CENTRED
         else:
-            if contact.plate is not None:  # the middle belongs to its force
-                place = run.start + 0.2 * (run.stop - run.start)
-            place = place + (2.0 * _AWAY + 0.03) * self.length * run.normal
-            align = alignment(run.normal)
+            spot = run.at(0.5 if contact.plate is None else 0.2)  # the middle belongs to a plate's force
+            place = spot.points[0] + (2.0 * _AWAY + 0.03) * self.length * spot.normals[0]
+            align = alignment(spot.normals[0])
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.8}
         self.axes.text(place[0], place[1], contact.name, fontsize="small", zorder=6, bbox=box, **align)
 
@@ -318,8 +360,8 @@ class _Sketch:
                 yield f"{value_range('M', np.array([plate.moment]), self.units.moment)} about\xa0{around}"
 
     def _potential(self) -> None:
-        nodes = self.problem.grid.coordinates[self.problem.grid.active_nodes.ravel()]
-        values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *nodes.T)
+        vertices = self.problem.mesh.vertices[self.problem.mesh.body_vertices]
+        values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *vertices.T)
         if np.ptp(values) > 0.0:
             self._entry(value_range("body force, potential φ", values, self.units.stress), {"color": "none"})
 
@@ -328,3 +370,14 @@ class _Sketch:
         place = middles[np.argmin(np.hypot(*(middles - middles.mean(axis=0)).T))]
         box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.6}
         self.axes.text(place[0], place[1], text, ha="center", va="center", fontsize="small", bbox=box, zorder=6)
+
+
+def _directions(component: str, places: Places) -> FloatArray:
+    """Unit vectors (n, 2) of a component at places."""
+    if component in LOCAL:
+        return places.normals if component == "normal" else places.tangents
+    return np.tile(np.eye(2)[CARTESIAN.index(component)], (len(places.points), 1))
+
+
+def _chosen(places: Places, mask: BoolArray) -> Places:
+    return Places(*(values[mask] for values in places))

@@ -16,7 +16,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.solution.contact_line import ContactState
 from solvers.basics.types import load
 
@@ -108,40 +108,47 @@ def picture_suffix(path: str | Path) -> str:
     return suffix
 
 
-def cell_outlines(mesh: RectilinearMesh) -> FloatArray:
-    """Closed outlines of the cells, shape (cells, 5, 2) [length]."""
-    row, column = np.nonzero(mesh.active)
-    left, right, low, high = mesh.x[column], mesh.x[column + 1], mesh.y[row], mesh.y[row + 1]
-    corners = [(left, low), (right, low), (right, high), (left, high), (left, low)]
-    return np.stack([np.column_stack(corner) for corner in corners], axis=1)
+def cell_outlines(mesh: Mesh) -> FloatArray:
+    """Closed outlines of the cells, shape (cells, 4, 2) of triangles, (cells, 5, 2) of rectangles [length]."""
+    return np.asarray(mesh.vertices[np.column_stack([mesh.cells, mesh.cells[:, 0]])])
 
 
-def draw_grid(axes: "Axes", mesh: RectilinearMesh) -> None:
+def draw_grid(axes: "Axes", mesh: Mesh) -> None:
     """Draw the cells in light grey, thinner the smaller they are on the page."""
-    smallest = min(float(np.median(np.diff(mesh.x))), float(np.median(np.diff(mesh.y))))
-    width = float(np.clip(0.05 * smallest * points_per_length(axes, mesh), 0.1, 0.6))
-    axes.add_collection(lines(cell_outlines(mesh), "#cccccc", "solid", width))
+    outlines = cell_outlines(mesh)
+    shortest = np.hypot(*np.diff(outlines, axis=1).T).min(axis=0)
+    width = float(np.clip(0.05 * np.median(shortest) * points_per_length(axes, mesh), 0.1, 0.6))
+    axes.add_collection(lines(outlines, "#cccccc", "solid", width))
 
 
-def draw_outline(axes: "Axes", mesh: RectilinearMesh, colour: str = GREY, width: float = 0.8) -> None:
+def draw_outline(axes: "Axes", mesh: Mesh, colour: str = GREY, width: float = 0.8) -> None:
     """Draw the body's boundary as a thin line."""
-    nodes, edges = mesh.coordinates, mesh.boundary
-    axes.add_collection(lines(np.stack([nodes[edges.first], nodes[edges.second]], axis=1), colour, "solid", width))
+    vertices, edges = mesh.vertices, mesh.boundary
+    ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
+    axes.add_collection(lines(ends, colour, "solid", width))
 
 
-def frame(axes: "Axes", mesh: RectilinearMesh, margin: float = 0.03) -> None:
+def bounding_box(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+    """The lower left and the upper right corner of the body's bounding box, shape (2,) each [length]."""
+    vertices = mesh.vertices[mesh.body_vertices]
+    return np.asarray(vertices.min(axis=0)), np.asarray(vertices.max(axis=0))
+
+
+def frame(axes: "Axes", mesh: Mesh, margin: float = 0.03) -> None:
     """Show the whole body, equal scales in both directions, with a margin as a share of its length."""
     axes.set_aspect("equal")
+    low, high = bounding_box(mesh)
     margin *= mesh.length
-    axes.set_xlim(mesh.x[0] - margin, mesh.x[-1] + margin)
-    axes.set_ylim(mesh.y[0] - margin, mesh.y[-1] + margin)
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
 
 
-def points_per_length(axes: "Axes", mesh: RectilinearMesh) -> float:
+def points_per_length(axes: "Axes", mesh: Mesh) -> float:
     """About how many printer's points a unit of length takes on the page when the axes show the body."""
     box = axes.get_window_extent()
     dpi = axes.figure.dpi
-    across = min(box.width / float(np.ptp(mesh.x)), box.height / float(np.ptp(mesh.y)))
+    low, high = bounding_box(mesh)
+    across = min(box.width / float(high[0] - low[0]), box.height / float(high[1] - low[1]))
     return float(72.0 * across / dpi)
 
 

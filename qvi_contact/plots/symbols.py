@@ -1,12 +1,16 @@
-"""What mechanical symbols are made of: straight runs of edges, ground hatching."""
+"""What mechanical symbols are made of: runs of edges, ground hatching, arrows."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges, RectilinearMesh
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.topology import chains
 from qvi_contact.plots.style import lines
 
 if TYPE_CHECKING:
@@ -14,62 +18,107 @@ if TYPE_CHECKING:
 
 
 _OBLIQUE: Final = 0.05  # sine of the angle to a side below which an arrow counts as lying along it
+_CORNER: Final = 0.64  # cosine of the angle, 50 degrees, by which edges of one run may turn
+_STRAIGHT: Final = 1e-12  # 1 − cosine of the angle of edges that lie on one straight line
+
+
+class Places(NamedTuple):
+    """Points along a run.
+
+    Attributes
+    ----------
+    points : (n, 2) array
+        Coordinates [length].
+    normals, tangents : (n, 2) arrays
+        Outward unit normal and unit tangent there; halfway between those of two edges where these meet.
+
+    """
+
+    points: FloatArray
+    normals: FloatArray
+    tangents: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A straight row of adjoining edges that face the same way.
+    """Adjoining edges without a corner between them: a straight side, or an arc that is made of chords.
 
     Attributes
     ----------
-    start, stop : (2,) arrays
-        Its ends, in the direction of growing x or y [length].
-    normal : (2,) array
-        Outward unit normal.
+    line : (n + 1, 2) array
+        Ends of the edges one behind the other, in the direction of their tangents [length].
+    normals : (n, 2) array
+        Outward unit normals of the edges.
 
     """
 
-    start: FloatArray
-    stop: FloatArray
-    normal: FloatArray
+    line: FloatArray
+    normals: FloatArray
+
+    @cached_property
+    def _steps(self) -> FloatArray:
+        return np.asarray(np.diff(self.line, axis=0))
+
+    @cached_property
+    def _lengths(self) -> FloatArray:
+        return np.asarray(np.hypot(*self._steps.T))
+
+    @cached_property
+    def _along(self) -> FloatArray:
+        """Distance of every end of an edge from the run's start."""
+        return np.concatenate([[0.0], np.cumsum(self._lengths)])
 
     @property
     def length(self) -> float:
         """Its length [length]."""
-        return float(np.hypot(*(self.stop - self.start)))
+        return float(self._along[-1])
 
-    @property
-    def middle(self) -> FloatArray:
-        """Its midpoint [length]."""
-        return (self.start + self.stop) / 2.0
+    def at(self, share: float) -> Places:
+        """The place at a share of the length, 0 to 1."""
+        return self._places(np.array([share * self.length]))
 
-    def points(self, distance: float, least: int = 2) -> FloatArray:
-        """Points about `distance` apart, as far from the ends as half of that, at least `least`; shape (n, 2)."""
+    def points(self, distance: float, least: int = 2) -> Places:
+        """Points about `distance` apart, as far from the ends as half of that, at least `least`."""
         count = max(least, round(self.length / distance))
-        t = (np.arange(count)[:, None] + 0.5) / count
-        return self.start + t * (self.stop - self.start)
+        return self._places((np.arange(count) + 0.5) / count * self.length)
 
-    def ends_and_points(self, distance: float) -> FloatArray:
-        """Points about `distance` apart from end to end, at least both ends; shape (n, 2)."""
+    def ends_and_points(self, distance: float) -> Places:
+        """Points about `distance` apart from end to end, at least both ends and those where the run turns."""
         count = max(1, round(self.length / distance))
-        t = np.arange(count + 1)[:, None] / count
-        return self.start + t * (self.stop - self.start)
+        tangents = self._steps / self._lengths[:, None]
+        turns = (tangents[1:] * tangents[:-1]).sum(axis=1) < 1.0 - _STRAIGHT
+        kinks = self._along[1:-1][turns]
+        return self._places(np.sort(np.concatenate([np.arange(count + 1) / count * self.length, kinks])))
+
+    def _places(self, s: FloatArray) -> Places:
+        last = len(self._lengths) - 1
+        before, after = (np.clip(np.searchsorted(self._along, s, side) - 1, 0, last) for side in ("left", "right"))
+        tangents = self._steps / self._lengths[:, None]
+        points = self.line[after] + (s - self._along[after])[:, None] * tangents[after]
+        between = (values[before] + values[after] for values in (self.normals, tangents))
+        return Places(points, *(vectors / np.hypot(*vectors.T)[:, None] for vectors in between))
 
 
-def runs(mesh: RectilinearMesh, edges: GridEdges) -> list[Run]:
-    """GridEdges joined to straight runs, those of one line and facing one way behind each other."""
-    first, second = mesh.coordinates[edges.first], mesh.coordinates[edges.second]
-    horizontal = edges.axis == HORIZONTAL
-    line, along = np.where(horizontal, first[:, 1], first[:, 0]), np.where(horizontal, first[:, 0], first[:, 1])
-    order = np.lexsort((along, line, edges.sign, edges.axis))
-    edges, first, second = edges.take(order), first[order], second[order]
-    breaks = (edges.first[1:] != edges.second[:-1]) | (np.diff(edges.axis) != 0) | (np.diff(edges.sign) != 0)
-    begins = np.concatenate([[0], np.flatnonzero(breaks) + 1])
-    found = []
-    for begin, end in zip(begins, [*begins[1:], len(edges)], strict=True):
-        across = np.array([0.0, 1.0]) if edges.axis[begin] == HORIZONTAL else np.array([1.0, 0.0])
-        found.append(Run(first[begin], second[end - 1], edges.sign[begin] * across))
-    return found
+def runs(mesh: Mesh, edges: Edges) -> list[Run]:
+    """Edges joined to runs, which end in corners, in branches, and where the tangent changes its sense."""
+    ends = np.column_stack([edges.first, edges.second])
+    return [run for chain in chains(ends) for run in _runs_of(mesh, edges.take(chain))]
+
+
+def _runs_of(mesh: Mesh, edges: Edges) -> Iterator[Run]:
+    """Runs of one line of edges."""
+    following = edges.take(np.roll(np.arange(len(edges)), -1))
+    onward, back = edges.second == following.first, edges.first == following.second
+    turn = (edges.tangent * following.tangent).sum(axis=1)
+    facing = (edges.normal * following.normal).sum(axis=1)
+    joined = (onward | back) & (turn > _CORNER) & (facing > _CORNER)
+    if len(edges) < 3 or joined.all():  # no closed line, or one without a corner
+        joined[-1] = False
+    shift = int(np.argmin(joined)) + 1  # a closed line begins behind a corner
+    order = np.roll(np.arange(len(edges)), -shift)
+    for part in np.split(order, np.flatnonzero(~joined[order])[:-1] + 1):
+        piece = edges.take(part if len(part) == 1 or onward[part[0]] else part[::-1])
+        yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal)
 
 
 def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float, colour: str = "black") -> None:
@@ -87,20 +136,18 @@ def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float, colo
     axes.add_collection(lines(strokes, colour, "solid", 0.6))
 
 
-def arrows(
-    axes: "Axes", points: FloatArray, vectors: FloatArray, normal: FloatArray, away: float, look: dict[str, Any]
-) -> None:
-    """Draw vectors that act at points of a side with this outward normal; those of no length are left out.
+def arrows(axes: "Axes", places: Places, vectors: FloatArray, away: float, look: dict[str, Any]) -> None:
+    """Draw vectors (n, 2) that act at places of a side; those of no length are left out.
 
     An arrow into the body ends at its point, one out of the body begins there; one along the side is centred, at the
     distance `away`.
     """
     size = np.hypot(*vectors.T)
     shown = size > 0.02 * size.max(initial=0.0)
-    points, vectors, size = points[shown], vectors[shown], size[shown]
-    outward = vectors @ normal / size
+    points, vectors, normals, size = places.points[shown], vectors[shown], places.normals[shown], size[shown]
+    outward = (vectors * normals).sum(axis=1) / size
     tails = np.where((outward < -_OBLIQUE)[:, None], points - vectors, points)
-    along = points - vectors / 2.0 + away * normal
+    along = points - vectors / 2.0 + away * normals
     tails = np.where((np.abs(outward) <= _OBLIQUE)[:, None], along, tails)
     settings = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.005, "headwidth": 4.0, "zorder": 5}
     axes.quiver(*tails.T, *vectors.T, **{**settings, **look})

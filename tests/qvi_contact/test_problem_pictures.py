@@ -1,0 +1,184 @@
+"""Symbols of problems on triangle meshes: runs of edges, and the same picture of a body that is turned."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.quiver import Quiver
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    Region,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+)
+from qvi_contact.plots import draw_problem, problem_figure
+from qvi_contact.plots.labels import value_range
+from qvi_contact.plots.style import cell_outlines
+from qvi_contact.plots.symbols import runs
+
+
+def ring(chords=24, layers=2):
+    """A ring of radii 1 and 2 whose circles are made of chords."""
+    angles = 2.0 * np.pi * np.arange(chords) / chords
+    radii = 1.0 + np.arange(layers + 1) / layers
+    vertices = (radii[:, None, None] * np.column_stack([np.cos(angles), np.sin(angles)])).reshape(-1, 2)
+    here = np.arange(chords)
+    there = (here + 1) % chords
+    layer = [np.stack([[here, there, here + chords], [there, there + chords, here + chords]])]
+    cells = np.concatenate([layer[0] + chords * k for k in range(layers)])
+    return TriangleMesh(vertices, cells.transpose(0, 2, 1).reshape(-1, 3))
+
+
+def turned(mesh, angle):
+    """The same mesh turned about the origin."""
+    c, s = np.cos(angle), np.sin(angle)
+    return TriangleMesh(mesh.vertices @ np.array([[c, s], [-s, c]]), mesh.cells, mesh.edge_sets, mesh.regions)
+
+
+class TestRuns:
+    """Edges one behind the other."""
+
+    @pytest.mark.parametrize("angle", [0.0, 0.4, 2.0, 3.5])
+    def test_a_side_is_one_run_whatever_way_it_faces(self, angle):
+        mesh = turned(TriangleMesh.rectangle((5, 3), 2.0, 1.0), angle)
+        (run,) = runs(mesh, mesh.edges("bottom"))
+        assert run.length == pytest.approx(2.0)
+        assert run.at(0.5).normals[0] == pytest.approx([np.sin(angle), -np.cos(angle)])
+        places = run.ends_and_points(10.0)
+        assert len(places.points) == 2  # nothing but its ends
+        assert places.tangents[0] == pytest.approx((places.points[1] - places.points[0]) / 2.0)
+
+    def test_a_boundary_is_cut_in_its_corners(self):
+        mesh = TriangleMesh.rectangle((3, 3))
+        found = runs(mesh, mesh.boundary)
+        assert sorted(tuple(run.at(0.5).normals[0].round(12) + 0.0) for run in found) == [
+            (-1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (1.0, 0.0),
+        ]  # fmt: skip
+        assert sum(run.length for run in found) == pytest.approx(4.0)
+
+    def test_a_circle_is_cut_where_the_tangent_changes_its_sense_only(self):
+        mesh = ring()
+        for radius in (1.0, 2.0):
+            mesh = mesh.with_edges(f"{radius}", lambda x, y, r=radius: np.abs(np.hypot(x, y) - r) < 0.1)
+            found = runs(mesh, mesh.edges(f"{radius}"))
+            assert len(found) == 2
+            for run in found:
+                places = run.ends_and_points(0.01)
+                assert np.hypot(*places.points.T).max() == pytest.approx(radius)
+                outward = (places.points * places.normals).sum(axis=1) * (1.0 if radius == 2.0 else -1.0)
+                assert outward.min() > 0.98 * radius
+                steps = np.diff(places.points, axis=0)
+                assert (steps[:, 0] >= -1e-12).all()  # along the tangents
+                for vertex in run.line:
+                    assert np.hypot(*(places.points - vertex).T).min() < 1e-12  # no corner is cut off
+
+    def test_sides_that_only_meet_the_same_line_are_apart(self):
+        mesh = TriangleMesh.rectangle((4, 1), 4.0).with_edges("feet", lambda x, y: (y == 0.0) & ((x < 1.0) | (x > 3.0)))
+        assert [run.length for run in runs(mesh, mesh.edges("feet"))] == pytest.approx([1.0, 1.0])
+
+
+def loaded(angle):
+    """A block under every kind of condition, given by normal and tangential components, and turned."""
+    mesh = TriangleMesh.rectangle((4, 4), 2.0, 2.0)
+    mesh = mesh.with_joint("bed", lambda x, y: np.abs(y - 1.0) + 0 * x < 1e-9).with_region(
+        "lower", lambda x, y: y + 0 * x < 1.0
+    )
+    conditions = [
+        Traction("left", normal=-4.0, tangential=0.0),
+        Displacement("right", normal=0.0),
+        Traction("right", tangential=2.0),
+        Contact("bottom", friction=0.3),
+        Contact("top", friction=0.1, plate=RigidPlate(force_x=3.0 * np.sin(angle), force_y=-3.0 * np.cos(angle))),
+        Contact("bed", friction=0.4),
+    ]
+    regions = [Region(Material(500.0, 0.2), name="lower")]
+    return ContactProblem(turned(mesh, angle), Material(1000.0, 0.3), conditions, regions=regions)
+
+
+def drawn(problem):
+    """Axes, tails and vectors (n, 4) of the arrows by colour, and places of symbols."""
+    axes = Figure().subplots()
+    draw_problem(axes, problem)
+    arrows = [q for q in axes.collections if isinstance(q, Quiver)]
+    found = {
+        colour: np.concatenate(
+            [np.column_stack([q.XY, q.U, q.V]) for q in arrows if tuple(q.get_facecolor()[0]) == to_rgba(colour)]
+            or [np.empty((0, 4))]
+        )
+        for colour in ("#D55E00", "black")
+    }
+    symbols = [line.get_xydata() for line in axes.lines if line.get_marker() not in ("None", None, "")]
+    return axes, found, np.concatenate(symbols)
+
+
+class TestTriangles:
+    """The sketch of a problem on triangles."""
+
+    @pytest.mark.parametrize("angle", [0.0, 0.3, 1.0, -0.7])
+    def test_a_turned_body_has_the_turned_picture(self, angle):
+        _, found, supports = drawn(loaded(angle))
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        loads, plate = (np.hstack([found[c][:, :2] @ turn, found[c][:, 2:] @ turn]) for c in ("#D55E00", "black"))
+        left = loads[:, 0] < 1.0
+        assert (loads[left, 0] + loads[left, 2]) == pytest.approx(0.0, abs=1e-12)  # pressed: they end at the side
+        assert loads[left, 3] == pytest.approx(0.0, abs=1e-12)
+        assert np.abs(loads[~left, 3]) == pytest.approx(loads[left, 2][0] / 2.0)  # one scale for all
+        assert loads[~left, 2] == pytest.approx(0.0, abs=1e-12)
+        assert plate[0, :1] == pytest.approx(1.0)
+        assert plate[0, 2] == pytest.approx(0.0, abs=1e-12)
+        assert plate[0, 3] < 0.0
+        beside = supports @ turn
+        assert ((beside[:, 0] > 2.0) & (beside[:, 0] < 2.2)).all()
+
+    def test_materials_and_names_stand_in_the_legend(self):
+        axes, _, _ = drawn(loaded(0.0))
+        legend = " ".join(" ".join(text.get_text() for text in axes.get_legend().get_texts()).split())
+        for words in ("1: E = 1000", "2 (lower): E = 500", "σ_N = −4", "u_N = 0", "joint bed"):
+            assert words in legend
+        assert {"bottom", "top", "bed"} <= {text.get_text() for text in axes.texts}
+
+    def test_outlines_are_closed_triangles(self):
+        mesh = TriangleMesh.rectangle((2, 1))
+        outlines = cell_outlines(mesh)
+        assert outlines.shape == (4, 4, 2)
+        assert np.array_equal(outlines[:, 0], outlines[:, 3])
+
+    def test_arrows_on_an_arc_are_along_its_radii(self):
+        mesh = (
+            ring()
+            .with_edges("in", lambda x, y: np.hypot(x, y) < 1.5)
+            .with_edges("out", lambda x, y: np.hypot(x, y) > 1.5)
+        )
+        conditions = [Traction("in", normal=-1.0, tangential=0.0), Traction("out", normal=-0.5, tangential=0.0)]
+        figure = problem_figure(ContactProblem(mesh, Material(1000.0, 0.3), conditions))
+        figure.canvas.draw()
+        (axes,) = figure.axes
+        arrows = np.concatenate([np.column_stack([q.XY, q.U, q.V]) for q in axes.collections if isinstance(q, Quiver)])
+        radial = (arrows[:, :2] * arrows[:, 2:]).sum(axis=1)
+        sizes = np.hypot(*arrows[:, :2].T) * np.hypot(*arrows[:, 2:].T)
+        assert np.abs(radial) / sizes == pytest.approx(1.0, abs=3e-2)  # chords of 15 degrees
+        inner = np.hypot(*arrows[:, :2].T) < 1.5
+        assert (radial[inner] > 0.0).all()
+        assert (radial[~inner] < 0.0).all()
+        assert np.hypot(*arrows[inner, 2:].T) == pytest.approx(2.0 * np.hypot(*arrows[~inner, 2:].T)[0])
+
+    def test_symmetry_and_supports_stand_beside_slanted_sides(self):
+        mesh = turned(TriangleMesh.rectangle((2, 2)), 0.6)
+        conditions = [Symmetry("bottom"), Displacement("left", x=0.0, y=0.0), Traction("top", x=0.0, y=0.0)]
+        conditions += [Displacement("right", tangential=0.0), Traction("right", normal=0.0)]
+        axes, _, symbols = drawn(ContactProblem(mesh, Material(1.0, 0.3), conditions))
+        assert (mesh.locate(symbols) < 0).all()
+        assert (np.hypot(*(symbols - mesh.vertices.mean(axis=0)).T) < mesh.length).all()
+        markers = {str(line.get_marker()) for line in axes.lines if line.get_marker() not in ("None", None, "")}
+        assert {"o", "d"} <= markers
+
+
+def test_rounding_in_functions_is_not_shown():
+    assert value_range("σ_N", np.array([-8.0, 3e-16]), "MPa").replace("\xa0", " ") == "σ_N = −8 … 0 MPa"
+    assert value_range("gap", np.array([2e-9, 3e-9]), "mm").replace("\xa0", " ") == "gap = 2e−09 … 3e−09 mm"
