@@ -17,6 +17,17 @@ _FILE = click.argument("file", metavar="FILE")
 _TIME_LIMIT = click.option(
     "--time-limit", type=float, metavar="SECONDS", help="Seconds for all solves together.  [default: none]"
 )
+_ELEMENT = click.option(
+    "--element",
+    type=click.Choice(["bfs", "hct"]),
+    help="bfs: rectangles; hct: triangles, into which rectangles are cut.  [default: as the mesh is]",
+)
+_DEGREE = click.option("--degree", type=int, help="Degree of the element on triangles, from 3.  [default: 4]")
+_ROWS = click.option(
+    "--contact-rows",
+    type=click.Choice(["bernstein", "gauss"]),
+    help="On triangles: the contact law on whole edges, or at Gauss points.  [default: bernstein]",
+)
 _JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
 
 
@@ -41,6 +52,9 @@ def group() -> None:
 
 @group.command()
 @_FILE
+@_ELEMENT
+@_DEGREE
+@_ROWS
 @click.option("--method", help="Outer method, see: qvi-contact methods")
 @click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
 @click.option("--factorisation", help="Sparse factorisation, see: qvi-contact methods")
@@ -55,6 +69,9 @@ def group() -> None:
 @click.option("--certificate", is_flag=True, help="Check the result anew and print the table: numbers and meanings.")
 def solve(
     file: str,
+    element: str | None,
+    degree: int | None,
+    contact_rows: str | None,
     method: str | None,
     inner: str | None,
     factorisation: str | None,
@@ -84,6 +101,7 @@ def solve(
     Examples:
         qvi-contact solve examples/compressed_plate.toml
         qvi-contact solve examples/punch.toml --inner socp:clarabel --plot punch.png
+        qvi-contact solve examples/punch.toml --element hct --degree 5
         qvi-contact solve examples/punch.toml --certificate
         qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
@@ -97,10 +115,10 @@ def solve(
     problem_file = load_problem(file)
     given = {
         "method": method, "inner": inner, "tolerance": tolerance, "factorisation": factorisation, "threads": threads,
-        "time_limit": time_limit,
+        "time_limit": time_limit, "element": element, "degree": degree, "contact_rows": contact_rows,
     }  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
-        options = _options(problem_file, {name: value for name, value in given.items() if value is not None})
+        options = _options(problem_file, _given(**given))
         history, steps = _solved(problem_file, options)
         checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, steps, checked) if as_json or save_json else {}
@@ -151,9 +169,19 @@ def verify(result: str, tolerance: float | None, as_json: bool) -> int:
 
 @group.command()
 @_FILE
+@_ELEMENT
+@_DEGREE
+@_ROWS
 @click.option("--plot", metavar="PICTURE", help="Draw mesh, boundary parts and loads: .png, .svg or .pdf.")
 @_JSON
-def check(file: str, plot: str | None, as_json: bool) -> None:
+def check(
+    file: str,
+    element: str | None,
+    degree: int | None,
+    contact_rows: str | None,
+    plot: str | None,
+    as_json: bool,
+) -> None:
     """Read FILE and say what was understood, without solving.
 
     Builds the mesh, finds every boundary part its condition, adds up the loads, and counts the unknowns.
@@ -169,11 +197,12 @@ def check(file: str, plot: str | None, as_json: bool) -> None:
 
     checked_targets(file, plot=plot)
     problem_file = load_problem(file)
-    found = outline(problem_file)
+    given = _given(element=element, degree=degree, contact_rows=contact_rows)
+    problem, found = outline(problem_file, given)
     if plot is not None:
         from qvi_contact.plots import problem_figure, save_figure
 
-        save_figure(plot, problem_figure(problem_file.problem, problem_file.units))
+        save_figure(plot, problem_figure(problem, problem_file.units))
     if as_json:
         click.echo(_json(found))
         return
@@ -243,9 +272,20 @@ def bracket(
 @group.command()
 @_FILE
 @click.option("--load", "loads", metavar="NAME", multiple=True, required=True, help="A load to multiply; repeatable.")
+@_ELEMENT
+@_DEGREE
+@_ROWS
 @_TIME_LIMIT
 @_JSON
-def limit(file: str, loads: tuple[str, ...], time_limit: float | None, as_json: bool) -> int:
+def limit(
+    file: str,
+    loads: tuple[str, ...],
+    element: str | None,
+    degree: int | None,
+    contact_rows: str | None,
+    time_limit: float | None,
+    as_json: bool,
+) -> int:
     """Largest multiple of the named loads that the contacts can carry while the others stay.
 
     It is an upper bound: friction may give way before, which only solve can tell. Loads of one name are multiplied
@@ -265,7 +305,8 @@ def limit(file: str, loads: tuple[str, ...], time_limit: float | None, as_json: 
 
     problem_file = load_problem(file)
     with problem_file.named_errors(), solving(problem_file.title or "limit"):
-        factor = limit_load_factor(problem_file.problem, loads=list(loads), time_limit=time_limit)
+        space = problem_file.element | _given(element=element, degree=degree, contact_rows=contact_rows)
+        factor = limit_load_factor(problem_file.problem, loads=list(loads), time_limit=time_limit, **space)
     outcome = "bounded" if math.isfinite(factor) else "unbounded" if factor > 0 else "none"
     message = {
         "bounded": f"no solution beyond {factor + 0.0:.9g} times these loads; below only solve can tell",
@@ -312,15 +353,20 @@ def methods(as_json: bool) -> None:
         click.echo("\n  ".join([title, *names]))
 
 
+def _given(**options: Any) -> dict[str, Any]:
+    """The options that were typed."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
 def _options(file: "ProblemFile", given: dict[str, Any]) -> dict[str, Any]:
     """Arguments of `solve`: those of the file, less the options of a method that is not taken, and those given."""
     from solvers.solve import default_method
 
-    options = dict(file.solve_options)
+    options = {name: value for name, value in file.solve_options.items() if name not in file.element}
     if "method" in given and given["method"] != default_method(options):
         kept = ("inner", "tolerance", "factorisation", "threads", "time_limit")
         options = {name: value for name, value in options.items() if name in kept}
-    return options | given
+    return options | file.element | given
 
 
 def _solved(file: "ProblemFile", options: dict[str, Any]) -> "tuple[History | None, tuple[ContactResult, ...]]":

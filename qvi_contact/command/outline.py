@@ -1,5 +1,6 @@
 """What a problem file was understood to say, for `qvi-contact check`."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -8,45 +9,63 @@ from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.files.export import element_of
 from qvi_contact.files.problem_builder import FIELDS, TABLES
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges, RectilinearMesh
-from qvi_contact.problem.conditions import Condition, Contact, Traction
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import Expression, Polynomial
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem, direction_of
 
 
-def outline(file: ProblemFile) -> dict[str, Any]:
-    """The problem at its first time in words and numbers that JSON can hold; discretises, but does not solve."""
-    problem, mesh = file.problem, file.problem.grid
+def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem, dict[str, Any]]:
+    """The problem at its first time, and that in words and numbers that JSON can hold; discretises, does not solve.
+
+    Parameters
+    ----------
+    file : ProblemFile
+        The problem.
+    given : mapping
+        Arguments for `discretize` that override the file's.
+
+    """
+    options = {**file.solve_options, **given}
     with file.named_errors(), np.errstate(all="ignore"):  # what is not finite is refused
-        discretization = discretize(problem)
+        discretization = discretize(file.problem, **{**file.element, **given})
+    problem = discretization.problem
     qvi = discretization.qvi
-    return {
+    return problem, {
         "title": file.title,
         "description": file.description,
         "units": {"length": file.units.length, "stress": file.units.stress},
-        "mesh": _mesh(mesh),
+        "mesh": _mesh(problem.mesh),
+        "element": element_of(discretization),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
         "materials": _materials(problem),
         "boundary": [_condition(problem, condition) for condition in problem.conditions],
         "loads": _loads(problem),
-        "solve": dict(file.solve_options),
+        "solve": dict(options),
         "times": list(file.times),
         "remarks": list(discretization.remarks),
     }
 
 
-def _mesh(mesh: RectilinearMesh) -> dict[str, Any]:
+def _mesh(mesh: Mesh) -> dict[str, Any]:
+    lines = {"columns": mesh.shape[1], "rows": mesh.shape[0]} if isinstance(mesh, RectilinearMesh) else {}
+    vertices = mesh.vertices[mesh.body_vertices]
+    low, high = vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()
+    smallest, largest = mesh.cell_range
     return {
-        "columns": mesh.shape[1],
-        "rows": mesh.shape[0],
-        "cells": int(mesh.active.sum()),
-        "x": [float(mesh.x[0]), float(mesh.x[-1])],
-        "y": [float(mesh.y[0]), float(mesh.y[-1])],
-        "smallest": float(min(np.diff(mesh.x).min(), np.diff(mesh.y).min())),
-        "largest": float(max(np.diff(mesh.x).max(), np.diff(mesh.y).max())),
+        **lines,
+        "cells": mesh.cell_count,
+        "vertices": len(vertices),
+        "x": [low[0], high[0]],
+        "y": [low[1], high[1]],
+        "smallest": smallest,
+        "largest": largest,
     }
 
 
@@ -60,7 +79,7 @@ def _materials(problem: ContactProblem) -> list[dict[str, Any]]:
 
 def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
     kind = type(condition).__name__.lower()
-    edges = problem.grid.edges(condition.edges)
+    edges = problem.mesh.edges(condition.edges)
     found: dict[str, Any] = {
         "kind": kind,
         "edges": condition.edges,
@@ -84,21 +103,24 @@ def _value(field: object) -> object:
 
 def _loads(problem: ContactProblem) -> list[dict[str, Any]]:
     """Resultants of the prescribed tractions and of the body force b = −∇φ, ∫ b dx = −∮ φ n ds."""
-    mesh = problem.grid
+    mesh = problem.mesh
     found: list[dict[str, Any]] = []
-    for condition in problem.cartesian_conditions:
+    for condition in problem.conditions:
         if isinstance(condition, Traction):
             edges = mesh.edges(condition.edges)
             x, y, weights = _points(mesh, edges)
-            parts = [evaluate("traction", 0.0 if v is None else v, x, y) for v in (condition.x, condition.y)]
-            if parts[0].any() or parts[1].any():
-                found.append({"name": condition.name, **_resultant(x, y, weights, parts[0], parts[1])})
+            given = [
+                evaluate("traction", value, x, y)[:, None] * np.repeat(direction_of(name, edges), LOAD_POINTS, axis=0)
+                for name, value in components(condition).items()
+            ]
+            t = np.sum(given, axis=0)
+            if t.any():
+                found.append({"name": condition.name, **_resultant(x, y, weights, *t.T)})
     x, y, weights = _points(mesh, mesh.boundary)
     potential = evaluate("body_potential", problem.body_potential, x, y)
     if np.ptp(potential) > 0.0:
-        along_x = np.repeat(mesh.boundary.axis == HORIZONTAL, LOAD_POINTS)
-        pull = -potential * np.repeat(mesh.boundary.sign, LOAD_POINTS)
-        found.append({"name": "body", **_resultant(x, y, weights, pull * ~along_x, pull * along_x)})
+        pull = -potential[:, None] * np.repeat(mesh.boundary.normal, LOAD_POINTS, axis=0)
+        found.append({"name": "body", **_resultant(x, y, weights, *pull.T)})
     return found
 
 
@@ -107,7 +129,7 @@ def _resultant(x: FloatArray, y: FloatArray, weights: FloatArray, t_x: FloatArra
     return {"x": float(weights @ t_x), "y": float(weights @ t_y), "moment": float(moment)}
 
 
-def _points(mesh: RectilinearMesh, edges: GridEdges) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _points(mesh: Mesh, edges: Edges) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gauss points x, y and weights along edges [length]."""
     t, weights = gauss_legendre(LOAD_POINTS)
     x, y = mesh.points_along(edges, t)

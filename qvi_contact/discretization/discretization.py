@@ -16,7 +16,7 @@ from qvi_contact.discretization.basis import Basis, Energy, RowKind, SharedCorne
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
 from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined, stacked
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
-from qvi_contact.discretization.families import basis_for
+from qvi_contact.discretization.families import ElementName, basis_for, with_element
 from qvi_contact.discretization.loads import (
     cell_potential,
     displacement_load,
@@ -186,6 +186,7 @@ class Discretization(Stated):
 def discretize(
     problem: ContactProblem,
     *,
+    element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     scales: Scales | None = None,
@@ -197,6 +198,10 @@ def discretize(
     ----------
     problem : ContactProblem
         The problem.
+    element : "bfs" or "hct", optional
+        "hct" is the Hsieh-Clough-Tocher element: rectangles are cut into triangles before, and the discretisation's
+        problem is the one on triangles. "bfs" is the Bogner-Fox-Schmit element, on rectangles only. By default the mesh
+        decides.
     degree : int, optional
         Degree of the Airy function on a triangle mesh; rectangles have the Bogner-Fox-Schmit element, of degree 3.
     contact_rows : "bernstein" or "gauss", optional
@@ -221,11 +226,12 @@ def discretize(
     ------
     InputError
         If a field of the problem gives bad values, the tractions on a closed part of the boundary are out of balance,
-        or the mesh has no element of that degree.
+        or the mesh has no such element, or none of that degree.
 
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
+    problem = with_element(problem, element)
     space = basis_for(problem.mesh, degree, contact_rows)
     none = np.empty(0, dtype=np.int64)
     return _discretized(problem, space, scales or Scales.of(problem), none if freed is None else freed)

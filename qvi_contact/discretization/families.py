@@ -1,8 +1,8 @@
 """Which element a mesh has."""
 
-from typing import Final
+from typing import Final, Literal, TypeAlias, get_args
 
-from qvi_contact.basics.checks import whole_number
+from qvi_contact.basics.checks import one_of, whole_number
 from qvi_contact.discretization.basis import Basis, RowKind
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
 from qvi_contact.discretization.hsieh_clough_tocher.basis import TriangleBasis
@@ -11,9 +11,40 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.problem import ContactProblem
+
+ElementName: TypeAlias = Literal["bfs", "hct"]
+"""The elements by name: Bogner-Fox-Schmit on rectangles, Hsieh-Clough-Tocher on triangles."""
 
 DEFAULT_DEGREE: Final = 4
 """Degree on triangles where none is given."""
+
+
+def with_element(problem: ContactProblem, element: ElementName | None = None) -> ContactProblem:
+    """The problem on a mesh that the element needs.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    element : "bfs" or "hct", optional
+        For "hct" rectangles are cut into triangles, see `ContactProblem.triangulated`; "bfs" wants rectangles. By
+        default the mesh stays what it is.
+
+    Raises
+    ------
+    InputError
+        If there is no such element, or it does not fit the mesh.
+
+    """
+    if element is None:
+        return problem
+    one_of("element", element, get_args(ElementName), "give 'bfs' (rectangles) or 'hct' (triangles)")
+    rectangles = isinstance(problem.mesh, RectilinearMesh)
+    if element == "bfs" and not rectangles:
+        remedy = "the Bogner-Fox-Schmit element needs rectangles, and this is a mesh of triangles: leave this out"
+        raise InputError("element", element, remedy)
+    return problem.triangulated() if element == "hct" and rectangles else problem
 
 
 def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | None = None) -> Basis:
@@ -38,10 +69,16 @@ def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | Non
         whole_number("degree", degree)
     if isinstance(mesh, RectilinearMesh):
         if degree not in (None, BognerFoxSchmit.degree):
-            remedy = "rectangles have the Bogner-Fox-Schmit element of degree 3: leave this out, or take a TriangleMesh"
+            remedy = (
+                "rectangles have the Bogner-Fox-Schmit element of degree 3: leave this out, or cut them into triangles "
+                "by element 'hct'"
+            )
             raise InputError("degree", degree, remedy)
         if contact_rows not in (None, "gauss"):
-            remedy = 'on rectangles rows are tractions at Gauss points: leave this out, or take inner="strict:…"'
+            remedy = (
+                "on rectangles rows are tractions at Gauss points: leave this out, cut them into triangles by element "
+                "'hct', or take an inner solver 'strict:…'"
+            )
             raise InputError("contact_rows", contact_rows, remedy)
         return BognerFoxSchmit(mesh)
     if isinstance(mesh, TriangleMesh):

@@ -15,6 +15,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, whole_number
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, replacing, write_text
+from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import write_archive
@@ -80,6 +81,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         "seconds": dict(solution.timings),
         "versions": dict(solution.versions),
         "mesh": _mesh(result, units),
+        "element": element_of(result.discretization),
         **(_state(result, units) if result.has_state else dict.fromkeys(_STATE_KEYS)),
     }
     return {key: _plain(value) for key, value in document.items()}
@@ -256,6 +258,12 @@ def _resultant(result: ContactResult, edges: str, units: Units) -> dict[str, Any
         "y": _quantity(found.y, units.force),
         "moment": _quantity(found.moment, units.moment),
     }
+
+
+def element_of(discretization: Discretization) -> dict[str, Any]:
+    """Name, degree and contact rows of the element, for documents."""
+    space = discretization.space
+    return {"name": space.family, "degree": space.degree, "contact_rows": space.contact_rule.kind}
 
 
 def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:

@@ -26,10 +26,11 @@ from qvi_contact.files.problem_document import (
     quoted,
 )
 from qvi_contact.mesh.lines import graded_lines, on_line
+from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
-from qvi_contact.problem.material import Material, Region, material_numbers
+from qvi_contact.problem.material import Material, Region, cell_materials
 from qvi_contact.problem.problem import ContactProblem
 
 TABLES: Final[dict[type, str]] = {
@@ -141,7 +142,7 @@ class Reader:
                     mesh = add(mesh, **entry.model_dump())
         return mesh if table.refine is None else _refined(mesh, table.refine)
 
-    def problem(self, mesh: RectilinearMesh) -> ContactProblem:
+    def problem(self, mesh: Mesh) -> ContactProblem:
         """The problem on that mesh, its fields checked where they count."""
         document = self.document
         _check_constants(document.constants)
@@ -155,7 +156,7 @@ class Reader:
             with located(f"regions[{index}]", table):
                 x, y = (None if pair is None else (pair[0], pair[1]) for pair in (table.x, table.y))
                 regions.append(Region(Material(table.young, table.poisson, plane), x, y))
-                material_numbers(mesh, regions[-1:])
+                cell_materials(mesh, regions[-1:])
         try:
             problem = ContactProblem(mesh, material, conditions, potential, regions)
         except InputError as error:
@@ -164,7 +165,7 @@ class Reader:
         self._check_values(problem)
         return problem
 
-    def _conditions(self, mesh: RectilinearMesh) -> Iterator[Condition]:
+    def _conditions(self, mesh: Mesh) -> Iterator[Condition]:
         for kind in TABLES.values():
             for index, table in enumerate(getattr(self.document, kind)):
                 path = f"{kind}[{index}]"
@@ -205,7 +206,7 @@ class Reader:
         for condition in problem.conditions:
             kind = TABLES[type(condition)]
             index[kind] += 1
-            x, y = _points(problem.grid, condition.edges)
+            x, y = _points(problem.mesh, condition.edges)
             for key in FIELDS[kind]:
                 field = getattr(condition, key)
                 if callable(field):
@@ -307,7 +308,7 @@ def _refined_size(lines: FloatArray, table: RefineTable) -> float:
     return float(min(graded, len(lines) + extent / smallest))
 
 
-def _points(mesh: RectilinearMesh, edges: str) -> tuple[FloatArray, FloatArray]:
+def _points(mesh: Mesh, edges: str) -> tuple[FloatArray, FloatArray]:
     """Ends and Gauss points of edges: all places where their conditions are evaluated."""
     t = np.concatenate([[0.0, 1.0], gauss_legendre(GAUSS_COUNT)[0], gauss_legendre(LOAD_POINTS)[0]])
     x, y = mesh.points_along(mesh.edges(edges), t)

@@ -232,8 +232,11 @@ class ContactTable(Table):
 
 
 class SolveTable(Table):
-    """Defaults for `qvi_contact.solve`; all but the first six are options of a method."""
+    """Defaults for `qvi_contact.solve`; all but the first nine are options of a method."""
 
+    element: Literal["bfs", "hct"] | None = None
+    degree: int | None = None
+    contact_rows: Literal["bernstein", "gauss"] | None = None
     method: str | None = None
     inner: str | None = None
     tolerance: float | None = None

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from qvi_contact.files.problem_builder import Reader, file_path
 from qvi_contact.files.problem_document import Document, TimeRange, parse
 from qvi_contact.files.problem_size import LARGEST, check_length
 from qvi_contact.problem.problem import ContactProblem
+
+ELEMENT_OPTIONS: Final = ("element", "degree", "contact_rows")
+"""Arguments of `solve` that choose the element rather than the method."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,11 @@ class ProblemFile:
     times: tuple[float, ...]
     _document: Document = field(repr=False)
 
+    @property
+    def element(self) -> dict[str, Any]:
+        """What the file says of the element: arguments for `qvi_contact.discretize`."""
+        return {name: value for name, value in self.solve_options.items() if name in ELEMENT_OPTIONS}
+
     def problem_at(self, t: float) -> ContactProblem:
         """The problem with another value of t in its expressions, on the same mesh.
 
@@ -57,7 +65,7 @@ class ProblemFile:
 
         """
         try:
-            return Reader(self._document, t).problem(self.problem.grid)
+            return Reader(self._document, t).problem(self.problem.mesh)
         except InputError as error:
             raise InputError(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
 

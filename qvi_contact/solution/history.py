@@ -19,6 +19,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, one_of
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import discretize
+from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
@@ -159,6 +160,7 @@ def solve_history(
     callback: Callable[[int, ContactResult], object] | None = None,
     *,
     time_limit: float | None = None,
+    element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     **options: Any,  # checked by solve
@@ -176,8 +178,8 @@ def solve_history(
     time_limit : float, optional
         Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
         unless its certificate passes.
-    degree, contact_rows
-        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`.
+    element, degree, contact_rows
+        The element, its degree on a triangle mesh, and what bounds tractions there, see `discretize`.
     **options
         As for `solve`. Where the fixed point solves a step it starts from the pressure of the one before it.
 
@@ -193,17 +195,17 @@ def solve_history(
 
     """
     with watched(time_limit):
-        return _history(problems, {"degree": degree, "contact_rows": contact_rows}, callback, options)
+        steps = [with_element(problem, element) for problem in _checked_steps(problems)]
+        return _history(steps, {"degree": degree, "contact_rows": contact_rows}, callback, options)
 
 
 def _history(
-    problems: Iterable[ContactProblem],
+    steps: Sequence[ContactProblem],
     element: dict[str, Any],
     callback: Callable[[int, ContactResult], object] | None,
     options: dict[str, Any],
 ) -> History:
     """All steps, again from the first where one gives up shears in corners."""
-    steps = _checked_steps(problems)
     all_scales = [Scales.of(problem) for problem in steps]
     scales = max(all_scales, key=lambda scales: (scales.loaded, scales.stress))
     freed = np.empty(0, dtype=np.int64)

@@ -11,6 +11,7 @@ from scipy.optimize import linprog
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, one_of
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
@@ -57,6 +58,7 @@ def limit_load_factor(
     loads: Sequence[str],
     *,
     time_limit: float | None = None,
+    element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
 ) -> float:
@@ -80,8 +82,8 @@ def limit_load_factor(
         "body" for the body force.
     time_limit : float, optional
         Seconds for the linear programs, at most 300 for each of them in any case.
-    degree, contact_rows
-        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`.
+    element, degree, contact_rows
+        The element, its degree on a triangle mesh, and what bounds tractions there, see `discretize`.
 
     Returns
     -------
@@ -97,7 +99,7 @@ def limit_load_factor(
 
     """
     with watched(time_limit):
-        limit = limit_load(problem, loads, degree=degree, contact_rows=contact_rows)
+        limit = limit_load(problem, loads, element=element, degree=degree, contact_rows=contact_rows)
     gap = limit.bound - limit.factor
     if np.isfinite(limit.factor) and not (
         gap <= _CERTIFIED * (1.0 + abs(limit.factor)) and limit.violation <= _CERTIFIED
@@ -109,12 +111,14 @@ def limit_load_factor(
     return limit.factor
 
 
-def limit_load(problem: ContactProblem, loads: Sequence[str], **element: Any) -> LimitLoad:
-    """The linear program of `limit_load_factor` with its certificate; `element` is for `discretize`."""
+def limit_load(
+    problem: ContactProblem, loads: Sequence[str], *, element: ElementName | None = None, **space: Any
+) -> LimitLoad:
+    """The linear program of `limit_load_factor` with its certificate; `space` is for `discretize`."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     names = _checked_names(problem, loads)
-    low, high = _sampled(problem, names, element)
+    low, high = _sampled(with_element(problem, element), names, space)
     rows, slopes = _affine(low.qvi, high.qvi)
     if rows.G.shape[0] == 0:
         return LimitLoad(np.inf, np.inf, 0.0)
@@ -137,7 +141,7 @@ def _checked_names(problem: ContactProblem, loads: Sequence[str]) -> tuple[str, 
 
 
 def _sampled(
-    problem: ContactProblem, names: Sequence[str], element: Mapping[str, Any]
+    problem: ContactProblem, names: Sequence[str], space: Mapping[str, Any]
 ) -> tuple[Discretization, Discretization]:
     """The problem at two load factors in the same units, with the same degrees of freedom kept."""
     multiples = [_multiplied(problem, names, factor) for factor in _SAMPLES]
@@ -146,7 +150,7 @@ def _sampled(
     freed: IntArray = np.unique([node for multiple in multiples for node, _ in shear_beside_contacts(multiple)])
     for _ in range(2):
         low, high = (
-            discretize(multiple, scales=scales, freed=freed.astype(np.int64), **element) for multiple in multiples
+            discretize(multiple, scales=scales, freed=freed.astype(np.int64), **space) for multiple in multiples
         )
         freed = np.unique(np.concatenate([freed, low.elimination.conflicts, high.elimination.conflicts]))
     return low, high

@@ -7,6 +7,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.families import ElementName
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.reach import solve_within_reach
@@ -30,6 +31,7 @@ def solve(
     tolerance: float = 1e-8,
     time_limit: float | None = None,
     *,
+    element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     **options: Any,  # checked by the method that takes them
@@ -57,6 +59,9 @@ def solve(
         Seconds for everything together: all methods, retries and inner problems. When they are over the best state so
         far is returned, with the status "time_limit" unless its certificate passes. A factorisation under way, and an
         inner solver that takes no limit, are not interrupted.
+    element : "bfs" or "hct", optional
+        The Bogner-Fox-Schmit element on rectangles or the Hsieh-Clough-Tocher element on triangles, into which
+        rectangles are cut: the result is then one of the problem on triangles. By default the mesh decides.
     degree, contact_rows
         Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`. With Bernstein
         coefficients, the default but for "uzawa", a strict inner solver is its counterpart without cones.
@@ -83,7 +88,7 @@ def solve(
     if not isinstance(problem, (ContactProblem, Discretization)):
         raise InputError("problem", problem, "give a ContactProblem or a Discretization")
     if isinstance(problem, Discretization):
-        for option, value in (("degree", degree), ("contact_rows", contact_rows)):
+        for option, value in (("element", element), ("degree", degree), ("contact_rows", contact_rows)):
             if value is not None:
                 raise InputError(option, value, "belongs to discretize: this problem is discretised already")
     check_choice(method, inner)
@@ -95,7 +100,7 @@ def solve(
         else:
             if contact_rows is None and method == "uzawa":
                 contact_rows = "gauss"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
-            fresh = discretize(problem, degree=degree, contact_rows=contact_rows)
+            fresh = discretize(problem, element=element, degree=degree, contact_rows=contact_rows)
             result = _solve(_fitted(fresh, settings), settings)
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)

@@ -29,7 +29,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.files.problem_document import SolveTable
-from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.files.problem_file import ELEMENT_OPTIONS, problem_from_toml
 from qvi_contact.files.problem_writer import problem_to_toml
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
@@ -315,7 +315,7 @@ def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):
 def test_solve_takes_all_options_a_file_can_hold():
     kinds = (CondensedOptions, FixedPointOptions, UzawaOptions)
     options = {f.name for kind in kinds for f in dataclasses.fields(kind)}
-    general = {"method", "inner", "tolerance", "factorisation", "threads", "time_limit"}
+    general = {"method", "inner", "tolerance", "factorisation", "threads", "time_limit", *ELEMENT_OPTIONS}
     not_stored = {"initial", "callback", "inner_options"}  # the last: settings of a back end, no part of a problem
     assert set(SolveTable.model_fields) - general == options - not_stored
 
