@@ -110,8 +110,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
 
 def _shares(line: ContactLine) -> list[str]:
     """Shares of the contact's length that are open, stick and slip."""
-    length = line.weights.sum()
-    return [f"{100.0 * line.weights[line.state == state].sum() / length:.1f} %" for state in ContactState]
+    return [f"{100.0 * share:.1f} %" for share in line.shares.values()]
 
 
 def _data(condition: Mapping[str, Any]) -> str:

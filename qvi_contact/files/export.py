@@ -139,8 +139,8 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
       On triangles instead of these ``vertices`` (v, 2) [length], ``cells`` (cells, 3) and ``material`` (cells,);
     * ``gauss_x``, ``gauss_y`` (cells, g) [length] and ``gauss_stress`` (cells, g, 3): σ_xx, σ_yy, σ_xy [stress], on
       rectangles with g = 16;
-    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has, forces included, and
-      with a plate ``<name>.motion``: x, y [length] and rotation [rad];
+    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has of its points, and its
+      forces; with a plate ``<name>.motion``: x, y [length] and rotation [rad];
     * ``energies``: strain, load, complementary, dissipation [stress × length²]; ``traction_misfit`` [stress];
     * ``status``, ``message``: texts.
 
@@ -326,8 +326,8 @@ def _grid_arrays(result: ContactResult) -> dict[str, Any]:
 
 
 def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
-    """Fields of every `ContactLine`, with its resultant forces."""
-    names = [field.name for field in fields(ContactLine) if field.name != "name"]
+    """Fields of every `ContactLine`, with its resultant forces; where its edges lie is known from the mesh."""
+    names = [field.name for field in fields(ContactLine) if field.name not in ("name", "ends")]
     names += ["normal_force", "tangential_force"]
     return {f"{name}.{field}": getattr(line, field) for name, line in contacts.items() for field in names}
 

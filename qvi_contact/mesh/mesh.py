@@ -73,6 +73,11 @@ class Mesh(Protocol):
         """Names of joints, those that `joint_set` knows."""
         ...
 
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """Names of regions, those that `region` knows."""
+        ...
+
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
         ...

@@ -15,7 +15,9 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.lines import checked_lines, graded_lines, on_line, subdivided
 from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.words import mesh_line
 from solvers.basics.pickles import Stated
+from solvers.basics.types import load
 
 SIDES: Final = ("bottom", "right", "top", "left")
 """The four directions a boundary edge can face, counterclockwise from −y."""
@@ -86,7 +88,7 @@ class EdgeRange:
         return self.side in DIRECTIONS
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RectilinearMesh(Stated):
     """A rectilinear grid, possibly with cells left out.
 
@@ -121,6 +123,15 @@ class RectilinearMesh(Stated):
         object.__setattr__(self, "x", checked_lines("RectilinearMesh.x", self.x))
         object.__setattr__(self, "y", checked_lines("RectilinearMesh.y", self.y))
         object.__setattr__(self, "active", _checked_mask(self.active, self.shape))
+
+    def __repr__(self) -> str:
+        left_out = self.active.size - self.cell_count
+        cells = f"{self.shape[1]} × {self.shape[0]} cells" + (f" less {left_out}" if left_out else "")
+        return mesh_line(self, cells)
+
+    def _repr_html_(self) -> str:
+        """The mesh drawn, for notebooks."""
+        return str(load("qvi_contact.files.notebook").mesh_html(self))
 
     @classmethod
     def rectangle(
@@ -311,6 +322,11 @@ class RectilinearMesh(Stated):
         if chosen.at is not None:
             keep &= middle[:, 1 - axis] == on_line("at", chosen.at, across)
         return found[keep]
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """None: regions of a grid are given by coordinates."""
+        return ()
 
     def region(self, name: str) -> IntArray:
         """Regions of a rectilinear mesh have no names: `InputError` says to give ranges."""

@@ -29,7 +29,9 @@ from qvi_contact.mesh.triangle_checks import (
     refuse_flaws,
 )
 from qvi_contact.mesh.triangulation import triangulated
+from qvi_contact.mesh.words import mesh_line
 from solvers.basics.pickles import Stated
+from solvers.basics.types import load
 
 Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
@@ -40,7 +42,7 @@ _DEEPEST: Final = 100
 _NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class TriangleMesh(Stated):
     """A body divided into triangles.
 
@@ -79,6 +81,13 @@ class TriangleMesh(Stated):
         object.__setattr__(self, "edge_sets", MappingProxyType(pairs))
         regions = {name: checked_region(name, given, len(self.cells)) for name, given in self.regions.items()}
         object.__setattr__(self, "regions", MappingProxyType(regions))
+
+    def __repr__(self) -> str:
+        return mesh_line(self, f"{len(self.cells)} triangles with {len(self.vertices)} vertices")
+
+    def _repr_html_(self) -> str:
+        """The mesh drawn, for notebooks."""
+        return str(load("qvi_contact.files.notebook").mesh_html(self))
 
     @classmethod
     def rectangle(

@@ -27,6 +27,7 @@ from qvi_contact.problem.conditions import (
 )
 from qvi_contact.problem.material import Material, Region, cell_materials, material_numbers
 from solvers.basics.pickles import Stated
+from solvers.basics.types import load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
 _CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1
@@ -55,7 +56,7 @@ class Prescribed:
     value: Field
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ContactProblem(Stated):
     """A body, what it is made of, and what happens on its boundary.
 
@@ -102,6 +103,19 @@ class ContactProblem(Stated):
         _check_complete(self)
         _check_holes(self)
         _ = self.cell_materials  # refuses regions off the grid lines
+
+    def __repr__(self) -> str:
+        named: dict[str, list[str]] = {}
+        for condition in self.conditions:
+            name = condition.name if isinstance(condition, Contact) else condition.edges
+            listed = named.setdefault(type(condition).__name__.lower(), [])
+            listed.extend([name] if name not in listed else [])
+        conditions = "; ".join(f"{kind} {', '.join(names)}" for kind, names in named.items())
+        return f"<ContactProblem: {conditions}; {self.mesh!r}>"
+
+    def _repr_html_(self) -> str:
+        """The mesh drawn and a table of conditions, for notebooks."""
+        return str(load("qvi_contact.files.notebook").problem_html(self))
 
     @property
     def grid(self) -> RectilinearMesh:

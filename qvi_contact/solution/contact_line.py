@@ -4,16 +4,40 @@ Displacements come from the multipliers: divided by the weights where the rows o
 the traces feel them, see `Basis.contact_displacements`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final
+from functools import cached_property
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.errors import InputError
 from qvi_contact.solution.between_points import between_points
+from qvi_contact.solution.contact_path import ContactPath
+from solvers.basics.types import load
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+_COLUMNS: Final = (
+    ("x", "x", "length"),
+    ("y", "y", "length"),
+    ("weight", "weights", "length"),
+    ("friction", "friction", ""),
+    ("friction_bound", "friction_bound", "stress"),
+    ("normal_stress", "normal_stress", "stress"),
+    ("tangential_stress", "tangential_stress", "stress"),
+    ("gap", "gap", "displacement"),
+    ("slip", "slip", "displacement"),
+)
+"""Columns of `ContactLine.to_frame`: name, attribute, which of the `Units` it is in."""
 
 STATE_TOLERANCE: Final = 1e-6
 
@@ -26,7 +50,7 @@ class ContactState(IntEnum):
     SLIP = 2
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ContactLine:
     """One contact in the solution; arrays over its m Gauss points, edges in the mesh's order.
 
@@ -58,6 +82,8 @@ class ContactLine:
         projection as well, on rectangles on continuous quadratic functions.
     state : (m,) int array
         `ContactState`: 0 open, 1 stick, 2 slip; see `contact_states` for the rule and its tolerance.
+    ends : (edges, 2, 2) array
+        The two ends x, y of each edge, in the direction of the tangent [length].
     excess_between_points : float
         Largest (|σ_T| − bound)⁺ anywhere on the contact [stress], with the bound of the pressure there: 0 at the points
         up to the certificate's tolerance, and between them only where the inner solver is a "strict" one.
@@ -83,6 +109,7 @@ class ContactLine:
     gap: FloatArray
     slip: FloatArray
     state: IntArray
+    ends: FloatArray
     excess_between_points: float = 0.0
     pull_between_points: float = 0.0
 
@@ -95,6 +122,65 @@ class ContactLine:
     def tangential_force(self) -> float:
         """∫ σ_T ds, force on the body along the tangent a unit of thickness [stress × length]."""
         return float(self.weights @ self.tangential_stress)
+
+    @property
+    def points_per_edge(self) -> int:
+        """Number of Gauss points on each edge."""
+        return len(self.x) // len(self.ends)
+
+    @cached_property
+    def path(self) -> ContactPath:
+        """The edges in order along the contact."""
+        return ContactPath.of(self.ends)
+
+    @property
+    def shares(self) -> Mapping[str, float]:
+        """Shares of the contact's length that are "open", "stick" and "slip", of sum 1."""
+        length = float(self.weights.sum())
+        return {state.name.lower(): float(self.weights[self.state == state].sum()) / length for state in ContactState}
+
+    def to_frame(self, units: Units | None = None) -> "DataFrame":
+        """All points in order along the contact as a pandas table; needs the extra ``frame`` (pandas).
+
+        Parameters
+        ----------
+        units : Units, optional
+            If given, names of columns end in their unit, as in "slip [mm]".
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row a point, with the columns "s" (length along the contact, line by line), "x", "y", "weight",
+            "friction", "friction_bound", "normal_stress", "tangential_stress", "gap", "slip" as described above, and
+            "state", a categorical of "open", "stick", "slip".
+
+        Raises
+        ------
+        InputError
+            If pandas is missing.
+
+        """
+        if find_spec("pandas") is None:
+            remedy = "tables of contacts need pandas: python -m pip install 'qvi-contact[frame]'"
+            raise InputError("to_frame", "pandas", remedy)
+        pandas, path = load("pandas"), self.path
+        order = path.points(self.points_per_edge).ravel()
+        columns = {"s": path.places(gauss_legendre(self.points_per_edge)[0]).ravel()}
+        columns |= {column: getattr(self, field)[order] for column, field, _ in _COLUMNS}
+        if units is not None:
+            quantities = {"s": "length"} | {column: quantity for column, _, quantity in _COLUMNS if quantity}
+            labels = {column: f"{column} [{getattr(units, quantity)}]" for column, quantity in quantities.items()}
+            columns = {labels.get(column, column): values for column, values in columns.items()}
+        states = pandas.Categorical.from_codes(self.state[order], [state.name.lower() for state in ContactState])
+        return pandas.DataFrame({**columns, "state": states})
+
+    def __repr__(self) -> str:
+        shares = ", ".join(f"{100.0 * share:.0f} % {state}" for state, share in self.shares.items() if share)
+        return f"<ContactLine {self.name}: N = {self.normal_force:.6g}, T = {self.tangential_force:.6g}, {shares}>"
+
+    def _repr_html_(self) -> str:
+        """Forces, extremes and states as a table, for notebooks."""
+        return str(load("qvi_contact.files.notebook").contact_html(self))
 
 
 def contact_states(
@@ -156,6 +242,7 @@ def contact_line(
     contacts = discretization.contacts
     rows = contacts[number]
     scales, points = discretization.scales, rows.points
+    mesh, edges = discretization.problem.mesh, points.edges
     x, y = physical(discretization.problem, scales, points.coordinates)
     far = normal_multiplier + points.weights * rows.beyond
     gap, against = discretization.space.contact_displacements(
@@ -177,6 +264,7 @@ def contact_line(
         gap=gap * scales.displacement,
         slip=slip * scales.displacement,
         state=contact_states(normal, tangential, bound, gap, slip, unit, unit, may_open=may_open),
+        ends=np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1),
         excess_between_points=float(violations.excess.max(initial=0.0)) * scales.stress,
         pull_between_points=float(violations.pull.max(initial=0.0)) * scales.stress,
     )

@@ -123,7 +123,16 @@ class ContactResult(Stated):
     solution: QVISolution
 
     def __repr__(self) -> str:
-        return f"<ContactResult {self.message}>"
+        if not self.has_state:
+            return f"<ContactResult {self.message}>"
+        forces = (f"{c.name} N = {c.normal_force:.6g}, T = {c.tangential_force:.6g}" for c in self.contacts.values())
+        certificate = "passed" if self.certificate.passed else "failed"
+        accuracy = f"certificate {certificate} with {self.certificate.accuracy:.1e}"
+        return f"<ContactResult {'; '.join([f'{self.status}, {accuracy}', *forces])}>"
+
+    def _repr_html_(self) -> str:
+        """Outcome, contacts and certificate as a table, for notebooks."""
+        return str(load("qvi_contact.files.notebook").result_html(self))
 
     @property
     def problem(self) -> ContactProblem:
@@ -357,6 +366,34 @@ class ContactResult(Stated):
         """
         found: Bracket = load("qvi_contact.bracket").bracket(self)  # that room builds on this one
         return found
+
+    def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Displacement at points of the body, of displacement elements on the same mesh.
+
+        The stress itself has no displacement: it comes from the second model of `bracket`, which is solved on first
+        use, under the friction bound of this result. ``bracket.companion`` has more of it.
+
+        Parameters
+        ----------
+        x, y : array_like
+            Coordinates [length], broadcast against each other.
+
+        Returns
+        -------
+        (..., 2) array
+            u_x, u_y [length]; on joints the mean of all sides.
+
+        Raises
+        ------
+        InputError
+            If a point lies outside the body, there is no stress state, no displacement was found, or this is a step
+            of a history.
+
+        """
+        companion = self.bracket.companion
+        if companion is None:
+            raise InputError("displacement(x, y)", self.status.value, f"no displacement was found: {self.message}")
+        return companion.displacement(x, y)
 
     def _multipliers(self, kind: str) -> FloatArray:
         """Row multipliers "normal", "tangential" or "equality"; says what is wrong if there are none."""

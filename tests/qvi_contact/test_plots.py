@@ -190,6 +190,7 @@ def contact(edges, states, vertical=False, bound=None):
         "contact", *place, weights, np.full_like(along, 0.25), 0.25 * pressure if bound is None else bound + 0 * along,
         -pressure, -0.2 * pressure, 0 * along, 0 * along,
         np.concatenate([np.array(s) for s in states]),
+        np.array([[(5.0, a), (5.0, b)] if vertical else [(a, 5.0), (b, 5.0)] for a, b in edges]),
     )  # fmt: skip
 
 

@@ -1,0 +1,138 @@
+"""Meshes, problems and results as pieces of HTML, which notebooks show for an object at the end of a cell."""
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+from markupsafe import Markup
+
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.problem.conditions import Condition, Contact
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_line import ContactLine
+from qvi_contact.solution.result import ContactResult
+
+_SIZE: Final = 280.0  # of the longer side of a drawing [pixels]
+_MARGIN: Final = 8.0
+_MOST_EDGES: Final = 6000  # inside the body: more are left out, and the outline stays
+_COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+_DASHES: Final = ("none", "7 3", "2 3", "9 3 2 3", "12 4", "4 4")
+"""Looks of named parts in turn, which differ without colour too."""
+
+_NOTHING: Final = 1e-9  # share of the largest force, traction or motion that is rounding
+
+
+def mesh_html(mesh: Mesh) -> Markup:
+    """The mesh in one line, drawn with its named parts in colours that a legend explains."""
+    names = (*mesh.edge_names, *mesh.joint_names)
+    keys = Markup(" ").join(
+        Markup('<span style="white-space:nowrap">{} {}</span>').format(_stroke(number), name)
+        for number, name in enumerate(names)
+    )
+    return Markup("<div><div>{}</div>{}<div>{}</div></div>").format(_bare(mesh), _drawing(mesh, names), keys)
+
+
+def problem_html(problem: ContactProblem) -> Markup:
+    """The mesh of a problem, and a table of its materials and conditions."""
+    rows = [["material", "", str(material)] for material in problem.materials]
+    rows += [[type(c).__name__.lower(), c.edges, _given(c)] for c in problem.conditions]
+    return Markup("<div>{}{}</div>").format(mesh_html(problem.mesh), _table(["", "edges", "given"], rows))
+
+
+def result_html(result: ContactResult) -> Markup:
+    """How a solve ended, and what its contacts carry."""
+    lines = [result.message, *(f"Remark: {remark}" for remark in result.remarks)]
+    found = Markup("").join(Markup("<div>{}</div>").format(line) for line in lines)
+    if result.has_state and result.contacts:
+        found += _contacts(result.contacts.values())
+    return Markup("<div>{}</div>").format(found)
+
+
+def contact_html(line: ContactLine) -> Markup:
+    """What one contact carries, and how it moves."""
+    tractions = {"pressure": -line.normal_stress, "|σ_T|": np.abs(line.tangential_stress)}
+    motions = {"gap": line.gap, "|slip|": np.abs(line.slip)}
+    rows = [["points", str(len(line.x))]]
+    for group, unit in ((tractions, "stress"), (motions, "length")):
+        size = max(float(np.abs(values).max()) for values in group.values())
+        rows += [[f"largest {name} [{unit}]", _number(float(v.max()), _NOTHING * size)] for name, v in group.items()]
+    return Markup("<div>{}{}</div>").format(_contacts([line]), _table(["", line.name], rows))
+
+
+def _contacts(lines: Iterable[ContactLine]) -> Markup:
+    """Forces and shares of the length by contact."""
+    lines = list(lines)
+    least = _NOTHING * max(abs(force) for line in lines for force in (line.normal_force, line.tangential_force))
+    rows = [
+        [
+            line.name,
+            *(_number(force, least) for force in (line.normal_force, line.tangential_force)),
+            *(f"{100.0 * share:.1f} %" for share in line.shares.values()),
+        ]
+        for line in lines
+    ]
+    return _table(["contact", "N [stress × length]", "T [stress × length]", *lines[0].shares], rows)
+
+
+def _number(value: float, least: float) -> str:
+    """The number, or 0 where it is rounding."""
+    return f"{value:.6g}" if abs(value) > least else "0"
+
+
+def _given(condition: Condition) -> str:
+    """What a condition gives, without what goes without saying."""
+    names = [name for name in type(condition).__dataclass_fields__ if name not in ("edges", "name")]
+    values = {name: getattr(condition, name) for name in names}
+    if isinstance(condition, Contact):
+        usual = {"gap": 0.0, "offset": 0.0, "cohesion": 0.0, "law": "unilateral"}
+        values = {name: value for name, value in values.items() if callable(value) or value != usual.get(name)}
+    named = {name: "a function" if callable(value) else value for name, value in values.items() if value is not None}
+    return ", ".join(f"{name} = {value}" for name, value in named.items())
+
+
+def _table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Markup:
+    """Rows of cells."""
+    cells = [Markup("").join(Markup("<td>{}</td>").format(cell) for cell in row) for row in rows]
+    top = Markup("").join(Markup("<th>{}</th>").format(name) for name in heading)
+    body = Markup("").join(Markup("<tr>{}</tr>").format(row) for row in cells)
+    return Markup("<table><thead><tr>{}</tr></thead><tbody>{}</tbody></table>").format(top, body)
+
+
+def _drawing(mesh: Mesh, names: Sequence[str]) -> Markup:
+    """The mesh as an inline picture: edges inside thin, the boundary thick, named parts in their looks."""
+    lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    scale = _SIZE / float((upper - lower).max())
+    width, height = ((upper - lower) * scale + 2.0 * _MARGIN).tolist()
+    places = (mesh.vertices - lower) * [scale, -scale] + [_MARGIN, height - _MARGIN]
+    inner = mesh.interior if len(mesh.interior) <= _MOST_EDGES else mesh.interior.take(np.empty(0, dtype=np.int64))
+    paths = [Markup('<path d="{}" stroke="#bbb" stroke-width="0.5"/>').format(_path(places, inner.first, inner.second))]
+    edges = mesh.boundary
+    paths.append(Markup('<path d="{}" stroke="#444"/>').format(_path(places, edges.first, edges.second)))
+    for number, name in enumerate(names):
+        edges = mesh.edges(name)
+        path = _path(places, edges.first, edges.second)
+        paths.append(Markup('<path d="{}" {}><title>{}</title></path>').format(path, _look(number), name))
+    size = Markup('width="{:.0f}" height="{:.0f}"').format(width, height)
+    frame = Markup('<svg xmlns="http://www.w3.org/2000/svg" role="img" {} fill="none">{}</svg>')
+    return frame.format(size, Markup("").join(paths))
+
+
+def _path(places: FloatArray, first: IntArray, second: IntArray) -> str:
+    ends = np.column_stack([places[first], places[second]]).round(1)
+    return "".join(f"M{a:g} {b:g}L{c:g} {d:g}" for a, b, c, d in ends.tolist())
+
+
+def _look(number: int) -> Markup:
+    colour, dashes = (looks[number % len(looks)] for looks in (_COLOURS, _DASHES))
+    return Markup('stroke="{}" stroke-width="2.5" stroke-dasharray="{}"').format(colour, dashes)
+
+
+def _stroke(number: int) -> Markup:
+    """A short line in the look of a named part."""
+    frame = Markup('<svg xmlns="http://www.w3.org/2000/svg" width="28" height="8"><path d="M0 4L28 4" {}/></svg>')
+    return frame.format(_look(number))
+
+
+def _bare(mesh: Mesh) -> str:
+    return repr(mesh)[1:-1]

@@ -1,0 +1,70 @@
+"""The order of a contact's edges and points along the lines they make up, and places on these lines.
+
+Meshes number edges as they like, and the tangent of an edge has t_x > 0, so that neither tells where a curved contact
+leads. A path does: each line begins at the end of smallest x (and y), a closed one at the point of smallest x.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.mesh.topology import chains
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPath:
+    """Edges in order along their lines; where more than two of them meet, or none follows, a line ends.
+
+    Attributes
+    ----------
+    edges : (n,) int array
+        Numbers of the edges, one behind the other.
+    forward : (n,) bool array
+        Whether the tangent of the edge leads along the path.
+    line : (n,) int array
+        Number of the line that each of these edges belongs to, ascending.
+    lengths : (n,) array
+        Their lengths [length].
+
+    """
+
+    edges: IntArray
+    forward: BoolArray
+    line: IntArray
+    lengths: FloatArray
+
+    @classmethod
+    def of(cls, ends: FloatArray) -> "ContactPath":
+        """The path through straight edges between two points each, (n, 2, 2) [length], in any order."""
+        vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
+        found = chains(vertices)
+        order = np.concatenate([np.empty(0, dtype=np.int64), *found])
+        forward = np.concatenate([np.empty(0, dtype=bool), *(_forward(vertices[line]) for line in found)])
+        number = np.repeat(np.arange(len(found)), [len(line) for line in found])
+        return cls(order, forward, number, np.hypot(*(ends[order, 1] - ends[order, 0]).T))
+
+    @cached_property
+    def starts(self) -> FloatArray:
+        """Length along the path where each of its edges begins, lines behind each other, shape (n,) [length]."""
+        return np.asarray(np.cumsum(self.lengths) - self.lengths)
+
+    def points(self, count: int) -> IntArray:
+        """Numbers of the points (n, count) in order, of so many points an edge, counted along its tangent."""
+        along = np.arange(count)
+        return np.asarray(count * self.edges[:, None] + np.where(self.forward[:, None], along, along[::-1]))
+
+    def places(self, t: FloatArray) -> FloatArray:
+        """Length along the path (n, q) of points at t (q,), 0 to 1 along the path, of its edges [length]."""
+        return np.asarray(self.starts[:, None] + self.lengths[:, None] * t)
+
+
+def _forward(pairs: IntArray) -> BoolArray:
+    """Whether each edge of a line, given by its two vertices (k, 2), leads on to the next one."""
+    vertex = pairs[0].min() if len(pairs) == 1 else next(end for end in pairs[0] if end not in pairs[1])
+    found = np.zeros(len(pairs), dtype=bool)
+    for edge, (first, second) in enumerate(pairs.tolist()):
+        found[edge] = first == vertex
+        vertex = second if found[edge] else first
+    return found
