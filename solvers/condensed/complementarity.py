@@ -33,7 +33,7 @@ from solvers.certificate import body_scales
 from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
 from solvers.condensed.reduction import Base, Reduction
-from solvers.inequality.blocks import Rows, add_product, mapped, scaled, stacked, transposed
+from solvers.inequality.blocks import Rows, add_product, dense, mapped, scaled, stacked, transposed
 from solvers.inequality.problem import FrictionQVI
 
 FRICTION_SHARES = (1000.0, 100.0, 1e4, 10.0)
@@ -59,8 +59,9 @@ class Complementarity:
     shares : (q,) what s λ is on the central path, relative
     friction : (q,) mu where a bound depends on the pressure, else 0
     pressed : (q,) the normal bound of the pressure on which a bound depends, −1 without one
-    traction, slot : (q,) the traction on which λ works, and its place among at most `SLOTS` bounds of that traction; B
-        has the rows of tractions first, those of slot 0
+    coulomb : the bounds that depend on the pressure of a normal bound
+    traction : (q,) the traction on which λ works; B has the rows of tractions first
+    bounds : (tractions, 4) the bounds of each traction by their place among `SLOTS`, −1 where it has no such bound
     split : (b,) bilateral points whose bound depends on |σ_N|
     sizes : (q,) what s may be relative to the tractions: 1 + mu for friction, else 1
     stress : scale of the tractions
@@ -94,10 +95,12 @@ class Complementarity:
         places = np.full((2, qvi.m), -1)
         places[0, normal], places[1, friction] = of_normal, of_friction
         self.traction: IntVector = places[np.where(self._sign == 0.0, 0, 1), self._points]
-        self.slot: IntVector = np.repeat([0, 0, 1, 2, 3], lengths)
+        self.bounds: IntVector = np.full((len(normal) + len(friction), len(SLOTS)), -1)
+        self.bounds[self.traction, np.repeat([0, 0, 1, 2, 3], lengths)] = np.arange(len(self._points))
         mu, cohesion, limit = qvi.mu[self._points], qvi.cohesion[self._points], qvi.cap[self._points]
         rubs = (self._sign != 0.0) & ~is_cap & (mu > 0.0)
         self.pressed: IntVector = np.where(rubs, places[0, self._points], -1)
+        self.coulomb: IntVector = np.flatnonzero(self.pressed >= 0)
         self.friction: Vector = np.where(rubs, mu, 0.0)
         fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
@@ -239,6 +242,11 @@ class Complementarity:
         if self._cholesky is None or not len(force):
             return 0.0
         return float(np.sqrt(abs(force @ cho_solve(self._cholesky, force))))
+
+    @cached_property
+    def traction_rows(self) -> Matrix:
+        """The rows of B of the tractions themselves, dense."""
+        return dense(self.B[: len(self.bounds)])
 
     @cached_property
     def _cholesky(self) -> tuple[Matrix, bool] | None:

@@ -23,12 +23,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs
-from scipy.sparse import csr_matrix
 
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.condensed.complementarity import SLOTS, Complementarity
-from solvers.inequality.blocks import Rows, dense
+from solvers.inequality.blocks import Rows, dense, scaled
 
+_SIDES = np.array(SLOTS)
 _REFINEMENTS = 2
 _STIFFEST = 1e15  # W D |T|² as it is factorised: of dependent rows no pivot vanishes; refinement knows the true one
 
@@ -42,6 +42,8 @@ class Saddle:
     lam: Vector
     rows: Rows
     stiff: BoolVector
+    bounds: IntVector  # (stiff, 4) those of stiff tractions by slot, −1 without one
+    ratio: Matrix  # (stiff, 4) λ/s of them, 0 without one
     total: Vector  # D of the stiff tractions
     matrix: Matrix
     left: Vector  # scale of equations
@@ -54,32 +56,33 @@ class Saddle:
         """Assemble and factorise."""
         k, ratio = problem.S.shape[0], lam / s
         D = np.bincount(problem.traction, ratio)
-        T, W = dense(problem.B)[: len(D)], problem.weights[: len(D)]
+        T, W = problem.traction_rows, problem.weights[: len(D)]
         size = W * np.einsum("ij,ij->i", T, T)
         stiff = size * D > 1.0
-        H = np.array(problem.S)
-        problem.add_stiffness(H, np.where(stiff[problem.traction], 0.0, ratio), rows)
-        matrix = np.zeros((k + int(stiff.sum()),) * 2)
-        matrix[:k, :k] = H
+        bounds = problem.bounds[stiff]
+        by_slot = _gathered(ratio, bounds)
+        matrix = np.zeros((k + len(bounds),) * 2)
+        matrix[:k, :k] = problem.S
+        problem.add_stiffness(matrix[:k, :k], np.where(stiff[problem.traction], 0.0, ratio), rows)
         matrix[:k, k:] = (W[stiff, None] * T[stiff]).T
-        matrix[k:, :k] = dense(_sums(problem, ratio / D[problem.traction])[stiff] @ rows)
-        matrix[k:, k:] = -np.diag(1.0 / D[stiff])
+        matrix[k:, :k] = _summed(by_slot * _SIDES / D[stiff, None], rows, bounds)
+        diagonal = np.arange(k, len(matrix))
+        matrix[diagonal, diagonal] = -1.0 / D[stiff]
         left = 1.0 / np.abs(matrix).max(axis=1, initial=np.finfo(float).tiny)
         right = 1.0 / np.abs(left[:, None] * matrix).max(axis=0, initial=np.finfo(float).tiny)
-        regular = matrix.copy()
-        regular[k:, k:] = -np.diag(np.maximum(1.0 / D, size / _STIFFEST)[stiff])
-        factor, pivots, info = dgetrf(left[:, None] * regular * right)
+        regular = np.multiply(left[:, None] * matrix, right, order="F")
+        regular[diagonal, diagonal] = -np.maximum(1.0 / D, size / _STIFFEST)[stiff] * left[k:] * right[k:]
+        factor, pivots, info = dgetrf(regular, overwrite_a=1)
         if info > 0 or not np.isfinite(factor).all():
             raise LinAlgError("it is singular")
-        return cls(problem, s, lam, rows, stiff, D[stiff], matrix, left, right, factor, pivots)
+        return cls(problem, s, lam, rows, stiff, bounds, by_slot, D[stiff], matrix, left, right, factor, pivots)
 
     def solve(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
         """(dy, ds, dλ) for residuals of y and of the slacks, and the wanted change of s λ."""
         problem, k = self.problem, len(force)
         moved = (comp + self.lam * slack) / self.s
         top = -force - problem.force(np.where(self.stiff[problem.traction], 0.0, moved))
-        sums = (np.bincount(problem.traction, np.take(SLOTS, problem.slot) * moved))[self.stiff]
-        right = np.concatenate([top, -sums / self.total])
+        right = np.concatenate([top, -(_gathered(moved, self.bounds) @ _SIDES) / self.total])
         x = np.zeros_like(right)
         for _ in range(1 + _REFINEMENTS):
             x = x + self.right * dgetrs(self.factor, self.pivots, self.left * (right - self.matrix @ x))[0]
@@ -93,33 +96,31 @@ class Saddle:
         change = self.rows @ y
         s = -slack - change
         friction = problem.B @ y - change  # of the friction bounds, with the pressure
-        s = self._by_forces(s, friction - slack, forces, comp)
-        coulomb = np.flatnonzero(problem.pressed >= 0)
+        net = forces - _gathered(comp / self.s, self.bounds) @ _SIDES
+        self._by_forces(s, friction - slack, net)
+        coulomb = problem.coulomb
         pressure = (s + slack)[problem.pressed[coulomb]]
         friction[coulomb] = problem.friction[coulomb] * pressure
-        return self._by_forces(s, friction - slack, forces, comp)
+        self._by_forces(s, friction - slack, net)
+        return s
 
-    def _by_forces(self, s: Vector, free: Vector, forces: Vector, comp: Vector) -> Vector:
-        """Changes s with ds_j of the module's docstring in place of that of stiff tractions; `free` are g (q,)."""
-        ratio, wanted, g = (self._gathered(values) for values in (self.lam / self.s, comp / self.s, free))
-        sides = np.array(SLOTS)
-        net = forces - wanted @ sides
-        pairs = g[:, :, None] - np.outer(sides, sides) * g[:, None, :]  # exactly zero for a bound with itself
-        changes = np.einsum("tji,ti->tj", pairs, ratio) - np.outer(net, sides)
-        every = np.zeros((len(self.stiff), len(SLOTS)))
-        every[self.stiff] = changes / self.total[:, None]
-        traction, slot = self.problem.traction, self.problem.slot
-        return np.where(self.stiff[traction], every[traction, slot], s)
-
-    def _gathered(self, values: Vector) -> Matrix:
-        """Values (q,) of bounds by stiff traction and slot, 0 where there is no bound."""
-        gathered = np.zeros((len(self.stiff), len(SLOTS)))
-        gathered[self.problem.traction, self.problem.slot] = values
-        return gathered[self.stiff]
+    def _by_forces(self, s: Vector, free: Vector, net: Vector) -> None:
+        """Put ds_j of the module's docstring in place of that of stiff tractions; `free` are g (q,), net f − Σ ±a."""
+        g = _gathered(free, self.bounds)
+        pairs = g[:, :, None] - np.outer(_SIDES, _SIDES) * g[:, None, :]  # exactly zero for a bound with itself
+        changes = ((pairs @ self.ratio[:, :, None])[:, :, 0] - np.outer(net, _SIDES)) / self.total[:, None]
+        there = self.bounds >= 0
+        s[self.bounds[there]] = changes[there]
 
 
-def _sums(problem: Complementarity, values: Vector) -> csr_matrix:
-    """Sums over the bounds of each traction, with their side: (tractions, q)."""
-    sides = np.take(SLOTS, problem.slot) * values
-    shape = (int(problem.traction.max(initial=-1)) + 1, len(sides))  # no bound, no traction: all may be equations
-    return csr_matrix((sides, (problem.traction, np.arange(len(sides)))), shape)
+def _gathered(values: Vector, bounds: IntVector) -> Matrix:
+    """Values (q,) of bounds by traction and slot, 0 where there is no bound."""
+    return np.append(values, 0.0)[bounds]
+
+
+def _summed(factors: Matrix, rows: Rows, bounds: IntVector) -> Matrix:
+    """Sums (t, k) of the rows of the bounds of each traction, times factors (t, 4)."""
+    total = np.zeros((len(bounds), rows.shape[1]))
+    for slot in np.flatnonzero((bounds >= 0).any(axis=0)):
+        total += dense(scaled(factors[:, slot], rows[bounds[:, slot]]))
+    return total
