@@ -97,13 +97,6 @@ class ContactRule:
             multipliers if self.to_points is None else np.asarray(self._grouped(multipliers) @ self.to_points).ravel()
         )
 
-    def rows_of(self, at_points: sparse.csr_array) -> sparse.csr_array:
-        """Rows ρ (m, …) from those of tractions at the Gauss points (m, …): V⁻¹, edge by edge."""
-        if self.to_points is None:
-            return at_points
-        edges = sparse.eye_array(at_points.shape[0] // self.count)
-        return sparse.csr_array(sparse.kron(edges, np.linalg.inv(self.to_points)) @ at_points)
-
     def _grouped(self, values: FloatArray) -> FloatArray:
         return np.asarray(values).reshape(-1, self.count)
 
@@ -247,6 +240,10 @@ class Basis(Protocol):
 
     def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of u (N,) at the same points, (n q,) each: `normal_rows` @ u, `shear_rows` @ u."""
+        ...
+
+    def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
+        """Σ normal σ_N + shear σ_T over the same points, a vector over all u (N,): `tractions` transposed."""
         ...
 
     def trace_parameters(self, edges: Sequence[Edges]) -> tuple[sparse.csr_array, sparse.csr_array]:

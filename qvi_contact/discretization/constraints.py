@@ -6,6 +6,7 @@ row brings degrees of freedom of its own and is solved for one of them. Rows tha
 consistent.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -13,6 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.discretization.elimination import Elimination
 
 _DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry, below which it follows from the others
 _WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
@@ -21,57 +23,61 @@ _Expression: TypeAlias = tuple[dict[int, float], float]  # Σ factor u + constan
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
-    """All degrees of freedom as an affine function of the kept ones: u = basis z + particular.
+class Rows:
+    """Rows of a matrix, each with l entries at most.
 
     Attributes
     ----------
-    kept : (n,) int array
-        Degrees of freedom that are unknowns; z are their values.
-    basis : (N, n) sparse array
-        The identity on kept ones.
-    particular : (N,) array
-        Zero for kept ones.
-    misfit : (r,) array
-        What d misses in the rows that follow from the others.
+    columns, values : (m, l) arrays
+        Entries of each row, at different columns; zeros are none.
 
     """
 
-    kept: IntArray
-    basis: sparse.csr_array
-    particular: FloatArray
-    misfit: FloatArray
+    columns: IntArray
+    values: FloatArray
+
+    def take(self, index: IntArray) -> "Rows":
+        """Some of them."""
+        return Rows(self.columns[index], self.values[index])
+
+    def __iter__(self) -> Iterator[dict[int, float]]:
+        """The entries of each by column."""
+        for columns, values in zip(self.columns.tolist(), self.values.tolist(), strict=True):
+            yield {column: value for column, value in zip(columns, values, strict=True) if value != 0.0}
 
 
-def solve_conditions(C: sparse.csr_array, d: FloatArray, age: IntArray) -> Solution:
+def solve_conditions(C: Rows, d: FloatArray, age: IntArray) -> tuple[Elimination, FloatArray]:
     """Solve C u = d for as many degrees of freedom as there are independent rows.
 
     Parameters
     ----------
-    C : (m, N) sparse array
+    C : Rows of (m, N)
         Rows in the order in which they are taken; degrees of freedom in units that make its entries comparable.
     d : (m,) array
         Right-hand side.
     age : (N,) int array
         Of the possible pivots of a row those with the largest number are preferred, of these the largest entry.
 
+    Returns
+    -------
+    Elimination, (r,) array
+        All degrees of freedom as an affine function of the kept ones; what d misses in the rows that follow from the
+        others.
+
     """
     solved: dict[int, _Expression] = {}
-    misfit = list[float]()
-    starts, columns, data, right = C.indptr.tolist(), C.indices.tolist(), C.data.tolist(), d.tolist()
-    for row, value in enumerate(right):
-        entries = slice(starts[row], starts[row + 1])
-        given = dict(zip(columns[entries], data[entries], strict=True))
+    misfit, ages = list[float](), age.tolist()
+    for given, value in zip(C, d.tolist(), strict=True):
         terms, constant = _reduced(given, -value, solved)
         left = max(map(abs, terms.values()), default=0.0)
         if left <= _DEPENDENT * max(map(abs, given.values()), default=0.0):
             misfit.append(-constant)
             continue
         worthy = [column for column, factor in terms.items() if abs(factor) >= _WORTHY * left]
-        pivot = max(worthy, key=lambda column: (age[column], abs(terms[column]), -column))
+        pivot = max(worthy, key=lambda column: (ages[column], abs(terms[column]), -column))
         factor = -1.0 / terms.pop(pivot)
         solved[pivot] = {column: factor * value for column, value in terms.items()}, factor * constant
-    return _assembled(solved, C.shape[1], np.array(misfit))
+    return _assembled(solved, len(ages)), np.array(misfit)
 
 
 def _reduced(terms: dict[int, float], constant: float, solved: dict[int, _Expression]) -> _Expression:
@@ -89,19 +95,20 @@ def _reduced(terms: dict[int, float], constant: float, solved: dict[int, _Expres
     return {column: factor for column, factor in result.items() if factor != 0.0}, constant
 
 
-def _assembled(solved: dict[int, _Expression], count: int, misfit: FloatArray) -> Solution:
+def _assembled(solved: dict[int, _Expression], count: int) -> Elimination:
     """Basis and particular part. The latest pivots depend on kept ones only, earlier ones perhaps on them."""
-    particular, rows, columns, data = np.zeros(count), list[int](), list[int](), list[float]()
+    particular, lengths, columns, data = np.zeros(count), list[int](), list[int](), list[float]()
+    slaves = sorted(solved)
     for pivot in reversed(list(solved)):
-        terms, constant = solved[pivot] = _reduced(*solved[pivot], solved)
-        particular[pivot] = constant
-        rows += [pivot] * len(terms)
+        solved[pivot] = _reduced(*solved[pivot], solved)
+    for pivot in slaves:
+        terms, particular[pivot] = solved[pivot]
+        lengths.append(len(terms))
         columns += terms.keys()
         data += terms.values()
-    free = np.ones(count, dtype=bool)
-    free[list(solved)] = False
-    kept, number = np.flatnonzero(free), np.cumsum(free) - 1
-    at = (np.concatenate([kept, rows]).astype(np.int64), np.concatenate([kept, columns]).astype(np.int64))
-    values = np.concatenate([np.ones(len(kept)), data])
-    basis = sparse.csr_array((values, (at[0], number[at[1]])), shape=(count, len(kept)))
-    return Solution(kept, basis, particular, misfit)
+    kept = np.ones(count, dtype=bool)
+    kept[slaves] = False
+    number = np.cumsum(kept) - 1
+    indices, starts = number[np.array(columns, dtype=np.int64)], np.concatenate([[0], np.cumsum(lengths)])
+    basis = sparse.csr_array((np.array(data), indices, starts), shape=(len(slaves), int(kept.sum())))
+    return Elimination(kept, np.array(slaves, dtype=np.int64), basis, particular)

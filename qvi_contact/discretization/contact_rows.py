@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.discretization.basis import Basis, ContactRule
@@ -106,14 +105,6 @@ class ContactRows:
             return np.full(len(self.gap), np.inf)
         return np.minimum(self.cohesion + self.friction * np.abs(normal), self.shear_limit)
 
-    def normal(self) -> sparse.csr_array:
-        """Rows of N without φ, shape (m, N)."""
-        return self.rule.rows_of(self.points.normal)
-
-    def shear(self) -> sparse.csr_array:
-        """Rows of T, shape (m, N)."""
-        return self.rule.rows_of(self.points.shear)
-
     @property
     def row_weights(self) -> FloatArray:
         """Weights W of the rows, dimensionless, shape (m,)."""
@@ -122,9 +113,7 @@ class ContactRows:
     def work(self) -> FloatArray:
         """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
         weights = self.points.weights
-        return np.asarray(
-            self.points.normal.T @ (weights * (self.gap - self.beyond)) + self.points.shear.T @ (weights * self.offset)
-        )
+        return self.points.load(weights * (self.gap - self.beyond), weights * self.offset)
 
     def with_offset(self, offset: FloatArray) -> "ContactRows":
         """The same contact at another tangential offset (m,), dimensionless."""
@@ -176,11 +165,6 @@ def _limits(contact: Contact, scales: Scales, x: FloatArray, y: FloatArray) -> L
         evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0) / scales.stress,
         cap,
     )
-
-
-def stacked(rows: Sequence[sparse.csr_array], columns: int) -> sparse.csr_array:
-    """Matrices on top of each other, also if there are none."""
-    return sparse.csr_array(sparse.vstack(rows)) if rows else sparse.csr_array((0, columns))
 
 
 def joined(arrays: Sequence[NDArray[Any]]) -> FloatArray:

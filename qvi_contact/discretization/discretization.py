@@ -14,7 +14,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.basis import Basis, Energy, RowKind, SharedCorners
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
-from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined, stacked
+from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
 from qvi_contact.discretization.families import ElementName, basis_for, with_element
 from qvi_contact.discretization.loads import (
@@ -274,11 +274,12 @@ def _reduce(
     for rows in contacts:
         load = load + rows.work()
     limited = [rows for rows in contacts if rows.law != "tied"]
-    N = stacked([rows.normal() for rows in limited], space.size)
-    T = stacked([rows.shear() for rows in limited], space.size)
-    Y, interpolation = space.trace_parameters([rows.points.edges for rows in limited])
+    parameters, interpolation = space.trace_parameters([rows.points.edges for rows in limited])
     potential = [rows.rule.at_rows(potential_at(problem, scales, rows.points.coordinates)) for rows in limited]
     basis, particular = elimination.basis, elimination.particular
+    Y = sparse.csr_array(parameters @ basis)
+    N, T = _halves(sparse.csr_array(interpolation @ Y))
+    n0, t0 = np.split(interpolation @ (parameters @ particular), 2)
     K, of_particular = energy.reduced(elimination)
     least = float(K.diagonal().min(initial=np.inf))
     if least <= 0.0:
@@ -287,10 +288,10 @@ def _reduce(
     return FrictionQVI(
         K=K.T,  # the same matrix, compressed by columns
         f=basis.T @ (load - (of_particular - energy.load)),
-        N=N @ basis,
-        n0=N @ particular + joined(potential),
-        T=T @ basis,
-        t0=T @ particular,
+        N=N,
+        n0=n0 + joined(potential),
+        T=T,
+        t0=t0,
         mu=joined([rows.row_limits.friction for rows in limited]),
         W=joined([rows.row_weights for rows in limited]),
         cohesion=joined([rows.row_limits.cohesion for rows in limited]),
@@ -300,10 +301,16 @@ def _reduce(
         load=basis.T @ load,
         A=plates.A,
         b=plates.b,
-        traces=Traces(Y @ basis, interpolation),
+        traces=Traces(Y, interpolation),
         edges=_edge_rows(space),
         structure=energy.structure(elimination),
     )
+
+
+def _halves(rows: sparse.csr_array) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """N and T of [N; T]."""
+    m = rows.shape[0] // 2
+    return rows[:m], rows[m:]
 
 
 def _edge_rows(space: Basis) -> EdgeRows | None:

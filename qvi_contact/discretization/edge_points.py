@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.basis import Basis
@@ -62,26 +61,15 @@ class EdgePoints:
         """The edge's tangent at each point, shape (n q, 2)."""
         return np.repeat(self.edges.tangent, self.count, axis=0)
 
-    @cached_property
-    def normal(self) -> sparse.csr_array:
-        """Rows of σ_N = n·σn without φ, shape (n q, N)."""
-        return self.basis.normal_rows(self.edges, self.reference)
+    def load(self, normal: FloatArray, shear: FloatArray) -> FloatArray:
+        """Σ normal σ_N + shear σ_T of weights (n q,) each, as a vector over all degrees of freedom (N,)."""
+        return self.basis.traction_load(normal, shear, self.edges, self.reference)
 
-    @cached_property
-    def shear(self) -> sparse.csr_array:
-        """Rows of σ_T = t·σn, shape (n q, N)."""
-        return self.basis.shear_rows(self.edges, self.reference)
-
-    def traction(self, direction: FloatArray) -> sparse.csr_array:
-        """Rows of d·σn without φ for a direction (2,), or one for each edge (n, 2); shape (n q, N)."""
-        along = np.repeat(np.broadcast_to(direction, self.edges.normal.shape), self.count, axis=0)
-        shares = [(along * own).sum(axis=1) for own in (self.normals, self.tangents)]
-        if not shares[1].any():
-            return sparse.csr_array(sparse.diags_array(shares[0]) @ self.normal)
-        if not shares[0].any():
-            return sparse.csr_array(sparse.diags_array(shares[1]) @ self.shear)
-        normal, shear = (sparse.diags_array(share) for share in shares)
-        return sparse.csr_array(normal @ self.normal + shear @ self.shear)
+    def traction_load(self, direction: FloatArray, weights: FloatArray) -> FloatArray:
+        """The same of weights (n q,) of d·σn without φ, for a direction (2,) or one for each edge (n, 2)."""
+        along = np.broadcast_to(direction, self.edges.normal.shape)
+        normal, shear = ((along * own).sum(axis=1) for own in (self.edges.normal, self.edges.tangent))
+        return self.load(*(weights * np.repeat(share, self.count) for share in (normal, shear)))
 
     def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of degrees of freedom u (N,), shape (n q,) each."""

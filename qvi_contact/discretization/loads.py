@@ -113,7 +113,7 @@ def displacement_load(problem: ContactProblem, basis: Basis, scales: Scales) -> 
     load = np.zeros(basis.size)
     for direction, points, values in prescribed_at_points(problem, basis, Displacement, scales):
         if values.any():
-            load += points.traction(direction).T @ (points.weights * values / scales.displacement)
+            load += points.traction_load(direction, points.weights * values / scales.displacement)
     return load
 
 

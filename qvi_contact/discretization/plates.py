@@ -17,7 +17,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.discretization.contact_rows import ContactRows, joined, stacked
+from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.loads import physical, potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
@@ -93,7 +93,7 @@ def plate_rows(
         If a prescribed resultant contradicts equilibrium with the other loads.
 
     """
-    rows, matrices, values = [], [], []
+    rows, vectors, values = [], [], []
     for contact, condition in zip(contacts, problem.contacts, strict=True):
         if condition.plate is not None:
             plate, centre, length = condition.plate, centre_of(problem, scales, contact), contact.points.weights.sum()
@@ -107,11 +107,13 @@ def plate_rows(
                 size = scales.stress * divisor * scales.length ** (2 if moment else 1)
                 motion = scales.displacement / divisor / (scales.length if moment else 1.0)
                 rows.append(PlateRow(contact.name, component, given, size, motion))
-                matrices.append(sparse.csr_array(row / divisor))
+                vectors.append(row / divisor)
                 values.append(reduced / size - constant / divisor)
-    full = stacked(matrices, len(particular))
-    A, b = sparse.csr_array(full @ basis), joined([np.array(values)]) - full @ particular
-    kept = _independent(A.toarray(), b, _row_lengths(full), rows)
+    if not rows:
+        return PlateRows(sparse.csr_array((0, basis.shape[1])), np.zeros(0), (), ())
+    full = np.array(vectors)
+    A, b = np.asarray(full @ basis), np.array(values) - full @ particular
+    kept = _independent(A, b, np.linalg.norm(full, axis=1), rows)
     return PlateRows(
         sparse.csr_array(A[kept]),
         b[kept],
@@ -133,7 +135,7 @@ def _resultants(
     contact: ContactRows,
     plate: RigidPlate,
     reference: tuple[float, float],
-) -> list[tuple[str, sparse.csr_array, float]]:
+) -> list[tuple[str, FloatArray, float]]:
     """(component, row over all degrees of freedom, what φ contributes) for each one given, dimensionless."""
     points = contact.points
     x, y = physical(problem, scales, points.coordinates)
@@ -145,17 +147,13 @@ def _resultants(
     for component in COMPONENTS:
         if getattr(plate, component) is None:
             continue
-        row, constant = sparse.csr_array((1, points.basis.size)), 0.0
+        row, constant = np.zeros(points.basis.size), 0.0
         for axis, factor in enumerate(factors[component]):
             weights = points.weights * factor
-            row = row + sparse.csr_array(weights[None, :]) @ points.traction(np.eye(2)[axis])
+            row += points.traction_load(np.eye(2)[axis], weights)
             constant += float(weights @ potential[axis])
-        found.append((component, sparse.csr_array(row), constant))
+        found.append((component, row, constant))
     return found
-
-
-def _row_lengths(rows: sparse.csr_array) -> FloatArray:
-    return np.asarray(np.sqrt(rows.multiply(rows).sum(axis=1))).ravel()
 
 
 def _independent(A: FloatArray, b: FloatArray, sizes: FloatArray, rows: list[PlateRow]) -> list[int]:

@@ -42,14 +42,13 @@ def normal_and_shear(
     discretization: Discretization, u: FloatArray, points: EdgePoints
 ) -> tuple[FloatArray, FloatArray]:
     """τ_N and τ_T at points of edges, dimensionless, of degrees of freedom u of Φ."""
-    potential = potential_at(discretization.problem, discretization.scales, points.coordinates)
-    return points.normal @ u.ravel() + potential, points.shear @ u.ravel()
+    normal, shear = points.tractions(u.ravel())
+    return normal + potential_at(discretization.problem, discretization.scales, points.coordinates), shear
 
 
 def traction(discretization: Discretization, u: FloatArray, points: EdgePoints) -> FloatArray:
     """Traction τn at points of edges, shape (2, points) [stress]."""
-    normal, shear = points.tractions(u.ravel())
-    normal = normal + potential_at(discretization.problem, discretization.scales, points.coordinates)
+    normal, shear = normal_and_shear(discretization, u, points)
     return np.asarray(discretization.scales.stress * (normal * points.normals.T + shear * points.tangents.T))
 
 

@@ -95,6 +95,9 @@ def test_tractions_on_edges_of_every_slope(degree):
         assert np.concatenate(basis.tractions(u, edges, T)) == pytest.approx(
             np.concatenate([normal, shear]), abs=1e-11 * size
         )
+        weights = np.random.default_rng(0).normal(size=(2, len(normal)))
+        work = weights[0] @ normal + weights[1] @ shear
+        assert basis.traction_load(*weights, edges, T) @ u == pytest.approx(work, abs=1e-11 * size * len(normal))
 
 
 @pytest.mark.parametrize("degree", [3, 4, 7])

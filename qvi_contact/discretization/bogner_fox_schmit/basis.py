@@ -102,6 +102,10 @@ class BognerFoxSchmit:
         """σ_N without φ and σ_T of u, see `Basis`."""
         return self._traces(edges, t).tractions(u)
 
+    def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
+        """Σ normal σ_N + shear σ_T, see `Basis`."""
+        return self._traces(edges, t).load(normal, shear)
+
     def _traces(self, edges: Edges, t: FloatArray) -> GridTraces:
         column, row = (place[edges.cells[:, 0]] for place in self.mesh.cell_places)
         return GridTraces(self.grid, edges, column, row, np.asarray(t, dtype=float))

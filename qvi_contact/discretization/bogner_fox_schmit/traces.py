@@ -74,6 +74,15 @@ class GridTraces:
         xx, yy, xy = np.moveaxis(np.einsum("nqkd,nd->nqk", self.stress_rows, values), 2, 0)
         return np.where(self.horizontal[:, None], yy, xx).ravel(), (xy * self.sign[:, None]).ravel()
 
+    def load(self, normal: FloatArray, shear: FloatArray) -> FloatArray:
+        """Σ normal σ_N + shear σ_T of weights (n q,), shape (N,)."""
+        w_N, w_T = (weights.reshape(len(self.edges), -1) for weights in (normal, shear))
+        flat = self.horizontal[:, None]
+        weights = np.stack([np.where(flat, 0.0, w_N), np.where(flat, w_N, 0.0), self.sign[:, None] * w_T], axis=2)
+        sums = np.einsum("nqk,nqkd->nd", weights, self.stress_rows)
+        dofs = self.grid.cell_dofs(self.column, self.row)
+        return np.asarray(np.bincount(dofs.ravel(), sums.ravel(), self.grid.size), dtype=np.float64)
+
     def _matrix(self, rows: FloatArray) -> sparse.csr_array:
         # Coefficients of the far side's nodes are exact zeros (or round-off of none): drop them.
         flat = rows.reshape(-1, 16)

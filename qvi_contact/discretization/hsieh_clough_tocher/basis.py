@@ -118,6 +118,14 @@ class TriangleBasis:
         normal, shear = (found.apply(u) @ values.T for found in (self.space.normal(edges), self.space.shear(edges)))
         return normal.ravel(), shear.ravel()
 
+    def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
+        """Σ normal σ_N + shear σ_T over the same points, a vector over all u (N,)."""
+        load = np.zeros(self.size)
+        for weights, functionals in ((normal, self.space.normal), (shear, self.space.shear)):
+            if weights.any():
+                load += functionals(edges).adjoint(weights.reshape(len(edges), -1) @ legendre.basis(self.degree - 2, t))
+        return load
+
     def trace_parameters(self, edges: Sequence[Edges]) -> tuple[sparse.csr_array, sparse.csr_array]:
         """The rows of contacts themselves, and the identity."""
         rule, degree = self.contact_rule, self.normal_degree

@@ -6,6 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.discretization.constraints import Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +36,19 @@ class EdgeFunctionals:
         """Their values (n, r) of degrees of freedom u (N,)."""
         return np.asarray((self.values @ u[self.columns][:, :, None])[:, :, 0])
 
+    def adjoint(self, weights: FloatArray) -> FloatArray:
+        """The sum of weights (n, r) times the functionals, a vector over all degrees of freedom (N,)."""
+        sums = (weights[:, None, :] @ self.values)[:, 0]
+        return np.asarray(np.bincount(self.columns.ravel(), sums.ravel(), self.size), dtype=np.float64)
+
+    def rows(self) -> Rows:
+        """The functionals as n r rows, edge by edge."""
+        n, r, width = self.values.shape
+        return Rows(np.repeat(self.columns, r, axis=0), self.values.reshape(n * r, width))
+
     def matrix(self) -> sparse.csr_array:
         """The functionals as rows, edge by edge, without zeros; shape (n r, N)."""
-        n, r, width = self.values.shape
-        flat = self.values.reshape(n * r, width)
-        kept = flat != 0.0
-        columns = np.repeat(self.columns, r, axis=0)[kept]
+        rows = self.rows()
+        kept = rows.values != 0.0
         pointers = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-        return sparse.csr_array((flat[kept], columns, pointers), shape=(n * r, self.size))
+        return sparse.csr_array((rows.values[kept], rows.columns[kept], pointers), shape=(len(kept), self.size))

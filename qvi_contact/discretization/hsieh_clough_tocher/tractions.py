@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.basis import PrescribedTraction
-from qvi_contact.discretization.constraints import solve_conditions
+from qvi_contact.discretization.constraints import Rows, solve_conditions
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
 from qvi_contact.discretization.hsieh_clough_tocher.functionals import EdgeFunctionals
 from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace, frame
@@ -68,7 +67,7 @@ class Conditions:
 
     Attributes
     ----------
-    C, d : (r, N) sparse array and (r,) array
+    C, d : Rows of (r, N), (r,) array
         The rows, scaled so that d are forces, moments and degrees of freedom, dimensionless.
     is_load : (r,) bool array
         Rows whose d is a force or moment.
@@ -77,7 +76,7 @@ class Conditions:
 
     """
 
-    C: sparse.csr_array
+    C: Rows
     d: FloatArray
     is_load: BoolArray
     number: IntArray
@@ -98,17 +97,22 @@ def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction
     place, age = walk(lines, gauge, len(space.vertices))
     rows = _conditions(space, tractions)
     order = np.argsort(place[np.searchsorted(np.unique(tractions.number), rows.number)], kind="stable")
-    fixed = sparse.csr_array((np.ones(3), (np.arange(3), 3 * gauge + np.arange(3))), shape=(3, space.size))
-    C, d = sparse.csr_array(sparse.vstack([fixed, rows.C[order]])), np.concatenate([np.zeros(3), rows.d[order]])
     on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
-    found = solve_conditions(C, d, np.concatenate([np.repeat(age, 3), on_edges]))
-    imbalance = float(np.abs(found.misfit).max(initial=0.0))
+    C, d = _with_gauge(rows.C.take(order), gauge), np.concatenate([np.zeros(3), rows.d[order]])
+    found, misfit = solve_conditions(C, d, np.concatenate([np.repeat(age, 3), on_edges]))
+    imbalance = float(np.abs(misfit).max(initial=0.0))
     if imbalance > _BALANCED * float(np.abs(rows.d[rows.is_load]).max(initial=0.0)):
         raise UnbalancedLoadError(imbalance)
-    kept = np.zeros(space.size, dtype=bool)
-    kept[found.kept] = True
-    slaves = np.flatnonzero(~kept)
-    return Elimination(kept, slaves, sparse.csr_array(found.basis[slaves]), found.particular)
+    return found
+
+
+def _with_gauge(rows: Rows, vertex: int) -> Rows:
+    """Φ, Φ_x and Φ_y of the vertex on top of the rows."""
+    width = rows.columns.shape[1]
+    return Rows(
+        np.concatenate([np.broadcast_to(3 * vertex + np.arange(width), (3, width)), rows.columns]),
+        np.concatenate([np.eye(3, width), rows.values]),
+    )
 
 
 def _projected(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> EdgeTractions:
@@ -147,7 +151,8 @@ def _conditions(space: TriangleSpace, tractions: EdgeTractions) -> Conditions:
     d, is_load, number = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("d", "is_load", "number")
     )
-    return Conditions(sparse.csr_array(sparse.vstack([part.C for part in parts])), d, is_load, number)
+    columns, values = (np.concatenate([getattr(part.C, name) for part in parts]) for name in ("columns", "values"))
+    return Conditions(Rows(columns, values), d, is_load, number)
 
 
 def _of_vectors(space: TriangleSpace, tractions: EdgeTractions, vectors: FloatArray) -> Conditions:
@@ -160,7 +165,7 @@ def _of_vectors(space: TriangleSpace, tractions: EdgeTractions, vectors: FloatAr
     d = np.hstack([forces, -(h**2) * N[:, 1:2] / 6.0, N[:, 2:], Q[:, 1:]])
     rows = d.shape[1]
     is_load = np.tile(np.arange(rows) < 3, len(edges))
-    return Conditions(space.resultants(edges).matrix(), d.ravel(), is_load, np.repeat(tractions.number, rows))
+    return Conditions(space.resultants(edges).rows(), d.ravel(), is_load, np.repeat(tractions.number, rows))
 
 
 def _of_components(space: TriangleSpace, tractions: EdgeTractions) -> Conditions:
@@ -172,7 +177,7 @@ def _of_components(space: TriangleSpace, tractions: EdgeTractions) -> Conditions
     n, t = (np.where(np.abs(part) <= _PARALLEL, 0.0, part)[:, None] * scale for part in parts)
     normal, shear = space.normal(edges), space.shear(edges)
     combined = n[:, :, None] * normal.values + t[:, :, None] * shear.values
-    C = EdgeFunctionals(normal.columns, combined, space.size).matrix()
+    C = EdgeFunctionals(normal.columns, combined, space.size).rows()
     is_load = np.tile(np.arange(rows) < 2, len(edges))
     return Conditions(C, (tractions.coefficients * scale).ravel(), is_load, np.repeat(tractions.number, rows))
 
