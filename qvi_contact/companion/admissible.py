@@ -8,10 +8,9 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.companion.dual import Contacts, DualProblem
+from qvi_contact.companion.dual import Contacts, DualProblem, groups
 
-_SWEEPS = 60
-_EXACT = 1e-14  # what is left after the sweeps, relative, counts as rounding
+_DEPENDENT = 1e-9  # singular value of rows that share unknowns, relative, that counts as zero
 _VIOLATED = 1e-12
 
 
@@ -36,26 +35,28 @@ def targets(
 
 
 def moved(rows: sparse.csr_array, values: FloatArray, change: FloatArray) -> FloatArray:
-    """Values (k,) with rows · values changed by `change` (j,): sweeps of projections, as rows may share unknowns."""
-    square = np.asarray(rows.multiply(rows).sum(axis=1)).ravel()
-    usable = square > 0.0
+    """Values (k,) with rows · values changed by `change` (j,), by the least change of values where rows share some."""
     wanted = rows @ values + change
-    size = max(1.0, float(np.abs(wanted).max(initial=0.0)))
+    square = np.asarray(rows.multiply(rows).sum(axis=1)).ravel()
+    shared = groups(rows)
+    alone = square > 0.0
+    for group in shared:
+        alone[group] = False
     result = values.copy()
-    sizes = abs(rows)
-    share = 1.0 / np.maximum(np.asarray(sizes @ (sizes.T @ np.ones(len(change)))), 1.0)
-    for _ in range(_SWEEPS):
-        error = np.where(usable, wanted - rows @ result, 0.0)
-        if np.abs(error).max(initial=0.0) <= _EXACT * size:
-            break
-        result = result + rows.T @ (error * share)
-    return np.asarray(result)
+    for _ in range(2):  # once more for rounding
+        error = wanted - rows @ result
+        result += rows.T @ np.where(alone, error / np.where(alone, square, 1.0), 0.0)
+        for group in shared:
+            part = rows[group]
+            columns = np.unique(part.indices)
+            result[columns] += np.linalg.lstsq(part[:, columns].toarray(), error[group], _DEPENDENT)[0]
+    return result
 
 
 def admissible(
     problem: DualProblem, values: FloatArray, plates: FloatArray, tractions: FloatArray, bound: FloatArray
 ) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """(v (size,), c (2 n,), reasons) that meets the contact conditions to rounding, from v_Γ and motions of plates."""
+    """(v (size,), c (2 n,), reasons) that meets the contact conditions to rounding, from w_Γ and motions of plates."""
     contacts, rows = problem.contacts, sparse.csr_array(problem.B)
     beyond = problem.constant + contacts.motions @ (-plates)
     stress = max(1e-300, float(np.abs(tractions).max(initial=0.0)), 1.0)

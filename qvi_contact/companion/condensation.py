@@ -1,9 +1,9 @@
 """The body condensed on its contact coefficients: what they do under forces, and how the body may float.
 
-With the prescribed degrees of freedom taken out and the interior I eliminated, K v = f + Bᵀ z leaves on Γ, what contact
-rows touch,
+In the axes of the supports, v = Q w, with the prescribed degrees of freedom taken out and the interior I eliminated,
+K v = f + Bᵀ z leaves on Γ, what contact rows touch,
 
-    S v_Γ = r + B_Γᵀ z,      solvable if  Rᵀ(r + B_Γᵀ z) = 0,      v_Γ = G (r + B_Γᵀ z) + R a
+    S w_Γ = r + B_Γᵀ z,      solvable if  Rᵀ(r + B_Γᵀ z) = 0,      w_Γ = G (r + B_Γᵀ z) + R a
 
 with R an orthonormal basis of the rigid motions that the supports leave free, G = (S + ρ R Rᵀ)⁻¹, and a their size.
 """
@@ -15,8 +15,8 @@ from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.companion.data import Supports
 from qvi_contact.companion.elasticity import Elasticity
+from qvi_contact.companion.supports import Supports
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.choice import Request, make
 
@@ -26,7 +26,7 @@ _CORRECTIONS = 3
 
 @dataclass(eq=False)
 class CondensedBody:
-    """See the module; v (size,) counts all degrees of freedom, v_Γ those of `interface`.
+    """See the module; w (size,) counts all degrees of freedom in the axes of the supports, w_Γ those of `interface`.
 
     Attributes
     ----------
@@ -58,8 +58,8 @@ class CondensedBody:
     _cholesky: tuple[FloatArray, bool]
 
     @classmethod
-    def of(cls, body: Elasticity, load: FloatArray, supports: Supports, touched: IntArray) -> "CondensedBody":
-        """Condense on the degrees of freedom `touched`, prescribed ones among them left out.
+    def of(cls, body: Elasticity, load: FloatArray, supports: Supports, rows: sparse.csr_array) -> "CondensedBody":
+        """Condense on the degrees of freedom that rows (n, size) of v touch, prescribed ones among them left out.
 
         Raises
         ------
@@ -67,12 +67,12 @@ class CondensedBody:
             If the stiffness matrix cannot be factorised.
 
         """
-        size = body.space.size
+        size, Q = body.space.size, supports.axes
         free = np.setdiff1d(np.arange(size), supports.index)
-        rigid = body.space.rigid()
-        interface = np.setdiff1d(touched, supports.index)
-        interface = np.union1d(interface, _pins(body, rigid, supports.index, interface))
-        K = body.stiffness()[free][:, free]
+        rigid = Q.T @ body.space.rigid()
+        interface = np.setdiff1d((rows @ Q).indices, supports.index)
+        interface = np.union1d(interface, _pins(body, rigid, supports.index, interface)).astype(np.int64)
+        K = sparse.csr_array(Q.T @ body.stiffness() @ Q)[free][:, free]
         place = np.searchsorted(free, interface)
         shift = float(K.diagonal().mean()) if len(free) else 0.0
         held = np.zeros(len(free))
@@ -81,7 +81,7 @@ class CondensedBody:
         S = factor.schur - shift * np.eye(len(place))
         fixed = np.zeros(size)
         fixed[supports.index] = supports.values
-        r, _ = factor.reduce((load - body.force(fixed))[free])
+        r, _ = factor.reduce((Q.T @ (load - body.force(Q @ fixed)))[free])
         R = _orthonormal((rigid @ _null_space(rigid[supports.index]))[interface])
         return cls(body, load, supports, free, interface, factor, np.asarray(r), R, _stiffened(S, R))
 
@@ -90,14 +90,20 @@ class CondensedBody:
         return np.asarray(cho_solve(self._cholesky, forces)) if forces.size else forces
 
     def expand(self, values: FloatArray) -> FloatArray:
-        """All degrees of freedom from those of Γ, the rest in equilibrium: defect corrections remove rounding."""
-        v = np.zeros(self.body.space.size)
-        v[self.supports.index] = self.supports.values
-        v[self.interface] = values
+        """V (size,) from w_Γ, the rest in equilibrium: defect corrections remove rounding."""
+        w, Q = self.fixed, self.supports.axes
+        w[self.interface] = values
         for _ in range(_CORRECTIONS):
-            _, state = self.factor.reduce((self.load - self.body.force(v))[self.free])
-            v[self.free] += self.factor.expand(state, np.zeros(len(self.interface)))
-        return v
+            _, state = self.factor.reduce((Q.T @ (self.load - self.body.force(Q @ w)))[self.free])
+            w[self.free] += self.factor.expand(state, np.zeros(len(self.interface)))
+        return np.asarray(Q @ w)
+
+    @property
+    def fixed(self) -> FloatArray:
+        """W (size,) with the prescribed values, zero elsewhere."""
+        w = np.zeros(self.body.space.size)
+        w[self.supports.index] = self.supports.values
+        return w
 
 
 def _stiffened(S: FloatArray, R: FloatArray) -> tuple[FloatArray, bool]:

@@ -1,6 +1,6 @@
 """The companion's contact problem in its forces: a `FrictionQVI` in the mean tractions τ = z / W.
 
-With c = c_D + B v_Γ + B_q q the relative displacements (c_D from supports, q motions of plates), and all the maps of
+With c = c_D + B w_Γ + B_q q the relative displacements (c_D from supports, q motions of plates), and all the maps of
 `condensation`, forces that are in equilibrium minimise
 
     ½ τᵀ C τ − τᵀ W (g̃ − c_D − B G r),   C = W B G Bᵀ W,   g̃ = (g, w)
@@ -23,9 +23,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.companion.condensation import CondensedBody
+from qvi_contact.companion.supports import PARALLEL
 from qvi_contact.companion.traces import Trace
 from qvi_contact.errors import InputError
 from solvers import FrictionQVI, QVISolution
@@ -98,11 +100,6 @@ class Contacts:
         """An array of the traces, one after the other (n,)."""
         return np.concatenate([np.empty(0), *(getattr(trace, field) for trace in self.traces)])
 
-    @property
-    def touched(self) -> IntArray:
-        """Degrees of freedom of the body that the rows touch."""
-        return np.unique(self.rows.indices).astype(np.int64)
-
 
 @dataclass(frozen=True, eq=False)
 class DualProblem:
@@ -115,7 +112,7 @@ class DualProblem:
     body : CondensedBody
         The body.
     B : (2 n, k) array
-        c from v_Γ.
+        c from w_Γ.
     constant : (2 n,) array
         c_D.
     movable : (2 n,) bool array
@@ -142,7 +139,7 @@ class DualProblem:
     qvi: FrictionQVI
 
     def displacements(self, solution: QVISolution) -> tuple[FloatArray, FloatArray]:
-        """(v_Γ, motions q of the plates) of a solution."""
+        """(w_Γ, motions q of the plates) of a solution."""
         body, W = self.body, self.contacts.weights
         motion = np.zeros(body.R.shape[1] + self.contacts.motions.shape[1])
         motion[self.equalities] = solution.equality_multiplier
@@ -160,12 +157,11 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         If loads, or resultants of plates, contradict equilibrium.
 
     """
-    size, W = body.body.space.size, contacts.weights
-    fixed = np.zeros(size)
-    fixed[body.supports.index] = body.supports.values
-    constant = contacts.rows @ fixed
-    B = contacts.rows[:, body.interface].toarray()
-    movable = np.abs(B).sum(axis=1) > 0.0
+    W, rows = contacts.weights, contacts.rows @ body.supports.axes
+    constant = rows @ body.fixed
+    B = rows[:, body.interface].toarray()
+    movable = np.abs(B).sum(axis=1) > PARALLEL
+    B[~movable] = 0.0
     live = movable.copy()
     live[_determined(B, contacts)] = False
     compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
@@ -213,13 +209,29 @@ def _qvi(
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
     """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
     n = contacts.count
-    used = (B != 0.0).sum(axis=0)
-    rows = np.flatnonzero((B[:, used > 1] != 0.0).any(axis=1))
     tied = np.tile(contacts.gathered("tied").astype(bool), 2)
-    rank = np.where(tied[rows], 0, np.where(rows < n, 1, 2))
+    rank = np.where(tied, 0, np.where(np.arange(2 * n) < n, 1, 2))
+    found: list[int] = []
+    for rows in groups(sparse.csr_array(B)):
+        found += _dependent(B, rows[np.argsort(rank[rows], kind="stable")])
+    return np.array(found, dtype=np.int64)
+
+
+def groups(B: sparse.csr_array) -> list[IntArray]:
+    """Rows that hang together over columns, two or more of them, in ascending order."""
+    if not B.nnz:
+        return []
+    group = connected_components(sparse.csr_array(abs(B) @ abs(B).T), directed=False)[1]
+    order = np.argsort(group, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    return [part for part in parts if len(part) > 1]
+
+
+def _dependent(B: FloatArray, rows: IntArray) -> list[int]:
+    """Those of the rows that follow from the ones before them."""
     columns = np.flatnonzero((B[rows] != 0.0).any(axis=0))
     base, found = np.zeros((0, len(columns))), []
-    for row in rows[np.argsort(rank, kind="stable")]:
+    for row in rows.tolist():
         rest = B[row, columns]
         for _ in range(2):  # once more for orthogonality to rounding
             rest = rest - (base @ rest) @ base
@@ -227,8 +239,8 @@ def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
         if length > _DEPENDENT:
             base = np.vstack([base, rest / length])
         else:
-            found.append(int(row))
-    return np.array(found, dtype=np.int64)
+            found.append(row)
+    return found
 
 
 def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:

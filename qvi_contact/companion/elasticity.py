@@ -1,10 +1,6 @@
 """Strains and stresses of a displacement, the stiffness matrix, and forces without the rounding inside it.
 
-Strains are (ε_xx, ε_yy, 2ε_xy). Derivatives act on differences of neighbouring Bernstein coefficients,
-
-    ∂u/∂x = p/h Σ (c_{i+1,j} − c_ij) B_i^{p−1} B_j^p,
-
-so that a rigid motion, however large, leaves no rounding behind.
+Strains are (ε_xx, ε_yy, 2ε_xy). Derivatives act on differences of neighbouring coefficients, see `Cell`.
 """
 
 from dataclasses import dataclass
@@ -13,10 +9,10 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.companion.element import lattice, reference_matrices
+from qvi_contact.companion.cell import reference_matrices
 from qvi_contact.companion.space import Space
-from qvi_contact.element import bernstein
-from qvi_contact.element.hermite import gauss_legendre
+
+_ENTRIES = ([0, 2], [2, 1])  # of (ε_xx, ε_yy, 2ε_xy): where ∂_x and ∂_y of each component go to
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,90 +33,63 @@ class Elasticity:
 
     def stiffness(self) -> sparse.csr_array:
         """K with vᵀKv = ∫ ε:C:ε, shape (size, size)."""
-        space = self.space
-        p = space.degree
-        order = np.argsort(lattice(p).ravel())  # scikit-fem's numbers to [along y, along x]
-        local = reference_matrices(p)
-        h = space.sizes
-        factors = np.empty((2, 2, len(h)))
-        factors[0, 0], factors[1, 1] = h[:, 1] / h[:, 0], h[:, 0] / h[:, 1]
-        factors[0, 1] = factors[1, 0] = 1.0
-        # Entry of (ε_xx, ε_yy, 2ε_xy) that ∂_a of component c goes to.
-        entry = ((0, 2), (2, 1))
+        space, count = self.space, len(self.space.table)
+        local, slopes = reference_matrices(space.cell), space.slopes
         n = local.shape[-1]
-        blocks = np.zeros((len(h), n, 2, n, 2))
+        blocks = np.empty((count, n, 2, n, 2))
         for c in (0, 1):
             for d in (0, 1):
-                for a in (0, 1):
-                    for b in (0, 1):
-                        weight = self.moduli[:, entry[a][c], entry[b][d]] * factors[a, b]
-                        blocks[:, :, c, :, d] += weight[:, None, None] * local[a, b]
-        dofs = (2 * space.table.reshape(len(h), -1)[:, order, None] + np.arange(2)).reshape(len(h), 2 * n)
+                moduli = self.moduli[:, _ENTRIES[c]][:, :, _ENTRIES[d]]
+                weights = space.areas[:, None, None] * (slopes @ moduli @ slopes.swapaxes(1, 2))
+                blocks[:, :, c, :, d] = (weights.reshape(count, 4) @ local.reshape(4, n * n)).reshape(count, n, n)
+        dofs = self._dofs
         rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        data = blocks.reshape(len(h), 2 * n, 2 * n)
+        data = blocks.reshape(count, 2 * n, 2 * n)
         K = sparse.coo_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=(space.size, space.size)).tocsr()
         return sparse.csr_array((K + K.T) / 2.0)
 
-    def strain(self, v: FloatArray, cells: IntArray | slice, tx: FloatArray, ty: FloatArray) -> FloatArray:
-        """Strains of v (size,) at reference points, (n, k, 3): tx, ty are (k,) for all cells, or (n, k)."""
-        gradients = self._gradients(v.reshape(-1, 2)[self.space.table[cells]], self.space.sizes[cells], tx, ty)
-        (xx, xy), (yx, yy) = gradients
+    @property
+    def _dofs(self) -> IntArray:
+        """Degrees of freedom of the cells (cells, 2 n)."""
+        table = self.space.table
+        return np.asarray(2 * table[:, :, None] + np.arange(2)).reshape(len(table), -1)
+
+    def strain(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""
+        (xx, xy), (yx, yy) = np.moveaxis(self._gradients(v, cells, t), (3, 2), (0, 1))
         return np.stack([xx, yy, xy + yx], axis=-1)
 
-    def _gradients(
-        self, local: FloatArray, sizes: FloatArray, tx: FloatArray, ty: FloatArray
-    ) -> list[list[FloatArray]]:
-        """∂_b u_a as [a][b], (n, k) each, of coefficients (n, p + 1, p + 1, 2)."""
-        p = self.space.degree
-        along_x = p * (local[:, :, 1:] - local[:, :, :-1]) / sizes[:, 0, None, None, None]
-        along_y = p * (local[:, 1:] - local[:, :-1]) / sizes[:, 1, None, None, None]
-        return [
-            [tensor_values(along_x[..., a], p, p - 1, tx, ty), tensor_values(along_y[..., a], p - 1, p, tx, ty)]
-            for a in (0, 1)
-        ]
+    def _gradients(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """∂_b u_c as [cell, point, b, c]."""
+        cell, local = self.space.cell, v.reshape(-1, 2)[self.space.table[cells]]
+        along = [cell.derivative_values(axis, t) @ (cell.differences[axis] @ local) for axis in (0, 1)]
+        return np.asarray(np.einsum("nab,nqac->nqbc", self.space.slopes[cells], np.stack(along, axis=2)))
 
-    def points(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Reference coordinates tx, ty (q,) and weights (cells, q) that integrate ε:C:ε exactly."""
-        count = self.space.degree + 1
-        t, w = gauss_legendre(count)
-        area = self.space.sizes.prod(axis=1)
-        return np.tile(t, count), np.repeat(t, count), area[:, None] * np.outer(w, w).ravel()
+    def points(self) -> tuple[FloatArray, FloatArray]:
+        """Reference points t (q, 2) and weights (cells, q) that integrate ε:C:ε exactly."""
+        t, weights = self.space.cell.quadrature(self.space.degree + 1)
+        return t, self.space.areas[:, None] * weights
 
     def energy(self, v: FloatArray) -> float:
         """½ ∫ ε:C:ε."""
-        tx, ty, weights = self.points()
-        strain = self.strain(v, slice(None), tx, ty)
-        return 0.5 * float(np.einsum("cq,cqk,ckl,cql->", weights, strain, self.moduli, strain, optimize=True))
+        t, weights = self.points()
+        strain = self.strain(v, slice(None), t)
+        return 0.5 * float(np.einsum("cq,cqk,cqk->", weights, strain, strain @ self.moduli.swapaxes(1, 2)))
 
     def force(self, v: FloatArray) -> FloatArray:
         """K v (size,), through stresses."""
-        tx, ty, weights = self.points()
-        stress = np.einsum("ckl,cql->cqk", self.moduli, self.strain(v, slice(None), tx, ty)) * weights[..., None]
-        return self.virtual_work(stress, tx, ty)
+        t, weights = self.points()
+        stress = self.strain(v, slice(None), t) @ self.moduli.swapaxes(1, 2)
+        return self.virtual_work(stress * weights[..., None], t)
 
-    def virtual_work(self, stress: FloatArray, tx: FloatArray, ty: FloatArray) -> FloatArray:
-        """Σ_q stress_q : ε_q(v) as a vector (size,), for weighted stresses (cells, q, 3) at points (q,)."""
-        space, p = self.space, self.space.degree
+    def virtual_work(self, stress: FloatArray, t: FloatArray) -> FloatArray:
+        """Σ_q stress_q : ε_q(v) as a vector (size,), for weighted stresses (cells, q, 3) at points t (q, 2)."""
+        space, cell = self.space, self.space.cell
         xx, yy, xy = np.moveaxis(stress, -1, 0)
-        local = np.zeros((len(xx), p + 1, p + 1, 2))
-        for a, (by_x, by_y) in enumerate(((xx, xy), (xy, yy))):
-            x_part = np.einsum("cq,qj,qi->cji", by_x, bernstein.basis(p, ty), bernstein.basis(p - 1, tx), optimize=True)
-            y_part = np.einsum("cq,qj,qi->cji", by_y, bernstein.basis(p - 1, ty), bernstein.basis(p, tx), optimize=True)
-            x_part *= p / space.sizes[:, 0, None, None]
-            y_part *= p / space.sizes[:, 1, None, None]
-            local[:, :, 1:, a] += x_part
-            local[:, :, :-1, a] -= x_part
-            local[:, 1:, :, a] += y_part
-            local[:, :-1, :, a] -= y_part
-        dofs = 2 * space.table[..., None] + np.arange(2)
-        return np.asarray(np.bincount(dofs.ravel(), local.ravel(), minlength=space.size), dtype=np.float64)
-
-
-def tensor_values(coefficients: FloatArray, degree_y: int, degree_x: int, tx: FloatArray, ty: FloatArray) -> FloatArray:
-    """Values (n, k) of Σ c_ji B_j(ty) B_i(tx), c (n, degree_y + 1, degree_x + 1), at points (k,) or (n, k)."""
-    if tx.ndim == 1:
-        in_x, in_y = bernstein.basis(degree_x, tx), bernstein.basis(degree_y, ty)
-        return np.asarray(np.einsum("cji,ki,kj->ck", coefficients, in_x, in_y, optimize=True))
-    in_x = bernstein.basis(degree_x, tx.ravel()).reshape(*tx.shape, degree_x + 1)
-    in_y = bernstein.basis(degree_y, ty.ravel()).reshape(*ty.shape, degree_y + 1)
-    return np.asarray(np.einsum("cji,cki,ckj->ck", coefficients, in_x, in_y))
+        tensor = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
+        along = np.einsum("nab,nqbc->nqac", space.slopes, tensor)
+        local = sum(
+            cell.differences[axis].T @ (cell.derivative_values(axis, t).T @ along[:, :, axis]) for axis in (0, 1)
+        )
+        found = np.bincount(self._dofs.ravel(), np.ravel(local), minlength=space.size)
+        return np.asarray(found, dtype=np.float64)

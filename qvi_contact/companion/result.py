@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.companion.elasticity import Elasticity, tensor_values
-from qvi_contact.companion.points import cells_around
+from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionContact, CompanionParts, CompanionState
 from qvi_contact.companion.traces import Trace, plate_centre
@@ -25,7 +24,7 @@ from solvers import Certificate, QVISolution, Status
 
 _DIGITS = 12  # of coordinates over the body's length: more is rounding
 
-_InCells: TypeAlias = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
+_InCells: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -100,32 +99,31 @@ class CompanionResult:
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Stress (σ_xx, σ_yy, σ_xy) = C ε at points of the body, (...) to (..., 3) [stress].
 
-        On grid lines the mean of the adjacent cells.
+        On edges the mean of the adjacent cells.
         """
         return self._mean(x, y, self._stress_in) * self.scales.stress
 
     def cell_strain(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every active cell, row by row, (cells, k, 3)."""
-        tx, ty = np.atleast_1d(np.asarray(tx, dtype=float)), np.atleast_1d(np.asarray(ty, dtype=float))
-        strain = self.body.strain(self._v, slice(None), tx, ty)
+        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every cell, (cells, k, 3).
+
+        The point (t_x, t_y) of a rectangle lies that far along its sides, that of a triangle has these barycentric
+        coordinates of its second and third corner. Cells come in the order of the mesh.
+        """
+        strain = self.body.strain(self._v, slice(None), _points(tx, ty))
         return np.asarray(strain * (self.scales.displacement / self.scales.length))
 
     def cell_displacement(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Displacements at reference points (k,) of every active cell, row by row, (cells, k, 2) [length]."""
-        tx, ty = np.atleast_1d(np.asarray(tx, dtype=float)), np.atleast_1d(np.asarray(ty, dtype=float))
-        return np.asarray(self._displacement_in(slice(None), tx, ty) * self.scales.displacement)
+        """Displacements at such points of every cell, (cells, k, 2) [length]."""
+        return np.asarray(self._displacement_in(slice(None), _points(tx, ty)) * self.scales.displacement)
 
     def cell_stress(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Stresses (σ_xx, σ_yy, σ_xy) at reference points (k,) of every active cell, row by row, (cells, k, 3)."""
-        tx, ty = np.atleast_1d(np.asarray(tx, dtype=float)), np.atleast_1d(np.asarray(ty, dtype=float))
-        return self._stress_in(slice(None), tx, ty) * self.scales.stress
+        """Stresses (σ_xx, σ_yy, σ_xy) at such points of every cell, (cells, k, 3) [stress]."""
+        return self._stress_in(slice(None), _points(tx, ty)) * self.scales.stress
 
     def cell_points(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Coordinates x, y of reference points (k,) of every active cell, row by row, (cells, k, 2) [length]."""
-        t = np.stack([np.atleast_1d(np.asarray(part, dtype=float)) for part in (tx, ty)], axis=-1)
-        mesh, space = self.problem.grid, self.space
-        place = space.corners[:, None, :] + space.sizes[:, None, :] * t
-        return np.asarray(np.array([mesh.x[0], mesh.y[0]]) + self.scales.length * place)
+        """Coordinates x, y of such points of every cell, (cells, k, 2) [length]."""
+        place = self.space.points(slice(None), _points(tx, ty))
+        return np.asarray(self.problem.mesh.origin + self.scales.length * place)
 
     def obstacle(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Where a contact's obstacle stands: g and w, with the motion of a plate, as `trace` gives v_N and v_T."""
@@ -139,8 +137,8 @@ class CompanionResult:
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
 
-        Edges are in the order of ``problem.grid.edges(contact.edges)``, t runs along +x or +y. On a joint these are
-        the jumps, on a plate driven by force what the body moves beyond it.
+        Edges are in the order of ``problem.mesh.edges(contact.edges)``, t runs along their tangents. On a joint these
+        are the jumps, on a plate driven by force what the body moves beyond it.
         """
         trace, chosen = self._trace(name)
         state = self._state
@@ -190,12 +188,11 @@ class CompanionResult:
 
     @cached_property
     def nodal_displacements(self) -> FloatArray:
-        """Displacements of the four corners of every active cell, row by row, (cells, 4, 2) [length].
+        """Displacements of the c corners of every cell, in the order of ``problem.mesh.cells``, (cells, c, 2) [length].
 
-        Counterclockwise from the bottom left; cells on the two sides of a joint have corners of their own.
+        Cells on the two sides of a joint have corners of their own.
         """
-        p, table = self.degree, self.space.table
-        corners = np.stack([table[:, 0, 0], table[:, 0, p], table[:, p, p], table[:, p, 0]], axis=1)
+        corners = self.space.table[:, self.space.cell.corners]
         return np.asarray(self._v.reshape(-1, 2)[corners] * self.scales.displacement)
 
     @property
@@ -231,7 +228,7 @@ class CompanionResult:
 
     def _contact(self, trace: Trace) -> CompanionContact:
         _, chosen = self._trace(trace.name)
-        state, scales, mesh = self._state, self.scales, self.problem.grid
+        state, scales = self._state, self.scales
         n = state.contacts.count
         normal, tangential, bound = state.tractions[:n][chosen], state.tractions[n:][chosen], state.bound[chosen]
         gap, slip = trace.gap - state.c[:n][chosen], state.c[n:][chosen] - trace.offset
@@ -239,10 +236,11 @@ class CompanionResult:
         may_open = trace.law == "unilateral"
         states = contact_states(normal, tangential, bound, gap, slip, unit, unit, may_open=may_open)
         order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
+        x, y = (self.problem.mesh.origin + scales.length * trace.places).T
         return CompanionContact(
             trace.name,
-            (mesh.x[0] + scales.length * trace.places[:, 0])[order],
-            (mesh.y[0] + scales.length * trace.places[:, 1])[order],
+            x[order],
+            y[order],
             trace.weights[order] * scales.length,
             normal[order] * scales.stress,
             tangential[order] * scales.stress,
@@ -252,13 +250,12 @@ class CompanionResult:
             states[order],
         )
 
-    def _displacement_in(self, cells: IntArray | slice, tx: FloatArray, ty: FloatArray) -> FloatArray:
-        local, p = self._v.reshape(-1, 2)[self.space.table[cells]], self.degree
-        return np.stack([tensor_values(local[..., a], p, p, tx, ty) for a in (0, 1)], axis=-1)
+    def _displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        local = self._v.reshape(-1, 2)[self.space.table[cells]]
+        return np.asarray(self.space.cell.values(t) @ local)
 
-    def _stress_in(self, cells: IntArray | slice, tx: FloatArray, ty: FloatArray) -> FloatArray:
-        strain = self.body.strain(self._v, cells, tx, ty)
-        return np.asarray(np.einsum("ckl,cql->cqk", self.body.moduli[cells], strain))
+    def _stress_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        return np.asarray(self.body.strain(self._v, cells, t) @ self.body.moduli[cells].swapaxes(1, 2))
 
     def _mean(self, x: ArrayLike, y: ArrayLike, values: _InCells) -> FloatArray:
         """Mean of what the cells that hold a point say."""
@@ -267,19 +264,17 @@ class CompanionResult:
         except (TypeError, ValueError) as error:
             raise InputError("x, y", (x, y), "give numbers or arrays whose shapes go together") from error
         _ = self._state
-        mesh, flat_x, flat_y = self.problem.grid, px.ravel(), py.ravel()
-        total, count = None, np.zeros(len(flat_x))
-        for column, row in cells_around(mesh, flat_x, flat_y):
-            cell = np.where((column >= 0) & (row >= 0), self.space.number[row, column], -1)
-            hit = np.flatnonzero(cell >= 0)
-            tx = (flat_x[hit] - mesh.x[column[hit]]) / np.diff(mesh.x)[column[hit]]
-            ty = (flat_y[hit] - mesh.y[row[hit]]) / np.diff(mesh.y)[row[hit]]
-            found = values(cell[hit], np.clip(tx, 0, 1)[:, None], np.clip(ty, 0, 1)[:, None])[:, 0]
-            total = np.zeros((len(flat_x), found.shape[-1])) if total is None else total
-            total[hit] += found
-            count[hit] += 1.0
-        if (count == 0.0).any():
-            where = int(np.argmin(count))
-            raise InputError("x, y", (float(flat_x[where]), float(flat_y[where])), "give points of the body")
-        assert total is not None
+        mesh, places = self.problem.mesh, np.column_stack([px.ravel(), py.ravel()])
+        point, cell = mesh.around(places)
+        count = np.bincount(point, minlength=len(places))
+        if (count == 0).any():
+            raise InputError("x, y", tuple(places[np.argmin(count)].tolist()), "give points of the body")
+        t = np.clip(mesh.reference(cell, places[point])[:, -2:], 0.0, 1.0)
+        found = values(cell, t[:, None])[:, 0]
+        total = np.column_stack([np.bincount(point, part, len(places)) for part in found.T])
         return np.asarray((total / count[:, None]).reshape(*px.shape, -1))
+
+
+def _points(tx: ArrayLike, ty: ArrayLike) -> FloatArray:
+    """Reference points (k, 2)."""
+    return np.stack([np.atleast_1d(np.asarray(part, dtype=float)) for part in (tx, ty)], axis=-1)

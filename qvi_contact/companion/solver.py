@@ -7,13 +7,15 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.companion.admissible import admissible
+from qvi_contact.companion.cells import cell_for
 from qvi_contact.companion.condensation import CondensedBody
-from qvi_contact.companion.data import load_vector, supports
+from qvi_contact.companion.data import load_vector
 from qvi_contact.companion.dual import Contacts, DualProblem, dual_problem
 from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.result import CompanionResult
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionState
+from qvi_contact.companion.supports import supports
 from qvi_contact.companion.traces import Trace, traces
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
@@ -25,8 +27,6 @@ from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.choice import Request
 
-DEGREES = (2, 3, 4)
-
 _FAILURES = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY}
 
 _INDICATOR = "The friction bound follows from this model's own contact forces: the energy is that of a moving bound."
@@ -36,11 +36,11 @@ def solve_companion(
     problem: ContactProblem,
     *,
     bounds: Mapping[str, ArrayLike] | None = None,
-    degree: int = 2,
+    degree: int | None = None,
     tolerance: float = 1e-8,
     time_limit: float | None = None,
 ) -> CompanionResult:
-    """Displacements of a contact problem, by conforming elements Q_p on the problem's grid.
+    """Displacements of a contact problem, by conforming elements on its mesh: Q_p on rectangles, P_p on triangles.
 
     Minimises, over the displacements v of degree p that meet supports and contacts on whole edges,
 
@@ -54,11 +54,11 @@ def solve_companion(
     problem : ContactProblem
         The problem.
     bounds : mapping, optional
-        For every contact that is not tied the friction bound s ≥ 0 [stress] as Bernstein coefficients (edges, 3),
-        edges in the order of ``problem.grid.edges(contact.edges)`` and along +x or +y (Tresca's law). By default the
-        contacts' own laws, with the pressure of this model's contact forces.
-    degree : 2, 3 or 4
-        p.
+        For every contact that is not tied the friction bound s ≥ 0 [stress] as Bernstein coefficients (edges, q) of
+        any degree, edges in the order of ``problem.mesh.edges(contact.edges)``, coefficients along the tangent
+        (Tresca's law). By default the contacts' own laws, with the pressure of this model's contact forces.
+    degree : int, optional
+        p: 2 to 4 on rectangles, 2 by default, 1 to 5 on triangles, 3 by default.
     tolerance : float
         Accuracy that the certificate of the contact forces must confirm.
     time_limit : float, optional
@@ -88,12 +88,11 @@ def solve_companion(
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or degree not in DEGREES:
-        raise InputError("degree", degree, f"give one of {', '.join(map(str, DEGREES))}")
+    cell = cell_for(problem.mesh, degree)
     if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float)) and 0.0 < tolerance < 1.0):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     scales = Scales.of(problem)
-    space = Space.of(problem, int(degree), scales.length)
+    space = Space.of(problem, cell, scales.length)
     body = Elasticity(space, moduli(problem, scales))
     lines, reasons = traces(problem, space, scales, bounds)
     held = supports(problem, space, scales)
@@ -106,20 +105,20 @@ def solve_companion(
         reasons += (_INDICATOR,)
     with Request().limited_blas():
         try:
-            condensed = CondensedBody.of(body, load, held, contacts.touched)
+            condensed = CondensedBody.of(body, load, held, contacts.rows)
             dual = dual_problem(contacts, condensed)
         except (FactorisationError, MemoryError) as error:
             return _failed(problem, space, scales, error, tolerance)
         solution = solve_qvi(dual.qvi, tolerance=tolerance, time_limit=time_limit)
         state = _state(dual, solution, load) if _usable(solution) else None
     return CompanionResult(
-        problem, int(degree), scales, space, body, solution.status, solution.certificate, solution.message,
+        problem, cell.degree, scales, space, body, solution.status, solution.certificate, solution.message,
         state, reasons + (state.reasons if state else ()), solution,
     )  # fmt: skip
 
 
 def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
-    """C = c⁻¹ of every active cell, dimensionless, (cells, 3, 3)."""
+    """C = c⁻¹ of every cell, dimensionless, (cells, 3, 3)."""
     return np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)
 
 
@@ -128,7 +127,7 @@ def _moves(problem: ContactProblem, trace: Trace, contact: Contact) -> bool:
     found = bool((trace.friction > 0.0).any())
     if found or not callable(contact.friction):
         return found
-    x, y = problem.grid.points_along(trace.edges, bernstein.SAMPLES)
+    x, y = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
     return bool((evaluate("Contact.friction", contact.friction, x, y, minimum=0.0) > 0.0).any())
 
 

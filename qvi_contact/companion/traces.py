@@ -1,8 +1,8 @@
 """Contact traces in the displacement model: Bernstein coefficients of v_N and v_T, and the laws at each of them.
 
-On an edge the relative displacement is Σ c_i B_i; c is a difference of two degrees of freedom on a joint, and one of
-them with the sign of the normal elsewhere. A plate driven by force adds its motion: then c is what the body moves
-beyond it. Forces z conjugate to c are
+On an edge the relative displacement is Σ c_i B_i. Each c is a coefficient of the body, or the difference of two on
+a joint, along the edge's normal or tangent; in a corner of the line, between edges of two directions, one for each.
+A plate driven by force adds its motion: then c is what the body moves beyond it. Forces z conjugate to c are
 
     z_i = ∫ σ B_i ds = W_i τ_i,   W_i = ∫ B_i ds,
 
@@ -20,13 +20,17 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate, real_array
 from qvi_contact.companion.data import MISFIT, edge_data, edge_moments
 from qvi_contact.companion.space import Space
+from qvi_contact.companion.supports import PARALLEL
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Law
 from qvi_contact.problem.problem import ContactProblem
+from solvers.strict.quadratics import smallest
+
+_PLACES: FloatArray = np.concatenate([[0.0], bernstein.SAMPLES, [1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +41,7 @@ class Trace:
     ----------
     name, law
         Of the contact.
-    edges : GridEdges
+    edges : Edges
         In the mesh's order.
     columns : (e, p + 1) int array
         Coefficients on each edge, numbers below n.
@@ -51,8 +55,8 @@ class Trace:
         μ_i, c_i and the cap; cohesion is the whole bound, and μ zero, where the bound is given.
     gap, offset : (n,) arrays
         Coefficients of g and w.
-    bound : (e, 3) array or None
-        The given bound s on each edge.
+    bound : (e, q) array or None
+        Bernstein coefficients of the given bound s on each edge.
     motions : tuple of (component, normal (n,), tangential (n,), resultant)
         For each given component of a plate what c of the plate itself is when it moves by 1, and the force or moment.
 
@@ -60,7 +64,7 @@ class Trace:
 
     name: str
     law: Law
-    edges: GridEdges
+    edges: Edges
     columns: IntArray
     places: FloatArray
     weights: FloatArray
@@ -106,7 +110,7 @@ def traces(
 
 
 def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | None) -> dict[str, FloatArray]:
-    """Given friction bounds (edges, 3) by contact [stress]; those of tied contacts are left out.
+    """Given friction bounds (edges, q) by contact [stress]; those of tied contacts are left out.
 
     Raises
     ------
@@ -117,7 +121,9 @@ def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | No
     if bounds is None:
         return {}
     if not isinstance(bounds, Mapping):
-        raise InputError("bounds", bounds, "give a mapping from names of contacts to arrays (edges, 3), or nothing")
+        raise InputError(
+            "bounds", bounds, "give a mapping from names of contacts to arrays (edges, coefficients), or nothing"
+        )
     known = [contact.name for contact in problem.contacts]
     for name in bounds:
         if name not in known:
@@ -135,35 +141,37 @@ def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | No
 def _checked_bound(problem: ContactProblem, contact: Contact, bound: ArrayLike) -> FloatArray:
     field = f"bounds[{contact.name!r}]"
     values = real_array(field, bound, "give an array of real numbers")
-    shape = (len(problem.grid.edges(contact.edges)), 3)
-    if values.shape != shape:
-        raise InputError(field, f"shape {values.shape}", f"give Bernstein coefficients of shape {shape}")
+    count = len(problem.mesh.edges(contact.edges))
+    if values.ndim != 2 or values.shape[0] != count or not values.shape[1]:
+        remedy = f"give Bernstein coefficients, one row for each of the {count} edges"
+        raise InputError(field, f"shape {values.shape}", remedy)
     if not np.isfinite(values).all():
         raise InputError(field, "NaN or infinity", "give finite numbers")
-    low = values[:, 1] + np.sqrt(np.maximum(values[:, 0] * values[:, 2], 0.0))
-    size = np.abs(values).max(initial=0.0)
-    if min(values[:, [0, 2]].min(initial=0.0), low.min(initial=0.0)) < -1e-12 * size:
+    if _least(values) < -1e-12 * np.abs(values).max(initial=0.0):
         raise InputError(field, float(values.min()), "give a bound that is ≥ 0 all along each edge")
     return values
+
+
+def _least(values: FloatArray) -> float:
+    """The smallest value of polynomials (edges, q): exact up to degree 2, of others at points."""
+    found = smallest(values) if values.shape[1] == 3 else values @ bernstein.basis(values.shape[1] - 1, _PLACES).T
+    return float(found.min(initial=0.0))
 
 
 def _trace(
     problem: ContactProblem, space: Space, scales: Scales, contact: Contact, bound: FloatArray | None
 ) -> tuple[Trace, list[str]]:
-    mesh, p = problem.grid, space.degree
+    mesh, p = problem.mesh, space.degree
     edges = mesh.edges(contact.edges)
     joint = contact in problem.joints
     near = space.along(edges)
     far = space.along(edges, other=True) if joint else near
-    pairs, columns = np.unique(np.stack([near.ravel(), far.ravel()], axis=1), axis=0, return_inverse=True)
+    facing = np.repeat(_directions(edges.normal), near.shape[1])
+    pairs, columns = np.unique(np.stack([near.ravel(), far.ravel(), facing], axis=1), axis=0, return_inverse=True)
     columns = columns.reshape(near.shape)
     n, lengths = len(pairs), edges.length / scales.length
-    axis, sign = _by_coefficient(columns, n, edges.axis), _by_coefficient(columns, n, edges.sign)
-    tangent = np.where(axis == HORIZONTAL, 0, 1)
-    normal, tangential = (
-        _rows(pairs, component, factor, space.size, joint)
-        for component, factor in ((1 - tangent, sign), (tangent, np.ones(n)))
-    )
+    normals, tangents = (_by_coefficient(columns, n, vectors) for vectors in (edges.normal, edges.tangent))
+    normal, tangential = (_rows(pairs, vectors, space.size, joint) for vectors in (normals, tangents))
     weights = _sums(columns, n, np.repeat(lengths[:, None] / (p + 1), p + 1, axis=1))
     reasons: list[str] = []
     gap = _obstacle(problem, space, scales, contact, edges, columns, n, "gap", reasons)
@@ -171,7 +179,7 @@ def _trace(
     places = space.places[pairs[:, 0]]
     law = _law(problem, scales, contact, edges, columns, places, weights, lengths, p, bound, reasons)
     friction, cohesion, limit = law
-    motions = _motions(problem, scales, contact, edges, places, axis, sign)
+    motions = _motions(problem, scales, contact, edges, places, normals, tangents)
     trace = Trace(
         contact.name, contact.law, edges, columns, places, weights, normal, tangential,
         friction, cohesion, limit, gap, offset, bound, motions, lengths,
@@ -179,10 +187,21 @@ def _trace(
     return trace, reasons
 
 
-def _by_coefficient(columns: IntArray, n: int, values: FloatArray | IntArray) -> FloatArray:
-    """Values of edges (e,) at the coefficients (n,) that lie on them."""
-    found = np.zeros(n)
-    found[columns] = values[:, None]
+def _directions(vectors: FloatArray) -> IntArray:
+    """Numbers of the different directions of unit vectors (e, 2); those `PARALLEL` to each other have the same."""
+    angle = np.arctan2(vectors[:, 1], vectors[:, 0])
+    order = np.argsort(angle, kind="stable")
+    steps = np.diff(angle[order], append=angle[order[:1]] + 2.0 * np.pi)
+    apart = np.roll(steps > PARALLEL, 1)  # from the one before, the last one before the first
+    number: IntArray = np.empty(len(angle), dtype=np.int64)
+    number[order] = (np.cumsum(apart) - apart[0]) % max(int(apart.sum()), 1)
+    return number
+
+
+def _by_coefficient(columns: IntArray, n: int, vectors: FloatArray) -> FloatArray:
+    """Vectors of edges (e, 2) at the coefficients (n, 2) that lie on them."""
+    found = np.zeros((n, 2))
+    found[columns] = vectors[:, None]
     return found
 
 
@@ -190,14 +209,17 @@ def _sums(columns: IntArray, n: int, values: FloatArray) -> FloatArray:
     return np.asarray(np.bincount(columns.ravel(), values.ravel(), minlength=n), dtype=np.float64)
 
 
-def _rows(pairs: IntArray, component: IntArray, factor: FloatArray, size: int, joint: bool) -> sparse.csr_array:
-    """(n, size): factor × component of the first of each pair, on a joint less that of the second."""
-    number = np.arange(len(pairs))
-    rows = sparse.csr_array((factor, (number, 2 * pairs[:, 0] + component)), shape=(len(pairs), size))
-    if joint:
-        rows = rows - sparse.csr_array((factor, (number, 2 * pairs[:, 1] + component)), shape=rows.shape)
-        rows.eliminate_zeros()
-    return sparse.csr_array(rows)
+def _rows(pairs: IntArray, vectors: FloatArray, size: int, joint: bool) -> sparse.csr_array:
+    """(n, size): the components along vectors (n, 2) of the first of each pair, on a joint less those of the second."""
+    shape, number = (len(pairs), size), np.repeat(np.arange(len(pairs)), 2)
+
+    def part(side: int) -> sparse.csr_array:
+        dofs = 2 * pairs[:, [side]] + np.arange(2)
+        return sparse.csr_array((vectors.ravel(), (number, dofs.ravel())), shape=shape)
+
+    rows = sparse.csr_array(part(0) - part(1)) if joint else part(0)
+    rows.eliminate_zeros()
+    return rows
 
 
 def _obstacle(
@@ -205,7 +227,7 @@ def _obstacle(
     space: Space,
     scales: Scales,
     contact: Contact,
-    edges: GridEdges,
+    edges: Edges,
     columns: IntArray,
     n: int,
     kind: str,
@@ -232,7 +254,7 @@ def _law(
     problem: ContactProblem,
     scales: Scales,
     contact: Contact,
-    edges: GridEdges,
+    edges: Edges,
     columns: IntArray,
     places: FloatArray,
     weights: FloatArray,
@@ -246,12 +268,12 @@ def _law(
     The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper bound if
     the means are exact. Data of which 99 points of an edge show that they are not are named in `reasons`.
     """
-    n, mesh = len(weights), problem.grid
+    n, mesh = len(weights), problem.mesh
     none = np.full(n, np.inf)
     if bound is not None:
-        mean = bound @ bernstein.product_integrals(2, degree) * lengths[:, None]
+        mean = bound @ bernstein.product_integrals(bound.shape[1] - 1, degree) * lengths[:, None]
         return np.zeros(n), np.maximum(_sums(columns, n, mean) / weights, 0.0), none
-    x, y = mesh.x[0] + scales.length * places[:, 0], mesh.y[0] + scales.length * places[:, 1]
+    x, y = (mesh.origin + scales.length * places).T
     friction = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
 
     def mean_of(kind: str, field: Field) -> FloatArray:
@@ -270,10 +292,10 @@ def _motions(
     problem: ContactProblem,
     scales: Scales,
     contact: Contact,
-    edges: GridEdges,
+    edges: Edges,
     places: FloatArray,
-    axis: FloatArray,
-    sign: FloatArray,
+    normals: FloatArray,
+    tangents: FloatArray,
 ) -> tuple[tuple[str, FloatArray, FloatArray, float], ...]:
     """What each given component of a plate does; moments count from `RigidPlate.reference`."""
     plate = contact.plate
@@ -281,26 +303,24 @@ def _motions(
         return ()
     centre = plate_centre(problem, edges)
     reference = plate.reference(*centre)
-    origin = np.array([problem.grid.x[0], problem.grid.y[0]])
-    arm_x, arm_y = (places - (np.array(reference) - origin) / scales.length).T
+    arm_x, arm_y = (places - (np.array(reference) - problem.mesh.origin) / scales.length).T
     one, zero = np.ones(len(places)), np.zeros(len(places))
     fields = {"force_x": (one, zero), "force_y": (zero, one), "moment": (-arm_y, arm_x)}
-    flat = axis == HORIZONTAL
     found = []
     for component in COMPONENTS:
         if getattr(plate, component) is None:
             continue
-        along_x, along_y = fields[component]
+        field = np.column_stack(fields[component])
         moment = component == "moment"
         given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
         size = scales.stress * scales.length ** (2 if moment else 1)
-        normal, tangential = sign * np.where(flat, along_y, along_x), np.where(flat, along_x, along_y)
+        normal, tangential = ((vectors * field).sum(axis=1) for vectors in (normals, tangents))
         found.append((component, normal, tangential, given / size))
     return tuple(found)
 
 
-def plate_centre(problem: ContactProblem, edges: GridEdges) -> tuple[float, float]:
+def plate_centre(problem: ContactProblem, edges: Edges) -> tuple[float, float]:
     """Centre of a contact's line [length]."""
     lengths = edges.length
-    x, y = problem.grid.points_along(edges, np.array([0.5]))
+    x, y = problem.mesh.points_along(edges, np.array([0.5]))
     return float(np.average(x[:, 0], weights=lengths)), float(np.average(y[:, 0], weights=lengths))

@@ -50,7 +50,7 @@ def write_vtu(path: str | Path, companion: CompanionResult, units: Units | None 
     problem = companion.problem
     material = np.repeat(problem.cell_materials, r * r)
     meshio = load("meshio")
-    quads = sub_quads(len(companion.space.sizes), r)
+    quads = sub_quads(companion.problem.mesh.cell_count, r)
     mesh = meshio.Mesh(points, [("quad", quads)], point_data=fields, cell_data={"material": [material]})
     with replacing(path) as temporary:
         mesh.write(temporary, file_format="vtu")

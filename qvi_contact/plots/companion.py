@@ -86,7 +86,7 @@ def _draw_stress(axes: "Axes", companion: CompanionResult, factor: float, units:
 
     problem = companion.problem
     r = int(np.clip(np.ceil(_SAMPLES / max(problem.grid.shape)), 2, 24))
-    corners = _moved(companion, *sub_points(r), factor).reshape(-1, 2)[sub_quads(len(companion.space.sizes), r)]
+    corners = _moved(companion, *sub_points(r), factor).reshape(-1, 2)[sub_quads(companion.problem.mesh.cell_count, r)]
     middle = (np.arange(r) + 0.5) / r
     stress = companion.cell_stress(np.tile(middle, r), np.repeat(middle, r))
     values = von_mises(stress, out_of_plane_factor(problem)[problem.grid.active][:, None]).ravel()

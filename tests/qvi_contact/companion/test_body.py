@@ -15,16 +15,19 @@ from qvi_contact import (
     exact,
 )
 from qvi_contact.companion import solve_companion
+from qvi_contact.companion.cell import reference_matrices
+from qvi_contact.companion.cells import cell_for
 from qvi_contact.companion.elasticity import Elasticity
-from qvi_contact.companion.element import BernsteinQuad, lattice, reference_matrices
+from qvi_contact.companion.rectangle import Rectangle
 from qvi_contact.companion.solver import moduli
 from qvi_contact.companion.space import Space
+from qvi_contact.companion.triangle import Triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from solvers import Status
 from tests.covering import every_pair
 
-DEGREES = (2, 3, 4)
+CELLS = [Rectangle(2), Rectangle(3), Rectangle(4), *(Triangle(degree) for degree in (1, 2, 3, 4, 5))]
 MESHES = {
     "one cell": RectilinearMesh.rectangle((1, 1), 2.0, 1.0, origin=(0.0, -0.5)),
     "graded": RectilinearMesh.rectangle((6, 5), 2.0, 1.0, origin=(0.0, -0.5), grading=(0.4, 2.0)),
@@ -55,68 +58,96 @@ def notched():
 
 def body_of(problem, degree):
     scales = Scales.of(problem)
-    return Elasticity(Space.of(problem, degree, scales.length), moduli(problem, scales))
+    space = Space.of(problem, cell_for(problem.mesh, degree), scales.length)
+    return Elasticity(space, moduli(problem, scales))
 
 
-@pytest.mark.parametrize("degree", DEGREES)
-def test_shape_functions(degree):
-    """Products of Bernstein polynomials at the places of the lattice, and their gradients by differences."""
-    element, places = BernsteinQuad(degree), lattice(degree)
-    X = np.random.default_rng(0).uniform(0.05, 0.95, size=(2, 7))
-    in_x, in_y = bernstein.basis(degree, X[0]), bernstein.basis(degree, X[1])
-    step = 1e-6
-    for (row, column), local in np.ndenumerate(places):
-        value, gradient = element.lbasis(X, int(local))
-        assert value == pytest.approx(in_x[:, column] * in_y[:, row], abs=1e-14)
+def name_of(cell):
+    return f"{type(cell).__name__} {cell.degree}"
+
+
+@pytest.mark.parametrize("cell", CELLS, ids=name_of)
+class TestCells:
+    """Shape functions of the reference cells."""
+
+    T = np.random.default_rng(0).uniform(0.05, 0.45, size=(7, 2))
+
+    def test_functions_are_positive_and_sum_to_one(self, cell):
+        values = cell.values(self.T)
+        assert values.min() >= 0.0
+        assert values.sum(axis=1) == pytest.approx(1.0, abs=1e-14)
+
+    def test_places_are_the_values_of_linear_functions(self, cell):
+        assert cell.values(self.T) @ cell.places == pytest.approx(self.T, abs=1e-14)
+
+    def test_derivatives(self, cell):
+        c, step = np.random.default_rng(1).normal(size=len(cell.places)), 1e-6
         for axis in (0, 1):
-            shift = np.zeros((2, 1))
-            shift[axis] = step
-            slope = (element.lbasis(X + shift, int(local))[0] - element.lbasis(X - shift, int(local))[0]) / (2 * step)
-            assert gradient[axis] == pytest.approx(slope, abs=1e-8)
+            shift = step * np.eye(2)[axis]
+            slope = (cell.values(self.T + shift) - cell.values(self.T - shift)) @ c / (2 * step)
+            found = cell.derivative_values(axis, self.T) @ (cell.differences[axis] @ c)
+            assert found == pytest.approx(slope, abs=1e-7)
+
+    def test_sides_carry_the_trace(self, cell):
+        """Along a side the function is the polynomial of the side's coefficients, in its direction."""
+        c, t = np.random.default_rng(2).normal(size=len(cell.places)), np.linspace(0.0, 1.0, 5)
+        corners = cell.places[cell.corners]
+        pairs = np.argwhere(cell.sides[:, :, 0] >= 0)
+        assert len(pairs) == 2 * len(corners)
+        for first, last in pairs:
+            line = corners[first] + t[:, None] * (corners[last] - corners[first])
+            along = bernstein.basis(cell.degree, t) @ c[cell.sides[first, last]]
+            assert cell.values(line) @ c == pytest.approx(along, abs=1e-13)
+
+    def test_reference_matrices(self, cell):
+        """∫ ∂_x u ∂_y v of u = x² and v = x y is ∫ 2x²; of degree 1 u = x, v = y: the area."""
+        x, y = cell.places.T
+        t, weights = cell.quadrature(4)
+        if cell.degree == 1:
+            u, v, expected = x, y, cell.area
+        else:
+            exact_at = cell.quadrature(cell.degree + 2)[0]
+            to = np.linalg.pinv(cell.values(exact_at))
+            u, v = to @ exact_at[:, 0] ** 2, to @ exact_at.prod(axis=1)
+            expected = float(weights @ (2.0 * t[:, 0] ** 2))
+        assert u @ reference_matrices(cell)[0, 1] @ v == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("degree", DEGREES)
-def test_reference_matrices(degree):
-    """∫ ∂_x u ∂_y v of u = x² and v = x y² is ∫ 2x · 2xy = 2/3."""
-    order = np.argsort(lattice(degree).ravel())
-    i = np.arange(degree + 1)
-    linear, square = i / degree, i * (i - 1) / (degree * (degree - 1))
-    one = np.ones(degree + 1)
-    u, v = np.outer(one, square).ravel()[order], np.outer(square, linear).ravel()[order]
-    assert v @ reference_matrices(degree)[1, 0] @ u == pytest.approx(2.0 / 3.0, abs=1e-14)
-
-
-@pytest.mark.parametrize("degree", DEGREES)
+@pytest.mark.parametrize("cell", CELLS, ids=name_of)
 class TestStiffness:
     """K of a body with joint, notch and two materials."""
 
-    def test_it_is_the_energy(self, degree):
-        body = body_of(notched(), degree)
+    def body(self, cell):
+        problem = notched()
+        return body_of(problem.triangulated() if isinstance(cell, Triangle) else problem, cell.degree)
+
+    def test_it_is_the_energy(self, cell):
+        body = self.body(cell)
         v = np.random.default_rng(1).normal(size=body.space.size)
         K = body.stiffness()
-        assert body.force(v) == pytest.approx(K @ v, abs=1e-11)
+        assert body.force(v) == pytest.approx(K @ v, abs=1e-10)
         assert body.energy(v) == pytest.approx(0.5 * v @ (K @ v), rel=1e-12)
 
-    def test_each_block_moves_freely(self, degree):
+    def test_each_block_moves_freely(self, cell):
         """Three rigid motions each, no more: the joint separates the blocks, and nothing else does."""
-        body = body_of(notched(), degree)
+        body = self.body(cell)
         K = body.stiffness()
         motions = body.space.rigid()
         assert motions.shape[1] == 6
         assert np.abs(K @ motions).max() < 1e-12
         values = np.linalg.eigvalsh(K.toarray())
-        assert values[5] < 1e-12 < 1e-4 < values[6]
+        assert values[5] < 1e-12 < 1e-5 < values[6]
 
-    def test_energy_does_not_feel_a_large_motion(self, degree):
-        body = body_of(notched(), degree)
+    def test_energy_does_not_feel_a_large_motion(self, cell):
+        body = self.body(cell)
         v = np.random.default_rng(2).normal(size=body.space.size)
         shifted = v + 1e6 * body.space.rigid()[:, :3].sum(axis=1)
         assert body.energy(shifted) == pytest.approx(body.energy(v), rel=1e-8)
 
 
-def test_places_of_the_joint_are_doubled():
-    problem = notched()
-    space = Space.of(problem, 3, 1.0)
+@pytest.mark.parametrize("problem", [notched(), notched().triangulated()], ids=["rectangles", "triangles"])
+def test_places_of_the_joint_are_doubled(problem):
+    space = Space.of(problem, cell_for(problem.mesh, 3), 1.0)
     edges = problem.mesh.edges("cut")
     below, above = space.along(edges), space.along(edges, other=True)
     assert not np.intersect1d(below, above).size

@@ -29,7 +29,7 @@ def block(contact, top=None):
 class TestBadInput:
     """Every mistake is an InputError that names the field."""
 
-    @pytest.mark.parametrize("degree", [1, 5, 2.5, "2", True, None, np.array([2, 3])])
+    @pytest.mark.parametrize("degree", [1, 5, 2.5, "2", True, np.array([2, 3])])
     def test_degree(self, degree):
         with pytest.raises(InputError, match="degree"):
             solve_companion(PLATE, degree=degree)
@@ -50,7 +50,7 @@ class TestBadInput:
             ({}, "every contact"),
             ([1.0], "mapping"),
             ({"plate": np.zeros((2, 3))}, "shape"),
-            ({"plate": np.zeros((3, 2))}, "shape"),
+            ({"plate": np.zeros(3)}, "shape"),
             ({"plate": "rough"}, "numbers"),
             ({"plate": np.full((3, 3), np.nan)}, "finite"),
             ({"plate": np.full((3, 3), np.inf)}, "finite"),
