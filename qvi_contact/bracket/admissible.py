@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket.given import GivenProblem, contact_tractions
+from qvi_contact.bracket.given import GivenProblem
+from qvi_contact.bracket.law import coefficients, contact_tractions, largest
 from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
 from solvers import Status, solve_qvi
-from solvers.strict.quadratics import largest
 
 LOOSEST: Final = 1e-6
 """Largest violation of the contact law, relative to the largest stress, that counts as admissible."""
@@ -72,13 +72,14 @@ def _violations(given: GivenProblem, result: ContactResult) -> tuple[FloatArray,
 
     That is the contact's largest traction, or the certificate's unit of stress where the contact is open.
     """
-    qvi = given.discretization.qvi
-    if qvi.edges is None or not qvi.m:
+    discretization, qvi = given.discretization, given.discretization.qvi
+    if not qvi.m:
         return np.zeros(0), np.zeros(0), 1.0
-    normal, tangential = contact_tractions(given.discretization, result.nodal)
-    shear = qvi.edges.bernstein(tangential)
+    space = discretization.space
+    normal, tangential = contact_tractions(discretization, result.dofs)
+    shear = coefficients(discretization, tangential, space.shear_degree)
     excess = np.maximum(largest(shear - given.threshold), largest(-shear - given.threshold))
-    unilateral = qvi.edges.ends((~qvi.bilateral).astype(float)) > 0.5
-    pull = np.where(unilateral, qvi.edges.ends(normal), 0.0).max(axis=1)
+    bilateral = qvi.bilateral.reshape(len(shear), -1).any(axis=1)
+    pull = np.where(bilateral, 0.0, largest(coefficients(discretization, normal, space.normal_degree)))
     size = max(np.abs(normal).max(), np.abs(tangential).max(), result.certificate.scales.get("stress", 0.0))
     return np.maximum(excess, 0.0), np.maximum(pull, 0.0), float(size) or 1.0

@@ -12,7 +12,8 @@ from qvi_contact.basics.checks import finite_number
 from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible_stress
 from qvi_contact.bracket.data import data_reasons
 from qvi_contact.bracket.forces import force_bounds
-from qvi_contact.bracket.given import GivenProblem, contact_tractions, given_problem
+from qvi_contact.bracket.given import GivenProblem, given_problem
+from qvi_contact.bracket.law import coefficients, contact_tractions, law_bound
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.companion import CompanionResult, solve_companion
@@ -20,16 +21,17 @@ from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import obstacle_work, support_work
 from solvers.basics.watch import watched
-from solvers.strict.threshold import strict_bound
 
 _MISFIT = 1e-9  # prescribed tractions missed, relative to the unit of stress, that count
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
+_MOST = 4  # degree of the displacements by default: more gain little
+_POTENTIAL = 5  # degree of a body potential whose energy is integrated exactly
 _OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
 
 def bracket(
-    result: ContactResult, degree: int = 2, tolerance: float = 1e-8, *, time_limit: float | None = None
+    result: ContactResult, degree: int | None = None, tolerance: float = 1e-8, *, time_limit: float | None = None
 ) -> Bracket:
     """Bounds of the energy of the problem that a result belongs to, and an error indicator for each cell.
 
@@ -43,17 +45,17 @@ def bracket(
         J(v) + J*(τ) ≥ ½ ∫ ε(u − v) : C : ε(u − v) + ½ ∫ (σ − τ) : c : (σ − τ).
 
     The stress τ is that of the result, if it obeys the contact law on whole edges, else it is computed anew for the
-    same bound (`strict-direct:clarabel`); v are Lagrange elements on the same grid (`solve_companion`). Which problem
-    is bracketed says `Bracket.kind`: for laws without Coulomb friction the one stated; if all friction contacts stick,
-    the tied one; else s = μ|σ_N| is held fixed, and the gap is an indicator, as it is without the part
-    that comes from s itself (`Bracket.outer` measures it).
+    same bound; v are displacement elements on the same mesh (`solve_companion`). Which problem is bracketed says
+    `Bracket.kind`: for laws without Coulomb friction the one stated; if all friction contacts stick, the tied one; else
+    s = μ|σ_N| is held fixed, and the gap is an indicator, as it is without the part that comes from s itself
+    (`Bracket.outer` measures it).
 
     Parameters
     ----------
     result : ContactResult
         A result with a stress state, from any method, collocated or strict.
-    degree : int
-        Of the displacement elements, ≥ 2.
+    degree : int, optional
+        Of the displacement elements, see `solve_companion`; by default one less than that of Φ, at most 4.
     tolerance : float
         Of the two solves, at most 1e-6. A stress that violates the contact law by less, relative to the largest
         stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
@@ -84,6 +86,8 @@ def bracket(
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     given = given_problem(result)
+    if degree is None:
+        degree = min(given.discretization.space.degree - 1, _MOST)
     with watched(time_limit):
         stress = admissible_stress(given, result, tolerance)
         companion = solve_companion(
@@ -103,21 +107,21 @@ class _Edges:
 
 def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult) -> Bracket:
     """Energies, parts, reasons."""
-    discretization, nodal = given.discretization, stress.result.nodal
-    problem = discretization.problem
-    fields = CellFields.of(discretization, nodal)
+    discretization, u = given.discretization, stress.result.dofs
+    problem, mesh = discretization.problem, discretization.problem.mesh
+    fields = CellFields.of(discretization, u, max(discretization.space.degree - 2, companion.degree - 1, _POTENTIAL))
     strain = strain_energy(fields, problem.compliances)
-    complementary = strain - support_work(discretization, nodal) - obstacle_work(discretization, nodal)
-    cells = np.zeros(problem.grid.shape)
+    complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
+    inside = np.zeros(mesh.cell_count)
     moved = companion.has_state
     edges = _Edges({}, 0.0, 0.0)
     if moved:
-        cell_strain = companion.cell_strain(fields.tx, fields.ty)
-        cells[problem.grid.active] = bulk(fields, problem.compliances, cell_strain)
+        inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
         edges = _edges(given, stress, companion)
     lower = -complementary - edges.slack if stress.found else -np.inf
     upper = companion.energy if moved else np.inf
-    total = float(cells.sum()) + sum(float((part.contact + part.friction).sum()) for part in edges.parts.values())
+    parts = by_cell(discretization, inside, edges.parts)
+    total = float(parts.sum())
     balance = abs(upper + complementary - total) / max(strain, abs(complementary), 1e-300) if moved else 0.0
     frictionless = not given.threshold.any()
     return Bracket(
@@ -127,32 +131,36 @@ def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: Companio
         lower,
         upper,
         strain,
-        cells,
+        mesh.arranged(inside),
         edges.parts,
-        by_cell(discretization, cells, edges.parts),
+        mesh.arranged(parts),
         edges.outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
         edges.slack,
         force_bounds(discretization, frictionless, lower, upper),
         stress.result,
         companion,
+        np.maximum(parts, 0.0),
     )
 
 
 def _edges(given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult) -> _Edges:
     """Contact and friction parts, contact by contact."""
     discretization, qvi = given.discretization, given.discretization.qvi
-    if qvi.edges is None or not qvi.m:
+    if not qvi.m:
         return _Edges({}, 0.0, 0.0)
-    unit = discretization.scales.stress
-    normal, tangential = contact_tractions(discretization, stress.result.nodal)
-    ends, shear, bound = unit * qvi.edges.ends(normal), unit * qvi.edges.bernstein(tangential), unit * given.threshold
-    own = unit * strict_bound(discretization.qvi, normal).coefficients
+    unit, space = discretization.scales.stress, discretization.space
+    at_points = contact_tractions(discretization, stress.result.dofs)
+    normal, shear = (
+        unit * coefficients(discretization, values, degree)
+        for values, degree in zip(at_points, (space.normal_degree, space.shear_degree), strict=True)
+    )
+    bound, own = unit * given.threshold, unit * law_bound(discretization, at_points[0])[0]
     found, slack, outer = {}, 0.0, 0.0
     for rows in discretization.contacts:
         if rows.law == "tied":
             continue
         chosen = rows.edges
-        arguments = discretization, rows, ends[chosen], shear[chosen], bound[chosen]
+        arguments = discretization, rows, normal[chosen], shear[chosen], bound[chosen]
         found[rows.name], opening, slip = edge_parts(*arguments, companion)
         left = stress.pull[chosen] @ opening + stress.excess[chosen] @ slip
         slack += _OUTWARD * unit * float(left)
@@ -164,10 +172,10 @@ def _reasons(
     given: GivenProblem, stress: AdmissibleStress, companion: CompanionResult, balance: float, apart: float
 ) -> tuple[str, ...]:
     """Why the bounds are not guaranteed."""
-    data = data_reasons(given.discretization.problem, companion.degree)
+    data = data_reasons(given.discretization, companion.degree)
     found = [*given.reasons, *data, *companion.reasons]
     if given.lowered and not data:
-        found.append("A friction bound is not quadratic on every edge; a lower one that is takes its place.")
+        found.append("A friction bound is no polynomial of the stress's degree on every edge; a lower one is taken.")
     if not stress.found:
         found.append(stress.message)
     if not companion.has_state:

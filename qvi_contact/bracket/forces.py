@@ -16,7 +16,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field
 from qvi_contact.bracket.outcome import Bounds
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.problem.conditions import Contact, Displacement, Traction
+from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
 from qvi_contact.problem.problem import ContactProblem
 
 
@@ -46,8 +46,9 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
     -------
     dict
         "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
-        driven by its offset, or "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length]; empty
-        where the problem is of another kind.
+        driven by its offset, or "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one
+        given by components along slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential"; empty where the problem
+        is of another kind.
 
     """
     problem = discretization.problem
@@ -75,7 +76,5 @@ def _data(problem: ContactProblem) -> Iterator[_Datum]:
             for force in (plate.force_x, plate.force_y, plate.moment) if plate is not None else ():
                 yield _Datum(f"{condition.name}.plate", force or 0.0, False)
         elif isinstance(condition, (Traction, Displacement)):
-            for component in ("x", "y"):
-                value: Field | None = getattr(condition, component)
-                if value is not None:
-                    yield _Datum(f"{condition.edges}.{component}", value, isinstance(condition, Displacement))
+            for component, value in components(condition).items():
+                yield _Datum(f"{condition.edges}.{component}", value, isinstance(condition, Displacement))

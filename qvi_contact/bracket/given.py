@@ -6,17 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket.law import contact_tractions, law_bound
 from qvi_contact.bracket.outcome import BracketKind
-from qvi_contact.discretization.contact_rows import joined
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import normal_and_shear
 from solvers import FrictionQVI
-from solvers.strict.threshold import strict_bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,13 +24,14 @@ class GivenProblem:
     Attributes
     ----------
     discretization : Discretization
-        Of the problem, contacts that stick everywhere tied; in the units of the result.
+        Of the problem, contacts that stick everywhere tied; in the units of the result, with rows that hold the law
+        on whole edges.
     kind : BracketKind
         What it has to do with the problem stated.
-    threshold : (e, 3) array
+    threshold : (e, q) array
         Bernstein coefficients of s on all contact edges that have rows, dimensionless.
     lowered : bool
-        Whether s is below a bound that is data, which is no quadratic on some edge.
+        Whether s is below a bound that is data, which is no polynomial of that degree on some edge.
     reasons : tuple of str
         Why its solution is not that of the problem stated.
 
@@ -48,14 +47,15 @@ class GivenProblem:
     def qvi(self) -> FrictionQVI:
         """The algebraic problem for the bound s, admissible on whole edges."""
         qvi = self.discretization.qvi
-        if qvi.edges is None or not qvi.m:
+        if not qvi.m:
             return qvi
-        bound = np.maximum(qvi.edges.at_points(self.threshold), 0.0)
-        return qvi.changed(mu=np.zeros(qvi.m), cohesion=bound, cap=np.full(qvi.m, np.inf)).strictly()
+        bound = self.threshold.ravel() if qvi.edges is None else qvi.edges.at_points(self.threshold)
+        fixed = qvi.changed(mu=np.zeros(qvi.m), cohesion=np.maximum(bound, 0.0), cap=np.full(qvi.m, np.inf))
+        return fixed if qvi.edges is None else fixed.strictly()
 
     @property
     def bounds(self) -> Mapping[str, FloatArray]:
-        """The bound by contact, (edges, 3) Bernstein coefficients [stress]; none for tied contacts."""
+        """The bound by contact, (edges, q) Bernstein coefficients [stress]; none for tied contacts."""
         physical = self.threshold * self.discretization.scales.stress
         return {rows.name: physical[rows.edges] for rows in self.discretization.contacts if rows.law != "tied"}
 
@@ -66,7 +66,7 @@ def given_problem(result: ContactResult) -> GivenProblem:
     * Contacts without Coulomb friction keep their law: the bound s = min(c, t_max) is data already.
     * If every contact with Coulomb friction sticks at every point, all of these are tied. The bracket is then that of
       the tied problem, whose solution solves the problem stated wherever it obeys the friction law.
-    * Else s = min(c + μ p, t_max) with p the pressure of the result, linear on every edge.
+    * Else s = min(c + μ p, t_max) with p the pressure of the result.
 
     Raises
     ------
@@ -80,22 +80,24 @@ def given_problem(result: ContactResult) -> GivenProblem:
     known = result.discretization
     discretization, kind, reasons = known, BracketKind.PROBLEM, list[str]()
     if sticking:
-        discretization = discretize(_tied(result.problem, sliding), scales=known.scales, freed=known.freed)
-        kind = BracketKind.STICKING
+        discretization, kind = _posed(known, _tied(result.problem, sliding)), BracketKind.STICKING
     elif sliding:
         kind = BracketKind.GIVEN_BOUND
         names = ", ".join(repr(contact.name) for contact in sliding if not _sticks(result, contact))
         reasons.append(f"The friction bound on {names} depends on the pressure, which the bracket holds fixed.")
-    threshold, exact = _threshold(discretization, result.nodal)
+    if discretization.space.contact_rule.kind != discretization.space.strict_rows:
+        discretization = _posed(discretization, discretization.problem)
+    threshold, exact = _threshold(discretization, result.dofs)
     lowered = not exact and kind is not BracketKind.GIVEN_BOUND
     return GivenProblem(discretization, kind, threshold, lowered, tuple(reasons))
 
 
-def contact_tractions(discretization: Discretization, nodal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """σ_N and σ_T (m,) of nodal values of Φ at the contact points that have rows, dimensionless."""
-    limited = [rows.points for rows in discretization.contacts if rows.law != "tied"]
-    pairs = [normal_and_shear(discretization, nodal, points) for points in limited]
-    return joined([normal for normal, _ in pairs]), joined([shear for _, shear in pairs])
+def _posed(known: Discretization, problem: ContactProblem) -> Discretization:
+    """A problem on the elements and in the units of another one, with rows that hold the law on whole edges."""
+    space = known.space
+    return discretize(
+        problem, degree=space.degree, contact_rows=space.strict_rows, scales=known.scales, freed=known.freed
+    )
 
 
 def _check_no_history(result: ContactResult) -> None:
@@ -129,10 +131,9 @@ def _tied(problem: ContactProblem, sticking: list[Contact]) -> ContactProblem:
     return replace(problem, conditions=conditions)
 
 
-def _threshold(discretization: Discretization, nodal: FloatArray) -> tuple[FloatArray, bool]:
-    """Bernstein coefficients (e, 3) of the bound from nodal values of Φ, dimensionless, and whether they are exact."""
-    qvi = discretization.qvi
-    if qvi.edges is None or not qvi.m:
-        return np.zeros((0, 3)), True
-    coefficients, exact = strict_bound(qvi, contact_tractions(discretization, nodal)[0])
-    return coefficients, bool(exact.all())
+def _threshold(discretization: Discretization, u: FloatArray) -> tuple[FloatArray, bool]:
+    """Bernstein coefficients (e, q) of the bound from degrees of freedom u of Φ, and whether they are exact."""
+    if not discretization.qvi.m:
+        return np.zeros((0, discretization.space.shear_degree + 1)), True
+    found, exact = law_bound(discretization, contact_tractions(discretization, u)[0])
+    return found, bool(exact.all())

@@ -71,11 +71,12 @@ class Bracket:
         −J*(τ) and J(v) [stress × length²]; −∞ or ∞ where no admissible stress or displacement was found.
     strain : float
         ½ ∫ τ : c : τ, to compare the gap with [stress × length²].
-    bulk : (ny, nx) array
-        ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0; 0 outside the body.
+    bulk : (ny, nx) or (cells,) array
+        ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0; on a rectilinear mesh by
+        row and column, 0 outside the body.
     contacts : mapping
         The parts on the edges of each contact that is not tied; tied ones have none.
-    cells : (ny, nx) array
+    cells : (ny, nx) or (cells,) array
         All parts by cell: those of an edge belong to its cell, on a joint to both halves.
     outer : float
         ∫ |s − μ|τ_N|| |v_T − w| ds: what the bound s held fixed may still be off, 0 for other laws. Not part of the
@@ -88,6 +89,10 @@ class Bracket:
         it, see `forces`.
     result, companion : ContactResult, CompanionResult
         The stress τ and the displacement v.
+    cell_gaps : (cells,) array
+        What each cell of the body adds to the gap, ≥ 0, contact and friction included, in the order of the mesh on
+        meshes of any kind: `cells`, with zero for what is below zero where no admissible stress was found. Without a
+        displacement, that is with an infinite `upper`, all zero.
 
     """
 
@@ -105,6 +110,7 @@ class Bracket:
     forces: Mapping[str, Bounds] = field(default_factory=dict)
     result: ContactResult | None = None
     companion: CompanionResult | None = None
+    cell_gaps: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def __repr__(self) -> str:
         return f"<Bracket {self.message}>"

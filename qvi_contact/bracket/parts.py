@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.bracket.outcome import EdgeParts
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.contact_rows import ContactRows
@@ -23,30 +23,26 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import contact_named
 from qvi_contact.element import bernstein
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 from qvi_contact.solution.stress import cell_stresses
 
-_CELL_POINTS = 6  # Gauss points along each side of a cell: exact up to degree 11
 _EDGE_POINTS = 12
 
 
 @dataclass(frozen=True, eq=False)
 class CellFields:
-    """Weights (cells, g) and stress τ (cells, g, 3) at Gauss points of the cells, and their reference coordinates."""
+    """Weights (cells, g) and stress τ (cells, g, 3) at points t (g, d) of the reference cell."""
 
     weights: FloatArray
     stress: FloatArray
-    tx: FloatArray
-    ty: FloatArray
+    t: FloatArray
 
     @classmethod
-    def of(cls, discretization: Discretization, nodal: FloatArray) -> "CellFields":
-        """From nodal values of Φ."""
-        scales, (t, w) = discretization.scales, gauss_legendre(_CELL_POINTS)
-        tx, ty = np.tile(t, len(t)), np.repeat(t, len(t))
-        weights = discretization.space.cell_sizes[:, None] * (np.tile(w, len(w)) * np.repeat(w, len(w)))
-        _, stress = cell_stresses(discretization, nodal, np.column_stack([tx, ty]))
-        return cls(weights * scales.length**2, stress * scales.stress, tx, ty)
+    def of(cls, discretization: Discretization, u: FloatArray, degree: int) -> "CellFields":
+        """From degrees of freedom u of Φ, for integrals of products of two functions of that degree on each part."""
+        scales, (t, w) = discretization.scales, discretization.space.cell_rule(2 * degree + 1)
+        weights = discretization.space.cell_sizes[:, None] * w
+        _, stress = cell_stresses(discretization, u, t)
+        return cls(weights * scales.length**2, stress * scales.stress, t)
 
 
 def strain_energy(fields: CellFields, compliances: FloatArray) -> float:
@@ -55,7 +51,7 @@ def strain_energy(fields: CellFields, compliances: FloatArray) -> float:
 
 
 def bulk(fields: CellFields, compliances: FloatArray, strain: FloatArray) -> FloatArray:
-    """½ ∫ (cτ − ε) : C : (cτ − ε) dx on each active cell (cells,), from ε(v) at the same points (cells, g, 3)."""
+    """½ ∫ (cτ − ε) : C : (cτ − ε) dx on each cell (cells,), from ε(v) at the same points (cells, g, 3)."""
     difference = np.einsum("ckl,cgl->cgk", compliances, fields.stress) - strain
     stiffness = np.linalg.inv(compliances)
     return np.asarray(0.5 * np.einsum("cg,cgk,ckl,cgl->c", fields.weights, difference, stiffness, difference))
@@ -64,7 +60,7 @@ def bulk(fields: CellFields, compliances: FloatArray, strain: FloatArray) -> Flo
 def edge_parts(
     discretization: Discretization,
     rows: ContactRows,
-    ends: FloatArray,
+    normal: FloatArray,
     shear: FloatArray,
     bound: FloatArray,
     companion: CompanionResult,
@@ -75,10 +71,8 @@ def edge_parts(
     ----------
     discretization, rows
         Where.
-    ends : (edges, 2) array
-        τ_N at the ends [stress].
-    shear, bound : (edges, 3) arrays
-        Bernstein coefficients of τ_T and s [stress].
+    normal, shear, bound : (edges, q) arrays
+        Bernstein coefficients of τ_N, τ_T and s [stress].
     companion : CompanionResult
         v.
 
@@ -89,14 +83,14 @@ def edge_parts(
     """
     problem = discretization.problem
     contact = contact_named(problem, rows.name)
-    edges = problem.grid.edges(contact.edges)
+    edges = problem.mesh.edges(contact.edges)
     lengths = edges.length
     t, weights = gauss_legendre(_EDGE_POINTS)
-    gap = evaluate("Contact.gap", contact.gap, *problem.grid.points_along(edges, t))
+    gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
     opening = gap - companion.trace(rows.name, t)[0]
-    pressure = -(ends[:, :1] * (1.0 - t) + ends[:, 1:] * t)
+    pressure = -normal @ bernstein.basis(normal.shape[1] - 1, t).T
     nodes = bernstein.nodes(companion.degree)
-    offset = evaluate("Contact.offset", contact.offset, *problem.grid.points_along(edges, nodes))
+    offset = evaluate("Contact.offset", contact.offset, *problem.mesh.points_along(edges, nodes))
     slip = (companion.trace(rows.name, nodes)[1] - offset) @ bernstein.from_values(companion.degree).T
     nothing = np.zeros_like(shear)
     return (
@@ -107,27 +101,22 @@ def edge_parts(
 
 
 def slip_work(slip: FloatArray, shear: FloatArray, bound: FloatArray) -> FloatArray:
-    """∫₀¹ s|j| + τ j dt (edges,) by Bernstein coefficients: slips j (edges, p + 1), τ and s (edges, 3)."""
-    signed = np.einsum("ei,ij,ej->e", slip, bernstein.product_integrals(slip.shape[1] - 1, 2), shear)
+    """∫₀¹ s|j| + τ j dt (edges,) by Bernstein coefficients: slips j (edges, p + 1), τ and s (edges, q)."""
+    products = bernstein.product_integrals(slip.shape[1] - 1, shear.shape[1] - 1)
+    signed = np.einsum("ei,ij,ej->e", slip, products, shear)
     return np.asarray(bernstein.absolute_integrals(bound, slip) + signed)
 
 
 def by_cell(discretization: Discretization, inside: FloatArray, on_edges: Mapping[str, EdgeParts]) -> FloatArray:
-    """All parts (ny, nx): those of the cells (ny, nx), and of the edges to their cell, on joints to both halves."""
+    """All parts (cells,): those of the cells (cells,), and of the edges to their cell, on joints to both halves."""
     problem = discretization.problem
     cells = inside.copy()
     for contact in problem.contacts:
         if contact.name in on_edges:
-            edges = problem.grid.edges(contact.edges)
+            near, far = problem.mesh.edges(contact.edges).cells.T
             parts = on_edges[contact.name].contact + on_edges[contact.name].friction
             joint = contact in problem.joints
-            np.add.at(cells, (edges.row, edges.column), 0.5 * parts if joint else parts)
+            np.add.at(cells, near, 0.5 * parts if joint else parts)
             if joint:
-                np.add.at(cells, _beyond(edges), 0.5 * parts)
+                np.add.at(cells, far, 0.5 * parts)
     return cells
-
-
-def _beyond(edges: GridEdges) -> tuple[IntArray, IntArray]:
-    """Row and column of the cell above or to the right of edges inside the body."""
-    flat = edges.axis == HORIZONTAL
-    return edges.row + flat, edges.column + ~flat

@@ -212,7 +212,7 @@ def check(
 
 @group.command()
 @_FILE
-@click.option("--degree", type=int, default=2, show_default=True, help="Of the displacement elements, 2 to 4.")
+@click.option("--degree", type=int, help="Of the displacement elements: 2 to 4, by default 2; on triangles 1 to 5.")
 @click.option("--tolerance", type=float, default=1e-8, show_default=True, help="Of all solves, at most 1e-6.")
 @_TIME_LIMIT
 @_JSON
@@ -220,7 +220,7 @@ def check(
 @click.option("--vtk", metavar="VTU", help="Write the displacements for ParaView (.vtu).")
 def bracket(
     file: str,
-    degree: int,
+    degree: int | None,
     tolerance: float,
     time_limit: float | None,
     as_json: bool,

@@ -10,6 +10,11 @@ from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 
 
+def kind_of(mesh: Mesh) -> type[Rectangle] | type[Triangle]:
+    """The kind of cell that a mesh has."""
+    return Rectangle if isinstance(mesh, RectilinearMesh) else Triangle
+
+
 def cell_for(mesh: Mesh, degree: int | None = None) -> Cell:
     """The cell of a mesh with displacements of a degree: 2 to 4 on rectangles, 1 to 5 on triangles.
 
@@ -19,7 +24,7 @@ def cell_for(mesh: Mesh, degree: int | None = None) -> Cell:
         If the cell is not offered with that degree.
 
     """
-    kind: type[Rectangle] | type[Triangle] = Rectangle if isinstance(mesh, RectilinearMesh) else Triangle
+    kind = kind_of(mesh)
     chosen = kind.default if degree is None else degree
     if isinstance(chosen, bool) or not isinstance(chosen, int | np.integer) or chosen not in kind.degrees:
         raise InputError("degree", degree, f"give one of {', '.join(map(str, kind.degrees))}")

@@ -196,6 +196,9 @@ class Basis(Protocol):
         Whether σ_T is a degree of freedom of vertices and so continuous along a line and shared in corners.
     contact_rule : ContactRule
         The rows of contacts.
+    strict_rows : "gauss" or "bernstein"
+        The rows with which the contact law can be held on whole edges: Bernstein coefficients, where σ_N and σ_T have
+        one degree, or those at Gauss points by the cones of `FrictionQVI.strict`.
     cell_points, cell_weights : (g, d) and (g,) arrays
         Quadrature on the reference cell, exact for the energy; weights of sum 1, times `cell_sizes`.
     cell_sizes : (cells,) array
@@ -223,6 +226,8 @@ class Basis(Protocol):
     def shear_at_vertices(self) -> bool: ...  # noqa: D102
     @property
     def contact_rule(self) -> ContactRule: ...  # noqa: D102
+    @property
+    def strict_rows(self) -> RowKind: ...  # noqa: D102
     @property
     def cell_points(self) -> FloatArray: ...  # noqa: D102
     @property
@@ -298,6 +303,10 @@ class Basis(Protocol):
 
     def stress(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """(σ_xx, σ_yy, σ_xy) without φ at such points, shape (k, q, 3); `coefficients` are those of `Energy`."""
+        ...
+
+    def cell_rule(self, degree: int) -> tuple[FloatArray, FloatArray]:
+        """Reference points (g, d) and weights (g,) of sum 1, exact up to a degree on every part where Φ is smooth."""
         ...
 
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:

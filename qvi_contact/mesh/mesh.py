@@ -98,6 +98,10 @@ class Mesh(Protocol):
         """Coordinates x, y [length] at reference points t (q,), 0 to 1, of edges; shape (n, q) each."""
         ...
 
+    def arranged(self, values: FloatArray) -> FloatArray:
+        """Values of the cells (cells,) as the mesh lays them out: itself, or (ny, nx) with 0 outside the body."""
+        ...
+
     def same_as(self, other: "Mesh") -> bool:
         """Whether the other mesh has the same vertices and cells, whatever its edge sets are called."""
         ...

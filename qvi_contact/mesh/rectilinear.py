@@ -337,6 +337,12 @@ class RectilinearMesh(Stated):
         points = points_along(self.coordinates, edges, t)
         return points[..., 0], points[..., 1]
 
+    def arranged(self, values: FloatArray) -> FloatArray:
+        """Values of the active cells (cells,) in the grid (ny, nx), 0 elsewhere."""
+        found = np.zeros(self.shape)
+        found[self.active] = values
+        return found
+
     def edge_lengths(self, edges: Edges) -> FloatArray:
         """Lengths of edges [length], shape (edges,)."""
         return edges.length

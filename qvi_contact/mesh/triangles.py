@@ -234,6 +234,10 @@ class TriangleMesh(Stated):
         points = points_along(self.vertices, edges, t)
         return points[..., 0], points[..., 1]
 
+    def arranged(self, values: FloatArray) -> FloatArray:
+        """Values of the triangles (m,) as they are."""
+        return values
+
     def numbers(self, name: str) -> IntArray:
         """Numbers in `topology` of the edges called `name`, in ascending order."""
         return self.topology.number(self.edge_sets[name], len(self.vertices))

@@ -123,8 +123,8 @@ class ContactProblem(Stated):
         if isinstance(self.mesh, RectilinearMesh):
             return self.mesh
         remedy = (
-            "bounds, displacement companions, refinement and pictures of fields work on a RectilinearMesh only: state "
-            "the problem on one for these"
+            "refinement by grid lines and pictures of fields work on a RectilinearMesh only: state the problem on one "
+            "for these"
         )
         raise InputError("ContactProblem.mesh", type(self.mesh).__name__, remedy)
 
@@ -188,10 +188,9 @@ class ContactProblem(Stated):
 
     @cached_property
     def cartesian_conditions(self) -> tuple[Condition, ...]:
-        """The conditions of a rectilinear mesh, whose edge sets face one way each, with components x and y only."""
-        mesh = self.grid
+        """The conditions, those on edges that face one way along an axis with components x and y only."""
         return tuple(
-            _cartesian(condition, mesh.edges(condition.edges))
+            _cartesian(condition, self.mesh.edges(condition.edges))
             if isinstance(condition, (Traction, Displacement)) and components(condition).keys() & set(LOCAL)
             else condition
             for condition in self.conditions
@@ -270,7 +269,9 @@ def direction_of(name: str, edges: Edges) -> FloatArray:
 
 
 def _cartesian(condition: Traction | Displacement, edges: Edges) -> Condition:
-    """A condition by normal and tangential components, on edges that face one way along an axis, by x and y."""
+    """A condition by normal and tangential components, by x and y where its edges face one way along an axis."""
+    if len(np.unique(edges.normal, axis=0)) > 1 or np.abs(edges.normal).max() < 1.0:
+        return condition
     given: dict[str, Field | None] = dict.fromkeys(LOCAL)
     for name, value in components(condition).items():
         direction = direction_of(name, edges)[0]

@@ -361,8 +361,8 @@ class ContactResult(Stated):
     def bracket(self) -> "Bracket":
         """Bounds of the energy and an error indicator for each cell, computed on first use; see `bracket.bracket`.
 
-        Displacement elements of degree 2 on the same grid are solved for it. Raises `InputError` without a stress
-        state, and for a step of a history.
+        Displacement elements on the same mesh are solved for it. Raises `InputError` without a stress state, and for a
+        step of a history.
         """
         found: Bracket = load("qvi_contact.bracket").bracket(self)  # that room builds on this one
         return found

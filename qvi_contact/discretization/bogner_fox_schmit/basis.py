@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.discretization.basis import ContactRule, PrescribedTraction, SharedCorners
+from qvi_contact.discretization.basis import ContactRule, PrescribedTraction, RowKind, SharedCorners
 from qvi_contact.discretization.bogner_fox_schmit.chains import eliminate
 from qvi_contact.discretization.bogner_fox_schmit.displacements import (
     blind_nodes,
@@ -45,6 +45,7 @@ class BognerFoxSchmit:
     normal_degree = 1
     shear_degree = 2
     shear_at_vertices = True
+    strict_rows: RowKind = "gauss"
 
     @cached_property
     def grid(self) -> Grid:
@@ -75,14 +76,12 @@ class BognerFoxSchmit:
     @property
     def cell_points(self) -> FloatArray:
         """4×4 Gauss points, shape (16, 2)."""
-        t = gauss_legendre(GAUSS_COUNT)[0]
-        return np.column_stack([np.tile(t, GAUSS_COUNT), np.repeat(t, GAUSS_COUNT)])
+        return self.cell_rule(2 * GAUSS_COUNT - 1)[0]
 
     @property
     def cell_weights(self) -> FloatArray:
         """Their weights, shape (16,)."""
-        w = gauss_legendre(GAUSS_COUNT)[1]
-        return np.asarray(np.tile(w, GAUSS_COUNT) * np.repeat(w, GAUSS_COUNT))
+        return self.cell_rule(2 * GAUSS_COUNT - 1)[1]
 
     @property
     def cell_sizes(self) -> FloatArray:
@@ -156,6 +155,12 @@ class BognerFoxSchmit:
         )
         rows = self.grid.stress_rows(column, row, tx, ty)
         return np.asarray(np.einsum("...kd,...d->...k", rows, coefficients[self.grid.cell_dofs(column, row)]))
+
+    def cell_rule(self, degree: int) -> tuple[FloatArray, FloatArray]:
+        """Gauss points in both directions, along x first, see `Basis`."""
+        t, w = gauss_legendre(degree // 2 + 1)
+        points = np.column_stack([np.tile(t, len(t)), np.repeat(t, len(t))])
+        return points, np.asarray(np.tile(w, len(w)) * np.repeat(w, len(w)))
 
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """Φ at reference points of cells, see `Basis`."""

@@ -11,7 +11,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.basis import ContactRule, PrescribedTraction, RowKind, SharedCorners
 from qvi_contact.discretization.elimination import Elimination
-from qvi_contact.discretization.hsieh_clough_tocher.condensed import CondensedTriangles, potential_points
+from qvi_contact.discretization.hsieh_clough_tocher.condensed import CondensedTriangles, potential_points, split_points
 from qvi_contact.discretization.hsieh_clough_tocher.energy import TriangleEnergy
 from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace
 from qvi_contact.discretization.hsieh_clough_tocher.tractions import eliminate_tractions
@@ -47,6 +47,7 @@ class TriangleBasis:
     rows: RowKind = "bernstein"
     family: str = "Hsieh-Clough-Tocher"
     shear_at_vertices: bool = False
+    strict_rows: RowKind = "bernstein"
 
     @cached_property
     def space(self) -> TriangleSpace:
@@ -179,6 +180,10 @@ class TriangleBasis:
         table = self.space.element.reference_functions(t, 2)[..., 3:]
         hessians = _applied(table, coefficients[cells][:, 3:])
         return np.asarray(hessians @ self.space.triangles.stress_maps[cells].swapaxes(1, 2))
+
+    def cell_rule(self, degree: int) -> tuple[FloatArray, FloatArray]:
+        """Points in the three parts of a triangle, see `Basis`."""
+        return split_points(degree)
 
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """Φ at such points, shape (k, q)."""

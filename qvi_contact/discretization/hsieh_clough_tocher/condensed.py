@@ -33,7 +33,12 @@ _EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
 
 def potential_points(degree: int) -> tuple[FloatArray, FloatArray]:
     """Barycentric points (q, 3) and weights (q,) of sum 1 at which a body potential is taken."""
-    points, weights = quadrature(2 * degree - 4)
+    return split_points(2 * degree - 4)
+
+
+def split_points(degree: int) -> tuple[FloatArray, FloatArray]:
+    """Such points for functions that are polynomials of a degree on each of the three parts of a triangle."""
+    points, weights = quadrature(degree)
     centre = np.full(3, 1.0 / 3.0)
     parts = [points @ np.vstack([np.eye(3)[a], np.eye(3)[b], centre]) for a, b in EDGES]
     return np.concatenate(parts), np.tile(weights / 3.0, 3)

@@ -1,0 +1,71 @@
+"""Tractions and friction bounds on contact edges as polynomials, by Bernstein coefficients.
+
+Arrays over edges hold those of all contacts that have rows, one after the other; tied ones have none.
+"""
+
+import numpy as np
+
+from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.discretization.contact_rows import ContactRows, joined
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.element import bernstein
+from qvi_contact.solution.work import normal_and_shear
+from solvers.strict.quadratics import largest as largest_quadratic
+from solvers.strict.threshold import strict_bound
+
+_ROUNDING = 1e-10  # of a field's values: a coefficient below zero that is none
+
+
+def contact_tractions(discretization: Discretization, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """σ_N and σ_T (m,) of degrees of freedom u of Φ at the contact points that have rows, dimensionless."""
+    pairs = [normal_and_shear(discretization, u, rows.points) for rows in _limited(discretization)]
+    return joined([normal for normal, _ in pairs]), joined([shear for _, shear in pairs])
+
+
+def coefficients(discretization: Discretization, values: FloatArray, degree: int) -> FloatArray:
+    """Bernstein coefficients (e, degree + 1) of the polynomials nearest to values at the contact points (m,)."""
+    points = discretization.space.contact_rule.points
+    return np.asarray(values.reshape(-1, len(points)) @ np.linalg.pinv(bernstein.basis(degree, points)).T)
+
+
+def largest(polynomials: FloatArray) -> FloatArray:
+    """The largest value (e,) of polynomials (e, q), or what is no less than that: exact up to degree 2."""
+    return largest_quadratic(polynomials) if polynomials.shape[1] == 3 else polynomials.max(axis=1)
+
+
+def law_bound(discretization: Discretization, normal: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """The bound s ≥ 0 of |σ_T| for the pressure of σ_N (m,) at the contact points, and where it is the law's own.
+
+    On rectangles (e, 3), see `strict_bound`. On triangles of degree p by p − 1 coefficients an edge, each of them
+    min(c + μ|σ_N|, t_max) of the coefficients: no more than the law's where t_max comes into play inside an edge. A
+    bound below which no polynomial has coefficients ≥ 0 is replaced by its least value.
+    """
+    qvi, rule = discretization.qvi, discretization.space.contact_rule
+    if qvi.edges is not None:
+        found = strict_bound(qvi, normal)
+        return found.coefficients, np.asarray(found.exact)
+    pressure = qvi.pressed(rule.at_rows(normal))
+    law, exact = _data(discretization, "cohesion")
+    cap, cap_exact = _data(discretization, "shear_limit")
+    law = law + (qvi.mu * pressure).reshape(law.shape)
+    bound = np.minimum(law, cap)
+    follows = np.all(bound == law, axis=1)
+    return bound, np.where(follows, exact, cap_exact & np.all(bound == cap, axis=1))
+
+
+def _limited(discretization: Discretization) -> list[ContactRows]:
+    return [rows for rows in discretization.contacts if rows.law != "tied"]
+
+
+def _data(discretization: Discretization, name: str) -> tuple[FloatArray, BoolArray]:
+    """Coefficients (e, q) ≥ 0 of a field of the law on all edges, and where they are those of the field."""
+    q = discretization.space.contact_rule.count
+    values = joined([getattr(rows, name) for rows in _limited(discretization)]).reshape(-1, q)
+    given: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
+    found = coefficients(discretization, np.where(given[:, None], values, 0.0), q - 1)
+    size = np.where(given, np.abs(values).max(axis=1), 0.0)
+    usable: BoolArray = np.asarray((found >= -_ROUNDING * size[:, None]).all(axis=1))
+    inside = found @ bernstein.basis(q - 1, bernstein.SAMPLES).T
+    least = np.maximum(np.minimum(inside.min(axis=1), values.min(axis=1)), 0.0)
+    found = np.where(usable[:, None], np.maximum(found, 0.0), least[:, None])
+    return np.where(given[:, None], found, np.inf), usable
