@@ -17,7 +17,6 @@ from qvi_contact import (
     refine,
     refined_where_apart,
     solve,
-    solve_companion,
     verify_result,
 )
 from qvi_contact.export import field_arrays, summary, write_json, write_npz, write_vtu
@@ -83,10 +82,8 @@ def test_files_hold_it(result, tmp_path):
 @pytest.mark.parametrize(
     "task",
     [
-        lambda found: found.bracket,
         lambda found: refine(found.problem),
         lambda found: refined_where_apart(found.problem, found.bracket),
-        lambda found: solve_companion(found.problem),
         lambda found: result_figure(found),
         lambda found: problem_figure(found.problem),
         lambda found: found.nodal,
