@@ -15,6 +15,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.lines import checked_lines, graded_lines, on_line, subdivided
 from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.named import NamedEdges
 from qvi_contact.mesh.words import mesh_line
 from solvers.basics.pickles import Stated
 from solvers.basics.types import load
@@ -89,7 +90,7 @@ class EdgeRange:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RectilinearMesh(Stated):
+class RectilinearMesh(Stated, NamedEdges[GridEdges]):
     """A rectilinear grid, possibly with cells left out.
 
     Nodes are numbered along x first: node (i, j) at (x[i], y[j]) has number i + j (nx + 1).
@@ -277,24 +278,6 @@ class RectilinearMesh(Stated):
     def named(self) -> Mapping[str, EdgeRange]:
         """Edge sets and joints made by `with_edges` and `with_joint`, by name."""
         return self._named
-
-    def edge_set(self, name: str) -> IntArray:
-        """Indices into `boundary` of the edges called `name`."""
-        known = ", ".join(self.edge_names)
-        remedy = f"name one of the mesh's edge sets ({known}) or add it by with_edges()"
-        return self._sets[one_of("edges", name, self.edge_names, remedy)]
-
-    def joint_set(self, name: str) -> IntArray:
-        """Indices into `interior` of the joint called `name`."""
-        known = ", ".join(self.joint_names) or "there is none"
-        remedy = f"name one of the mesh's joints ({known}) or add it by with_joint()"
-        return self._sets[one_of("joint", name, self.joint_names, remedy)]
-
-    def edges(self, name: str) -> GridEdges:
-        """The edges called `name`, on the boundary or in a joint."""
-        if isinstance(name, str) and name in self.joint_names:
-            return self.interior.take(self.joint_set(name))
-        return self.boundary.take(self.edge_set(name))
 
     @cached_property
     def _sets(self) -> Mapping[str, IntArray]:

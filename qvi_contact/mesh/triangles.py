@@ -18,6 +18,7 @@ from qvi_contact.mesh.bisection import bisected
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.named import NamedEdges
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.topology import Topology, chains, outward_normals
@@ -43,7 +44,7 @@ _NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is l
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TriangleMesh(Stated):
+class TriangleMesh(Stated, NamedEdges[Edges]):
     """A body divided into triangles.
 
     Parameters
@@ -205,29 +206,20 @@ class TriangleMesh(Stated):
         """Names of regions."""
         return tuple(self.regions)
 
-    def edge_set(self, name: str) -> IntArray:
-        """Indices into `boundary` of the edges called `name`."""
-        known = ", ".join(self.edge_names) or "there is none"
-        one_of("edges", name, self.edge_names, f"name one of the mesh's edge sets ({known}) or add it by with_edges()")
-        return np.searchsorted(np.flatnonzero(self.topology.boundary), self.numbers(name))
-
-    def joint_set(self, name: str) -> IntArray:
-        """Indices into `interior` of the joint called `name`."""
-        known = ", ".join(self.joint_names) or "there is none"
-        one_of("joint", name, self.joint_names, f"name one of the mesh's joints ({known}) or add it by with_joint()")
-        return np.searchsorted(np.flatnonzero(~self.topology.boundary), self.numbers(name))
+    @cached_property
+    def _sets(self) -> Mapping[str, IntArray]:
+        """Indices of every named edge set into `boundary`, of a joint into `interior`."""
+        boundary, places = self.topology.boundary, {}
+        for name in self.edge_sets:
+            alike = boundary if self._on_boundary(name) else ~boundary
+            places[name] = np.searchsorted(np.flatnonzero(alike), self.numbers(name))
+        return places
 
     def region(self, name: str) -> IntArray:
         """Numbers of the triangles of a region, in ascending order."""
         known = ", ".join(self.regions) or "there is none"
         remedy = f"name one of the mesh's regions ({known}) or add it by with_region()"
         return self.regions[one_of("region", name, self.regions, remedy)]
-
-    def edges(self, name: str) -> Edges:
-        """The edges called `name`, on the boundary or in a joint."""
-        if isinstance(name, str) and name in self.joint_names:
-            return self.interior.take(self.joint_set(name))
-        return self.boundary.take(self.edge_set(name))
 
     def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates x, y [length] at reference points t (q,), 0 to 1, of edges; shape (n, q) each."""

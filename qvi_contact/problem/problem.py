@@ -234,8 +234,15 @@ class ContactProblem(Stated):
             regions.append(Region(region.material, name=name))
         return replace(self, mesh=mesh, regions=regions)
 
-    def prescribed(self, kind: type[Traction] | type[Displacement]) -> Iterator[Prescribed]:
+    def prescribed(self, kind: type[Traction] | type[Displacement]) -> tuple[Prescribed, ...]:
         """Prescribed data of one kind, symmetry lines included."""
+        return self._prescribed[kind]
+
+    @cached_property
+    def _prescribed(self) -> dict[type[Traction] | type[Displacement], tuple[Prescribed, ...]]:
+        return {kind: tuple(self._given(kind)) for kind in (Traction, Displacement)}
+
+    def _given(self, kind: type[Traction] | type[Displacement]) -> Iterator[Prescribed]:
         boundary = self.mesh.boundary
         for condition in self.conditions:
             if isinstance(condition, Contact):

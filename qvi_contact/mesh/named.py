@@ -1,0 +1,57 @@
+"""Edges by name, alike for every kind of mesh."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Generic, TypeVar
+
+from qvi_contact.basics.checks import IntArray, one_of
+from qvi_contact.mesh.edges import Edges
+
+_Edges = TypeVar("_Edges", bound=Edges)
+
+
+class NamedEdges(ABC, Generic[_Edges]):
+    """A mesh that knows the indices of its named edges."""
+
+    @property
+    @abstractmethod
+    def boundary(self) -> _Edges:
+        """All edges of the boundary."""
+
+    @property
+    @abstractmethod
+    def interior(self) -> _Edges:
+        """All edges between two cells of the body."""
+
+    @property
+    @abstractmethod
+    def edge_names(self) -> tuple[str, ...]:
+        """Names of parts of the boundary, those that `edge_set` knows."""
+
+    @property
+    @abstractmethod
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of joints, those that `joint_set` knows."""
+
+    @property
+    @abstractmethod
+    def _sets(self) -> Mapping[str, IntArray]:
+        """Indices into `boundary`, of a joint into `interior`, by name."""
+
+    def edge_set(self, name: str) -> IntArray:
+        """Indices into `boundary` of the edges called `name`."""
+        known = ", ".join(self.edge_names) or "there is none"
+        remedy = f"name one of the mesh's edge sets ({known}) or add it by with_edges()"
+        return self._sets[one_of("edges", name, self.edge_names, remedy)]
+
+    def joint_set(self, name: str) -> IntArray:
+        """Indices into `interior` of the joint called `name`."""
+        known = ", ".join(self.joint_names) or "there is none"
+        remedy = f"name one of the mesh's joints ({known}) or add it by with_joint()"
+        return self._sets[one_of("joint", name, self.joint_names, remedy)]
+
+    def edges(self, name: str) -> _Edges:
+        """The edges called `name`, on the boundary or in a joint."""
+        if isinstance(name, str) and name in self.joint_names:
+            return self.interior.take(self.joint_set(name))
+        return self.boundary.take(self.edge_set(name))
