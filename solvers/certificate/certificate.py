@@ -65,6 +65,7 @@ from solvers.basics.types import Vector
 from solvers.certificate.measures import MEASURES, Measure
 from solvers.certificate.strict import admissible_change, strict_residuals
 from solvers.errors import InputError
+from solvers.inequality.blocks import absolute_product
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.residuals import largest, law_residuals
 
@@ -322,7 +323,7 @@ def _equality(qvi: FrictionQVI, z: Vector, sizes: Vector) -> float:
     """Error of A z = b beside the sizes B of its rows; 0 without rows."""
     if not qvi.p:
         return 0.0
-    rounding = _ROUNDED * np.asarray(abs(qvi.A).sum(axis=1)).ravel() * largest(z)
+    rounding = _ROUNDED * absolute_product(qvi.A, np.full(qvi.n, largest(z)))
     error = np.maximum(np.abs(qvi.A @ z - qvi.b) - rounding, 0.0)
     return largest(error / np.where(sizes > 0.0, sizes, 1.0))
 
@@ -331,7 +332,7 @@ def _row_sizes(qvi: FrictionQVI, z: Vector) -> Vector:
     """B (p,), what counts as large in a row of A z = b: b, a share of what cancels in A z, and of the largest row."""
     if not qvi.p:
         return np.zeros(0)
-    sizes = np.abs(qvi.b) + _CANCELS * (abs(qvi.A) @ np.abs(z))
+    sizes = np.abs(qvi.b) + _CANCELS * absolute_product(qvi.A, z)
     return np.asarray(sizes + _BESIDE * sizes.max(initial=0.0))
 
 

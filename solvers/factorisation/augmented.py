@@ -17,21 +17,21 @@ Sources: J. Liu, On general row merging schemes for sparse Givens transformation
 In `docs/theory.md`: (D9).
 """
 
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from time import perf_counter
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy import __version__ as scipy_version
 from scipy.linalg import blas, lapack
 from scipy.sparse import csr_array, diags_array
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, Module, Sparse, Vector, load
+from solvers.basics.types import BoolVector, IntVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.base import Factorisation, State
 from solvers.factorisation.errors import FactorisationError
+from solvers.factorisation.threads import limited_blas
 
 ORTHOGONAL: Final = "qr"
 """Name of this back end."""
@@ -83,7 +83,7 @@ class OrthogonalFactor(Factorisation):
             raise FactorisationError("singular", self.backend, f"column {int(np.argmin(self._scale))} of R is zero")
         tree = _Tree(csr_array(R @ diags_array(1.0 / self._scale)), interface, places)
         analysed = perf_counter()
-        with _one_thread():
+        with limited_blas(1):
             self._fronts, columns, top = tree.eliminated()
             root = _triangle(top[:, np.argsort(columns)])
         _check(root, self.backend)
@@ -118,7 +118,7 @@ class OrthogonalFactor(Factorisation):
     def _forward(self, right: Matrix) -> State:
         self._need_factors()
         state: Matrix = np.asfortranarray(right / self._scale[:, None])
-        with _one_thread():
+        with limited_blas(1):
             for front in self._fronts:
                 y = blas.dtrsm(1.0, front.head, state[front.eliminated], trans_a=1)
                 state[front.eliminated] = y
@@ -129,7 +129,7 @@ class OrthogonalFactor(Factorisation):
     def _backward(self, state: State) -> Matrix:
         self._need_factors()
         state[self.interface] *= self._scale[self.interface, None]
-        with _one_thread():
+        with limited_blas(1):
             for front in reversed(self._fronts):
                 y = state[front.eliminated] - front.tail @ state[front.staying]
                 state[front.eliminated] = blas.dtrsm(1.0, front.head, y)
@@ -250,21 +250,6 @@ class _Tree:
         last = values[int(np.argmin(np.abs(before - rows.size / 2.0)))]
         low = self._places[rows, direction] <= last
         return rows[low], rows[~low]
-
-
-@cache
-def _thread_pools() -> Module | None:
-    """The thread pools of all BLAS libraries loaded, if threadpoolctl is installed."""
-    try:
-        return load("threadpoolctl").ThreadpoolController()
-    except ImportError:
-        return None
-
-
-def _one_thread() -> AbstractContextManager[Any]:
-    """BLAS on one thread."""
-    pools = _thread_pools()
-    return nullcontext() if pools is None else pools.limit(limits=1, user_api="blas")
 
 
 def _triangle(matrix: Matrix) -> Matrix:

@@ -3,9 +3,8 @@
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import lru_cache
-from importlib.util import find_spec
 from typing import Final
 
 from solvers.basics.types import Module, load
@@ -31,14 +30,15 @@ def thread_count(threads: int | None, variables: tuple[str, ...] = VARIABLES) ->
 @contextmanager
 def limited_blas(count: int) -> Iterator[None]:
     """Every BLAS loaded so far limited to `count` threads, as before on exit; left alone without threadpoolctl."""
-    if find_spec("threadpoolctl") is None:
-        yield
-        return
-    with _controller(len(sys.modules), mkl.library.cache_info().currsize).limit(limits=count, user_api="blas"):
+    controller = _controller(len(sys.modules), mkl.library.cache_info().currsize)
+    with nullcontext() if controller is None else controller.limit(limits=count, user_api="blas"):
         yield
 
 
 @lru_cache(maxsize=1)
-def _controller(modules: int, libraries: int) -> Module:  # noqa: ARG001  # they are the key
+def _controller(modules: int, libraries: int) -> Module | None:  # noqa: ARG001  # they are the key
     """Made anew only when something was imported or MKL loaded: looking through all libraries takes milliseconds."""
-    return load("threadpoolctl").ThreadpoolController()
+    try:
+        return load("threadpoolctl").ThreadpoolController()
+    except ImportError:
+        return None

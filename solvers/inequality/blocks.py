@@ -56,6 +56,13 @@ def transposed(rows: Rows) -> Rows:
     return rows.T if isinstance(rows, np.ndarray) else csr_matrix(rows.T)
 
 
+def absolute_product(matrix: Sparse, vector: Vector) -> Vector:
+    """|matrix| |vector| (q,) of a csc matrix (q, k): the size of the terms of matrix vector."""
+    columns = np.repeat(np.abs(vector), np.diff(matrix.indptr))
+    sums = np.bincount(matrix.indices, np.abs(matrix.data) * columns, matrix.shape[0])
+    return np.asarray(sums, dtype=np.float64)
+
+
 def add_product(target: Matrix, left: Rows, right: Rows) -> None:
     """Add left right to target (k, k)."""
     if isinstance(left, np.ndarray):

@@ -14,6 +14,7 @@ from solvers.basics.checks import real_array
 from solvers.basics.types import BoolVector, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.choice import Structure
+from solvers.inequality.blocks import absolute_product
 from solvers.inequality.edges import EdgeRows
 from solvers.inequality.energy import Energy, EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
@@ -146,7 +147,7 @@ class FrictionQVI:
             ("T", self.edges.bernstein, self.T, self.t0),
         ):
             values = rows @ v
-            size = max(float((abs(rows) @ np.abs(v)).max(initial=0.0)), float(np.abs(fixed).max(initial=0.0)))
+            size = max(float(absolute_product(rows, v).max(initial=0.0)), float(np.abs(fixed).max(initial=0.0)))
             for part in (values, fixed):
                 error = float(np.abs(self.edges.at_points(fitted(part)) - part).max(initial=0.0))
                 if error > _NOT_POLYNOMIAL * size:
@@ -319,7 +320,7 @@ class FrictionQVI:
 def _asymmetry(K: Sparse) -> float:
     """|vᵀKw − wᵀKv| / |v|ᵀ|K||w| for two random vectors: an asymmetry does not hide from both."""
     v, w = np.random.default_rng(0).normal(size=(2, K.shape[0]))
-    scale = float(np.abs(v) @ (abs(K) @ np.abs(w)))
+    scale = float(np.abs(v) @ absolute_product(K, w))
     return abs(float(v @ (K @ w) - w @ (K @ v))) / scale if scale > 0 else 0.0
 
 

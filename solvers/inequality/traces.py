@@ -15,7 +15,7 @@ from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
-from solvers.inequality.blocks import Rows, stored
+from solvers.inequality.blocks import Rows, absolute_product, stored
 from solvers.inequality.rows import echelon, spanning_rows
 
 _MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|
@@ -55,7 +55,7 @@ class Traces:
             found = f"shapes {self.interpolation.shape} and {self.rows.shape}"
             raise InputError("traces", found, "give E (2m, r) and Y (r, n)")
         v = np.random.default_rng(0).normal(size=contact_rows.shape[1])
-        size = abs(self.interpolation) @ (abs(self.rows) @ np.abs(v))
+        size = absolute_product(self.interpolation, absolute_product(self.rows, v))
         error = np.abs(contact_rows @ v - self.interpolation @ (self.rows @ v))
         if (error > _MISMATCH * size.max(initial=0.0)).any():
             raise InputError("traces", f"error {error.max():.1e}", "give E and Y with E Y = [N; T]")

@@ -24,7 +24,8 @@ a ray though there is a solution; then other directions d are tried.
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -63,6 +64,24 @@ class PivotingOptions:
     callback: Callable[[Iteration], object] | None = None
 
 
+class _Law(NamedTuple):
+    """mu, cohesion and cap of the contact points (m,) each."""
+
+    mu: Vector
+    cohesion: Vector
+    cap: Vector
+
+    @classmethod
+    def of(cls, qvi: FrictionQVI) -> "_Law":
+        """The problem's own."""
+        return cls(qvi.mu, qvi.cohesion, qvi.cap)
+
+    @classmethod
+    def given(cls, bound: Vector) -> "_Law":
+        """|σ_T| ≤ bound whatever the pressure."""
+        return cls(np.zeros(len(bound)), bound, np.full(len(bound), np.inf))
+
+
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """Bounds of one problem for given signs of σ_N, in units of the tractions and of the multipliers they relieve.
@@ -79,10 +98,10 @@ class _Rows:
     F: Matrix
 
     @classmethod
-    def of(cls, qvi: FrictionQVI, signs: Vector, unit: float) -> "_Rows":
+    def of(cls, qvi: FrictionQVI, law: _Law, signs: Vector, unit: float) -> "_Rows":
         """The rows; `unit`: multiplier over weight of x = 1."""
         m, one = qvi.m, np.eye(qvi.m)
-        normal, capped = np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(qvi.cap))
+        normal, capped = np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
         blocks, limits, forces = (
             [_side(one, 0.0 * one)[normal]],
             [np.zeros(len(normal))],
@@ -90,11 +109,11 @@ class _Rows:
         )
         for side in (1.0, -1.0):
             shear = _side(0.0 * one, side * one)
-            blocks += [_side(np.diag(-qvi.mu * signs), side * one), shear[capped]]
-            limits += [qvi.cohesion, qvi.cap[capped]]
+            blocks += [_side(np.diag(-law.mu * signs), side * one), shear[capped]]
+            limits += [law.cohesion, law.cap[capped]]
             forces += [shear, shear[capped]]
         weights = np.concatenate([qvi.W, qvi.W])
-        sizes = 1.0 / np.concatenate([np.ones(len(normal)), *(2 * [1.0 + qvi.mu, np.ones(len(capped))])])
+        sizes = 1.0 / np.concatenate([np.ones(len(normal)), *(2 * [1.0 + law.mu, np.ones(len(capped))])])
         F = unit * weights[:, None] * np.concatenate(forces).T
         return cls(sizes[:, None] * np.concatenate(blocks), sizes * np.concatenate(limits), F.reshape(2 * m, -1))
 
@@ -163,7 +182,7 @@ def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions 
     return finish(qvi, run.best, "pivoting", "", tolerance)
 
 
-def other_ends(qvi: FrictionQVI) -> Iterator[Vector]:
+def other_ends(qvi: FrictionQVI, compliance: Compliance) -> Iterator[Vector]:
     """Multipliers m (2m,) at the ends of two ways of another kind than a path through the interior.
 
     The first is that of this module, along the first direction. The second starts without friction and takes the bound
@@ -172,16 +191,14 @@ def other_ends(qvi: FrictionQVI) -> Iterator[Vector]:
     """
     if (qvi.bilateral & (qvi.mu > 0.0)).any():
         return
-    compliance = Compliance(qvi)
     stress, unit = _scales(qvi, compliance)
-    rows, M, q = _posed(qvi, compliance, -np.ones(qvi.m), stress, unit)
+    rows, M, q = _posed(qvi, compliance, _Law.of(qvi), -np.ones(qvi.m), stress, unit)
     vertex = solve_lcp(M, q, _direction(len(q), 0))
     if vertex is not None:
         yield rows.F @ vertex.x
     bound = np.zeros(qvi.m)
     for _ in range(_STEPS):
-        given = replace(qvi, mu=np.zeros(qvi.m), cohesion=bound, cap=np.full(qvi.m, np.inf))
-        rows, M, q = _posed(given, compliance, -np.ones(qvi.m), stress, unit)
+        rows, M, q = _posed(qvi, compliance, _Law.given(bound), -np.ones(qvi.m), stress, unit)
         vertex = solve_lcp(M, q, _direction(len(q), 0))
         if vertex is None:
             return
@@ -199,10 +216,10 @@ def _scales(qvi: FrictionQVI, compliance: Compliance) -> tuple[float, float]:
 
 
 def _posed(
-    qvi: FrictionQVI, compliance: Compliance, signs: Vector, stress: float, unit: float
+    qvi: FrictionQVI, compliance: Compliance, law: _Law, signs: Vector, stress: float, unit: float
 ) -> tuple[_Rows, Matrix, Vector]:
-    """Rows, M and q of the linear complementarity problem for given signs of σ_N."""
-    rows = _Rows.of(qvi, signs, unit)
+    """Rows, M and q of the linear complementarity problem of a law for given signs of σ_N."""
+    rows = _Rows.of(qvi, law, signs, unit)
     M = rows.H @ (compliance.dense @ rows.F) / stress
     return rows, M, (rows.limit - rows.H @ compliance.bonded) / stress
 
@@ -214,7 +231,7 @@ def _try(run: _Run, number: int) -> bool:
     normal = run.compliance.bonded[: qvi.m]
     for _ in range(_SIGNS):
         signs = np.where(guessed & (normal > 0.0), 1.0, -1.0)
-        rows, M, q = _posed(qvi, run.compliance, signs, run.stress, run.unit)
+        rows, M, q = _posed(qvi, run.compliance, _Law.of(qvi), signs, run.stress, run.unit)
         vertex = solve_lcp(M, q, _direction(len(q), number))
         if vertex is None:
             return False

@@ -31,7 +31,7 @@ def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, 
     size = solution.certificate.scales["stress"]
     compliance = Compliance(qvi)
     own = compliance.tractions(solution.z)
-    for m in other_ends(qvi):
+    for m in other_ends(qvi, compliance):
         difference = float(np.abs(compliance.bonded - compliance.relief(m) - own).max()) / size
         if difference > _OTHER and _certified(qvi, compliance, m, tolerance):
             return (
