@@ -125,7 +125,7 @@ def dragged_block_holds(quick: bool) -> Iterator[Row]:
     yield relative("N [MN/m]", line.normal_force, 20.0, _BALANCE, Kind.ANALYTIC, "p w, balance", proof)
     yield relative("T [MN/m]", line.tangential_force, -9.9, _BALANCE, Kind.ANALYTIC, "−T w, balance", proof)
     limit = limit_load(file.problem, _DRAG)
-    yield relative("limit load factor", limit.factor, 1.0 / 0.99, 1e-6, Kind.ANALYTIC, "μp/T", bounded(limit))
+    yield relative("limit load factor", limit.lower, 1.0 / 0.99, 1e-6, Kind.ANALYTIC, "μp/T", bounded(limit))
 
 
 def dragged_block_slides(quick: bool) -> Iterator[Row]:
@@ -136,7 +136,7 @@ def dragged_block_slides(quick: bool) -> Iterator[Row]:
     status, proof = result.status.value, infeasible(result)
     yield word("status", status, "infeasible", Kind.ANALYTIC, "T > μp", proof)
     limit = limit_load(file.problem, _DRAG)
-    yield relative("limit load factor", limit.factor, 1.0 / 1.01, 1e-6, Kind.ANALYTIC, "μp/T", bounded(limit))
+    yield relative("limit load factor", limit.lower, 1.0 / 1.01, 1e-6, Kind.ANALYTIC, "μp/T", bounded(limit))
 
 
 def stacked_blocks(quick: bool) -> Iterator[Row]:

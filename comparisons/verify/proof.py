@@ -53,13 +53,13 @@ def certified_companion(companion: CompanionResult, *, guaranteed: bool = False)
 
 
 def infeasible(*results: ContactResult) -> Proof:
-    """Multipliers (Farkas) that prove that nothing carries the load, checked again on the data."""
-    passed = all(_has_farkas(result) for result in results) and bool(results)
-    return Proof(passed, "Farkas proof" if passed else "failed, no proof")
+    """Mechanisms that prove that nothing carries the load; multipliers (Farkas) for the mesh are checked again too."""
+    passed = all(_is_impossible(result) for result in results) and bool(results)
+    return Proof(passed, "mechanism, Farkas proof" if passed else "failed, no proof")
 
 
 def bounded(*limits: LimitLoad) -> Proof:
-    """Dual bounds of limit loads that close on them."""
+    """Dual bounds that close on the limit loads of a mesh, which lie below those of mechanisms."""
     passed = all(_closes(limit) for limit in limits) and bool(limits)
     return Proof(passed, "dual bound" if passed else "failed, bounds apart")
 
@@ -79,12 +79,14 @@ def _solved(solution: QVISolution) -> bool:
     return solution.status is Status.SOLVED and solution.certificate.passed
 
 
-def _has_farkas(result: ContactResult) -> bool:
+def _is_impossible(result: ContactResult) -> bool:
     proof = result.solution.farkas
-    return result.status is Status.INFEASIBLE and proof is not None and is_farkas(result.solution.problem, *proof)
+    proved = proof is not None and is_farkas(result.solution.problem, *proof)
+    return result.mechanism is not None and result.mechanism.overload > 1.0 and proved
 
 
 def _closes(limit: LimitLoad) -> bool:
-    if not np.isfinite(limit.factor):
+    if not np.isfinite(limit.lower):
         return False
-    return limit.bound - limit.factor <= GAP * (1.0 + abs(limit.factor)) and limit.violation <= GAP
+    below = limit.lower <= limit.upper + GAP * (1.0 + abs(limit.lower))
+    return below and limit.bound - limit.lower <= GAP * (1.0 + abs(limit.lower)) and limit.violation <= GAP

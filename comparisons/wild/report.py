@@ -93,8 +93,9 @@ def _outcomes(entries: Sequence[Entry]) -> Section:
     headings = ("family", "problems", *ORDER, "slowest")
     about = "; ".join(f"*{name}*: {text}" for name, text in FAMILIES.items())
     reading = (
-        "*solved*: certified, and found right; *infeasible*: proved to have no solution; *open*: another status; "
-        "*refused*: an InputError that names the argument; *accepted*: nonsense taken for an argument."
+        "*solved*: certified, and found right; *infeasible*: proved to have no solution, on any mesh or on this one; "
+        "*open*: another status; *refused*: an InputError that names the argument; *accepted*: nonsense taken for an "
+        "argument."
     )
     table = Table("outcomes", Grid("What became of the problems", headings, rows), reading,
                   "*accepted*, *wrong*, *foreign* (an exception not the package's own) and *broken*.")  # fmt: skip

@@ -6,7 +6,7 @@
 | accepted   | nonsense was taken for an argument                                                                   |
 | solved     | certified, and the independent check of `judge` found nothing                                        |
 | wrong      | certified, and that check found something                                                            |
-| infeasible | proved to have no solution                                                                           |
+| infeasible | proved to have no solution, by a mechanism on any mesh or by multipliers on this one                 |
 | open       | any other status                                                                                     |
 | foreign    | an exception that is not the package's own                                                           |
 
@@ -90,7 +90,7 @@ def _judged(wild: Wild, result: ContactResult) -> dict[str, Any]:
             errors.append(f"{SECOND} is {other.distance:.1e} away, with {other.gain:.1e} less energy")
         distance = None if other is None else other.distance
         return {"outcome": WRONG if errors else SOLVED, **said, "errors": errors, "second": ended, "distance": distance}
-    if result.status is Status.INFEASIBLE:
+    if result.status in (Status.INFEASIBLE, Status.INFEASIBLE_ON_MESH):
         return {"outcome": INFEASIBLE, **said}
     return {"outcome": OPEN, **said, **_solvable(result)}
 

@@ -286,19 +286,19 @@ def limit(
     time_limit: float | None,
     as_json: bool,
 ) -> int:
-    """Largest multiple of the named loads that the contacts can carry while the others stay.
+    """Largest multiple of the named loads that the contacts can carry while the others stay, from both sides.
 
-    It is an upper bound: friction may give way before, which only solve can tell. Loads of one name are multiplied
-    together. NAME is the name of a traction (its edge set if it has none), of a contact whose plate is driven by force,
-    or "body" for the body force. With a [history] the problem at its first time is taken. The exit status is 1 if no
-    multiple can be carried.
+    This mesh carries the first number, with stresses that keep the contact laws; no stress of the body carries more
+    than the second, which a mechanism of rigid blocks proves. Refine the mesh where they are apart. Coulomb friction
+    may give way before, which only solve can tell. Loads of one name are multiplied together. NAME is the name of a
+    traction (its edge set if it has none), of a contact whose plate is driven by force, or "body" for the body force.
+    With a [history] the problem at its first time is taken. The exit status is 1 if the mesh carries no multiple.
 
     \b
     Example:
         qvi-contact limit examples/dragged_block_holds.toml --load drag
     """  # noqa: D301
-    import math
-
+    from qvi_contact.command.limit_line import document, sentence
     from qvi_contact.command.solve_line import solving
     from qvi_contact.files.problem_file import load_problem
     from qvi_contact.solution.limit import limit_load_factor
@@ -306,19 +306,12 @@ def limit(
     problem_file = load_problem(file)
     with problem_file.named_errors(), solving(problem_file.title or "limit"):
         space = problem_file.element | _given(element=element, degree=degree, contact_rows=contact_rows)
-        factor = limit_load_factor(problem_file.problem, loads=list(loads), time_limit=time_limit, **space)
-    outcome = "bounded" if math.isfinite(factor) else "unbounded" if factor > 0 else "none"
-    message = {
-        "bounded": f"no solution beyond {factor + 0.0:.9g} times these loads; below only solve can tell",
-        "unbounded": "no upper limit",
-        "none": "no multiple can be carried",
-    }[outcome]
+        found = limit_load_factor(problem_file.problem, loads=list(loads), time_limit=time_limit, **space)
     if as_json:
-        number = factor if outcome == "bounded" else None
-        click.echo(_json({"loads": list(loads), "outcome": outcome, "factor": number, "message": message}))
+        click.echo(_json({"loads": list(loads), **document(found)}))
     else:
-        click.echo(f"{', '.join(loads)}: {message}")
-    return 1 if factor == -math.inf else 0
+        click.echo(f"{', '.join(loads)}: {sentence(found)}")
+    return 1 if found == -float("inf") else 0
 
 
 @group.command()

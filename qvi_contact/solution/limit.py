@@ -1,4 +1,4 @@
-"""Limit analysis: how much of a load friction and unilateral contact can carry at all."""
+"""Limit analysis: how much of a load friction and unilateral contact can carry, by a mesh and by the body at all."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,15 +15,13 @@ from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
+from qvi_contact.mechanism import Mechanism, upper_bound
+from qvi_contact.mechanism.works import BODY
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.problem import ContactProblem
-from solvers import FrictionQVI
+from qvi_contact.solution.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from solvers.basics.watch import left, watched
-from solvers.certificate.feasibility import AdmissibleRows
 from solvers.inequality.rows import spanning_rows
-
-BODY = "body"
-"""What the body force is called among the loads."""
 
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
 _LIMIT, _INFEASIBLE, _UNBOUNDED = 1, 2, 3  # status numbers of linprog
@@ -32,25 +30,56 @@ _LONGEST = 300.0  # seconds
 _CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
 
 
-@dataclass(frozen=True)
-class LimitLoad:
-    """Result of a limit analysis.
+class LimitLoad(float):
+    """Result of a limit analysis: a number, the load factor that the mesh carries, and what is known besides.
 
     Attributes
     ----------
-    factor : float
-        The largest multiple found: its stresses keep the contact laws to `violation`. Infinity if any multiple can be
-        carried, minus infinity if none can.
+    lower : float
+        The largest multiple for which the mesh has stresses that keep the contact laws on whole edges; the value of the
+        number itself. Infinity if any multiple can be carried, minus infinity if none can. Stresses exist up to here;
+        whether Coulomb's law, whose slip is not associated, has a solution with them only `solve` can tell.
+    upper : float
+        No stress of the body carries a larger multiple, whatever the mesh: the bound of `mechanism`. Infinity if the
+        loads can grow without limit, minus infinity if no multiple can be carried.
+    mechanism : Mechanism or None
+        The motion of the blocks that proves `upper`; None where that is infinite.
     bound : float
-        No multiple above this can be carried on this mesh: the dual bound of the multipliers found.
+        No multiple above this can be carried by this mesh: the dual bound of the multipliers found.
     violation : float
-        Largest violation of the contact laws at `factor`, relative to the largest contact traction.
+        Largest violation of the contact laws at `lower`, relative to the largest limit of tractions.
+
+    Notes
+    -----
+    With prescribed tractions that stresses of the mesh cannot follow point by point, `lower` is that of tractions with
+    the same resultants on every edge.
 
     """
 
-    factor: float
+    lower: float
+    upper: float
+    mechanism: Mechanism | None
     bound: float
     violation: float
+
+    def __new__(
+        cls, lower: float, upper: float, mechanism: Mechanism | None, bound: float, violation: float
+    ) -> "LimitLoad":
+        """The number `lower` with its bounds."""
+        made = super().__new__(cls, lower)
+        made.lower, made.upper, made.mechanism = float(lower), float(upper), mechanism
+        made.bound, made.violation = float(bound), float(violation)
+        return made
+
+    def __getnewargs__(self) -> tuple[float, float, Mechanism | None, float, float]:  # type: ignore[override]
+        """For copies and pickles."""
+        return self.lower, self.upper, self.mechanism, self.bound, self.violation
+
+    def __repr__(self) -> str:
+        return f"LimitLoad(lower={self.lower:.9g}, upper={self.upper:.9g})"
+
+    def __str__(self) -> str:
+        return repr(float(self))
 
 
 def limit_load_factor(
@@ -61,17 +90,20 @@ def limit_load_factor(
     element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
-) -> float:
-    """Largest multiple of the named loads that the contacts can carry while all other loads stay.
+) -> LimitLoad:
+    """Largest multiple of the named loads that the contacts can carry while all other loads stay, from both sides.
 
-        max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) at the Gauss points
+        max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) on the contacts
 
-    A linear program in the Airy coefficients of the quasi-variational inequality. Every solution of that lies in this
-    set, so beyond the factor there is none on this mesh (a shear prescribed beside a contact is met in the resultants,
-    as `solve` does where friction cannot carry it in the corner). For Coulomb's law, whose slip is not associated, the
-    converse does not hold in general: the factor is the limit load of the associated law, an upper bound; a solution
-    below it may, but need not exist, which only `solve` can tell. Displacements, gaps and elastic constants do not
-    enter, and bilateral contacts with friction count as able to carry any shear up to their cap.
+    *From below*, `lower`: a linear program in the Airy coefficients, with the law on whole edges. The stresses of the
+    mesh carry that much, and a finer mesh more (a shear prescribed beside a contact is met in the resultants, as
+    `solve` does where friction cannot carry it in the corner).
+
+    *From above*, `upper`: the work of the loads on rigid motions of the blocks, see `Mechanism`; the limit itself, on
+    any mesh. Every solution lies in the set above, so beyond `upper` there is none. For Coulomb's law, whose slip is
+    not associated, the converse does not hold in general: a solution below may, but need not exist, which only `solve`
+    can tell. Displacements, gaps and elastic constants do not enter, and bilateral contacts with friction count as able
+    to carry any shear up to their cap.
 
     Parameters
     ----------
@@ -87,47 +119,79 @@ def limit_load_factor(
 
     Returns
     -------
-    float
-        The factor; ``inf`` if every multiple can be carried, ``-inf`` if none can.
+    LimitLoad
+        A float, the factor `lower`, with `upper` and `mechanism`; ``inf`` if every multiple can be carried, ``-inf`` if
+        none can.
 
     Raises
     ------
     InputError
         If a name is unknown, or the loads are out of balance.
     SolveError
-        If the linear program is not solved to a relative accuracy of 1e-7, or not in time.
+        If a linear program is not solved, that of the mesh to a relative accuracy of 1e-7, or not in time.
 
     """
     with watched(time_limit):
         limit = limit_load(problem, loads, element=element, degree=degree, contact_rows=contact_rows)
-    gap = limit.bound - limit.factor
-    if np.isfinite(limit.factor) and not (
-        gap <= _CERTIFIED * (1.0 + abs(limit.factor)) and limit.violation <= _CERTIFIED
-    ):
+    gap = limit.bound - limit.lower
+    if np.isfinite(limit.lower) and not (gap <= _CERTIFIED * (1.0 + abs(limit)) and limit.violation <= _CERTIFIED):
         raise SolveError(
-            f"limit load: factor {limit.factor:.9g} and bound {limit.bound:.9g} do not agree (violation "
+            f"limit load: factor {limit.lower:.9g} and bound {limit.bound:.9g} do not agree (violation "
             f"{limit.violation:.1e}): use a coarser or less graded mesh"
         )
-    return limit.factor
+    return limit
 
 
 def limit_load(
     problem: ContactProblem, loads: Sequence[str], *, element: ElementName | None = None, **space: Any
 ) -> LimitLoad:
-    """The linear program of `limit_load_factor` with its certificate; `space` is for `discretize`."""
+    """Both sides of `limit_load_factor` without the check of the mesh's program; `space` is for `discretize`."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     names = _checked_names(problem, loads)
-    low, high = _sampled(with_element(problem, element), names, space)
-    rows, slopes = _affine(low.qvi, high.qvi)
-    if rows.G.shape[0] == 0:
-        return LimitLoad(np.inf, np.inf, 0.0)
-    m = low.qvi.m
-    E, _ = spanning_rows(
-        sparse.csc_matrix(sparse.vstack([low.qvi.contact_rows, low.qvi.A]))
-    )  # of tractions y they span
-    b = low.qvi.b - _SAMPLES[0] * slopes.b
-    return _Program(rows.H @ E[: 2 * m], rows.h, slopes.h, E[2 * m :], b, slopes.b).solve()
+    problem = with_element(problem, element)
+    low, high = _sampled(problem, names, space)
+    upper, mechanism = upper_bound(problem, names)
+    carried = _carried(low, high)
+    return LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
+
+
+@dataclass(frozen=True)
+class _Carried:
+    """The factor of a mesh, its dual bound, and the violation of the rows."""
+
+    factor: float
+    bound: float
+    violation: float
+
+
+def _carried(low: Discretization, high: Discretization) -> _Carried:
+    """What the mesh carries, with signs of bilateral pressure that a first program without friction there suggests."""
+    undecided = both_signs(low)
+    signs = np.full(len(undecided), EITHER)
+    found, tractions = _program(low, high, signs)
+    if not undecided.any():
+        return found
+    trials = [np.where(undecided, PRESSURE, EITHER)]
+    if tractions is not None:
+        trials.append(np.where(mean_normal(low, tractions) > 0.0, TENSION, PRESSURE))
+    return max([found, *(_program(low, high, trial)[0] for trial in trials)], key=lambda carried: carried.factor)
+
+
+def _program(low: Discretization, high: Discretization, signs: IntArray) -> tuple[_Carried, FloatArray | None]:
+    """The linear program, and the tractions [σ_N; σ_T] of the rows at its answer."""
+    rows = WholeEdgeRows.of(low, signs)
+    if not len(rows.limit):
+        return _Carried(np.inf, np.inf, 0.0), None
+    qvi, m, width = low.qvi, low.qvi.m, _SAMPLES[1] - _SAMPLES[0]
+    E, _ = spanning_rows(sparse.csc_matrix(sparse.vstack([qvi.contact_rows, qvi.A])))  # of tractions y they span
+    first, second = (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (low, high))
+    slope, b_slope = (second - first) / width, (high.qvi.b - qvi.b) / width
+    zero, b = first - _SAMPLES[0] * slope, qvi.b - _SAMPLES[0] * b_slope
+    H = sparse.csr_array(rows.H)
+    program = _Program(H @ E[: 2 * m], rows.limit - H @ zero, -(H @ slope), E[2 * m :], b, b_slope)
+    carried, y = program.solve()
+    return carried, None if y is None else E[: 2 * m] @ y + zero + carried.factor * slope
 
 
 def _checked_names(problem: ContactProblem, loads: Sequence[str]) -> tuple[str, ...]:
@@ -182,22 +246,6 @@ def _times(field: Field, factor: float) -> Field:
 
 
 @dataclass(frozen=True)
-class _Slopes:
-    """Derivatives of right-hand sides with respect to the load factor."""
-
-    h: FloatArray
-    b: FloatArray
-
-
-def _affine(low: FrictionQVI, high: FrictionQVI) -> tuple[AdmissibleRows, _Slopes]:
-    """Rows G z ≤ h₀ + α h₁ of the admissible set; h₀ in the first."""
-    first, second = AdmissibleRows.of(low), AdmissibleRows.of(high)
-    width = _SAMPLES[1] - _SAMPLES[0]
-    slopes = _Slopes((second.h - first.h) / width, (high.b - low.b) / width)
-    return replace(first, h=first.h - _SAMPLES[0] * slopes.h), slopes
-
-
-@dataclass(frozen=True)
 class _Program:
     """Max α s.t. G y ≤ h + α h', A y = b + α b'."""
 
@@ -208,13 +256,13 @@ class _Program:
     b: FloatArray
     b_slope: FloatArray
 
-    def solve(self) -> LimitLoad:
-        """Simplex, and a bound from its multipliers."""
+    def solve(self) -> tuple[_Carried, FloatArray | None]:
+        """Simplex, and a bound from its multipliers; y too if there is a finite answer."""
         answer = self._linprog(np.append(np.zeros(self.G.shape[1]), -1.0))
         if answer.status == _UNBOUNDED:
-            return LimitLoad(np.inf, np.inf, 0.0)
+            return _Carried(np.inf, np.inf, 0.0), None
         if answer.status == _INFEASIBLE and self._is_infeasible():
-            return LimitLoad(-np.inf, -np.inf, 0.0)
+            return _Carried(-np.inf, -np.inf, 0.0), None
         if answer.status == _LIMIT:
             raise SolveError("limit load: the time limit came first: allow more (time_limit=…), or take fewer cells")
         if answer.status != 0:
@@ -223,7 +271,7 @@ class _Program:
         right = self.h + factor * self.h_slope
         size = max(float(np.abs(self.h).max()), abs(factor) * float(np.abs(self.h_slope).max()), 1e-300)
         violation = float(np.maximum(self.G @ y - right, 0.0).max()) / size
-        return LimitLoad(factor, self._bound(answer, y), violation)
+        return _Carried(factor, self._bound(answer, y), violation), y
 
     def _linprog(self, cost: FloatArray, relaxed: bool = False) -> Any:
         """Minimise over (y, α), or over (y, α, t ≥ 0) with G y ≤ h + α h' + t."""

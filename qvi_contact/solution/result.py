@@ -16,6 +16,7 @@ from qvi_contact.discretization.edge_points import EdgePoints
 from qvi_contact.discretization.loads import LOAD_POINTS, physical, prescribed_at_points
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
+from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.problem.conditions import RigidPlate, Traction
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line
@@ -108,7 +109,7 @@ class ContactResult(Stated):
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
     Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`; an infeasible
-    problem has none even if an iteration left one behind.
+    problem has none even if an iteration left one behind, but the `mechanism` that proves it.
 
     Attributes
     ----------
@@ -146,13 +147,20 @@ class ContactResult(Stated):
 
     @property
     def message(self) -> str:
-        """One sentence about the outcome; for an infeasible problem which contact cannot carry the load, and why."""
-        if self.status is Status.INFEASIBLE and self.solution.farkas is not None:
+        """One sentence about the outcome; if the load cannot be carried, also at which contact, and why."""
+        if self.mechanism is not None:
+            return f"{self.mechanism.reason}: {self.solution.message}"
+        if self.solution.farkas is not None:
             return f"{self._overload()}: {self.solution.message}"
         return self.solution.message
 
+    @cached_property
+    def mechanism(self) -> Mechanism | None:
+        """The motion of the blocks that proves that the load cannot be carried, on any mesh; None if not infeasible."""
+        return find_mechanism(self.problem) if self.status is Status.INFEASIBLE else None
+
     def _overload(self) -> str:
-        """What the proof of infeasibility rests on, as a sentence."""
+        """What the proof that the mesh cannot carry the load rests on, as a sentence."""
         assert self.solution.farkas is not None
         qvi, y = self.solution.problem, self.solution.farkas[0]
         normal, tangential = AdmissibleRows.of(qvi).shares(y, qvi.m)
@@ -162,10 +170,11 @@ class ContactResult(Stated):
                 if multipliers[rows.rows].sum() > _SHARE * (normal.sum() + tangential.sum()):
                     names[reason].append(repr(rows.name))
         if names["slides"]:
-            return f"The load exceeds what friction on {' and '.join(names['slides'])} can carry"
+            return f"On this mesh the load exceeds what friction on {' and '.join(names['slides'])} can carry"
         if names["pulls"]:
-            return f"The load pulls or tips the body off {' and '.join(names['pulls'])}, where tension is not carried"
-        return "The forces on the plates contradict the contact laws"
+            pulled = " and ".join(names["pulls"])
+            return f"On this mesh the load pulls or tips the body off {pulled}, where tension is not carried"
+        return "On this mesh the forces on the plates contradict the contact laws"
 
     @property
     def remarks(self) -> tuple[str, ...]:

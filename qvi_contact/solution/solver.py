@@ -10,6 +10,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.families import ElementName
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.impossible import judged
 from qvi_contact.solution.reach import solve_within_reach
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
@@ -75,7 +76,9 @@ def solve(
     Returns
     -------
     ContactResult
-        With a status; a failure to solve does not raise unless ``throw=True`` is among the options.
+        With a status; a failure to solve does not raise unless ``throw=True`` is among the options. It is "infeasible"
+        only if a mechanism proves that no stress of the body carries the load (`ContactResult.mechanism`), and
+        "infeasible_on_mesh" if those of the mesh cannot, but others might.
 
     Raises
     ------
@@ -96,12 +99,12 @@ def solve(
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
     with watched(time_limit):
         if isinstance(problem, Discretization):
-            result = _solve(problem, settings)
+            result = judged(_solve(problem, settings))
         else:
             if contact_rows is None and method == "uzawa":
                 contact_rows = "gauss"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
             fresh = discretize(problem, element=element, degree=degree, contact_rows=contact_rows)
-            result = _solve(_fitted(fresh, settings), settings)
+            result = judged(_solve(_fitted(fresh, settings), settings))
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result

@@ -50,6 +50,7 @@ _CLAIMED: Final = 0.1  # of its limit, by which a measure may be larger than it 
 _SCALES: Final = 1e-6  # the stiffness of the contact that is in them is as accurate as its factorisation
 _BOUND: Final = 10.0  # of the tolerance: results of the fixed point may hold that of its last iteration
 _SHOWN: Final = 5  # names in a sentence
+_IMPOSSIBLE: Final = (Status.INFEASIBLE, Status.INFEASIBLE_ON_MESH)  # without a state, with a proof
 
 _GROUPS: Final = {
     "x_lines": "mesh", "y_lines": "mesh", "active": "mesh", "material": "mesh", "vertices": "mesh", "cells": "mesh",
@@ -285,7 +286,7 @@ def _accepted(tolerance: float, given: float | None) -> Check:
 def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed, accepted: Check) -> Iterator[Check]:
     yield _status(result, found)
     yield accepted
-    if result.status is Status.INFEASIBLE:
+    if result.status in _IMPOSSIBLE:
         yield _proof(found)
         return
     for row in found.result.certificate.rows():
@@ -345,6 +346,8 @@ def _status(result: ContactResult, found: Recomputed) -> Check:
     computed = replace(found.result.certificate, tolerance=claimed.tolerance)
     status, solution = result.status, result.solution
     if status is Status.INFEASIBLE:
+        honest = found.result.mechanism is not None
+    elif status is Status.INFEASIBLE_ON_MESH:
         honest = solution.farkas is not None
     else:
         honest = _follows(status, claimed) and _follows(status, computed)
@@ -368,9 +371,15 @@ def _follows(status: Status, certificate: Certificate) -> bool:
 def _proof(found: Recomputed) -> Check:
     solution = found.result.solution
     proved = solution.farkas is not None and is_farkas(solution.problem, *solution.farkas)
+    meaning = "Farkas' multipliers: no admissible traction of this mesh carries the load."
+    if found.result.status is Status.INFEASIBLE:
+        proved = found.result.mechanism is not None and (proved or solution.farkas is None)
+        meaning = (
+            "A mechanism, found anew: rigid motions of the blocks on which the loads do more work than contacts can "
+            "take up. Farkas' multipliers, where the file has them: no traction of this mesh carries the load."
+        )
     return Check(
-        "proof", "holds" if proved else "does not", None, proved,
-        "Farkas' multipliers: no admissible traction carries the load.",
+        "proof", "holds" if proved else "does not", None, proved, meaning,
         "That the load cannot be carried is not proved.",
     )  # fmt: skip
 

@@ -9,6 +9,7 @@ class Status(StrEnum):
     SOLVED = "solved"
     INACCURATE = "inaccurate"
     INFEASIBLE = "infeasible"
+    INFEASIBLE_ON_MESH = "infeasible_on_mesh"
     INNER_INFEASIBLE = "inner_infeasible"
     ILL_CONDITIONED = "ill_conditioned"
     UNBOUNDED = "unbounded"
@@ -44,6 +45,9 @@ _ADVICE = {
     "another inner solver such as 'direct:clarabel'.",
     Status.INFEASIBLE: "The load cannot be carried: reduce the tension or the sliding force, or add supports (or "
     "friction, if the body slides).",
+    Status.INFEASIBLE_ON_MESH: "Stresses of this mesh cannot carry the load, but those of the body may: use smaller "
+    "cells at the ends of the contacts, or triangles of a higher degree (problem.triangulated(), degree=5). "
+    "limit_load_factor tells how much the mesh and the body carry.",
     Status.INNER_INFEASIBLE: "The iteration met friction bounds under which no traction carries the load, and found no "
     "way around them; there may be no solution: start from the result of a smaller load (initial=…), or reduce it.",
     Status.ILL_CONDITIONED: "The linear system is beyond double precision: use less grading, or cells less thin.",

@@ -246,7 +246,7 @@ def test_loads_that_no_traction_carries(sides, inner):
     problem = ContactProblem(mesh, Material(1000.0, 0.3), [*sides, Contact("bottom", friction=0.3)])
     result = solve(problem, inner=inner)
     assert result.status is Status.INFEASIBLE
-    assert "no admissible traction carries the load" in result.message
+    assert "proved by a mechanism" in result.message
     assert "reduce the tension or the sliding force" in result.message
     assert "\n" not in result.message
     assert not result.certificate.passed

@@ -1,0 +1,17 @@
+"""Claims for the body rather than for a mesh: which loads no stress whatever can carry.
+
+A body of blocks, pressed together by contacts that limit tractions and nothing else, carries every load that its blocks
+would carry if they were rigid. So three numbers a block decide: a small linear program, exact on any mesh.
+
+| module      | contents                                             |
+|-------------|------------------------------------------------------|
+| `bodies`    | blocks between joints, plates driven by force        |
+| `lines`     | straight lines of contact, and what their laws admit |
+| `works`     | what loads do on rigid motions                       |
+| `program`   | the linear programs, and checks of their answers     |
+| `mechanism` | the result: proof, and bound of a load factor        |
+"""
+
+from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, RigidMotion, find_mechanism, upper_bound
+
+__all__ = ["ContactMotion", "Mechanism", "RigidMotion", "find_mechanism", "upper_bound"]

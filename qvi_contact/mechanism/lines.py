@@ -1,0 +1,224 @@
+"""Where bodies touch: straight lines between two of them, and what the contact laws let them do there.
+
+With [v] = v of the first body less that of the second (or of the obstacle), n from the first to the second and
+w = −[v]_N the speed of opening, the tractions of a contact do at most the work
+
+    π([v]) = sup { −σ_N [v]_N − σ_T [v]_T :  σ_N ≤ 0,  |σ_T| ≤ min(c − μσ_N, t_max) }
+           = min { min(c, t_max) a + t_max (|[v]_T| − a) :  0 ≤ a ≤ |[v]_T|,  μ a ≤ w }          if w ≥ 0, else ∞
+
+against it. Without a cap this is c |[v]_T| if w ≥ μ |[v]_T|, and infinite if not. Along a straight line [v]_T of two
+rigid bodies is constant and w linear, so that conditions at the ends of the line are enough where μ is constant.
+
+Where μ is a function it is replaced on short pieces of edges by the least affine function that is not below its samples
+there and has the slope of the chord: π becomes larger, and what it proves stays proved.
+
+| law                            | condition                    | ∫ π ds                                     |
+|--------------------------------|------------------------------|--------------------------------------------|
+| unilateral, μ = 0              | w ≥ 0                        | ∫ min(c, t_max) ds · |[v]_T|               |
+| unilateral, no cap             | w ≥ μ |[v]_T|                | ∫ c ds · |[v]_T|                           |
+| unilateral, capped             | w ≥ μ a                      | ∫ t_max ds · |[v]_T| − ∫ (t_max − c)⁺ a ds |
+| bilateral, μ = 0               | w = 0                        | as unilateral                              |
+| bilateral, capped              | w = 0                        | ∫ t_max ds · |[v]_T|                       |
+| bilateral with friction, tied  | w = 0, [v]_T = 0             | 0                                          |
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.mechanism.bodies import Bodies
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.problem import ContactProblem
+
+_PIECES: Final = 8  # of an edge, where friction is a function
+_SAMPLES: Final = 8  # steps in each of them
+_POINTS: Final = 8  # Gauss points where cohesion and cap are integrated
+_ROUNDING: Final = 16.0 * np.finfo(float).eps
+_CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A straight line along which one contact holds between two bodies, with the position s along the tangent.
+
+    Attributes
+    ----------
+    contact : Contact
+        The contact.
+    bodies : (int, int)
+        The first body, and the second; −1 for an obstacle that stands still.
+    start, tangent, normal : (2,) arrays
+        The point s = 0 [length], and unit vectors.
+    edges : (n, 2) array
+        Where its edges begin and end [length].
+    places, friction : (p,) arrays
+        Where the condition holds, ascending, and μ there.
+    fixed : bool
+        Whether the bodies do not part, w = 0.
+    held : bool
+        Whether they do not slip either.
+
+    """
+
+    contact: Contact
+    bodies: tuple[int, int]
+    start: FloatArray
+    tangent: FloatArray
+    normal: FloatArray
+    edges: FloatArray
+    places: FloatArray
+    friction: FloatArray
+    fixed: bool
+    held: bool
+
+    @property
+    def dilates(self) -> bool:
+        """Whether slip takes opening: a unilateral contact with friction."""
+        return not self.fixed and bool((self.friction > 0.0).any())
+
+    @property
+    def capped(self) -> bool:
+        """Whether only part of the slip has to dilate."""
+        return self.dilates and self.contact.shear_limit is not None
+
+    def points(self, s: FloatArray) -> FloatArray:
+        """Coordinates (p, 2) of places."""
+        return np.asarray(self.start + s[:, None] * self.tangent)
+
+    def relative(self, bodies: Bodies, points: FloatArray, direction: FloatArray) -> FloatArray:
+        """Rows (p, 3 k) of d·[v] at points."""
+        along = np.broadcast_to(direction, points.shape)
+        first, second = (np.full(len(points), body) for body in self.bodies)
+        return bodies.rows(first, points, along) - bodies.rows(second, points, along)
+
+    def opening(self, bodies: Bodies) -> FloatArray:
+        """Rows (p, 3 k) of w at the places."""
+        return -self.relative(bodies, self.points(self.places), self.normal)
+
+    def slip(self, bodies: Bodies) -> FloatArray:
+        """Row (3 k,) of [v]_T."""
+        return np.asarray(self.relative(bodies, self.start[None], self.tangent)[0])
+
+    def divided(self, s: float) -> "Line":
+        """The same line with one more place, where μ is the larger of its neighbours'."""
+        at = int(np.searchsorted(self.places, s))
+        if at in (0, len(self.places)):
+            return self
+        mu = self.friction[at - 1 : at + 1].max()
+        return replace(self, places=np.insert(self.places, at, s), friction=np.insert(self.friction, at, mu))
+
+    def shear_work(self) -> float:
+        """∫ π ds for a slip of 1 and no opening to spare: of t_max, of c, or of the smaller one."""
+        return float(self._integrated(self.edges)[0].sum())
+
+    def relief(self) -> FloatArray:
+        """∫ (t_max − c)⁺ N_i ds of the hat functions N_i of the places (p,): what dilatant slip saves."""
+        found = np.zeros(len(self.places))
+        for i, (a, b) in enumerate(zip(self.places[:-1], self.places[1:], strict=True)):
+            low, high = np.maximum(self.edges[:, 0], a), np.minimum(self.edges[:, 1], b)
+            inside = low < high
+            pieces = np.column_stack([low, high])[inside]
+            _, saved, s = self._integrated(pieces)
+            share = (s - a) / (b - a)
+            found[i] += (saved * (1.0 - share)).sum()
+            found[i + 1] += (saved * share).sum()
+        return found
+
+    def _integrated(self, pieces: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Bound of shear, (t_max − c)⁺, both times weights, and places (n, q) of Gauss points in pieces (n, 2)."""
+        t, weights = gauss_legendre(_POINTS)
+        length = np.diff(pieces, axis=1)
+        s = pieces[:, :1] + length * t
+        points = self.points(s.ravel())
+        x, y = points[:, 0].reshape(s.shape), points[:, 1].reshape(s.shape)
+        cohesion = evaluate("Contact.cohesion", self.contact.cohesion, x, y, minimum=0.0)
+        limit = self.contact.shear_limit
+        if limit is None:
+            return cohesion * weights * length, np.zeros(s.shape), s
+        cap = evaluate("Contact.shear_limit", limit, x, y, minimum=0.0)
+        bound = cap if (self.friction > 0.0).any() else np.minimum(cohesion, cap)
+        return bound * weights * length, np.maximum(cap - cohesion, 0.0) * weights * length, s
+
+
+def lines(problem: ContactProblem, bodies: Bodies) -> tuple[Line, ...]:
+    """The lines of all contacts; a joint inside one block parts nothing, and has none."""
+    return tuple(line for contact in problem.contacts for line in _of_contact(problem, bodies, contact))
+
+
+def _of_contact(problem: ContactProblem, bodies: Bodies, contact: Contact) -> Iterator[Line]:
+    edges = problem.mesh.edges(contact.edges)
+    first = bodies.of_cells[edges.cells[:, 0]]
+    joint = contact in problem.joints
+    second = bodies.of_cells[edges.cells[:, 1]] if joint else np.full(len(edges), bodies.number(contact))
+    for pair in np.unique(np.column_stack([first, second]), axis=0):
+        if pair[0] != pair[1]:
+            chosen = edges.take((first == pair[0]) & (second == pair[1]))
+            for straight in _straight(problem, chosen):
+                yield _line(problem, contact, (int(pair[0]), int(pair[1])), chosen.take(straight))
+
+
+def _straight(problem: ContactProblem, edges: Edges) -> Iterator[IntArray]:
+    """Edges that lie on one straight line and face one way, in groups: a line does not depend on how it is divided."""
+    vertices = problem.mesh.vertices
+    ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
+    size, waiting = float(np.abs(vertices).max()), np.ones(len(edges), dtype=bool)
+    while waiting.any():
+        longest = int(np.argmax(np.where(waiting, edges.length, 0.0)))
+        normal, length = edges.normal[longest], edges.length[longest]
+        away = ends - ends[longest, 0]
+        reach = 1.0 + np.hypot(*np.moveaxis(away, -1, 0)).max(axis=1) / length
+        near = np.abs(away @ normal).max(axis=1) <= _ROUNDING * size * reach
+        group = waiting & near & (edges.normal @ normal > 0.0)
+        group[longest] = True
+        waiting &= ~group
+        yield np.flatnonzero(group)
+
+
+def _line(problem: ContactProblem, contact: Contact, pair: tuple[int, int], edges: Edges) -> Line:
+    vertices, longest = problem.mesh.vertices, int(np.argmax(edges.length))
+    ends = vertices[np.concatenate([edges.first, edges.second])]
+    along = ends @ edges.tangent[longest]
+    start, stop = ends[np.argmin(along)], ends[np.argmax(along)]
+    tangent = (stop - start) / np.hypot(*(stop - start))
+    normal = np.array([-tangent[1], tangent[0]])
+    normal = normal if normal @ edges.normal[longest] > 0.0 else -normal
+    marks = (np.stack([vertices[edges.first], vertices[edges.second]], axis=1) - start) @ tangent
+    bare = Line(contact, pair, start, tangent, normal, marks, np.empty(0), np.empty(0), False, False)
+    places, friction = _conditions(bare)
+    rough = bool((friction > 0.0).any())
+    held = contact.law == "tied" or (contact.law == "bilateral" and rough and contact.shear_limit is None)
+    return replace(bare, places=places, friction=friction, fixed=contact.law != "unilateral", held=held)
+
+
+def _conditions(line: Line) -> tuple[FloatArray, FloatArray]:
+    """Places where w ≥ μ |[v]_T| is asked for, and μ there, which is nowhere below the contact's own."""
+    contact, low, high = line.contact, float(line.edges.min()), float(line.edges.max())
+    if not callable(contact.friction):
+        count = _CAPPED_PIECES if contact.shear_limit is not None and contact.friction > 0.0 else 1
+        places = np.linspace(low, high, count + 1)
+        return places, np.full(len(places), float(contact.friction))
+    t = np.linspace(0.0, 1.0, _PIECES + 1)
+    marks = line.edges[:, :1] + np.diff(line.edges, axis=1) * t
+    pieces = np.stack([marks[:, :-1].ravel(), marks[:, 1:].ravel()], axis=1)
+    s = pieces[:, :1] + np.diff(pieces, axis=1) * np.linspace(0.0, 1.0, _SAMPLES + 1)
+    points = line.points(s.ravel())
+    values = evaluate("Contact.friction", contact.friction, *points.T, minimum=0.0).reshape(s.shape)
+    above = _above(values, bool(contact.shear_limit is not None))
+    places, index = np.unique(pieces.ravel(), return_inverse=True)
+    friction = np.zeros(len(places))
+    np.maximum.at(friction, index, above.ravel())
+    return places, friction
+
+
+def _above(values: FloatArray, constant: BoolArray | bool) -> FloatArray:
+    """End values (n, 2) of affine functions that are not below samples (n, q): the chord, lifted; or the largest."""
+    if constant:
+        return np.repeat(values.max(axis=1)[:, None], 2, axis=1)
+    ends = values[:, [0, -1]]
+    chord = ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, values.shape[1])
+    return np.asarray(ends + np.maximum(values - chord, 0.0).max(axis=1)[:, None])

@@ -1,0 +1,295 @@
+"""The linear programs for rigid motions, and what is checked of their answers.
+
+Unknown are the motions v of all bodies, the slips s_l ≥ |[v]_T| of lines, and where a cap lets part of the slip do
+without opening the dilatant slip a at places of the line:
+
+    w − μ s ≥ 0   or   w − μ a ≥ 0,  0 ≤ a ≤ s,          R(v) = Σ_l (∫ bound ds · s_l − ∫ (t_max − c)⁺ a ds)
+
+Supports, tied and bilateral lines are equations; their null space is taken first, so that rounding of the many
+equations of one line does no harm. If the loads do the work L(v) > R(v), no admissible stress is in equilibrium with
+them: for every one L(v) = Σ_l ∫ (−σ_N [v]_N − σ_T [v]_T) ds ≤ R(v).
+
+Answers of the solver are used for v only. Works, resistance and missed conditions are computed from v again.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from scipy.optimize import linprog
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.errors import SolveError
+from qvi_contact.mechanism.bodies import Bodies
+from qvi_contact.mechanism.lines import Line, lines
+from qvi_contact.mechanism.works import works
+from qvi_contact.problem.conditions import Displacement
+from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.watch import left
+
+_OPTIONS: Final[Any] = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_LONGEST: Final = 300.0  # seconds
+_FARTHEST: Final = 1e5  # size of motions that do the work 1 with loads of the size 1: beyond, work is rounding
+_ROUNDS: Final = 40  # at most, of placing the points where the cap sets in
+_SETTLED: Final = 1e-13
+_INFEASIBLE, _TIME = 2, 1  # status numbers of linprog
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Motions of all bodies and what they mean.
+
+    Attributes
+    ----------
+    v : (3 k,) array
+        The motions, the largest of size 1.
+    works : mapping of str to float
+        Work of each load [stress × length].
+    resistance : float
+        R(v), what contacts can take up at most [stress × length].
+    violation : float
+        Largest speed at which a contact law or support forbids the motion; rounding.
+
+    """
+
+    v: FloatArray
+    works: Mapping[str, float]
+    resistance: float
+    violation: float
+
+    @property
+    def driving(self) -> float:
+        """Work of the loads that help the motion along [stress × length]."""
+        return sum(work for work in self.works.values() if work > 0.0)
+
+    @property
+    def resisting(self) -> float:
+        """Work against the other loads, and what contacts take up [stress × length]."""
+        return self.resistance - sum(work for work in self.works.values() if work < 0.0)
+
+
+class Rigid:
+    """A problem whose blocks are rigid: bodies, lines, works of loads, and the programs over them."""
+
+    def __init__(self, problem: ContactProblem) -> None:
+        self.bodies = Bodies.of(problem)
+        self.lines = lines(problem, self.bodies)
+        self.works = works(problem, self.bodies)
+        self.held = self._equations(problem)
+        self.free = _null_space(self.held, float(np.abs(problem.mesh.vertices).max() / self.bodies.size.min()))
+
+    @property
+    def size(self) -> float:
+        """Largest work of all loads on motions of size 1, nothing cancelled [stress × length]."""
+        return sum(work.size for work in self.works.values())
+
+    def _equations(self, problem: ContactProblem) -> FloatArray:
+        """Rows (e, 3 k) of the velocities that supports, plates and contacts rule out."""
+        bodies, boundary, vertices = self.bodies, problem.mesh.boundary, problem.mesh.vertices
+        rows = [np.eye(3 * len(bodies))[~bodies.free.ravel()]]
+        for given in problem.prescribed(Displacement):
+            edges = boundary.take(given.index)
+            block = bodies.of_cells[edges.cells[:, 0]]
+            rows += [bodies.rows(block, vertices[end], given.direction) for end in (edges.first, edges.second)]
+        for line in self.lines:
+            ends = line.points(line.places[[0, -1]])
+            rows += [line.relative(bodies, ends, line.normal)] * line.fixed
+            rows += [line.relative(bodies, ends, line.tangent)] * line.held
+        return np.concatenate(rows)
+
+    def strongest(self, names: Sequence[str], idle: Sequence[str] = ()) -> Motion | None:
+        """The motion on which driving over resisting work of the named loads is largest; None if nothing moves.
+
+        Loads called idle do no work on it together, and are left out.
+        """
+        unit = sum(self.works[name].size for name in names)
+        if not self.free.shape[1] or unit == 0.0:
+            return None
+        rows = np.array([self.works[name].row for name in names]) / unit
+        none = [_Equation(sum(self.works[name].row / self.works[name].size for name in idle), 0.0)] if idle else []
+        motion = self._settled(lambda program: program.strongest(rows, unit, none))
+        return None if motion is None else self.motion(motion, names)
+
+    def dearest(self, names: Sequence[str], others: Sequence[str]) -> Motion | None:
+        """The motion that gives the least R − L(others) for the work 1 of the named loads; None if there is none."""
+        unit, size = sum(self.works[name].size for name in names), self.size
+        if not self.free.shape[1] or unit == 0.0:
+            return None
+        row = sum(self.works[name].row for name in names) / unit
+        other = sum((self.works[name].row for name in others), np.zeros(len(self.free))) / size
+        motion = self._settled(lambda program: program.dearest(np.asarray(row), other, size))
+        return None if motion is None else self.motion(motion, [*names, *others])
+
+    def _settled(self, solve: "Callable[[_Program], FloatArray | None]") -> FloatArray | None:
+        """Solve, and again with a place where the cap sets in, as long as that place moves."""
+        chosen, motion, before = self.lines, None, np.inf
+        for _ in range(_ROUNDS):
+            motion = solve(_Program(self, chosen))
+            if motion is None or not any(line.capped for line in chosen):
+                break
+            found = tuple(divided(line, self.bodies, motion) for line in chosen)
+            cost = self.resistance(motion) / max(float(np.abs(motion).max()), 1e-300)
+            if found == chosen or abs(before - cost) <= _SETTLED * abs(cost):
+                break
+            chosen, before = found, cost
+        return motion
+
+    def resistance(self, v: FloatArray) -> float:
+        """R(v) [stress × length], exact up to the sampling of functions."""
+        return sum(resistance(line, self.bodies, v) for line in self.lines)
+
+    def motion(self, v: FloatArray, names: Sequence[str]) -> Motion | None:
+        """What a motion means, scaled to the size 1; None for rest."""
+        largest = float(np.abs(v).max())
+        if largest == 0.0:
+            return None
+        v = v / largest
+        missed = [0.0, *np.abs(self.held @ v)]
+        for line in self.lines:
+            if not line.fixed:
+                slip = abs(float(line.slip(self.bodies) @ v)) if line.dilates and not line.capped else 0.0
+                missed += list(line.friction * slip - line.opening(self.bodies) @ v)
+        found = {name: float(self.works[name].row @ v) for name in names}
+        return Motion(v, found, self.resistance(v), float(max(missed)))
+
+
+def divided(line: Line, bodies: Bodies, v: FloatArray) -> Line:
+    """The line with places where opening becomes too little for all of the slip to dilate."""
+    if not line.capped:
+        return line
+    spare = line.opening(bodies) @ v - line.friction * abs(float(line.slip(bodies) @ v))
+    for i in np.flatnonzero(spare[:-1] * spare[1:] < 0.0):
+        share = spare[i] / (spare[i] - spare[i + 1])
+        line = line.divided(float(line.places[i] + share * (line.places[i + 1] - line.places[i])))
+    return line
+
+
+def resistance(line: Line, bodies: Bodies, v: FloatArray) -> float:
+    """∫ π ds of a line for a motion that it admits."""
+    slip = abs(float(line.slip(bodies) @ v))
+    if line.held or slip == 0.0:
+        return 0.0
+    work = line.shear_work() * slip
+    if not line.capped:
+        return work
+    line = divided(line, bodies, v)
+    opening = np.maximum(line.opening(bodies) @ v, 0.0)
+    rough = line.friction > 0.0
+    dilatant = np.divide(opening, line.friction, out=np.full(len(opening), slip), where=rough)
+    return work - float(line.relief() @ np.minimum(dilatant, slip))
+
+
+@dataclass(frozen=True, eq=False)
+class _Equation:
+    """Row · v = value."""
+
+    row: Any
+    value: float
+
+
+class _Program:
+    """The conditions of lines as rows in x = (y, slips, dilatant slips, …) with v = Z y."""
+
+    def __init__(self, rigid: Rigid, chosen: Sequence[Line]) -> None:
+        self._basis, self._bodies = rigid.free, rigid.bodies
+        self._motions = rigid.free.shape[1]
+        self._lower = [-np.inf] * self._motions
+        self._cost = [0.0] * self._motions
+        self._rows: list[dict[int, float]] = []  # ≤ 0
+        for line in chosen:
+            self._add(line)
+        self._limits = [0.0] * len(self._rows)
+
+    def _add(self, line: Line) -> None:
+        if line.held:
+            return
+        opening = [] if line.fixed else list(line.opening(self._bodies) @ self._basis)
+        work = line.shear_work()
+        if not (line.dilates or work > 0.0):
+            self._rows += [self._less(row) for row in opening]
+            return
+        slip = self._variable(work)
+        tangential = line.slip(self._bodies) @ self._basis
+        self._rows += [{**self._less(sign * tangential), slip: -1.0} for sign in (1.0, -1.0)]
+        if not line.capped:
+            self._rows += [
+                {**self._less(row), slip: float(mu)} for row, mu in zip(opening, line.friction, strict=False)
+            ]
+            return
+        for row, mu, saved in zip(opening, line.friction, line.relief(), strict=True):
+            part = self._variable(-float(saved))
+            self._rows += [{**self._less(row), part: float(mu)}, {part: 1.0, slip: -1.0}]
+
+    def _variable(self, cost: float) -> int:
+        self._lower.append(0.0)
+        self._cost.append(cost)
+        return len(self._cost) - 1
+
+    def _less(self, row: FloatArray) -> dict[int, float]:
+        """−row y."""
+        return dict(enumerate((-row).tolist()))
+
+    def strongest(self, loads: FloatArray, unit: float, equations: Sequence[_Equation]) -> FloatArray | None:
+        """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (L⁺ − resisting)/(L⁺ + resisting) is largest."""
+        cost = np.array(self._cost) / unit
+        whole = dict(enumerate(cost.tolist()))
+        for load in loads @ self._basis:
+            size = self._variable(0.0)
+            for sign in (1.0, -1.0):
+                self._append({**self._less(sign * load), size: -1.0}, 0.0)
+            whole[size] = 1.0
+        self._append(whole, 1.0)
+        objective = np.zeros(len(self._cost))
+        objective[: len(cost)] = cost
+        objective[: self._motions] -= loads.sum(axis=0) @ self._basis
+        return self._solve(objective, equations)
+
+    def dearest(self, row: FloatArray, other: FloatArray, unit: float) -> FloatArray | None:
+        """Min R − L(others)  s.t.  row · v = 1."""
+        objective = np.array(self._cost) / unit
+        objective[: self._motions] -= other @ self._basis
+        return self._solve(objective, [_Equation(row, 1.0)])
+
+    def _append(self, row: dict[int, float], limit: float) -> None:
+        self._rows.append(row)
+        self._limits.append(limit)
+
+    def _solve(self, objective: FloatArray, equations: Sequence[_Equation]) -> FloatArray | None:
+        for number in range(self._motions):  # as rows: variables with two bounds would stand at one of them
+            for sign in (1.0, -1.0):
+                self._append({number: sign}, _FARTHEST)
+        known: Any = {}
+        if equations:
+            A = np.zeros((len(equations), len(objective)))
+            A[:, : self._motions] = np.array([equation.row for equation in equations]) @ self._basis
+            known = {"A_eq": A, "b_eq": np.array([equation.value for equation in equations])}
+        bounds: Any = [(low, np.inf) for low in self._lower]
+        options: Any = {**_OPTIONS, "time_limit": min(_LONGEST, left())}
+        answer: Any = linprog(
+            objective, self._matrix, self._limits, bounds=bounds, method="highs", options=options, **known
+        )
+        if answer.status == _INFEASIBLE:
+            return None
+        if answer.status == _TIME:
+            raise SolveError("mechanism: the time limit came first: allow more (time_limit=…)")
+        if answer.status != 0:
+            raise SolveError(f"mechanism: the linear program was not solved ({answer.message})")
+        return np.asarray(self._basis @ answer.x[: self._motions])
+
+    @property
+    def _matrix(self) -> FloatArray:
+        matrix = np.zeros((len(self._rows), len(self._cost)))
+        for number, row in enumerate(self._rows):
+            matrix[number, list(row)] = list(row.values())
+        return matrix
+
+
+def _null_space(rows: FloatArray, shift: float) -> FloatArray:
+    """Orthonormal columns of the motions that no row forbids; what may be rounding of coordinates is a row."""
+    columns = rows.shape[1]
+    if not len(rows):
+        return np.eye(columns)
+    _, values, right = np.linalg.svd(rows)
+    rounding = 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(rows))
+    return np.asarray(right[int((values > rounding).sum()) :].T)

@@ -1,0 +1,107 @@
+"""The work that loads do on rigid motions, exact for tractions and potentials that are polynomials on edges.
+
+The body force b = −∇φ does the work −∮ φ n·u ds on a rigid motion, around each block.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.mechanism.bodies import Bodies, plate_of
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.problem.conditions import Contact, Traction, components
+from qvi_contact.problem.problem import ContactProblem, direction_of
+
+BODY = "body"
+"""What the body force is called among the loads."""
+
+_POINTS = 8  # Gauss points an edge, as for the loads of the discretisation: exact up to degree 15
+_ROUNDING = 1e-13  # share of a load's size below which a resultant is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """What one load does on motions.
+
+    Attributes
+    ----------
+    row : (3 k,) array
+        Work [stress × length] of the motions of all bodies: forces, and moments over r_k.
+    size : float
+        The largest work that the load could do on motions of size 1 if nothing of it cancelled [stress × length].
+
+    """
+
+    row: FloatArray
+    size: float
+
+    def __add__(self, other: "Work") -> "Work":
+        return Work(self.row + other.row, self.size + other.size)
+
+
+def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
+    """Works of the tractions, of plates and of the body force by the names a limit analysis gives them."""
+    found: dict[str, Work] = {}
+    for condition in problem.conditions:
+        work = None
+        if isinstance(condition, Traction):
+            work = _of_traction(problem, bodies, condition)
+        elif isinstance(condition, Contact) and condition.plate is not None:
+            work = _of_plate(bodies, condition)
+        if work is not None and isinstance(condition, (Traction, Contact)):
+            found[condition.name] = found[condition.name] + work if condition.name in found else work
+    if callable(problem.body_potential):  # a constant one is no force
+        found[BODY] = found[BODY] + _of_body(problem, bodies) if BODY in found else _of_body(problem, bodies)
+    return {name: Work(np.where(np.abs(work.row) > _ROUNDING * work.size, work.row, 0.0), work.size)
+            for name, work in found.items()}  # fmt: skip
+
+
+def _of_traction(problem: ContactProblem, bodies: Bodies, load: Traction) -> Work:
+    mesh, total = problem.mesh, Work(np.zeros(3 * len(bodies)), 0.0)
+    edges = mesh.boundary.take(mesh.edge_set(load.edges))
+    block = bodies.of_cells[edges.cells[:, 0]]
+    for name, value in components(load).items():
+        total = total + _along(problem, bodies, edges, block, direction_of(name, edges), f"Traction.{name}", value)
+    return total
+
+
+def _of_body(problem: ContactProblem, bodies: Bodies) -> Work:
+    """−∮ φ n·u ds around all blocks; of edges inside the body only those between two blocks count."""
+    mesh = problem.mesh
+    block = bodies.of_cells[mesh.interior.cells]
+    apart = np.flatnonzero(block[:, 0] != block[:, 1])
+    joints, boundary = mesh.interior.take(apart), mesh.boundary
+    name, field = "ContactProblem.body_potential", problem.body_potential
+    outer = _along(problem, bodies, boundary, bodies.of_cells[boundary.cells[:, 0]], -boundary.normal, name, field)
+    lower = _along(problem, bodies, joints, block[apart, 0], -joints.normal, name, field)
+    return outer + lower + _along(problem, bodies, joints, block[apart, 1], joints.normal, name, field)
+
+
+def _along(
+    problem: ContactProblem,
+    bodies: Bodies,
+    edges: Edges,
+    block: IntArray,
+    direction: FloatArray,
+    name: str,
+    field: Field,
+) -> Work:
+    """∫ f d·u ds of a field f on edges whose blocks are (n,), along d (n, 2)."""
+    points, weights = gauss_legendre(_POINTS)
+    x, y = problem.mesh.points_along(edges, points)
+    values = evaluate(name, field, x, y) * weights * edges.length[:, None]
+    force, arm = values.ravel(), np.column_stack([x.ravel(), y.ravel()])
+    rows = bodies.rows(np.repeat(block, _POINTS), arm, np.repeat(direction, _POINTS, axis=0))
+    return Work(force @ rows, float(np.abs(force).sum()))
+
+
+def _of_plate(bodies: Bodies, contact: Contact) -> Work:
+    body, plate = bodies.number(contact), plate_of(contact)
+    centre, size = bodies.centre[body], float(bodies.size[body])
+    moment = 0.0 if plate.moment is None else plate.moment_about(*centre) / size
+    given = np.array([plate.force_x or 0.0, plate.force_y or 0.0, moment])
+    row = np.zeros((len(bodies), 3))
+    row[body] = given
+    return Work(row.ravel(), float(np.abs(given).sum()))

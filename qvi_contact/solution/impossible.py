@@ -1,0 +1,52 @@
+"""Loads that cannot be carried: by the body, which a mechanism proves, or only by the stresses of a mesh.
+
+The algebraic problem of a mesh may be infeasible although the body carries the load: its stresses cannot follow the
+tractions, which crowd in corners shortly before a body slides or tips. So the status is decided anew, see `mechanism`.
+"""
+
+from contextlib import suppress
+from dataclasses import replace
+
+from qvi_contact.errors import SolveError
+from qvi_contact.mechanism import Mechanism, find_mechanism
+from qvi_contact.solution.result import ContactResult
+from solvers import Status
+
+_ANSWERED = (Status.SOLVED, Status.INACCURATE)
+
+
+def judged(result: ContactResult) -> ContactResult:
+    """The result with the status "infeasible" if a mechanism proves it, "infeasible_on_mesh" if only the mesh does."""
+    if result.status in _ANSWERED:
+        return result
+    mechanism = _mechanism(result)
+    if mechanism is not None:
+        return _with_status(result, Status.INFEASIBLE, _proof(mechanism))
+    if result.status is not Status.INFEASIBLE:
+        return result
+    return _with_status(
+        result,
+        Status.INFEASIBLE_ON_MESH,
+        "no traction of this mesh carries the load, proved by multipliers (Farkas) checked on the data; there is no "
+        "such proof for the body",
+    )
+
+
+def _mechanism(result: ContactResult) -> Mechanism | None:
+    """The mechanism that proves it; none where its linear program fails."""
+    with suppress(SolveError):
+        return find_mechanism(result.problem)
+    return None
+
+
+def _proof(mechanism: Mechanism) -> str:
+    drive = "the loads that drive do work, and nothing resists"
+    if mechanism.overload < float("inf"):
+        drive = f"the loads that drive do {mechanism.overload:.6g} times the work that everything else can take up"
+    return f"proved by a mechanism of rigid blocks, on which {drive}"
+
+
+def _with_status(result: ContactResult, status: Status, proof: str) -> ContactResult:
+    count = result.iterations
+    message = f"{status.words} after {count} iteration{'s' if count != 1 else ''}; {proof}. {status.advice}"
+    return ContactResult(result.discretization, replace(result.solution, status=status, message=message))
