@@ -3,8 +3,8 @@
 import unicodedata
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -14,20 +14,18 @@ from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.errors import InputError
+from qvi_contact.files.grid_builder import grid_mesh
+from qvi_contact.files.located import located
 from qvi_contact.files.problem_document import (
     ContactTable,
     Document,
     PlateTable,
     PolynomialTable,
-    Rectangle,
-    RefineTable,
-    Segment,
-    Table,
+    RegionTable,
     quoted,
 )
-from qvi_contact.mesh.lines import graded_lines, on_line
+from qvi_contact.files.triangle_builder import region_name, triangle_mesh
 from qvi_contact.mesh.mesh import Mesh
-from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.material import Material, Region, cell_materials
@@ -50,27 +48,11 @@ FIELDS: Final[dict[str, tuple[str, ...]]] = {
 """Keys whose values are functions of x and y."""
 
 _NOT_NEGATIVE: Final = ("friction", "cohesion", "shear_limit")
-_MOST_CELLS: Final = 1_000_000
 _RENAMED: Final = {
     "ContactProblem.body_potential": "body_potential",
     "ContactProblem.mesh": "mesh",
     "ContactProblem.conditions": "boundary conditions",
 }
-_IN_TOML: Final = (("with_edges()", "[[edges]]"), ("with_joint()", "[[joints]]"))  # remedies written for Python
-
-
-@contextmanager
-def located(path: str, table: Table | None = None) -> Iterator[None]:
-    """Errors raised in the block get their path in the file: that of the table, and the key if it is one of its own."""
-    try:
-        yield
-    except InputError as error:
-        key = error.field.split(".")[-1]
-        known = table is not None and key in type(table).model_fields
-        remedy = error.remedy
-        for python, toml in _IN_TOML:
-            remedy = remedy.replace(python, toml)
-        raise InputError(f"{path}.{key}" if known else path, error.value, remedy) from error
 
 
 @dataclass(frozen=True)
@@ -83,11 +65,14 @@ class Reader:
         The tables.
     t : float or None
         Value of t in expressions; None where there is no history, and t means nothing.
+    folder : Path or None
+        Where the problem file lies, for the mesh file that it names; None where there is none.
 
     """
 
     document: Document
     t: float | None = None
+    folder: Path | None = None
 
     def field(self, path: str, value: float | str | PolynomialTable) -> Field:
         """A number, expression or polynomial; one without its table is the place to look for errors."""
@@ -123,24 +108,11 @@ class Reader:
             raise InputError(path, value, "this is one number: x and y mean nothing here")
         return float(here[0])
 
-    def mesh(self) -> RectilinearMesh:
-        """The grid with cells left out, its named edges and joints, refined."""
-        table = self.document.mesh
-        x, y = (_lines(f"mesh.{axis}", getattr(table, axis)) for axis in "xy")
-        if (len(x) - 1) * (len(y) - 1) > _MOST_CELLS:
-            raise InputError("mesh", (len(x) - 1, len(y) - 1), f"give at most {_MOST_CELLS} cells in all")
-        with located("mesh", table):
-            mesh = RectilinearMesh(x, y)
-        removed = np.zeros(mesh.shape, dtype=bool)
-        for index, rectangle in enumerate(table.remove):
-            removed[_cells(f"mesh.remove[{index}]", mesh, rectangle)] = True
-        with located("mesh.remove"):
-            mesh = RectilinearMesh(x, y, ~removed)
-        for kind, add in (("edges", RectilinearMesh.with_edges), ("joints", RectilinearMesh.with_joint)):
-            for index, entry in enumerate(getattr(self.document, kind)):
-                with located(f"{kind}[{index}]", entry):
-                    mesh = add(mesh, **entry.model_dump())
-        return mesh if table.refine is None else _refined(mesh, table.refine)
+    def mesh(self) -> Mesh:
+        """The mesh with its named edges, joints and regions."""
+        if self.document.mesh.is_grid:
+            return grid_mesh(self.document)
+        return triangle_mesh(self.document, self.folder)
 
     def problem(self, mesh: Mesh) -> ContactProblem:
         """The problem on that mesh, its fields checked where they count."""
@@ -154,8 +126,7 @@ class Reader:
         regions = []
         for index, table in enumerate(document.regions):
             with located(f"regions[{index}]", table):
-                x, y = (None if pair is None else (pair[0], pair[1]) for pair in (table.x, table.y))
-                regions.append(Region(Material(table.young, table.poisson, plane), x, y))
+                regions.append(self._region(Material(table.young, table.poisson, plane), table, index))
                 cell_materials(mesh, regions[-1:])
         try:
             problem = ContactProblem(mesh, material, conditions, potential, regions)
@@ -164,6 +135,14 @@ class Reader:
                 raise
         self._check_values(problem)
         return problem
+
+    def _region(self, material: Material, table: RegionTable, index: int) -> Region:
+        if not self.document.mesh.is_grid:
+            return Region(material, name=region_name(table, index))
+        if table.name is not None:
+            raise InputError("name", table.name, "regions of a grid have no names: give ranges x and y")
+        x, y = (None if pair is None else (pair[0], pair[1]) for pair in (table.x, table.y))
+        return Region(material, x, y)
 
     def _conditions(self, mesh: Mesh) -> Iterator[Condition]:
         for kind in TABLES.values():
@@ -245,67 +224,6 @@ def _check_constants(constants: dict[str, float]) -> None:
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
-
-
-def _lines(path: str, axis: list[float] | Segment | list[Segment]) -> FloatArray:
-    """Grid lines as the file describes them."""
-    segments = [axis] if isinstance(axis, Segment) else [part for part in axis if isinstance(part, Segment)]
-    if not segments:
-        return np.array(axis, dtype=float)
-    lines: FloatArray = np.empty(0)
-    for index, segment in enumerate(segments):
-        place = path if isinstance(axis, Segment) else f"{path}[{index}]"
-        start = segment.start
-        if start is None:
-            if not len(lines):
-                raise InputError(f"{place}.start", None, "add this key, it is needed")
-            start = float(lines[-1])
-        elif len(lines) and start != lines[-1]:
-            raise InputError(f"{place}.start", start, f"start where the one before stops, at {lines[-1]:g}")
-        with located(place, segment), np.errstate(all="ignore"):
-            more = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
-            if not np.isfinite(more).all():
-                raise InputError("grading", segment.grading, "give a number nearer to 1, or fewer cells")
-        lines = np.concatenate([lines[:-1], more])
-    return lines
-
-
-def _cells(path: str, mesh: RectilinearMesh, rectangle: Rectangle) -> tuple[slice, slice]:
-    """Rows and columns of the cells of a rectangle."""
-    found = []
-    for key, lines in (("y", mesh.y), ("x", mesh.x)):
-        bounds = getattr(rectangle, key)
-        if bounds is None:
-            found.append(slice(None))
-            continue
-        with located(f"{path}.{key}"):
-            first, last = (int(np.searchsorted(lines, on_line("", bound, lines))) for bound in bounds)
-        if first >= last:
-            raise InputError(f"{path}.{key}", bounds, "give the smaller end first")
-        found.append(slice(first, last))
-    return found[0], found[1]
-
-
-def _refined(mesh: RectilinearMesh, table: RefineTable) -> RectilinearMesh:
-    for index, name in enumerate(table.towards):
-        with located(f"mesh.refine.towards[{index}]"):
-            mesh.edges(name)
-    with located("mesh.refine", table):
-        wanted = _refined_size(mesh.x, table) * _refined_size(mesh.y, table)
-        if wanted > _MOST_CELLS:
-            raise InputError("largest", table.largest, f"give more: this makes some {wanted:.0e} cells in all")
-        return mesh.refined(table.largest, table.towards, table.smallest, table.ratio)
-
-
-def _refined_size(lines: FloatArray, table: RefineTable) -> float:
-    """About how many cells a refined row has at most: 2 log(1 + growth · largest/smallest)/growth around each line."""
-    smallest = table.smallest or table.largest
-    if not 0.0 < smallest <= table.largest:
-        return 0.0  # refused where it is used
-    extent, growth = float(lines[-1] - lines[0]), -float(np.log(table.ratio))
-    uniform = len(lines) + extent / table.largest
-    graded = uniform + len(lines) * 2.0 * np.log1p(growth * table.largest / smallest) / growth
-    return float(min(graded, len(lines) + extent / smallest))
 
 
 def _points(mesh: Mesh, edges: str) -> tuple[FloatArray, FloatArray]:

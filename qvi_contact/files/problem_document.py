@@ -21,6 +21,8 @@ _LONGEST_NAME: Final = 100
 _MOST_CELLS: Final = 10_000  # in a row
 _MOST_STEPS: Final = 10_000
 _MOST_NAMES: Final = 2000
+_MESH_KINDS: Final = (("x", "y"), ("file",), ("vertices", "triangles"))
+_MESH_EXTRAS: Final = {"x": ("remove", "refine"), "vertices": ("edges", "regions")}  # what else a kind of mesh has
 
 
 def _one_line(text: str) -> str:
@@ -73,6 +75,9 @@ class PolynomialTable(Table):
 Name = Annotated[str, AfterValidator(_one_line)]
 Modulus = Annotated[float, AfterValidator(_not_tiny)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+TwoPoints = Annotated[list[Pair], Field(min_length=2, max_length=2)]
+Edge = Annotated[list[int], Field(min_length=2, max_length=2)]
+Triple = Annotated[list[int], Field(min_length=3, max_length=3)]
 Scalar = Annotated[
     Annotated[float, Tag("<number>")] | Annotated[str, Tag("<text>")],
     Discriminator(
@@ -137,32 +142,82 @@ class RefineTable(Table):
 
 
 class MeshTable(Table):
-    """Grid lines, cells left out, refinement."""
+    """Grid lines, cells left out, refinement; or triangles, in this file or in a mesh file."""
 
-    x: Axis
-    y: Axis
+    x: Axis | None = None
+    y: Axis | None = None
     remove: list[Rectangle] = []
     refine: RefineTable | None = None
+    file: Name | None = None
+    vertices: list[Pair] | None = None
+    triangles: list[Triple] | None = None
+    edges: Annotated[dict[Name, list[Edge]], Field(max_length=_MOST_NAMES)] = {}
+    regions: Annotated[dict[Name, list[int]], Field(max_length=_MOST_NAMES)] = {}
+
+    @property
+    def is_grid(self) -> bool:
+        """Whether these are grid lines."""
+        return self.file is None and self.vertices is None
+
+    @model_validator(mode="after")
+    def _is_one_mesh(self) -> "MeshTable":
+        kinds = [kind for kind in _MESH_KINDS if any(getattr(self, key) is not None for key in kind)]
+        if len(kinds) != 1:
+            remedy = "give x and y (grid lines), or file (of a mesh), or vertices and triangles"
+            raise InputError("", [key for kind in kinds for key in kind] or None, f"{remedy}: one of these")
+        for key in kinds[0]:
+            if getattr(self, key) is None:
+                raise InputError(key, None, "add this key, it is needed")
+        for needed, keys in _MESH_EXTRAS.items():
+            for key in keys:
+                if getattr(self, key) and needed not in kinds[0]:
+                    raise InputError(key, getattr(self, key), f"this belongs to a mesh given by {needed}: leave it out")
+        return self
 
 
 class EdgesTable(Table):
-    """A named part of the boundary, see `RectilinearMesh.with_edges`."""
+    """A named part of the boundary: of a grid see `RectilinearMesh.with_edges`, of triangles by segment or box."""
 
     name: Name
-    side: Literal["bottom", "right", "top", "left"]
+    side: Literal["bottom", "right", "top", "left"] | None = None
     start: float | None = None
     stop: float | None = None
     at: float | None = None
+    segment: TwoPoints | None = None
+    box: Rectangle | None = None
+
+    @model_validator(mode="after")
+    def _is_one_place(self) -> "EdgesTable":
+        _check_one_place(self, "side", ("side", "segment", "box"))
+        return self
 
 
 class JointTable(Table):
-    """A named line inside the body, see `RectilinearMesh.with_joint`."""
+    """A named line inside the body: of a grid see `RectilinearMesh.with_joint`, of triangles by segment."""
 
     name: Name
-    direction: Literal["horizontal", "vertical"]
-    at: float
+    direction: Literal["horizontal", "vertical"] | None = None
+    at: float | None = None
     start: float | None = None
     stop: float | None = None
+    segment: TwoPoints | None = None
+
+    @model_validator(mode="after")
+    def _is_one_place(self) -> "JointTable":
+        _check_one_place(self, "direction", ("direction", "segment"))
+        if self.direction is not None and self.at is None:
+            raise InputError("at", None, "add this key, it is needed")
+        return self
+
+
+def _check_one_place(table: Table, on_grid: str, keys: Sequence[str]) -> None:
+    """Edges are given in one way, and ranges belong to a grid."""
+    given = [key for key in keys if getattr(table, key) is not None]
+    if len(given) != 1:
+        raise InputError(given[-1] if given else keys[0], None, f"give one of {', '.join(keys)}")
+    for key in ("start", "stop", "at"):
+        if getattr(table, key) is not None and given != [on_grid]:
+            raise InputError(key, getattr(table, key), f"this belongs to {on_grid}, on a grid: leave it out")
 
 
 class MaterialTable(Table):
@@ -174,8 +229,9 @@ class MaterialTable(Table):
 
 
 class RegionTable(Rectangle):
-    """Cells of another material."""
+    """Cells of another material: ranges, or on triangles a region of the mesh by its name."""
 
+    name: Name | None = None
     young: Modulus
     poisson: float
 

@@ -113,14 +113,17 @@ def load_problem(path: str | Path) -> ProblemFile:
     except UnicodeDecodeError as error:
         remedy = f"is no text in UTF-8 (byte {error.start}): save it in that encoding"
         raise InputError("file", str(path), remedy) from error
-    return problem_from_toml(text)
+    return problem_from_toml(text, Path(path).parent)
 
 
-def problem_from_toml(text: str) -> ProblemFile:
-    """Read a problem from TOML text; see `load_problem`."""
+def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFile:
+    """Read a problem from TOML text; see `load_problem`.
+
+    A mesh file is looked for in `folder`; without one a text that names a mesh file is refused.
+    """
     document = parse(text.replace("\r\n", "\n"))
     times = _times(document)
-    reader = Reader(document, times[0] if times else None)
+    reader = Reader(document, times[0] if times else None, None if folder is None else Path(folder))
     found = ProblemFile(
         problem=reader.problem(reader.mesh()),
         title=document.title,

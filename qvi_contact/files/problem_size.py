@@ -25,7 +25,9 @@ _SEPARATOR: Final = re.compile(r"[,=.\[]")
 _DEEP_KEY: Final = re.compile(r"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){20}")  # those of the schema have three parts
 _LONG_WORD: Final = re.compile(r"[\w+-]{10000}")
 _SHOWN: Final = 200
-_SHORTER: Final = "give grid lines as { start = …, stop = …, cells = … }, and functions as expressions"
+_SHORTER: Final = (
+    "give grid lines as { start = …, stop = …, cells = … }, triangles in a mesh file, and functions as expressions"
+)
 
 
 def check_length(field: str, value: str, length: int) -> None:

@@ -14,9 +14,12 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.problem_builder import FIELDS, TABLES
 from qvi_contact.files.problem_document import VERSION
 from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.material import Region
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import load
 
@@ -69,8 +72,7 @@ def problem_to_toml(
         document["body_potential"] = potential
     document["units"] = {} if units is None else {"length": units.length, "stress": units.stress}
     document["constants"] = writer.constants  # filled by what follows
-    document["mesh"] = _mesh(problem.grid)
-    document["edges"], document["joints"] = _edges(problem.grid), _joints(problem.grid)
+    document |= _body(problem.mesh)
     material = problem.material
     document["material"] = {"young": material.young, "poisson": material.poisson, "plane": material.plane}
     document["regions"] = [_region(region) for region in problem.regions]
@@ -158,18 +160,38 @@ def _toml(document: Mapping[str, Any]) -> str:
     tables = {key: value for key, value in document.items() if isinstance(value, dict | list)}
     blocks = ["".join(_entry(key, value) for key, value in document.items() if key not in tables)]
     for key, value in tables.items():
-        heading = f"[{key}]" if isinstance(value, dict) else f"[[{key}]]"
-        found = [value] if isinstance(value, dict) else value
-        blocks += [f"{heading}\n" + "".join(_entry(name, item) for name, item in table.items()) for table in found]
+        if isinstance(value, dict):
+            parts = {name: item for name, item in value.items() if isinstance(item, dict)}
+            blocks.append(_block(f"[{key}]", {name: item for name, item in value.items() if name not in parts}))
+            blocks += [_block(f"[{key}.{name}]", part) for name, part in parts.items()]
+        else:
+            blocks += [_block(f"[[{key}]]", table) for table in value]
     return "\n".join(blocks)
+
+
+def _block(heading: str, table: Mapping[str, Any]) -> str:
+    return f"{heading}\n" + "".join(_entry(name, item) for name, item in table.items())
 
 
 def _entry(key: str, value: object) -> str:
     name = load("tomli_w").dumps({key: 0}).removesuffix(" = 0\n")
+    if isinstance(value, list) and value and all(isinstance(item, list) for item in value):
+        return f"{name} = [\n{''.join(_rows(value))}]\n"
     line = f"{name} = {_inline(value)}"
-    if isinstance(value, list) and all(isinstance(item, float) for item in value):
+    if isinstance(value, list) and len(line) > _WIDTH and all(isinstance(item, int | float) for item in value):
         line = textwrap.fill(line, _WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
     return line + "\n"
+
+
+def _rows(rows: list[list[Any]]) -> Iterator[str]:
+    """Lists of numbers, as many in a line as there is room for."""
+    line = "   "
+    for text in map(repr, rows):  # of plain numbers: what TOML writes too
+        if len(line) + len(text) + 2 > _WIDTH:
+            yield f"{line}\n"
+            line = "   "
+        line += f" {text},"
+    yield f"{line}\n"
 
 
 def _inline(value: object) -> str:
@@ -181,7 +203,22 @@ def _inline(value: object) -> str:
     return str(load("tomli_w").dumps({"value": plain}).removeprefix("value = ").rstrip("\n"))
 
 
-def _mesh(mesh: RectilinearMesh) -> dict[str, Any]:
+def _body(mesh: Mesh) -> dict[str, Any]:
+    """The tables of the mesh."""
+    if isinstance(mesh, TriangleMesh):
+        return {"mesh": _triangles(mesh)}
+    assert isinstance(mesh, RectilinearMesh)
+    return {"mesh": _grid(mesh), "edges": _edges(mesh), "joints": _joints(mesh)}
+
+
+def _triangles(mesh: TriangleMesh) -> dict[str, Any]:
+    table: dict[str, Any] = {"vertices": mesh.vertices.tolist(), "triangles": mesh.cells.tolist()}
+    edges = {name: pairs.tolist() for name, pairs in mesh.edge_sets.items()}
+    regions = {name: chosen.tolist() for name, chosen in mesh.regions.items()}
+    return {key: value for key, value in {**table, "edges": edges, "regions": regions}.items() if value}
+
+
+def _grid(mesh: RectilinearMesh) -> dict[str, Any]:
     table: dict[str, Any] = {"x": mesh.x.tolist(), "y": mesh.y.tolist()}
     removed = list(_rectangles(~mesh.active))
     if removed:
@@ -220,6 +257,12 @@ def _range(name: str, facing: str, mesh: RectilinearMesh) -> dict[str, Any]:
     return {key: value for key, value in table.items() if value is not None}
 
 
-def _region(region: Any) -> dict[str, Any]:
-    table = {"x": region.x, "y": region.y, "young": region.material.young, "poisson": region.material.poisson}
+def _region(region: Region) -> dict[str, Any]:
+    table = {
+        "name": region.name,
+        "x": region.x,
+        "y": region.y,
+        "young": region.material.young,
+        "poisson": region.material.poisson,
+    }
     return {key: value for key, value in table.items() if value is not None}

@@ -20,12 +20,17 @@ import numpy as np
 from qvi_contact.basics.checks import IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.parts import MeshParts
+from solvers.basics.types import load
 
 _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med"}
 _TRIANGLES: Final = ("triangle", "triangle6", "triangle7")
 _LINES: Final = ("line", "line3")
 _IGNORED: Final = (*_LINES, "vertex")
 _HALF_NAMED: Final = "gmsh:physical"  # meshio reads files of format 4 only where all cells have names, or none
+LARGEST: Final = 200_000_000
+"""Bytes of a mesh file, and of the data that a MED file unfolds to."""
+
+_MOST_TRIANGLES: Final = 1_000_000
 _FLAT: Final = 1e-9  # of the size in the plane: larger z are no plane body
 
 
@@ -53,8 +58,7 @@ def read_mesh(path: str | Path) -> MeshParts:
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
         raise InputError("mesh", str(path), f"give a file with one of the endings {', '.join(_FORMATS)}")
-    if not path.is_file():
-        raise InputError("mesh", str(path), "there is no such file")
+    _check_size(reader, path)
     found = _read(reader, path)
     kinds = {block.type for block in found.cells} - {*_TRIANGLES, *_IGNORED}
     if kinds:
@@ -66,6 +70,8 @@ def read_mesh(path: str | Path) -> MeshParts:
     if points.shape[1] == 3 and np.ptp(points[:, 2]) > _FLAT * np.ptp(points[:, :2], axis=0).max():
         raise InputError("mesh", str(path), "is not plane: all points must have one coordinate z")
     cells = np.concatenate([block.data[:, :3] for block in found.cells if block.type in _TRIANGLES])
+    if len(cells) > _MOST_TRIANGLES:
+        raise InputError("mesh", str(path), f"holds {len(cells)} triangles: give at most {_MOST_TRIANGLES}")
     edge_sets, regions = _named(found, _LINES, 2), _named(found, _TRIANGLES, 3)
     starts = _starts(found, _TRIANGLES)
     numbered = {name: np.concatenate([starts[i] + rows for i, rows in parts]) for name, parts in regions.items()}
@@ -73,6 +79,31 @@ def read_mesh(path: str | Path) -> MeshParts:
         name: np.concatenate([found.cells[i].data[rows, :2] for i, rows in parts]) for name, parts in edge_sets.items()
     }
     return _tidy(points[:, :2], cells, pairs, numbered)
+
+
+def _check_size(reader: str, path: Path) -> None:
+    """`InputError` if there is no file of that name, or one that is larger than any plane problem needs."""
+    try:
+        size = path.stat().st_size if path.is_file() else -1
+    except (OSError, ValueError):  # ValueError: a name no file can have
+        size = -1
+    if size < 0:
+        raise InputError("mesh", str(path), "there is no such file")
+    if reader == "med" and size <= LARGEST:
+        size = _unfolded(path)
+    if size > LARGEST:
+        raise InputError("mesh", str(path), f"holds more than {LARGEST} bytes, the limit: give a coarser mesh")
+
+
+def _unfolded(path: Path) -> int:
+    """Bytes of the arrays in an HDF5 file, which may be compressed; 0 where it cannot be read as one."""
+    sizes = [0]
+    try:
+        with load("h5py").File(path, "r") as file:
+            file.visititems(lambda _, item: sizes.append(int(getattr(item, "nbytes", 0))))
+    except (ImportError, OSError, RuntimeError):  # the reader says what is wrong
+        return 0
+    return sum(sizes)
 
 
 def _read(reader: str, path: Path) -> Any:

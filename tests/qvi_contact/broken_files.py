@@ -91,6 +91,78 @@ tolerance = 1e-8
 max_iterations = 60
 """
 
+TRIANGLES = """
+version = 1
+title = "triangles"
+
+[mesh]
+vertices = [[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]]
+triangles = [[0, 1, 3], [1, 4, 3], [1, 2, 4], [2, 5, 4]]
+regions = { left = [0, 1], unused = [2] }
+
+[mesh.edges]
+bottom = [[0, 1], [1, 2]]
+seam = [[1, 4]]
+
+[[edges]]
+name = "roof"
+segment = [[0.0, 1.0], [2.0, 1.0]]
+
+[[edges]]
+name = "wall"
+box = { x = [-0.1, 0.1] }
+
+[[edges]]
+name = "end"
+segment = [[2.0, 0.0], [2.0, 1.0]]
+
+[[joints]]
+name = "slope"
+segment = [[1.0, 0.1], [0.0, 1.0]]
+
+[material]
+young = 1000.0
+poisson = 0.25
+
+[[regions]]
+name = "left"
+young = 2000.0
+poisson = 0.1
+
+[[regions]]
+x = [1.0, 2.0]
+young = 500.0
+poisson = 0.1
+
+[[displacements]]
+edges = "roof"
+normal = 0.0
+tangential = 0.0
+
+[[tractions]]
+edges = "wall"
+normal = "-1.0"
+tangential = 0.0
+
+[[tractions]]
+edges = "end"
+x = 0.0
+y = 0.0
+
+[[contacts]]
+edges = "bottom"
+friction = 0.3
+gap = -1e-3
+
+[[contacts]]
+edges = "slope"
+law = "tied"
+
+[solve]
+degree = 3
+contact_rows = "gauss"
+"""
+
 PRINTED = "aZ09_-.,:;!?#$%&*+/\\|~^<>=()[]{}'\"`@§½²₂Ⅷµμßéåπσ→∞≤€中あ한אع☃😀𝒙"
 """Letters, numbers, punctuation and symbols of one to four bytes, with all that TOML gives a meaning."""
 LETTERS = PRINTED + " \t\n\r\0\x1b\x7f\x85\xa0\xad\u0301\u200b\u200f\u2028\u3000\ue000\ufeff\uffff"
@@ -133,9 +205,9 @@ def places(value, path=()):
 
 
 @st.composite
-def mutated(draw):
-    """The rich file with one to three things wrong, as bytes."""
-    data = copy.deepcopy(tomllib.loads(RICH))
+def mutated(draw, whole=RICH):
+    """A rich file with one to three things wrong, as bytes."""
+    data = copy.deepcopy(tomllib.loads(whole))
     for _ in range(draw(st.integers(1, 3))):
         _break(draw, data)
     text = _as_toml(data).encode("utf-8", "replace")

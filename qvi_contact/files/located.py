@@ -1,0 +1,28 @@
+"""Errors that name the place in a problem file."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from qvi_contact.errors import InputError
+from qvi_contact.files.problem_document import Table
+
+_IN_TOML: Final = (
+    ("with_edges()", "[[edges]]"),
+    ("with_joint()", "[[joints]]"),
+    ("with_region()", "[[regions]]"),
+)  # remedies written for Python
+
+
+@contextmanager
+def located(path: str, table: Table | None = None) -> Iterator[None]:
+    """Errors raised in the block get their path in the file: that of the table, and the key if it is one of its own."""
+    try:
+        yield
+    except InputError as error:
+        key = error.field.split(".")[-1]
+        known = table is not None and key in type(table).model_fields
+        remedy = error.remedy
+        for python, toml in _IN_TOML:
+            remedy = remedy.replace(python, toml)
+        raise InputError(f"{path}.{key}" if known else path, error.value, remedy) from error

@@ -1,0 +1,304 @@
+"""Problem files on triangles: in the file, in a mesh file, with parts by name, by segment and by box."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    InputError,
+    Material,
+    Region,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    load_problem,
+    save_problem,
+    solve,
+)
+from qvi_contact.basics import terminal
+from qvi_contact.cli import group
+from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.files.problem_writer import problem_to_toml
+from qvi_contact.mesh import files
+from tests.effort import examples
+from tests.qvi_contact.broken_files import TRIANGLES, mutated
+from tests.qvi_contact.test_triangle_mesh import INP, MSH_2, MSH_4, med_file
+
+FREE = "x = 0.0\ny = 0.0\n"
+WITH_FILE = """
+version = 1
+[mesh]
+file = "part.msh"
+[[edges]]
+name = "roof"
+segment = [[0.0, 1.0], [1.0, 1.0]]
+[[edges]]
+name = "sides"
+box = { y = [-1.0, 2.0], x = [0.9, 1.1] }
+[[edges]]
+name = "wall"
+segment = [[0.0, 0.0], [0.0, 1.0]]
+[material]
+young = 1000.0
+poisson = 0.3
+[[regions]]
+name = "steel"
+young = 2000.0
+poisson = 0.2
+[[symmetry]]
+edges = "wall"
+[[displacements]]
+edges = "roof"
+normal = 0.0
+tangential = 0.0
+[[tractions]]
+edges = "sides"
+normal = -3.0
+tangential = 0.0
+[[contacts]]
+edges = "floor"
+friction = 0.3
+gap = -1e-3
+[[contacts]]
+edges = "seam"
+law = "tied"
+"""
+
+
+def same(first, second):
+    """Whether two problems on triangles are the same, conditions up to the order of their kinds."""
+    a, b = first.mesh, second.mesh
+    bodies = a.same_as(b) and list(a.edge_sets) == list(b.edge_sets) and list(a.regions) == list(b.regions)
+    sets = all(np.array_equal(a.edge_sets[name], b.edge_sets[name]) for name in a.edge_sets)
+    sets &= all(np.array_equal(a.regions[name], b.regions[name]) for name in a.regions)
+    kinds = (Symmetry, Displacement, Traction, Contact)
+    ordered = [[[c for c in p.conditions if isinstance(c, kind)] for kind in kinds] for p in (first, second)]
+    rest = [(p.material, p.body_potential, p.regions) for p in (first, second)]
+    return bodies and sets and ordered[0] == ordered[1] and rest[0] == rest[1]
+
+
+@st.composite
+def problems(draw):
+    """Turned and distorted rectangles with a joint, regions and conditions by either kind of component."""
+    cells = (draw(st.integers(2, 4)), draw(st.integers(2, 4)))
+    mesh = TriangleMesh.rectangle(cells, draw(st.floats(0.5, 5.0)), 1.0)
+    mesh = mesh.with_joint("bed", lambda x, y: (np.abs(y - round(cells[1] / 2) / cells[1]) < 1e-9) & (x > 0.0))
+    mesh = mesh.with_region(draw(st.sampled_from(["core", 'a "b"', "c.d"])), lambda x, y: x < mesh.length / 2 + 0 * y)
+    angle, shift = draw(st.floats(-3.0, 3.0)), draw(st.floats(-1e3, 1e3))
+    bent = mesh.vertices + 0.02 * np.sin(7.0 * mesh.vertices[:, ::-1])
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    mesh = TriangleMesh(bent @ turn + shift, mesh.cells, mesh.edge_sets, mesh.regions)
+    number = st.floats(-1e3, 1e3).map(float)
+    conditions = [
+        Displacement("top", normal=draw(number), tangential=draw(number)),
+        Traction("left", normal=draw(number), tangential=draw(number), name="wind"),
+        Traction("right", x=draw(number), y=draw(number)),
+        Contact("bottom", friction=0.3, gap=draw(number)),
+    ]
+    conditions += [Contact.tied("bed")] if draw(st.booleans()) else []
+    regions = [Region(Material(7.0, 0.1), name=mesh.region_names[0])] if draw(st.booleans()) else []
+    return ContactProblem(mesh, Material(1.0, 0.3), conditions, regions=regions)
+
+
+@settings(max_examples=examples(25), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@given(problems())
+def test_round_trip(problem):
+    text = problem_to_toml(problem)
+    assert same(problem_from_toml(text).problem, problem)
+    assert max(map(len, text.splitlines())) <= 120
+
+
+def test_a_cut_problem_is_kept_and_solved_alike(tmp_path):
+    known = load_problem(Path(__file__).parents[2] / "examples" / "stacked_blocks.toml").problem.triangulated()
+    save_problem(tmp_path / "cut.toml", known, solve_options={"degree": 3})
+    read = load_problem(tmp_path / "cut.toml")
+    assert same(read.problem, known)
+    assert dict(read.solve_options) == {"degree": 3}
+
+
+class TestMeshFiles:
+    """[mesh] file."""
+
+    @pytest.mark.parametrize("kind", ["a.msh", "sub/b.msh", "c.inp", "d.med"])
+    def test_names_of_the_file_are_edges_joints_and_regions(self, tmp_path, kind):
+        pytest.importorskip("meshio")
+        path = tmp_path / kind
+        path.parent.mkdir(exist_ok=True)
+        if kind == "d.med":
+            med_file(path)
+        else:
+            path.write_text({"a.msh": MSH_2, "c.inp": INP}.get(kind, MSH_4))
+        (tmp_path / "part.toml").write_text(WITH_FILE.replace("part.msh", kind))
+        problem = load_problem(tmp_path / "part.toml").problem
+        assert problem.mesh.edge_names == ("floor", "roof", "sides", "wall")
+        assert problem.mesh.joint_names == ("seam",)
+        assert problem.cell_materials.tolist() == [1, 0]
+        result = solve(problem, degree=3)
+        assert result.status == "solved"
+        assert result.contacts["floor"].normal_force > 0.0
+
+    def test_the_written_file_needs_no_mesh_file(self, tmp_path):
+        pytest.importorskip("meshio")
+        (tmp_path / "part.msh").write_text(MSH_2)
+        (tmp_path / "part.toml").write_text(WITH_FILE)
+        problem = load_problem(tmp_path / "part.toml").problem
+        assert same(problem_from_toml(problem_to_toml(problem)).problem, problem)
+
+    @pytest.mark.parametrize("name", ["none.msh", "part.toml", ".", "a\\u0000.msh", "x.msh" * 19])
+    def test_what_is_no_mesh_file_is_named(self, tmp_path, name):
+        (tmp_path / "part.toml").write_text(WITH_FILE.replace("part.msh", name))
+        with pytest.raises(InputError) as caught:
+            load_problem(tmp_path / "part.toml")
+        assert caught.value.field == "mesh.file"
+        assert len(str(caught.value).splitlines()) == 1
+
+    def test_a_text_without_a_place_reads_no_file(self, tmp_path, monkeypatch):
+        (tmp_path / "part.msh").write_text(MSH_2)
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(InputError, match="load_problem"):
+            problem_from_toml(WITH_FILE)
+        assert problem_from_toml(WITH_FILE, tmp_path).problem.mesh.cell_count == 2
+
+    def test_files_beyond_measure_are_refused_before_they_are_read(self, tmp_path, monkeypatch):
+        h5py = pytest.importorskip("h5py")
+        path = tmp_path / "part.msh"
+        with path.open("wb") as stream:
+            stream.truncate(files.LARGEST + 1)  # takes no room
+        with pytest.raises(InputError, match="coarser"):
+            TriangleMesh.load(path)
+        with h5py.File(tmp_path / "part.med", "w") as file:  # a few bytes that unfold to more
+            file.create_dataset("MAA", shape=(files.LARGEST // 8 + 1,), dtype="f8", compression="gzip")
+        assert (tmp_path / "part.med").stat().st_size < 1e5
+        with pytest.raises(InputError, match="coarser"):
+            TriangleMesh.load(tmp_path / "part.med")
+        monkeypatch.setattr(files, "_MOST_TRIANGLES", 1)
+        path.write_text(MSH_2)
+        with pytest.raises(InputError, match="at most 1"):
+            TriangleMesh.load(path)
+
+
+def refusal(text):
+    with pytest.raises(InputError) as caught:
+        problem_from_toml(text)
+    assert len(str(caught.value).splitlines()) == 1
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field", "words"),
+    [
+        ("[[0, 1, 3], ", "[[0, 1, 9], ", "mesh.triangles", "0 to 5"),
+        ("[[0, 1, 3], ", "[[0, 1], ", "mesh.triangles[0]", "3 entries"),
+        ("[[0, 1, 3], ", "[[0, 1, 0.5], ", "mesh.triangles[0][2]", "whole"),
+        ("[[0, 1, 3], ", "[[0, 1, 1], ", "mesh", "no area"),
+        ("[1.0, 0.1], [2.0", "[1.0], [2.0", "mesh.vertices[1]", "2 entries"),
+        ("[1.0, 0.1], [2.0", "[1.0, inf], [2.0", "mesh.vertices[1][1]", "finite"),
+        ("seam = [[1, 4]]", "seam = [[0, 4]]", "mesh.edges.seam", "no edge"),
+        ("seam = [[1, 4]]", "seam = []", "mesh.edges.seam", "one or more"),
+        ("seam = [[1, 4]]", "seam = [[1, 4], [0, 1]]", "mesh.edges.seam", "two sets"),
+        ("left = [0, 1]", "left = [0, 7]", "mesh.regions.left", "0 to 3"),
+        ("[mesh]", "[mesh]\nfile = \"a.msh\"", "mesh", "one of these"),
+        ("[mesh]", "[mesh]\nx = [0.0, 1.0]", "mesh", "one of these"),
+        ("[mesh]", "[mesh]\nrefine = { largest = 1.0 }", "mesh.refine", "leave it out"),
+        ('name = "roof"', 'name = "bottom"', "edges[0].name", "exists already"),
+        ("[[0.0, 1.0], [2.0, 1.0]]", "[[0.0, 1.0], [1.5, 1.0]]", "edges[0].segment", "(1, 1)"),
+        ("[[0.0, 1.0], [2.0, 1.0]]", "[[0.0, 1.5], [2.0, 1.5]]", "edges[0].segment", "no edge of the boundary"),
+        ("[[0.0, 1.0], [2.0, 1.0]]", "[[0.0, 1.0], [0.0, 1.0]]", "edges[0].segment", "two different"),
+        ("box = { x = [-0.1, 0.1] }", "box = { x = [0.3, 0.4] }", "edges[1].box", "larger"),
+        ("box = { x = [-0.1, 0.1] }", "box = { x = [0.1, -0.1] }", "edges[1]", "smaller end"),
+        ("box = { x = [-0.1, 0.1] }", 'side = "left"', "edges[1].segment", "sides"),
+        ("box = { x = [-0.1, 0.1] }", "", "edges[1].side", "one of"),
+        ("box = { x = [-0.1, 0.1] }", 'box = { x = [-0.1, 0.1] }\nside = "left"', "edges[1].box", "one of"),
+        ("box = { x = [-0.1, 0.1] }", "box = { x = [-0.1, 0.1] }\nat = 1.0", "edges[1].at", "grid"),
+        ("[[1.0, 0.1], [0.0, 1.0]]", "[[0.0, 0.0], [1.0, 0.1]]", "joints[0].segment", "inside the body"),
+        ("segment = [[1.0, 0.1], [0.0, 1.0]]", 'direction = "vertical"\nat = 1.0', "joints[0].segment", "directions"),
+        ('name = "left"', 'name = "right"', "regions[0]", "left, unused"),
+        ('name = "left"', "", "regions[0].name", "name a region"),
+        ("x = [1.0, 2.0]", "x = [0.5, 2.0]", "regions[1]", "cuts the triangle"),
+        ("x = [1.0, 2.0]", "x = [3.0, 4.0]", "regions[1]", "no triangle"),
+        ("x = [1.0, 2.0]", 'name = "left"\nx = [1.0, 2.0]', "regions[1].name", "exists already"),
+        ('edges = "end"', 'edges = "ende"', "tractions[1].edges", "[[edges]]"),
+        ("degree = 3", "degree = 40", "solve.degree", "3 to 12"),
+        ("degree = 3", 'element = "bfs"', "solve.element", "rectangles"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named_by_its_place(old, new, field, words):
+    assert old in TRIANGLES
+    text = TRIANGLES.replace(old, new, 1)
+    if field.startswith("solve"):
+        file = problem_from_toml(text)
+        with pytest.raises(InputError, match=words) as caught, file.named_errors():
+            solve(file.problem, **file.solve_options)
+        found = caught.value
+    else:
+        found = refusal(text)
+    assert found.field == field
+    assert words in str(found)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field"),
+    [
+        ('side = "top"\nat = 1.0', "segment = [[0.0, 1.0], [1.0, 1.0]]", "edges[0].side"),
+        ('direction = "horizontal"\nat = 0.5\nstop = 1.0', "segment = [[0.0, 0.5], [1.0, 0.5]]", "joints[0].direction"),
+        ("[[regions]]\nx = [0.0, 1.0]", '[[regions]]\nname = "left"', "regions[0].name"),
+    ],
+)
+def test_parts_of_triangles_are_refused_on_a_grid(old, new, field):
+    from tests.qvi_contact.broken_files import RICH
+
+    assert old in RICH
+    assert refusal(RICH.replace(old, new)).field == field
+
+
+def test_the_rich_file_is_solved_and_drawn(tmp_path, capsys):
+    path = tmp_path / "rich.toml"
+    path.write_text(TRIANGLES)
+    assert run("solve", path) == 0
+    assert run("check", path, "--plot", tmp_path / "rich.png") == 0
+    out, err = capsys.readouterr()
+    assert "4 triangles" in out
+    assert "degree 3, contact rows: Gauss points" in out
+    assert err == ""
+    assert (tmp_path / "rich.png").stat().st_size > 1000
+
+
+def run(*arguments):
+    """The exit status of a command."""
+    import sys
+
+    kept, sys.argv = sys.argv, ["qvi-contact", *map(str, arguments)]
+    try:
+        terminal.run(group, "qvi-contact")
+    except SystemExit as end:
+        return end.code or 0
+    finally:
+        sys.argv = kept
+    return 0
+
+
+def test_no_file_gets_through(tmp_path, capsys):
+    """Most of the generated files are broken: each ends in one line; the others are described."""
+    path, endings = tmp_path / "broken.toml", []
+
+    @settings(max_examples=examples(120), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(mutated(TRIANGLES))
+    def one_file(content):
+        path.write_bytes(content)
+        endings.append(run("check", path))
+        out, err = capsys.readouterr()
+        if endings[-1] == 2:
+            assert out == ""
+            assert len(err.splitlines()) == 1
+        else:
+            assert (endings[-1], err) == (0, "")
+
+    one_file()
+    assert endings.count(2) >= examples(60)
+    assert endings.count(0) >= examples(4)
