@@ -316,6 +316,7 @@ class Basis(Protocol):
     def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
         """Points (k, d) that divide the reference cell, `divisions` along each side, and the parts' corners (c, s).
 
-        s is 4 for rectangles, counterclockwise, 3 for triangles.
+        s is 4 for rectangles, counterclockwise, 3 for triangles. Where stresses may jump inside a cell, the parts on
+        both sides have points of their own.
         """
         ...

@@ -4,11 +4,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
 from qvi_contact.plots.style import (
     BLUE,
     VERMILLION,
+    bounding_box,
     draw_grid,
     draw_outline,
     frame,
@@ -17,12 +18,12 @@ from qvi_contact.plots.style import (
     points_per_length,
 )
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import out_of_plane_factor, sample_cells, stress_component
+from qvi_contact.solution.sampling import cell_factors, sample_body, stress_component
 from qvi_contact.solution.stress import principal_stresses
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import QuadMesh
+    from matplotlib.collections import TriMesh
 
 COMPONENT_LABELS: Final = {
     "xx": "$\\sigma_{xx}$",
@@ -33,7 +34,8 @@ COMPONENT_LABELS: Final = {
     "second": "$\\sigma_2$ in the plane",
 }
 
-_SAMPLES: Final = 320  # squares along the longer side that a field is drawn with
+_SAMPLES: Final = 320  # triangles along the longer side that a field is drawn with
+_LEAST_ROWS: Final = 3  # of crosses across a thin body
 _DOT: Final = 0.1  # diameter of the dots at the ends of tensions, as a share of the distance of crosses
 
 
@@ -45,7 +47,7 @@ def principal_stress_map(
     legend: bool = False,
     crosses: int | None = None,
 ) -> float:
-    """Draw the principal stresses as crosses at the 4×4 Gauss points of each cell.
+    """Draw the principal stresses as crosses at the Gauss points of each cell.
 
     A compressive stress is a solid line, a tensile one a dotted line with a round dot at each end; lengths are
     proportional to the stress, and to the size of the cell, so that crosses of neighbouring points just meet.
@@ -63,8 +65,8 @@ def principal_stress_map(
     legend : bool
         Say below the axes what the lines mean and which stress a line of full length has.
     crosses : int, optional
-        Only about so many crosses along the body's longer side, at equal distances within each cell, and not in every
-        cell of a fine mesh; the Gauss points of all cells by default.
+        Only so many crosses along the body's longer side, at equal distances whatever the mesh is; the Gauss points
+        of all cells by default.
 
     Returns
     -------
@@ -72,13 +74,13 @@ def principal_stress_map(
         The largest |principal stress| at all Gauss points [stress].
 
     """
-    mesh, (x, y, stress) = result.problem.grid, result.gauss_stress()
+    mesh, (x, y, stress) = result.problem.mesh, result.gauss_stress()
     maximum = float(np.abs(principal_stresses(stress)[:2]).max())
     full = largest or maximum or 1.0
-    spacing = np.sqrt(np.outer(np.diff(mesh.y), np.diff(mesh.x))[mesh.active]) / 4.0
-    spacing = np.repeat(spacing[:, None], x.shape[1], axis=1)
+    sizes = np.sqrt(result.discretization.space.cell_sizes / x.shape[1]) * result.discretization.scales.length
+    spacing = np.repeat(sizes[:, None], x.shape[1], axis=1)
     if crosses is not None:
-        x, y, stress, spacing = _sparse_samples(result, crosses)
+        x, y, stress, spacing = _evenly(result, crosses) or (x, y, stress, spacing)
     first, second, angle = principal_stresses(stress)
     draw_grid(axes, mesh)
     width = float(np.clip(0.25 * np.median(spacing) * points_per_length(axes, mesh), 0.2, 1.1))
@@ -107,11 +109,11 @@ def stress_field(
     units: Units | None = None,
     limits: tuple[float | None, float | None] = (None, None),
     colour_bar: bool = True,
-) -> "QuadMesh":
+) -> "TriMesh":
     """Draw one scalar stress as a coloured field, each cell from its own element.
 
-    Cells are divided into equal squares or rectangles, each in the colour of its middle. Nothing is averaged or
-    smoothed: normal stresses may jump between cells, and the picture shows it.
+    Cells are divided into small triangles, whose colours run from corner to corner. Nothing is averaged or smoothed
+    between cells: normal stresses may jump there, and the picture shows it.
 
     Parameters
     ----------
@@ -132,30 +134,42 @@ def stress_field(
 
     Returns
     -------
-    matplotlib QuadMesh
+    matplotlib TriMesh
         The field, for a colour bar of one's own.
 
     """
-    mesh, units = result.problem.grid, units or Units()
-    n = int(np.clip(np.ceil(_SAMPLES / max(mesh.shape)), 4, 40))
-    t = (np.arange(n) + 0.5) / n
-    samples = sample_cells(result, t)
-    factor = out_of_plane_factor(result.problem)[:, None, :, None]
-    values = stress_component(samples.stress, component, factor).reshape(mesh.shape[0] * n, mesh.shape[1] * n)
-    (low, high), colours = colour_range(values, limits)
-    quads = axes.pcolormesh(
-        _sub_lines(mesh.x, n), _sub_lines(mesh.y, n), np.ma.masked_invalid(values),
-        cmap=colours, vmin=low, vmax=high, rasterized=True,
-    )  # fmt: skip
+    mesh, units = result.problem.mesh, units or Units()
+    samples = sample_body(result, _SAMPLES)
+    values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells])
+    field = draw_values(axes, samples.points, samples.triangles, values, limits)
     draw_outline(axes, mesh)
     frame(axes, mesh)
     _label_axes(axes, units)
     if colour_bar:
-        beyond = (bool(np.nanmin(values) < low), bool(np.nanmax(values) > high))
+        low, high = field.get_clim()
+        beyond = (bool(values.min() < low), bool(values.max() > high))
         extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
         label = f"{COMPONENT_LABELS[component]} [{units.stress}]"
-        axes.figure.colorbar(quads, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label, extend=extend)
-    return quads
+        axes.figure.colorbar(field, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label, extend=extend)
+    return field
+
+
+def draw_values(
+    axes: "Axes",
+    points: FloatArray,
+    triangles: IntArray,
+    values: FloatArray,
+    limits: tuple[float | None, float | None] = (None, None),
+) -> "TriMesh":
+    """Draw values (n,) at points (n, 2) as colours that run through triangles (t, 3), in `colour_range`."""
+    from matplotlib.tri import Triangulation
+
+    (low, high), colours = colour_range(values, limits)
+    shape = Triangulation(points[:, 0], points[:, 1], triangles)
+    field: TriMesh = axes.tripcolor(
+        shape, values, shading="gouraud", cmap=colours, vmin=low, vmax=high, rasterized=True
+    )
+    return field
 
 
 def colour_range(
@@ -177,25 +191,21 @@ def colour_range(
     return (low, high), "cividis" if high > -low else "cividis_r"
 
 
-def _sub_lines(grid_lines: FloatArray, n: int) -> FloatArray:
-    """Grid lines with every interval divided into n equal parts."""
-    return np.interp(np.arange(n * (len(grid_lines) - 1) + 1) / n, np.arange(len(grid_lines)), grid_lines)
+def _evenly(result: ContactResult, crosses: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray] | None:
+    """Coordinates (m,), stresses (m, 3) and distances (m,) of points of the body in even rows, at least three.
 
-
-def _sparse_samples(result: ContactResult, crosses: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Coordinates (m,), stresses (m, 3) and distances (m,) of about so many points along the longer side."""
-    mesh = result.problem.grid
-    count = int(np.clip(round(crosses / max(mesh.shape)), 1, 4))
-    samples = sample_cells(result, (np.arange(count) + 0.5) / count)
-    every = max(1, round(max(mesh.shape) / crosses))
-    rows, columns = (np.arange((size - 1) % every // 2, size, every) for size in mesh.shape)
-    stress = samples.stress[rows][:, :, columns]
-    inside = np.isfinite(stress).all(axis=-1)
-    x = np.broadcast_to(samples.x[columns], inside.shape)
-    y = np.broadcast_to(samples.y[rows][:, :, None, None], inside.shape)
-    sizes = np.sqrt(np.outer(np.diff(mesh.y)[rows], np.diff(mesh.x)[columns])) * every / count
-    spacing = np.broadcast_to(sizes[:, None, :, None], inside.shape)
-    return x[inside], y[inside], stress[inside], spacing[inside]
+    None where no such point lies in the body.
+    """
+    mesh = result.problem.mesh
+    low, high = bounding_box(mesh)
+    counts = [max(_LEAST_ROWS, round(crosses * side / mesh.length)) for side in (high - low).tolist()]
+    steps = (high - low) / counts
+    lines = (start + (np.arange(count) + 0.5) * step for start, count, step in zip(low, counts, steps, strict=True))
+    points = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
+    points = points[np.unique(mesh.around(points)[0])]
+    if not len(points):
+        return None
+    return *points.T, result.stress(*points.T), np.full(len(points), steps.min())
 
 
 def _dots(axes: "Axes", ends: FloatArray, spacing: FloatArray) -> None:
@@ -223,5 +233,5 @@ def _legend(axes: "Axes", full: float, units: Units) -> None:
         Line2D([], [], color=BLUE, label="compression"),
         Line2D([], [], color=VERMILLION, linestyle=(0, (1, 1)), marker="o", markersize=3, label="tension"),
     ]
-    title = f"a line from cross to cross is {full:.4g} {units.stress}"
+    title = f"arm length: {full:.4g} {units.stress}"
     legend_below(axes, handles, title)

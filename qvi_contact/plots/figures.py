@@ -16,10 +16,10 @@ from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, settings
 from qvi_contact.plots.tractions import contact_tractions
-from qvi_contact.problem.conditions import Condition, Displacement
+from qvi_contact.problem.conditions import CARTESIAN, Condition, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sampling import out_of_plane_factor, von_mises
+from qvi_contact.solution.sampling import cell_factors, von_mises
 from qvi_contact.solution.stress import principal_stresses
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[Arr
 
     All contacts if nothing is, as under loads that change; edge sets moved across if these move the body.
     """
-    driven = [condition.edges for condition in problem.cartesian_conditions if _is_driven(problem, condition)]
+    driven = [condition.edges for condition in problem.conditions if _is_driven(problem, condition)]
     loops: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name in (*(contact.name for contact in problem.contacts), *driven):
         with suppress(InputError):  # an obstacle at rest while displacements move the body
@@ -221,8 +221,9 @@ def _is_driven(problem: ContactProblem, condition: Condition) -> bool:
     """Whether this is a displacement along its edges."""
     if not isinstance(condition, Displacement):
         return False
-    axes = problem.grid.edges(condition.edges).axis
-    return (condition.x, condition.y)[int(axes[0])] is not None
+    given, tangent = components(condition), problem.mesh.edges(condition.edges).tangent[0]
+    along = CARTESIAN[int(np.argmax(np.abs(tangent)))]
+    return along in given or "tangential" in given
 
 
 def _states(part: "SubFigure", result: ContactResult, units: Units, with_contacts: bool) -> None:
@@ -232,10 +233,9 @@ def _states(part: "SubFigure", result: ContactResult, units: Units, with_contact
     sizes = np.abs(principal_stresses(stress)[:2]).max(axis=0)
     largest = principal_stress_map(panels[0], result, _usual(sizes), units, legend=True, crosses=_CROSSES)
     panels[0].set_title(f"principal stresses, up to {largest:.4g} {units.stress}")
-    row, column = np.nonzero(result.problem.grid.active)
-    mises = von_mises(stress, out_of_plane_factor(result.problem)[row, column][:, None])
+    mises = von_mises(stress, cell_factors(result.problem)[:, None])
     usual = _usual(mises)
-    stress_field(panels[1], result, "von_mises", units, (None, usual if usual < mises.max() else None))
+    stress_field(panels[1], result, "von_mises", units, (None, usual))
     panels[1].set_title(f"von Mises stress, up to {mises.max():.4g} {units.stress}")
     if with_contacts:
         deformed_contact(panels[2], result, units=units)
@@ -290,8 +290,8 @@ def _forces(axes: "Axes", steps: Sequence[ContactResult], name: str, units: Unit
 
 def _panel_height(problem: ContactProblem, width: float) -> float:
     """Height [inch] that suits a panel of this width showing the body with equal scales."""
-    mesh = problem.grid
-    return float(np.clip(0.72 * width * np.ptp(mesh.y) / np.ptp(mesh.x), 2.4, 7.0))
+    low, high = bounding_box(problem.mesh)
+    return float(np.clip(0.72 * width * (high[1] - low[1]) / (high[0] - low[0]), 2.4, 7.0))
 
 
 def _wrapped(title: str, figure: "Figure") -> str:

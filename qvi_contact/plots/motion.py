@@ -9,10 +9,10 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, one_of
 from qvi_contact.basics.units import Units
-from qvi_contact.mesh.edges import Edges
 from qvi_contact.plots.style import GREY, STATE_LOOK, draw_outline, frame, legend_below, lines
-from qvi_contact.plots.symbols import ground
+from qvi_contact.plots.symbols import CORNER, ground
 from qvi_contact.solution.contact_line import ContactState
+from qvi_contact.solution.contact_path import ContactPath
 from qvi_contact.solution.result import ContactResult
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class _Motion:
     Attributes
     ----------
     place : (m, 2) array
-        The contact's points [length].
+        The contact's points in order along it [length].
     faces : (2, m, 2) array
         Displacements of the two faces [length].
     normal : (m, 2) array
@@ -41,7 +41,7 @@ class _Motion:
     joint : bool
         Whether the second face is elastic too.
     pieces : tuple of slices
-        Points that hang together.
+        Points that hang together, without a corner between them.
 
     """
 
@@ -66,7 +66,7 @@ def deformed_contact(
     What is known of displacements is u_N = g − gap and u_T = w + slip, on top of the motion of a plate driven by force.
     The surface is drawn displaced by u_N along the outward normal and u_T along the tangent, the obstacle by g and w,
     all exaggerated by one stated factor; in a load history slip counts from its beginning. A joint is drawn as two
-    faces that are `gap` apart and shifted by w + slip: the lower or left one moves by half of it along +x or +y, the
+    faces that are `gap` apart and shifted by w + slip: the lower or left one moves by half of it along the tangent, the
     other one back.
 
     Parameters
@@ -91,7 +91,7 @@ def deformed_contact(
         The factor.
 
     """
-    mesh, units = result.problem.grid, units or Units()
+    mesh, units = result.problem.mesh, units or Units()
     motions = [_motion(result, name) for name in _names(result, contacts)]
     if factor is None:
         factor = _automatic_factor(motions, mesh.length, _ROUNDING * result.discretization.scales.displacement)
@@ -129,7 +129,9 @@ def _motion(result: ContactResult, name: str) -> _Motion:
         gap, offset = unit * rows.gap, unit * discretization.offsets()[index]
         body = (gap - line.gap)[:, None] * normal + moved
         faces = np.stack([body, gap[:, None] * normal + offset[:, None] * along]) + _plate_motion(result, name, place)
-    return _Motion(place, faces, normal, line.state, rows.joint, _pieces(points.edges, points.count))
+    order = line.path.points(points.count).ravel()
+    pieces = _pieces(line.path, points.edges.normal[line.path.edges], points.count)
+    return _Motion(place[order], faces[:, order], normal[order], line.state[order], rows.joint, pieces)
 
 
 def _plate_motion(result: ContactResult, name: str, place: FloatArray) -> FloatArray:
@@ -143,10 +145,11 @@ def _plate_motion(result: ContactResult, name: str, place: FloatArray) -> FloatA
     return np.column_stack([motion.x - motion.rotation * y, motion.y + motion.rotation * x])
 
 
-def _pieces(edges: Edges, count: int) -> tuple[slice, ...]:
-    """Points, so many an edge, of each straight row of adjoining edges."""
-    breaks = (edges.first[1:] != edges.second[:-1]) | (np.diff(edges.normal, axis=0) != 0.0).any(axis=1)
-    ends = [0, *(count * (np.flatnonzero(breaks) + 1)).tolist(), count * len(edges)]
+def _pieces(path: ContactPath, normals: FloatArray, count: int) -> tuple[slice, ...]:
+    """Points in order, so many an edge, of each row of adjoining edges with these normals (n, 2)."""
+    corner = (normals[1:] * normals[:-1]).sum(axis=1) < CORNER
+    breaks = (np.diff(path.line) != 0) | corner
+    ends = [0, *(count * (np.flatnonzero(breaks) + 1)).tolist(), count * len(path.edges)]
     return tuple(slice(a, b) for a, b in pairwise(ends))
 
 

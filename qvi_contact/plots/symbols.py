@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 _OBLIQUE: Final = 0.05  # sine of the angle to a side below which an arrow counts as lying along it
-_CORNER: Final = 0.64  # cosine of the angle, 50 degrees, by which edges of one run may turn
+CORNER: Final = 0.64  # cosine of the angle, 50 degrees, by which edges of one run may turn
 _STRAIGHT: Final = 1e-12  # 1 − cosine of the angle of edges that lie on one straight line
 
 
@@ -111,7 +111,7 @@ def _runs_of(mesh: Mesh, edges: Edges) -> Iterator[Run]:
     onward, back = edges.second == following.first, edges.first == following.second
     turn = (edges.tangent * following.tangent).sum(axis=1)
     facing = (edges.normal * following.normal).sum(axis=1)
-    joined = (onward | back) & (turn > _CORNER) & (facing > _CORNER)
+    joined = (onward | back) & (turn > CORNER) & (facing > CORNER)
     if len(edges) < 3 or joined.all():  # no closed line, or one without a corner
         joined[-1] = False
     shift = int(np.argmin(joined)) + 1  # a closed line begins behind a corner

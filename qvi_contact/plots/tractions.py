@@ -1,15 +1,20 @@
-"""Tractions along a contact against its friction bound, with its open, stick and slip parts."""
+"""Tractions along a contact against its friction bound, with its open, stick and slip parts.
+
+On an edge tractions are polynomials, drawn through all their points; they may jump where edges meet.
+"""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
+from scipy.interpolate import BarycentricInterpolator
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.units import Units
-from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.plots.style import BLUE, GREY, VERMILLION
+from qvi_contact.plots.style import BLUE, GREY, STATE_LOOK, VERMILLION
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 
 if TYPE_CHECKING:
@@ -21,7 +26,14 @@ _STATE_STYLE: Final[dict[ContactState, dict[str, Any]]] = {
     ContactState.SLIP: {"facecolor": "none", "edgecolor": "#bbbbbb", "hatch": "//"},
 }
 
+_PRESSURE: Final[dict[str, Any]] = {"color": GREY, "marker": "s"}
+_BOUND: Final[dict[str, Any]] = {"color": BLUE, "linestyle": "--", "marker": "^"}
+_TANGENTIAL: Final[dict[str, Any]] = {"color": VERMILLION, "linestyle": ":", "marker": "o"}
+
 _MARKERS: Final = 80  # at most so many markers a curve
+_SAMPLES: Final = 240  # about so many points a curve, beside those of the contact
+_SAME: Final = 1e-9  # distance of places on an edge, over its length, that are one
+_SLANTED: Final = 1e-9  # rise of an edge over its length from which on it is not horizontal
 
 
 def contact_tractions(axes: "Axes", line: ContactLine, units: Units | str | None = None, signed: bool = False) -> None:
@@ -43,19 +55,18 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | str | None
     """
     units = _labels(units)
     abscissa = _along(line, units)
-    pressure = -line.normal_stress
-    bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)  # a tied contact has none
-    tangential = line.tangential_stress if signed else np.abs(line.tangential_stress)
-    coulomb = np.allclose(bound, line.friction * np.abs(line.normal_stress), rtol=1e-9, atol=0.0, equal_nan=True)
-    look: dict[str, Any] = {"color": BLUE, "linestyle": "--", "marker": "^", "markersize": 3}
-    _shade_states(axes, abscissa, line.weights, line.state)
-    _curve(axes, abscissa, pressure, color=GREY, marker="s", markersize=3, label="pressure $-\\sigma_N$")
-    _curve(axes, abscissa, bound, label="bound $\\mu|\\sigma_N|$" if coulomb else "friction bound", **look)
+    bound = _bound(abscissa, line)
+    curves = [_Curve("pressure $-\\sigma_N$", abscissa.curve(-line.normal_stress), _PRESSURE), bound]
     if signed:
-        _curve(axes, abscissa, -bound, **look)
+        curves.append(_Curve("", -bound.values, _BOUND))
+    tangential = abscissa.curve(line.tangential_stress)
     name = "$\\sigma_T$" if signed else "$|\\sigma_T|$"
-    _curve(axes, abscissa, tangential, color=VERMILLION, linestyle=":", marker="o", markersize=3, label=name)
-    lowest = np.nanmin([*pressure, *tangential, *(-bound if signed else ()), 0.0])
+    curves.append(_Curve(name, tangential if signed else np.abs(tangential), _TANGENTIAL))
+    shear = line.tangential_stress if signed else np.abs(line.tangential_stress)
+    _draw_states(axes, abscissa, line, shear)
+    for curve in curves:
+        _draw_curve(axes, abscissa, curve)
+    lowest = np.nanmin([0.0, *(np.nanmin(curve.values) for curve in curves if np.isfinite(curve.values).any())])
     axes.set_ylim(bottom=1.05 * float(lowest), auto=None)  # the top still follows what is drawn
     axes.set_xlabel(abscissa.label)
     axes.set_ylabel(f"traction [{units.stress}]")
@@ -77,11 +88,11 @@ def friction_used(axes: "Axes", line: ContactLine, units: Units | None = None) -
     abscissa = _along(line, _labels(units))
     bound, tangential = line.friction_bound, np.abs(line.tangential_stress)
     loaded = np.isfinite(bound) & (bound > 1e-9 * float(np.abs(line.normal_stress).max(initial=0.0)))
-    _shade_states(axes, abscissa, line.weights, line.state)
+    share = np.divide(tangential, bound, out=np.full_like(bound, np.nan), where=loaded)
+    _draw_states(axes, abscissa, line, share)
     axes.axhline(1.0, color=BLUE, linestyle="--", linewidth=1.0)
-    chosen = abscissa.order[loaded[abscissa.order]]
-    share = tangential[chosen] / bound[chosen]
-    axes.plot(abscissa.s[chosen], share, color=VERMILLION, linestyle=":", marker="o", markersize=3)
+    chosen = abscissa.points.ravel()[loaded[abscissa.points].ravel()]
+    axes.plot(abscissa.at(chosen), share[chosen], color=VERMILLION, linestyle=":", marker="o", markersize=3)
     axes.set_ylim(0.0, 1.1)
     axes.set_xlabel(abscissa.label)
     axes.set_ylabel("$|\\sigma_T|$ / bound [-]")
@@ -89,65 +100,164 @@ def friction_used(axes: "Axes", line: ContactLine, units: Units | None = None) -
 
 @dataclass(frozen=True, eq=False)
 class _Abscissa:
-    """Where the points of a contact lie on the horizontal axis of a graph.
+    """Where the edges and points of a contact lie on the horizontal axis of a graph, from left to right.
 
     Attributes
     ----------
-    s : (m,) array
-        Place of each point [length].
-    starts : (edges,) array
-        Place where each edge begins [length].
-    order : (m,) int array
-        The points by growing place.
+    points : (n, q) int array
+        Numbers of the points on each edge.
+    starts, lengths : (n,) arrays
+        Where each edge begins, and how long it is [length].
+    joined : (n − 1,) bool array
+        Whether the next edge goes on where this one ends.
     label : str
         Label of the axis.
 
     """
 
-    s: FloatArray
+    points: IntArray
     starts: FloatArray
-    order: IntArray
+    lengths: FloatArray
+    joined: BoolArray
     label: str
+
+    @property
+    def _gauss(self) -> FloatArray:
+        return gauss_legendre(self.points.shape[1])[0]
+
+    @cached_property
+    def _t(self) -> FloatArray:
+        """Where on an edge curves are drawn."""
+        more = np.linspace(0.0, 1.0, 2 + _SAMPLES // len(self.starts))
+        between = more[np.abs(more[:, None] - self._gauss).min(axis=1) > _SAME]
+        return np.sort(np.concatenate([self._gauss, between]))
+
+    @property
+    def s(self) -> FloatArray:
+        """Places (n, k) where curves are drawn; the two ends and all points of each edge are among them."""
+        return np.asarray(self.starts[:, None] + self.lengths[:, None] * self._t)
+
+    @property
+    def marked(self) -> IntArray:
+        """Which of these places, counted edge by edge, are points of the contact."""
+        own = np.flatnonzero(np.isin(self._t, self._gauss))
+        return np.asarray((len(self._t) * np.arange(len(self.starts))[:, None] + own).ravel())
+
+    def at(self, points: IntArray) -> FloatArray:
+        """Places of points given by number."""
+        places = np.empty(self.points.size)
+        places[self.points] = self.starts[:, None] + self.lengths[:, None] * self._gauss
+        return np.asarray(places[points])
+
+    def curve(self, values: FloatArray) -> FloatArray:
+        """The polynomials (n, k) through values at the points, edge by edge."""
+        return np.asarray(BarycentricInterpolator(self._gauss, values[self.points].T)(self._t).T)
+
+    def broken_line(self, values: FloatArray) -> FloatArray:
+        """Straight lines (n, k) between values at the points, edge by edge."""
+        return np.array([np.interp(self._t, self._gauss, edge) for edge in values[self.points]])
+
+    def pieces(self) -> list[slice]:
+        """Edges that hang together."""
+        ends = [0, *(np.flatnonzero(~self.joined) + 1).tolist(), len(self.starts)]
+        return [slice(a, b) for a, b in pairwise(ends)]
 
 
 def _along(line: ContactLine, units: Units) -> _Abscissa:
-    """The coordinate along the contact; the length along it where lines above or beside each other would overlap."""
-    horizontal = np.ptp(line.x) >= np.ptp(line.y)
-    s = line.x if horizontal else line.y
-    lengths = line.weights.reshape(-1, GAUSS_COUNT).sum(axis=1)
-    first = gauss_legendre(GAUSS_COUNT)[0][0]
-    starts, label = s[::GAUSS_COUNT] - first * lengths, f"{'x' if horizontal else 'y'} [{units.length}]"
-    edges = np.argsort(starts)
-    if (starts[edges][1:] < (starts + lengths)[edges][:-1] - 1e-6 * lengths.max(initial=0.0)).any():
-        before = np.cumsum(lengths) - lengths
-        s = (before[:, None] + lengths[:, None] * gauss_legendre(GAUSS_COUNT)[0]).ravel()
-        starts, label = before, f"length along the contact, line by line [{units.length}]"
-    return _Abscissa(s, starts, np.argsort(s, kind="stable"), label)
+    """The coordinate along a horizontal or vertical contact, else the length along it.
+
+    The latter too where coordinates of lines above or beside each other would overlap.
+    """
+    path, ends = line.path, line.ends
+    rise = np.abs(ends[:, 1] - ends[:, 0])
+    for axis, name in enumerate("xy"):
+        starts, lengths = ends[:, 0, axis], ends[:, 1, axis] - ends[:, 0, axis]
+        order = np.argsort(starts, kind="stable")
+        apart = (starts[order][1:] - (starts + lengths)[order][:-1]) / path.lengths.max()
+        if (rise[:, 1 - axis] <= _SLANTED * rise[:, axis]).all() and (apart >= -1e-6).all():
+            points = np.arange(len(line.x)).reshape(-1, line.points_per_edge)[order]
+            return _Abscissa(points, starts[order], lengths[order], apart <= 1e-6, f"{name} [{units.length}]")
+    several = ", line by line" if path.line[-1] else ""
+    label = f"length along the contact{several} [{units.length}]"
+    points = path.points(line.points_per_edge)
+    return _Abscissa(points, path.starts, path.lengths, np.diff(path.line) == 0, label)
 
 
-def _curve(axes: "Axes", abscissa: _Abscissa, values: FloatArray, **look: Any) -> None:
-    """One curve through the points, broken where the contact is."""
-    s, drawn = abscissa.s[abscissa.order], values[abscissa.order]
-    edges = np.sort(abscissa.starts)
-    reach = s[GAUSS_COUNT - 1 :: GAUSS_COUNT] + s[::GAUSS_COUNT] - edges  # ends of the edges, as points are symmetric
-    broken = np.flatnonzero(edges[1:] - reach[:-1] > 1e-6 * np.ptp(s)) + 1
-    s, drawn = (np.insert(values, GAUSS_COUNT * broken, np.nan) for values in (s, drawn))
-    axes.plot(s, drawn, markevery=-(-len(s) // _MARKERS), **look)
+class _Curve(NamedTuple):
+    """Values (n, k) at the places of an abscissa, with their label and look."""
+
+    label: str
+    values: FloatArray
+    look: dict[str, Any]
 
 
-def _shade_states(axes: "Axes", abscissa: _Abscissa, weights: FloatArray, state: IntArray) -> None:
-    """Shade each point's share of its edge; Gauss weights add up to the edge, so the shares meet."""
-    ends = (abscissa.starts[:, None] + np.cumsum(weights.reshape(-1, GAUSS_COUNT), axis=1)).ravel()
-    across = axes.get_xaxis_transform()  # heights as shares of the axes
-    for kind in sorted(set(state.tolist())):
-        chosen = state == kind
-        bars: dict[str, Any] = {
-            "align": "edge",
-            "linewidth": 0,
-            "label": ContactState(kind).name.lower(),
-            "transform": across,
+def _bound(abscissa: _Abscissa, line: ContactLine) -> _Curve:
+    """The friction bound: Coulomb's of the pressure anywhere, that of other laws from point to point."""
+    bound = line.friction_bound
+    if np.allclose(bound, line.friction * np.abs(line.normal_stress), rtol=1e-9, atol=0.0, equal_nan=True):
+        values = abscissa.curve(line.friction) * np.abs(abscissa.curve(line.normal_stress))
+        return _Curve("bound $\\mu|\\sigma_N|$", values, _BOUND)
+    finite = np.where(np.isfinite(bound), bound, np.nan)  # a tied contact has none
+    return _Curve("friction bound", abscissa.broken_line(finite), _BOUND)
+
+
+def _draw_curve(axes: "Axes", abscissa: _Abscissa, curve: _Curve) -> None:
+    """One curve, with a marker at the points, broken where the contact is."""
+    s, values, marked = abscissa.s, curve.values, abscissa.marked
+    breaks = s.shape[1] * (np.flatnonzero(~abscissa.joined) + 1)
+    x, y = (np.insert(part.ravel(), breaks, np.nan) for part in (s, values))
+    marked = marked + np.searchsorted(breaks, marked, side="right")
+    every = marked[:: -(-len(marked) // _MARKERS)]
+    axes.plot(x, y, markevery=every.tolist(), markersize=3, label=curve.label or None, **curve.look)
+
+
+def _draw_states(axes: "Axes", abscissa: _Abscissa, line: ContactLine, heights: FloatArray) -> None:
+    """Shade the parts of the contact that are open, stick or slip; mark single points that differ from both sides.
+
+    Each point has its share of its edge: Gauss weights add up to the edge, so the shares meet. A single point, at the
+    height given for it, takes the shade of the points before it.
+    """
+    ends = abscissa.starts[:, None] + np.cumsum(line.weights[abscissa.points], axis=1)
+    bands: dict[int, list[tuple[float, float]]] = {}
+    single: dict[int, list[int]] = {}
+    for piece in abscissa.pieces():
+        points, stops = abscissa.points[piece].ravel(), ends[piece].ravel()
+        shown = _settled(line.state[points])
+        for point in points[shown != line.state[points]].tolist():
+            single.setdefault(int(line.state[point]), []).append(point)
+        changes = np.flatnonzero(np.diff(shown))
+        borders = [float(abscissa.starts[piece][0]), *stops[changes].tolist(), float(stops[-1])]
+        for kind, borders_of in zip(shown[[*changes.tolist(), -1]].tolist(), pairwise(borders), strict=True):
+            bands.setdefault(kind, []).append(borders_of)
+    for kind in sorted(bands):
+        _draw_bands(axes, ContactState(kind), np.array(bands[kind]))
+    for kind in sorted(single):
+        colour, marker, filling = STATE_LOOK[ContactState(kind)]
+        chosen = np.array(single[kind])
+        look: dict[str, Any] = {
+            "marker": marker,
+            "color": colour,
+            "markerfacecolor": filling,
+            "markersize": 7,
+            "linestyle": "none",
         }
-        axes.bar((ends - weights)[chosen], 1.0, weights[chosen], **bars, **_STATE_STYLE[ContactState(kind)])
+        label = f"single point: {ContactState(kind).name.lower()}"
+        axes.plot(abscissa.at(chosen), heights[chosen], label=label, zorder=4, **look)
+
+
+def _settled(state: IntArray) -> IntArray:
+    """States of points in a row, where a point that differs from both sides has the state before it instead."""
+    differs = state[1:] != state[:-1]
+    single = np.concatenate([[False], differs[:-1] & differs[1:], [False]])[: len(state)]
+    kept = np.maximum.accumulate(np.where(single, 0, np.arange(len(state))))
+    return state[kept]
+
+
+def _draw_bands(axes: "Axes", kind: ContactState, ranges: FloatArray) -> None:
+    """Ranges (n, 2) of the horizontal axis in the look of a state."""
+    across = axes.get_xaxis_transform()  # heights as shares of the axes
+    bars: dict[str, Any] = {"align": "edge", "linewidth": 0, "label": kind.name.lower(), "transform": across}
+    axes.bar(ranges[:, 0], 1.0, np.diff(ranges, axis=1)[:, 0], **bars, **_STATE_STYLE[kind])
 
 
 def _labels(units: Units | str | None) -> Units:

@@ -7,73 +7,73 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, evaluate, one_of, real_array
-from qvi_contact.element.bogner_fox_schmit import STRESS_DERIVATIVES, Line
+from qvi_contact.basics.checks import FloatArray, IntArray, one_of, real_array
+from qvi_contact.discretization.loads import physical
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import principal_stresses
+from qvi_contact.solution.stress import principal_stresses, stress_in_cells
 
 COMPONENTS: Final = ("xx", "yy", "xy", "von_mises", "first", "second")
 """Scalar stresses: Cartesian components, von Mises, in-plane principal stresses σ₁ ≥ σ₂."""
 
 
+_CHUNK: Final = 4096  # cells at a time: their tables stay small
+_MOST_DIVISIONS: Final = 128  # along the sides of a cell
+
+
 @dataclass(frozen=True, eq=False)
-class CellSamples:
-    """Airy function and stress on an n×n sub-grid of every cell; NaN in cells outside the body.
+class BodySamples:
+    """Stresses at points of all cells, and the small triangles that join the points of each cell.
 
     Attributes
     ----------
-    x : (nx, n) array
-        Coordinates of the samples in each column of cells [length].
-    y : (ny, n) array
-        Coordinates of the samples in each row of cells [length].
-    airy : (ny, n, nx, n) array
-        Φ [stress × length²], up to an affine function.
-    stress : (ny, n, nx, n, 3) array
-        σ_xx, σ_yy, σ_xy [stress], tension positive.
+    points : (n, 2) array
+        Coordinates [length]; where cells meet each has points of its own.
+    cells : (n,) int array
+        The cell of each point.
+    stress : (n, 3) array
+        σ_xx, σ_yy, σ_xy in that cell [stress], tension positive.
+    triangles : (t, 3) int array
+        Three points each; together they fill the body.
 
     """
 
-    x: FloatArray
-    y: FloatArray
-    airy: FloatArray
+    points: FloatArray
+    cells: IntArray
     stress: FloatArray
+    triangles: IntArray
 
 
-def sample_cells(result: ContactResult, t: FloatArray) -> CellSamples:
-    """Samples at the reference points (t_a, t_b) of every cell.
-
-    The grid is rectilinear, so each derivative of Φ is one product H_y U H_xᵀ of the Hermite functions along the two
-    directions with the table U of nodal values.
+def sample_body(result: ContactResult, parts: int) -> BodySamples:
+    """Samples of the stress all over a body on any mesh.
 
     Parameters
     ----------
     result : ContactResult
         The state.
-    t : (n,) array
-        Reference coordinates in each direction, 0 to 1.
+    parts : int
+        Cells are divided so that about so many parts lie along the body's length; small cells are not divided.
 
     """
-    discretization, mesh = result.discretization, result.problem.grid
-    grid, (ny, nx), n = discretization.grid, mesh.shape, len(t)
-    table = result.nodal.reshape(ny + 1, nx + 1, 2, 2).transpose(0, 2, 1, 3).reshape(2 * ny + 2, 2 * nx + 2)
-    in_x, in_y = [[_hermite_table(line, t, order) for order in (0, 1, 2)] for line in (grid.x, grid.y)]
-
-    def derivative(dx: int, dy: int) -> FloatArray:
-        return np.asarray((in_y[dy] @ table) @ in_x[dx].T).reshape(ny, n, nx, n)
-
-    scales = discretization.scales
-    x, y = (lines[:-1, None] + np.diff(lines)[:, None] * t for lines in (mesh.x, mesh.y))
-    stress = np.stack([scales.stress * factor * derivative(dx, dy) for dx, dy, factor in STRESS_DERIVATIVES], axis=-1)
-    inside = np.broadcast_to(mesh.active[:, None, :, None], (ny, n, nx, n))
-    points_x, points_y = np.broadcast_to(x, (ny, n, nx, n)), np.broadcast_to(y[:, :, None, None], (ny, n, nx, n))
-    field = result.problem.body_potential
-    potential = evaluate("ContactProblem.body_potential", field, points_x[inside], points_y[inside])
-    stress[inside, :2] += potential[:, None]
-    stress[~inside] = np.nan
-    return CellSamples(x, y, np.where(inside, scales.airy * derivative(0, 0), np.nan), stress)
+    mesh, discretization = result.problem.mesh, result.discretization
+    sizes = np.ptp(mesh.vertices[mesh.cells], axis=1).max(axis=1)
+    divisions = np.clip(np.ceil(parts * sizes / mesh.length), 1, _MOST_DIVISIONS).astype(np.int64)
+    coefficients = discretization.energy.coefficients(result.dofs)
+    found: list[tuple[FloatArray, IntArray, FloatArray]] = []
+    triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
+    for division in np.unique(divisions).tolist():
+        t, corners = discretization.space.lattice(division)
+        split = np.concatenate([corners[:, [0, k, k + 1]] for k in range(1, corners.shape[1] - 1)])
+        chosen = np.flatnonzero(divisions == division)
+        for cells in (chosen[start : start + _CHUNK] for start in range(0, len(chosen), _CHUNK)):
+            points, stress = stress_in_cells(discretization, coefficients, cells, t)
+            found.append((points.reshape(-1, 2), np.repeat(cells, len(t)), stress.reshape(-1, 3)))
+            triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
+            count += len(cells) * len(t)
+    points, cells, stress = (np.concatenate(parts_of) for parts_of in zip(*found, strict=True))
+    place = np.column_stack(physical(result.problem, discretization.scales, points))
+    return BodySamples(place, cells, stress * discretization.scales.stress, np.concatenate(triangles))
 
 
 def out_of_plane_factor(problem: ContactProblem) -> FloatArray:
@@ -126,13 +126,3 @@ def stress_component(stress: FloatArray, component: str, factor: FloatArray | fl
     if component in ("first", "second"):
         return principal_stresses(stress)[("first", "second").index(component)]
     return np.asarray(stress[..., ("xx", "yy", "xy").index(component)])
-
-
-def _hermite_table(line: Line, t: FloatArray, order: int) -> sparse.csr_array:
-    """Hermite functions at the points t of each of the n intervals; rows (interval, point), columns (node, kind)."""
-    n = len(line.sizes)
-    values = line.basis(np.arange(n)[:, None], np.asarray(t, dtype=float)[None, :], order)
-    rows = np.arange(n * len(t)).reshape(n, len(t), 1, 1)
-    columns = 2 * np.arange(n)[:, None, None, None] + np.arange(4).reshape(2, 2)
-    index = (np.broadcast_to(rows, values.shape).ravel(), np.broadcast_to(columns, values.shape).ravel())
-    return sparse.csr_array((values.ravel(), index), shape=(n * len(t), 2 * n + 2))

@@ -20,7 +20,6 @@ from qvi_contact import (
     verify_result,
 )
 from qvi_contact.export import field_arrays, summary, write_json, write_npz, write_vtu
-from qvi_contact.plots import problem_figure, result_figure
 
 MESH = RectilinearMesh.rectangle((3, 2), 1.5, 1.0, origin=(10.0, -3.0))
 CUT = ContactProblem(
@@ -69,7 +68,7 @@ def test_files_hold_it(result, tmp_path):
     drawn = meshio.read(tmp_path / "cut.vtu")
     points, stress = drawn.points[:, :2], drawn.point_data["stress"]
     chosen = drawn.cells_dict["triangle"]
-    assert len(chosen) == 9 * 12
+    assert len(chosen) == 3 * 9 * 12  # in each of the three parts of a triangle
     areas = [np.linalg.det(points[part[1:]] - points[part[0]]) / 2.0 for part in chosen]
     assert np.abs(areas).sum() == pytest.approx(1.5)
     middle = points[chosen].mean(axis=1)
@@ -84,8 +83,6 @@ def test_files_hold_it(result, tmp_path):
     [
         lambda found: refine(found.problem),
         lambda found: refined_where_apart(found.problem, found.bracket),
-        lambda found: result_figure(found),
-        lambda found: problem_figure(found.problem),
         lambda found: found.nodal,
         lambda found: found.problem.refined(0.1),
         lambda found: found.problem.material_numbers,

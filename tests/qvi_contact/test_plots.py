@@ -1,6 +1,8 @@
 """Pictures show the numbers they are made from."""
 
 import sys
+from dataclasses import replace
+from functools import cache
 from itertools import combinations
 
 import matplotlib as mpl
@@ -24,6 +26,7 @@ from qvi_contact import (
     RigidPlate,
     Symmetry,
     Traction,
+    TriangleMesh,
     exact,
     principal_stresses,
     solve,
@@ -45,7 +48,7 @@ from qvi_contact.plots import (
     stress_field,
 )
 from qvi_contact.solution.contact_line import ContactLine
-from qvi_contact.solution.sampling import out_of_plane_factor, sample_cells, von_mises
+from qvi_contact.solution.sampling import out_of_plane_factor, sample_body, von_mises
 from qvi_contact.units import Units
 from solvers import Status
 
@@ -198,6 +201,9 @@ STATES = ([STICK, STICK, SLIP, SLIP], [SLIP, SLIP, OPEN, OPEN], [OPEN, STICK, OP
 EDGES = ((1.0, 1.5), (1.5, 3.5), (4.0, 4.4))
 """Edges of unequal length; the last apart from the others."""
 
+SINGLE = 4.0 + 0.4 * float(gauss_legendre(4)[0][1])
+"""The point that sticks between two that are open."""
+
 
 def shaded(axes):
     """Label to (n, 2) ranges, and to the look without colour."""
@@ -227,18 +233,26 @@ class TestTractions:
         along = line.y if vertical else line.x
         assert set(ranges) == {"open", "stick", "slip"}
         for place, state in zip(along, line.state, strict=True):
-            for label, parts in ranges.items():
-                inside = ((parts[:, 0] < place) & (place < parts[:, 1])).sum()
-                assert inside == (label == ContactState(state).name.lower())
+            if place != SINGLE:
+                for label, parts in ranges.items():
+                    inside = ((parts[:, 0] < place) & (place < parts[:, 1])).sum()
+                    assert inside == (label == ContactState(state).name.lower())
+
+    def test_a_single_point_is_marked_and_makes_no_band(self, order, vertical):
+        _, axes = self.draw(order, vertical)
+        (marked,) = (drawn for drawn in axes.lines if drawn.get_label().startswith("single"))
+        assert marked.get_label() == "single point: stick"
+        assert marked.get_xydata() == pytest.approx(np.array([[SINGLE, 0.2 * (1.0 + SINGLE)]]))
+        ranges, _ = shaded(axes)
+        assert ((ranges["open"][:, 0] < SINGLE) & (ranges["open"][:, 1] > SINGLE)).sum() == 1
 
     def test_the_ranges_fill_the_edges(self, order, vertical):
         _, axes = self.draw(order, vertical)
         parts = np.sort(np.concatenate(list(shaded(axes)[0].values())), axis=0)
-        assert len(parts) == 12
-        for start, end in EDGES:
-            own = parts[(parts[:, 0] > start - 1e-9) & (parts[:, 1] < end + 1e-9)]
-            assert own.ravel()[[0, -1]] == pytest.approx([start, end], abs=1e-12)
-            assert own[1:, 0] == pytest.approx(own[:-1, 1], abs=1e-12)
+        borders = np.unique(parts.round(12))
+        assert len(parts) == 5
+        assert parts[:, 1] - parts[:, 0] == pytest.approx(np.diff(borders)[[0, 1, 2, 4, 5]])  # not between the lines
+        assert {1.0, 3.5, 4.0, 4.4} < set(borders.tolist())
 
     def test_states_look_different_without_colour(self, order, vertical):
         _, axes = self.draw(order, vertical)
@@ -246,16 +260,17 @@ class TestTractions:
         assert len(set(looks.values())) == 3
 
     def test_curves(self, order, vertical):
-        _, axes = self.draw(order, vertical)
-        pressure, bound, tangential = axes.lines
+        line, axes = self.draw(order, vertical)
+        pressure, bound, tangential = axes.lines[1:]
         along, values = pressure.get_data()
         (gap,) = np.flatnonzero(np.isnan(along))  # the line breaks where the contact does
-        assert along[gap - 1] < 3.5 < 4.0 < along[gap + 1]
-        assert (np.diff(np.delete(along, gap)) > 0).all()
+        assert along[[0, gap - 1, gap + 1, -1]] == pytest.approx([1.0, 3.5, 4.0, 4.4])
+        assert (np.diff(np.delete(along, gap)) >= 0).all()
+        assert along[pressure.get_markevery()] == pytest.approx(np.sort(line.y if vertical else line.x))
         assert values == pytest.approx(1.0 + along, nan_ok=True)
         assert bound.get_ydata() == pytest.approx(0.25 * values, nan_ok=True)
         assert tangential.get_ydata() == pytest.approx(0.2 * values, nan_ok=True)
-        assert len({(line.get_linestyle(), line.get_marker()) for line in axes.lines}) == 3
+        assert len({(drawn.get_linestyle(), drawn.get_marker()) for drawn in axes.lines[1:]}) == 3
         assert axes.get_xlabel() == ("y [length]" if vertical else "x [length]")
         assert axes.get_ylabel() == "traction [MPa]"
         assert axes.get_ylim()[0] == 0.0
@@ -293,8 +308,8 @@ class TestOtherContacts:
         axes = Figure().subplots()
         contact_tractions(axes, contact(((0.0, 1.0), (1.0, 2.0), (0.5, 1.5)), [[STICK] * 4] * 3))
         along = axes.lines[0].get_xdata()
-        assert 0.0 < along.min() < along.max() < 3.0
-        assert (np.diff(along) > 0).all()
+        assert (np.nanmin(along), np.nanmax(along)) == pytest.approx((0.0, 3.0))
+        assert (np.diff(along[np.isfinite(along)]) >= 0).all()
         assert "length along the contact" in axes.get_xlabel()
 
 
@@ -309,71 +324,110 @@ def notched(plane="stress"):
     return ContactProblem(mesh, Material(1000.0, 0.2, plane), conditions, lambda x, y: 3.0 * y + x, regions)
 
 
+@cache
+def notched_result(kind):
+    problem = notched()
+    return solve(problem if kind == "grid" else problem.triangulated())
+
+
 class TestField:
-    """Values in the squares of a field."""
+    """Values in the small triangles of a field, on grids and on triangles."""
 
     @staticmethod
     def values(result, component, **options):
-        axes = Figure().subplots()
-        quads = stress_field(axes, result, component, **options)
-        corners = quads.get_coordinates()
-        middles = (corners[:-1, :-1] + corners[1:, 1:]) / 2.0
-        return np.ma.masked_invalid(quads.get_array()), middles, quads
+        """Values (n,) at points (n, 2) of the field, and the field."""
+        field = stress_field(Figure().subplots(), result, component, **options)
+        shape = field._triangulation
+        return np.ma.getdata(field.get_array()), np.column_stack([shape.x, shape.y]), field
+
+    @classmethod
+    def inside(cls, result, component):
+        """The same at some points inside cells."""
+        drawn, points, _ = cls.values(result, component)
+        chosen = np.random.default_rng(5).permutation(len(points))[:400]
+        pairs = np.unique(np.column_stack(result.problem.mesh.around(points[chosen])), axis=0)
+        point, count = np.unique(pairs[:, 0], return_counts=True)
+        chosen = chosen[point[count == 1]]
+        if isinstance(result.problem.mesh, TriangleMesh):  # stresses may jump between the three parts of a triangle
+            _, cell = result.problem.mesh.around(points[chosen])
+            flat = np.sort(result.problem.mesh.reference(cell, points[chosen]), axis=1)
+            chosen = chosen[flat[:, 1] - flat[:, 0] > 1e-6]
+        assert len(chosen) > 50
+        return drawn[chosen], points[chosen]
 
     @pytest.mark.parametrize("component", ["xx", "yy", "xy", "first", "second", "von_mises"])
-    def test_every_square_has_the_stress_of_its_middle(self, component):
-        result = solve(notched())
-        drawn, middles, _ = self.values(result, component)
-        inside = ~drawn.mask
-        stress = result.stress(*middles[inside].T)
+    @pytest.mark.parametrize("kind", ["grid", "triangles"])
+    def test_every_point_has_the_stress_there(self, kind, component):
+        result = notched_result(kind)
+        drawn, points = self.inside(result, component)
+        stress = result.stress(*points.T)
         xx, yy, xy = stress.T
         first, second, _ = principal_stresses(stress)
         mises = np.sqrt(xx**2 + yy**2 - xx * yy + 3 * xy**2)
         wanted = {"xx": xx, "yy": yy, "xy": xy, "first": first, "second": second, "von_mises": mises}[component]
-        assert drawn[inside].data == pytest.approx(wanted, rel=1e-9, abs=1e-9 * np.abs(stress).max())
+        assert drawn == pytest.approx(wanted, rel=1e-9, abs=1e-8 * np.abs(stress).max())
 
-    def test_nothing_is_drawn_where_there_is_no_body(self):
-        drawn, middles, _ = self.values(solve(notched()), "yy")
-        assert (drawn.mask == ((middles[..., 0] > 0.5) & (middles[..., 1] > 1.2))).all()
+    @pytest.mark.parametrize("kind", ["grid", "triangles"])
+    def test_triangles_fill_the_body_and_nothing_else(self, kind):
+        _, points, field = self.values(notched_result(kind), "yy")
+        corners = points[field._triangulation.triangles]
+        (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        areas = np.abs(ax * by - ay * bx)
+        assert areas.min() > 0.0
+        assert areas.sum() / 2.0 == pytest.approx(2.0 * 3.0 - 1.5 * 1.8)
+        middles = corners.mean(axis=1)
+        assert not ((middles[:, 0] > 0.5) & (middles[:, 1] > 1.2)).any()
+
+    @pytest.mark.parametrize("kind", ["grid", "triangles"])
+    def test_jumps_between_cells_are_kept(self, kind):
+        """On both sides of the line x = 0.5, across which σ_yy jumps and σ_xx does not."""
+        result = notched_result(kind)
+        samples = sample_body(result, 40)
+        on_line = np.flatnonzero(np.isclose(samples.points[:, 0], 0.5) & (np.abs(samples.points[:, 1] - 0.8) < 0.15))
+        left = result.problem.mesh.vertices[result.problem.mesh.cells[samples.cells[on_line]]].mean(axis=1)[:, 0] < 0.5
+        heights = samples.points[on_line, 1]
+        beside = [result.stress(np.full_like(heights, 0.5 + side), heights) for side in (-1e-7, 1e-7)]
+        wanted = np.where(left[:, None], *beside)
+        assert left.any()
+        assert not left.all()
+        assert samples.stress[on_line] == pytest.approx(wanted, abs=1e-4)
+        assert np.abs(beside[1] - beside[0]).max(axis=0)[1] > 1e-2
+        assert beside[1][:, [0, 2]] == pytest.approx(beside[0][:, [0, 2]], abs=1e-4)
+
+    def test_small_cells_are_not_divided(self):
+        mesh = TriangleMesh.rectangle((1, 1)).graded([(0.0, 0.0)], 6)
+        problem = replace(notched(), mesh=mesh, regions=())
+        samples = sample_body(solve(problem), 20)
+        sizes = np.ptp(mesh.corners, axis=1).max(axis=1)
+        assert np.bincount(samples.cells)[sizes < 0.05].tolist() == [9] * int((sizes < 0.05).sum())
+        assert np.bincount(samples.cells)[np.argmax(sizes)] >= 9 * 11
 
     def test_bending_is_linear(self):
         state = exact.pure_bending(Material(1000.0, 0.3), 4.0)
         sides = dict.fromkeys(("bottom", "right", "top", "left"), "tt") | {"left": "uu"}
-        drawn, middles, quads = self.values(
+        drawn, points, quads = self.values(
             solve(exact.problem_from_state(state, MESH, Material(1000.0, 0.3), sides)), "xx"
         )
-        assert drawn.data == pytest.approx(4.0 * middles[..., 1], abs=1e-7)
+        assert drawn == pytest.approx(4.0 * points[:, 1], abs=1e-7)
         assert quads.get_cmap().name == "cividis"  # one sign only
 
     def test_plane_strain_counts_the_stress_out_of_the_plane(self):
         """σ_zz = ν (σ_xx + σ_yy) with the ν of each cell's own material."""
         result = solve(notched("strain"))
-        drawn, middles, _ = self.values(result, "von_mises")
-        inside = ~drawn.mask
-        xx, yy, xy = result.stress(*middles[inside].T).T
-        zz = np.where(middles[inside][:, 1] < 1.0, 0.45, 0.2) * (xx + yy)
+        drawn, points = self.inside(result, "von_mises")
+        xx, yy, xy = result.stress(*points.T).T
+        zz = np.where(points[:, 1] < 1.0, 0.45, 0.2) * (xx + yy)
         tensors = np.zeros((len(xx), 3, 3))
         tensors[:, 0, 0], tensors[:, 1, 1], tensors[:, 2, 2] = xx, yy, zz
         tensors[:, 0, 1] = tensors[:, 1, 0] = xy
         deviator = tensors - np.trace(tensors, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3.0
-        assert drawn[inside].data == pytest.approx(np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2))), rel=1e-8)
+        assert drawn == pytest.approx(np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2))), rel=1e-8)
 
     def test_uniaxial_plane_strain_by_hand(self):
         factor = out_of_plane_factor(notched("strain"))
         assert factor[:, 0] == pytest.approx([0.45, 0.2, 0.2])
         assert out_of_plane_factor(notched())[0, 0] == 0.0
         assert von_mises(np.array([0.0, -10.0, 0.0]), 0.3) == pytest.approx(10 * np.sqrt(1 - 0.3 + 0.09))
-
-    def test_samples_of_a_cell_belong_to_it_up_to_its_border(self):
-        """On both sides of a line across which σ_yy jumps."""
-        result = solve(notched())
-        samples = sample_cells(result, np.array([0.0, 1.0]))
-        y = samples.y[1].mean()
-        beside = result.stress(np.array([0.5 - 1e-9, 0.5 + 1e-9]), y)
-        left, right = samples.stress[1, :, 0, 1].mean(axis=0), samples.stress[1, :, 1, 0].mean(axis=0)
-        assert np.abs(left - right)[1] > 1e-3
-        assert samples.stress[1, 0, 0, 1, 2] == pytest.approx(samples.stress[1, 0, 1, 0, 2])  # shear is continuous
-        assert beside[0, 1] - beside[1, 1] == pytest.approx(left[1] - right[1], rel=0.5)
 
     def test_colours_of_both_signs_are_centred_on_zero(self):
         result = solve(notched())
@@ -391,6 +445,19 @@ class TestField:
             stress_field(Figure().subplots(), uniform_result(yy=-20.0), "zz")
 
 
+TANGENT, NORMAL = np.array([np.sqrt(0.75), 0.5]), np.array([-0.5, np.sqrt(0.75)])
+
+
+@cache
+def slanted_result():
+    """A block of triangles on a plane that rises by 30 degrees, pushed along it."""
+    mesh = TriangleMesh.rectangle((2, 2), 2.0, 1.0)
+    mesh = TriangleMesh(mesh.vertices @ np.array([TANGENT, NORMAL]), mesh.cells, mesh.edge_sets)
+    conditions = [Contact("bottom", friction=0.2, name="plane"), Traction("left", normal=0.0, tangential=0.0)]
+    conditions += [Traction("right", normal=0.0, tangential=0.0), Displacement("top", normal=-0.01, tangential=0.05)]
+    return solve(ContactProblem(mesh, Material(1000.0, 0.3), conditions))
+
+
 class TestMotion:
     """Deformed contact lines."""
 
@@ -405,6 +472,19 @@ class TestMotion:
         moved = state.displacement(line.x, line.y)
         assert marked.get_xdata() == pytest.approx(line.x + 0.5 * moved[0], rel=1e-6)
         assert marked.get_ydata() == pytest.approx(0.0, abs=1e-6)
+
+    def test_slanted_edges_move_along_their_own_directions(self):
+        """A block pressed flat by a plate: all of the contact stays on the plane, and slips down it."""
+        result = slanted_result()
+        axes = Figure().subplots()
+        deformed_contact(axes, result, factor=20.0)
+        line = result.contacts["plane"]
+        marked = np.concatenate([drawn.get_xydata() for drawn in axes.lines if drawn.get_marker() in "s^o"])
+        assert marked @ NORMAL == pytest.approx(0.0, abs=1e-9)
+        slip = marked @ TANGENT - np.sort(np.column_stack([line.x, line.y]) @ TANGENT)
+        order = np.argsort(np.column_stack([line.x, line.y]) @ TANGENT)
+        assert slip == pytest.approx(20.0 * line.slip[order], abs=1e-9)
+        assert line.slip.max() > 1e-4
 
     def test_a_plate_pushes_its_contact_down_and_the_factor_is_stated(self):
         axes = Figure().subplots()
@@ -600,6 +680,17 @@ class TestFigures:
         titles = [axes.get_title() for axes in figure.axes]
         force = result.contacts["plate"].normal_force
         assert any(f"plate: N = {force:.4g}, T = −" in title and title.endswith("MPa mm") for title in titles)
+
+    def test_overview_on_triangles(self):
+        result = slanted_result()
+        figure = result_figure(result, Units("mm", "MPa"))
+        assert self.misplaced(figure) == NOTHING
+        (tractions,) = (axes for axes in figure.axes if axes.get_title().startswith("plane: N"))
+        assert tractions.get_xlabel() == "length along the contact [mm]"
+        along, pressure = tractions.lines[0].get_data()
+        assert (along[0], along[-1]) == pytest.approx((0.0, 2.0))
+        force = np.trapezoid(pressure, along)
+        assert force == pytest.approx(result.contacts["plane"].normal_force, rel=1e-3)
 
     def test_of_many_contacts_four_are_shown_and_the_rest_named(self):
         mesh = RectilinearMesh.rectangle((6, 2), 3.0, 1.0)

@@ -282,11 +282,20 @@ def test_small_triangles_far_from_the_gauge_lose_nothing_in_the_root():
 @pytest.mark.parametrize("divisions", [1, 2, 4])
 def test_the_lattice_covers_a_triangle(divisions):
     points, parts = TriangleBasis(TriangleMesh.rectangle((1, 1)), 3).lattice(divisions)
-    assert len(points) == (divisions + 1) * (divisions + 2) // 2
-    assert len(parts) == divisions**2
+    assert len(points) == 3 * (divisions + 1) * (divisions + 2) // 2
+    assert len(parts) == 3 * divisions**2
     edges = points[parts][:, 1:] - points[parts][:, :1]
-    assert np.linalg.det(edges[:, :, 1:]) == pytest.approx(np.full(divisions**2, 1.0 / divisions**2))
+    areas = np.abs(np.linalg.det(edges[:, :, 1:]))
+    assert areas == pytest.approx(np.full(3 * divisions**2, 1.0 / (3.0 * divisions**2)))
     assert points.sum(axis=1) == pytest.approx(1.0)
+
+
+def test_points_of_the_lattice_lie_in_one_part_of_the_triangle_each():
+    """Between the parts stresses may jump: corners of a piece have their least coordinate in common."""
+    points, parts = TriangleBasis(TriangleMesh.rectangle((1, 1)), 3).lattice(4)
+    lowest = points.argmin(axis=1)[parts]
+    assert (lowest == lowest[:, :1]).all()
+    assert np.bincount(lowest[:, 0]).tolist() == [16, 16, 16]
 
 
 def best_error(basis, exact):

@@ -24,6 +24,7 @@ from qvi_contact.mesh.triangles import TriangleMesh
 if TYPE_CHECKING:
     from qvi_contact.discretization.contact_rows import ContactRows
 
+_INWARD = 1e-9  # how far points of a part that is drawn lie inside it, as a share of its size
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
 
 
@@ -193,13 +194,20 @@ class TriangleBasis:
         return np.asarray(affine + _applied(table, chosen[:, 3:])[:, :, 0])
 
     def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
-        """Barycentric points (k, 3) that divide a triangle, and the corners (c, 3) of the parts."""
+        """Barycentric points (k, 3) that divide the three parts of a triangle, and the corners (c, 3) of the pieces.
+
+        Stresses may jump between the parts, so each has points of its own, which lie a trifle inside it.
+        """
         n = divisions
         index = {(i, j): k for k, (i, j) in enumerate((i, j) for j in range(n + 1) for i in range(n + 1 - j))}
-        points = np.array([(n - i - j, i, j) for i, j in index]) / n
+        flat = np.array([(n - i - j, i, j) for i, j in index]) / n
+        flat = (1.0 - _INWARD) * flat + _INWARD / 3.0
         upright = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < n]
         turned = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < n - 1]
-        return points, np.array(upright + turned)
+        parts = [np.array([*np.delete(np.eye(3), corner, axis=0), np.full(3, 1.0 / 3.0)]) for corner in range(3)]
+        points = np.concatenate([flat @ part for part in parts])
+        pieces = np.array(upright + turned)
+        return points, np.concatenate([pieces + part * len(flat) for part in range(3)])
 
 
 def _applied(table: FloatArray, coefficients: FloatArray) -> FloatArray:
