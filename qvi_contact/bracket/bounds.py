@@ -17,6 +17,7 @@ from qvi_contact.bracket.law import coefficients, contact_tractions, law_bound
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.companion import CompanionResult, solve_companion
+from qvi_contact.companion.scope import check_scope
 from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import obstacle_work, support_work
@@ -70,7 +71,8 @@ def bracket(
     Raises
     ------
     InputError
-        If there is no stress state, `degree` or `tolerance` is wrong, or the result belongs to a step of a history.
+        If there is no stress state, `degree` or `tolerance` is wrong, the result belongs to a step of a history, or a
+        fluid presses in a contact.
 
     Notes
     -----
@@ -85,6 +87,7 @@ def bracket(
         raise InputError("result", result, "give a ContactResult")
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
+    check_scope(result.problem)
     given = given_problem(result)
     if degree is None:
         degree = min(given.discretization.space.degree - 1, _MOST)

@@ -38,6 +38,10 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     if rows:
         yield ""
         yield from _table(["contact", f"normal [{units.force}]", f"tangential [{units.force}]", *_STATES], rows)
+    for line in result.contacts.values():
+        if line.has_fluid:
+            force = f"{line.effective_normal_force:.6g} {units.force}"
+            yield f"contact {line.name} has a fluid in it: its effective normal force is {force}"
     for name, motion in result.plates.items():
         moved = f"({motion.x:.6g}, {motion.y:.6g}) {units.length}"
         yield f"plate {name} moves by {moved}, turns by {motion.rotation:.6g} rad"

@@ -13,6 +13,7 @@ from qvi_contact.companion.data import load_vector
 from qvi_contact.companion.dual import Contacts, DualProblem, dual_problem
 from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.result import CompanionResult
+from qvi_contact.companion.scope import check_scope
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionState
 from qvi_contact.companion.supports import supports
@@ -72,7 +73,8 @@ def solve_companion(
     Raises
     ------
     InputError
-        If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance.
+        If the problem or an argument is wrong, a fluid presses in a contact, or loads on a body that nothing holds are
+        out of balance.
 
     Notes
     -----
@@ -91,6 +93,7 @@ def solve_companion(
     cell = cell_for(problem.mesh, degree)
     if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float)) and 0.0 < tolerance < 1.0):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    check_scope(problem)
     scales = Scales.of(problem)
     space = Space.of(problem, cell, scales.length)
     body = Elasticity(space, moduli(problem, scales))

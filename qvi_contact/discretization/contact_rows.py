@@ -65,6 +65,8 @@ class ContactRows:
         c and t_max at the points, dimensionless; infinity where there is no limit.
     gap, offset : (m,) arrays
         Obstacle position g and tangential offset w at the points, dimensionless.
+    pore_pressure : (m,) array
+        Pressure p_w of a fluid in the contact at the points, dimensionless; σ_N' = σ_N + p_w obeys the law.
     reach : float
         An obstacle that is farther counts as that far, see `Scales`.
 
@@ -82,6 +84,7 @@ class ContactRows:
     shear_limit: FloatArray
     gap: FloatArray
     offset: FloatArray
+    pore_pressure: FloatArray
     reach: float = np.inf
 
     @property
@@ -99,11 +102,11 @@ class ContactRows:
         """Whether σ_N may have either sign, at each point."""
         return np.full(len(self.gap), self.law != "unilateral")
 
-    def bound(self, normal: FloatArray) -> FloatArray:
-        """Bound min(c + μ|σ_N|, t_max) of |σ_T| for a normal traction, dimensionless; infinity if tied."""
+    def bound(self, effective: FloatArray) -> FloatArray:
+        """Bound min(c + μ|σ_N'|, t_max) of |σ_T| for effective normal tractions, dimensionless; infinity if tied."""
         if self.law == "tied":
             return np.full(len(self.gap), np.inf)
-        return np.minimum(self.cohesion + self.friction * np.abs(normal), self.shear_limit)
+        return np.minimum(self.cohesion + self.friction * np.abs(effective), self.shear_limit)
 
     @property
     def row_weights(self) -> FloatArray:
@@ -151,6 +154,7 @@ def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: Edg
         limits.cap,
         evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
         evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
+        evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0) / scales.stress,
         scales.reach,
     )
 

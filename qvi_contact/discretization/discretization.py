@@ -219,8 +219,9 @@ def discretize(
 
         K = Bᵀ [∫ cσ:τ] B,    f = Bᵀ (loads − [∫ cσ:τ] u₀),    u = B z + u₀,
 
-    rows of N and T are σ_N and σ_T at Gauss points of the contact edges, or their Bernstein coefficients there, W the
-    weights, and the obstacle enters the loads by ∫ g τ_N + w τ_T.
+    rows of N and T are σ_N' and σ_T at Gauss points of the contact edges, or their Bernstein coefficients there, W the
+    weights, and the obstacle enters the loads by ∫ g τ_N + w τ_T. The effective σ_N' = σ_N + p_w is σ_N where no fluid
+    presses in the contact; the pore pressure p_w is part of n₀ as the potential of the body force is.
 
     Raises
     ------
@@ -275,7 +276,10 @@ def _reduce(
         load = load + rows.work()
     limited = [rows for rows in contacts if rows.law != "tied"]
     parameters, interpolation = space.trace_parameters([rows.points.edges for rows in limited])
-    potential = [rows.rule.at_rows(potential_at(problem, scales, rows.points.coordinates)) for rows in limited]
+    fixed = [
+        rows.rule.at_rows(potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure)
+        for rows in limited
+    ]
     basis, particular = elimination.basis, elimination.particular
     Y = sparse.csr_array(parameters @ basis)
     N, T = _halves(sparse.csr_array(interpolation @ Y))
@@ -289,7 +293,7 @@ def _reduce(
         K=K.T,  # the same matrix, compressed by columns
         f=basis.T @ (load - (of_particular - energy.load)),
         N=N,
-        n0=n0 + joined(potential),
+        n0=n0 + joined(fixed),
         T=T,
         t0=t0,
         mu=joined([rows.row_limits.friction for rows in limited]),

@@ -66,9 +66,10 @@ class Scales:
         """Scales of a problem.
 
         S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress 1/(C L)
-        times the displacement that supports and obstacles force on the body (see `_forced`), and the mean stress under
-        plates driven by force. Neither a constant potential, nor a common translation, nor an obstacle far away strains
-        the body. Without any load S is the stress of a strain of 1e-6, or the largest cohesion if that is less.
+        times the displacement that supports and obstacles force on the body (see `_forced`), the mean stress under
+        plates driven by force, and the pressure of fluids in contacts. Neither a constant potential, nor a common
+        translation, nor an obstacle far away strains the body. Without any load S is the stress of a strain of 1e-6, or
+        the largest cohesion if that is less.
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
@@ -81,8 +82,9 @@ class Scales:
         sizes.append(float(np.ptp(potential)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
         sizes += _plate_stresses(problem)
+        sizes += _largest(problem, "pore_pressure")
         at_rest = _AT_REST / compliance
-        stress = max(sizes) or min(at_rest, max(_cohesions(problem), default=0.0)) or at_rest
+        stress = max(sizes) or min(at_rest, max(_largest(problem, "cohesion"), default=0.0)) or at_rest
         return cls(length, stress, compliance, max(sizes) > 0.0)
 
 
@@ -92,12 +94,13 @@ def _samples(problem: ContactProblem, edges: Edges | IntArray) -> tuple[FloatArr
     return problem.mesh.points_along(chosen, np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]]))
 
 
-def _cohesions(problem: ContactProblem) -> list[float]:
-    """The largest cohesion of each contact [stress]."""
-    return [
-        float(evaluate("Contact.cohesion", contact.cohesion, *_samples(problem, edges), minimum=0.0).max())
-        for contact, edges in ((contact, problem.mesh.edges(contact.edges)) for contact in problem.contacts)
-    ]
+def _largest(problem: ContactProblem, name: str) -> list[float]:
+    """The largest cohesion or pore pressure of each contact [stress]."""
+    found = []
+    for contact in problem.contacts:
+        x, y = _samples(problem, problem.mesh.edges(contact.edges))
+        found.append(float(evaluate(f"Contact.{name}", getattr(contact, name), x, y, minimum=0.0).max()))
+    return found
 
 
 def _plate_stresses(problem: ContactProblem) -> list[float]:

@@ -139,8 +139,9 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
       On triangles instead of these ``vertices`` (v, 2) [length], ``cells`` (cells, 3) and ``material`` (cells,);
     * ``gauss_x``, ``gauss_y`` (cells, g) [length] and ``gauss_stress`` (cells, g, 3): σ_xx, σ_yy, σ_xy [stress], on
       rectangles with g = 16;
-    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has of its points, and its
-      forces; with a plate ``<name>.motion``: x, y [length] and rotation [rad];
+    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has of its points, its forces,
+      ``pore_pressure`` and effective stress and force where a fluid presses in the contact, and
+      with a plate ``<name>.motion``: x, y [length] and rotation [rad];
     * ``energies``: strain, load, complementary, dissipation [stress × length²]; ``traction_misfit`` [stress];
     * ``status``, ``message``: texts.
 
@@ -242,6 +243,7 @@ def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
     return {
         "normal_force": _quantity(line.normal_force, units.force),
         "tangential_force": _quantity(line.tangential_force, units.force),
+        **_effective(line, units),
         "length": {name: _quantity(length, units.length) for name, length in lengths.items()},
         "largest_pressure": _quantity((-line.normal_stress).max(), units.stress),
         "largest_shear": _quantity(np.abs(line.tangential_stress).max(), units.stress),
@@ -249,6 +251,13 @@ def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
         "largest_slip": _quantity(np.abs(line.slip).max(), units.displacement),
         "points": len(line.x),
     }
+
+
+def _effective(line: ContactLine, units: Units) -> dict[str, Any]:
+    """The effective force where a fluid presses in the contact."""
+    if not line.has_fluid:
+        return {}
+    return {"effective_normal_force": _quantity(line.effective_normal_force, units.force)}
 
 
 def _resultant(result: ContactResult, edges: str, units: Units) -> dict[str, Any]:
@@ -326,10 +335,18 @@ def _grid_arrays(result: ContactResult) -> dict[str, Any]:
 
 
 def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
-    """Fields of every `ContactLine`, with its resultant forces; where its edges lie is known from the mesh."""
-    names = [field.name for field in fields(ContactLine) if field.name not in ("name", "ends")]
+    """Fields of every `ContactLine`, with its resultant forces; those of a fluid where there is one.
+
+    Where its edges lie is known from the mesh.
+    """
+    names = [field.name for field in fields(ContactLine) if field.name not in ("name", "ends", "pore_pressure")]
     names += ["normal_force", "tangential_force"]
-    return {f"{name}.{field}": getattr(line, field) for name, line in contacts.items() for field in names}
+    wet = ["pore_pressure", "effective_normal_stress", "effective_normal_force"]
+    return {
+        f"{name}.{field}": getattr(line, field)
+        for name, line in contacts.items()
+        for field in (names + wet if line.has_fluid else names)
+    }
 
 
 def _numbers(result: ContactResult) -> dict[str, Any]:

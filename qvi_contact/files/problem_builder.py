@@ -43,11 +43,11 @@ FIELDS: Final[dict[str, tuple[str, ...]]] = {
     "symmetry": (),
     "displacements": ("x", "y", "normal", "tangential"),
     "tractions": ("x", "y", "normal", "tangential"),
-    "contacts": ("friction", "gap", "offset", "cohesion", "shear_limit"),
+    "contacts": ("friction", "gap", "offset", "cohesion", "shear_limit", "pore_pressure"),
 }
 """Keys whose values are functions of x and y."""
 
-_NOT_NEGATIVE: Final = ("friction", "cohesion", "shear_limit")
+_NOT_NEGATIVE: Final = ("friction", "cohesion", "shear_limit", "pore_pressure")
 _RENAMED: Final = {
     "ContactProblem.body_potential": "body_potential",
     "ContactProblem.mesh": "mesh",

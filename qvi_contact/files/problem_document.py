@@ -279,6 +279,7 @@ class ContactTable(Table):
     shear_limit: FieldValue | None = None
     law: Literal["unilateral", "bilateral", "tied"] = "unilateral"
     plate: PlateTable | None = None
+    pore_pressure: FieldValue = 0.0
 
     @model_validator(mode="after")
     def _friction_is_given(self) -> "ContactTable":

@@ -24,7 +24,7 @@ from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import load
 
 _WIDTH: Final = 110  # characters in a line of numbers
-_ABSENT: Final = {"gap": 0.0, "offset": 0.0, "cohesion": 0.0}  # the values that need not be written
+_ABSENT: Final = {"gap": 0.0, "offset": 0.0, "cohesion": 0.0, "pore_pressure": 0.0}  # need not be written
 
 
 def save_problem(path: str | Path, problem: ContactProblem, **details: Any) -> None:

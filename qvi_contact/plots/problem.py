@@ -345,6 +345,7 @@ class _Sketch:
             ("t_max", contact.shear_limit, self.units.stress, contact.shear_limit is not None),
             ("gap", contact.gap, self.units.length, False),
             ("offset", contact.offset, self.units.length, False),
+            ("p_w", contact.pore_pressure, self.units.stress, False),
         ]
         for name, value, unit, always in data:
             values = self._samples(f"Contact.{name}", value, pieces)

@@ -28,6 +28,7 @@ _STATE_STYLE: Final[dict[ContactState, dict[str, Any]]] = {
 
 _PRESSURE: Final[dict[str, Any]] = {"color": GREY, "marker": "s"}
 _BOUND: Final[dict[str, Any]] = {"color": BLUE, "linestyle": "--", "marker": "^"}
+_FLUID: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 0.8}
 _TANGENTIAL: Final[dict[str, Any]] = {"color": VERMILLION, "linestyle": ":", "marker": "o"}
 
 _MARKERS: Final = 80  # at most so many markers a curve
@@ -39,7 +40,8 @@ _SLANTED: Final = 1e-9  # rise of an edge over its length from which on it is no
 def contact_tractions(axes: "Axes", line: ContactLine, units: Units | str | None = None, signed: bool = False) -> None:
     """Draw pressure, friction bound and |σ_T| along a contact, with its open, stick and slip parts shaded by hatching.
 
-    A negative pressure is tension, which bilateral and tied contacts can carry.
+    A negative pressure is tension, which bilateral and tied contacts can carry. Where a fluid presses in the contact it
+    is the effective pressure, which friction depends on, and the fluid's own is drawn beside it.
 
     Parameters
     ----------
@@ -55,8 +57,11 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | str | None
     """
     units = _labels(units)
     abscissa = _along(line, units)
-    bound = _bound(abscissa, line)
-    curves = [_Curve("pressure $-\\sigma_N$", abscissa.curve(-line.normal_stress), _PRESSURE), bound]
+    bound, prime = _bound(abscissa, line), _prime(line)
+    pressure = abscissa.curve(-line.effective_normal_stress)
+    curves = [_Curve(f"pressure $-\\sigma_N{prime}$", pressure, _PRESSURE), bound]
+    if line.has_fluid:
+        curves.append(_Curve("fluid $p_w$", abscissa.curve(line.pore_pressure), _FLUID))
     if signed:
         curves.append(_Curve("", -bound.values, _BOUND))
     tangential = abscissa.curve(line.tangential_stress)
@@ -191,12 +196,18 @@ class _Curve(NamedTuple):
     look: dict[str, Any]
 
 
+def _prime(line: ContactLine) -> str:
+    """What marks σ_N' as effective where a fluid presses in the contact."""
+    return "'" if line.has_fluid else ""
+
+
 def _bound(abscissa: _Abscissa, line: ContactLine) -> _Curve:
     """The friction bound: Coulomb's of the pressure anywhere, that of other laws from point to point."""
     bound = line.friction_bound
-    if np.allclose(bound, line.friction * np.abs(line.normal_stress), rtol=1e-9, atol=0.0, equal_nan=True):
-        values = abscissa.curve(line.friction) * np.abs(abscissa.curve(line.normal_stress))
-        return _Curve("bound $\\mu|\\sigma_N|$", values, _BOUND)
+    effective = line.effective_normal_stress
+    if np.allclose(bound, line.friction * np.abs(effective), rtol=1e-9, atol=0.0, equal_nan=True):
+        values = abscissa.curve(line.friction) * np.abs(abscissa.curve(effective))
+        return _Curve(f"bound $\\mu|\\sigma_N{_prime(line)}|$", values, _BOUND)
     finite = np.where(np.isfinite(bound), bound, np.nan)  # a tied contact has none
     return _Curve("friction bound", abscissa.broken_line(finite), _BOUND)
 

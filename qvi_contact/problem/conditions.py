@@ -196,6 +196,10 @@ class Contact:
         |σ_T| < b ⇒ u_T = w,   (u_T − w) σ_T ≤ 0                            unilateral, bilateral
         u_T = w                                                             tied
 
+    A fluid of pressure p_w in the contact presses the sides apart, and the law holds for the effective normal stress
+    σ_N' = σ_N + p_w in the place of σ_N: σ_N' ≤ 0, (u_N − g) σ_N' = 0, |σ_T| ≤ min(c + μ|σ_N'|, t_max). An open contact
+    then carries σ_N = −p_w.
+
     On a joint (an edge set made by `with_joint` of the mesh) u stands for the displacement of the lower or left block
     less that of the upper or right one, n points from the former to the latter, and g is how far the joint stands open
     without load.
@@ -221,7 +225,11 @@ class Contact:
         Whether the contact may open and slip, slip only, or neither. A tied contact takes no friction, cohesion or
         limit.
     plate : RigidPlate, optional
-        Drives the obstacle by force and moment; not on joints.
+        Drives the obstacle by force and moment; not on joints. They are the resultants of the total stress, of the
+        obstacle's own pressure and the fluid's.
+    pore_pressure : float or function of (x, y)
+        Pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It is given, not computed, and
+        acts whether the contact is open or closed. A tied contact takes none.
 
     """
 
@@ -234,6 +242,7 @@ class Contact:
     shear_limit: Field | None = None
     law: Law = "unilateral"
     plate: RigidPlate | None = None
+    pore_pressure: Field = 0.0
 
     def __post_init__(self) -> None:
         _check_edges(self)
@@ -243,15 +252,21 @@ class Contact:
         check_field("Contact.cohesion", self.cohesion, minimum=0.0)
         if self.shear_limit is not None:
             check_field("Contact.shear_limit", self.shear_limit, minimum=0.0)
+        check_field("Contact.pore_pressure", self.pore_pressure, minimum=0.0)
         _name_after_edges(self, "Contact")
         one_of("Contact.law", self.law, get_args(Law))
         if self.plate is not None and not isinstance(self.plate, RigidPlate):
             raise InputError("Contact.plate", self.plate, "give a RigidPlate")
-        frictional: dict[str, Any] = {"friction": 0.0, "cohesion": 0.0, "shear_limit": None}
-        for name, absent in frictional.items():
+        limiting: dict[str, Any] = {"friction": 0.0, "cohesion": 0.0, "shear_limit": None, "pore_pressure": 0.0}
+        for name, absent in limiting.items():
             value = getattr(self, name)
             if self.law == "tied" and (callable(value) or value != absent):
-                raise InputError(f"Contact.{name}", value, "a tied contact does not slip: leave this out")
+                raise InputError(f"Contact.{name}", value, "a tied contact neither opens nor slips: leave this out")
+
+    @property
+    def has_fluid(self) -> bool:
+        """Whether a pore pressure is given."""
+        return callable(self.pore_pressure) or self.pore_pressure != 0.0
 
     @classmethod
     def tresca(cls, edges: str, bound: Field, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> "Contact":

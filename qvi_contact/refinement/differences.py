@@ -79,10 +79,11 @@ def contact_defect(fine: ContactResult, coarse: ContactResult) -> FloatArray:
         line, edges = fine.contacts[rows.name], grid_edges(rows.points.edges)
         normal, tangential = _tractions(coarse, fine.problem.grid, rows, line.x, line.y)
         unit = fine.discretization.scales.stress
-        unused = unit * rows.bound(normal / unit) - np.abs(tangential)
+        effective = normal + line.pore_pressure
+        unused = unit * rows.bound(effective / unit) - np.abs(tangential)
         density = np.abs(line.slip) * unused
         if rows.law == "unilateral":
-            density = density - line.gap * normal
+            density = density - line.gap * effective
         edge = (line.weights * density).reshape(len(edges), -1).sum(axis=1)
         edge = np.maximum(edge, 0.0) * (0.5 if rows.joint else 1.0)
         np.add.at(found, (edges.row, edges.column), edge)

@@ -1,5 +1,7 @@
 """What the contact law is violated by between the Gauss points, where the discrete problem does not ask for it.
 
+With σ_N' = σ_N + p_w in the place of σ_N where a fluid presses in the contact:
+
 On an edge of a rectangle σ_N is affine and σ_T quadratic. With μ affine, c and t_max quadratic along the edge, in
 particular constant,
 
@@ -25,14 +27,14 @@ _POLYNOMIAL = 1e-10  # of the values: difference from a polynomial of the degree
 
 
 class Violations(NamedTuple):
-    """Largest (|σ_T| − bound)⁺ and (σ_N)⁺ on each edge (n,), dimensionless."""
+    """Largest (|σ_T| − bound)⁺ and (σ_N')⁺ on each edge (n,), dimensionless."""
 
     excess: FloatArray
     pull: FloatArray
 
 
 def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray) -> Violations:
-    """Violations on the whole of each edge of a contact from its tractions at the Gauss points (m,), dimensionless.
+    """Violations on the whole of each edge of a contact from σ_N' and σ_T at the Gauss points (m,), dimensionless.
 
     The bound is that of the pressure at each place, which where unilateral σ_N > 0 is none; tied contacts have no law.
     """

@@ -67,9 +67,9 @@ class ContactLine:
     friction : (m,) array
         Coefficient μ.
     friction_bound : (m,) array
-        Bound min(c + μ|σ_N|, t_max) of |σ_T| [stress]; infinity if tied.
+        Bound min(c + μ|σ_N'|, t_max) of |σ_T| [stress]; infinity if tied.
     normal_stress : (m,) array
-        σ_N [stress], ≤ 0 under pressure; of either sign if bilateral or tied.
+        σ_N [stress], ≤ 0 under pressure; of either sign if bilateral or tied. The pressure of a fluid is part of it.
     tangential_stress : (m,) array
         σ_T [stress], component of the traction on the body along the tangent: +x (horizontal contact) or +y (vertical),
         t_x > 0 on slanted edges.
@@ -84,11 +84,13 @@ class ContactLine:
         `ContactState`: 0 open, 1 stick, 2 slip; see `contact_states` for the rule and its tolerance.
     ends : (edges, 2, 2) array
         The two ends x, y of each edge, in the direction of the tangent [length].
+    pore_pressure : (m,) array
+        Pressure p_w of a fluid in the contact [stress]; zeros where there is none.
     excess_between_points : float
         Largest (|σ_T| − bound)⁺ anywhere on the contact [stress], with the bound of the pressure there: 0 at the points
         up to the certificate's tolerance, and between them only where the inner solver is a "strict" one.
     pull_between_points : float
-        Largest (σ_N)⁺ anywhere on a unilateral contact [stress]. Both are exact, see `between_points`.
+        Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see `between_points`.
 
     Notes
     -----
@@ -110,13 +112,29 @@ class ContactLine:
     slip: FloatArray
     state: IntArray
     ends: FloatArray
+    pore_pressure: FloatArray
     excess_between_points: float = 0.0
     pull_between_points: float = 0.0
+
+    @property
+    def effective_normal_stress(self) -> FloatArray:
+        """σ_N' = σ_N + p_w (m,) [stress], what the two sides press on each other; σ_N where there is no fluid."""
+        return self.normal_stress + self.pore_pressure
 
     @property
     def normal_force(self) -> float:
         """−∫ σ_N ds, ≥ 0 if unilateral, force a unit of thickness [stress × length]."""
         return -float(self.weights @ self.normal_stress)
+
+    @property
+    def effective_normal_force(self) -> float:
+        """−∫ σ_N' ds, the normal force less that of the fluid [stress × length]."""
+        return -float(self.weights @ self.effective_normal_stress)
+
+    @property
+    def has_fluid(self) -> bool:
+        """Whether a fluid presses anywhere in the contact."""
+        return bool(self.pore_pressure.any())
 
     @property
     def tangential_force(self) -> float:
@@ -184,7 +202,7 @@ class ContactLine:
 
 
 def contact_states(
-    normal_stress: FloatArray,
+    effective: FloatArray,
     tangential_stress: FloatArray,
     bound: FloatArray,
     gap: FloatArray,
@@ -197,7 +215,7 @@ def contact_states(
 ) -> IntArray:
     """State of each point from tractions and displacements, never from raw multipliers.
 
-    With p = −σ_N/S, t = |σ_T|/S, b = bound/S and d = gap/D, v = |slip|/D in the units S, D given, the point is
+    With p = −σ_N'/S, t = |σ_T|/S, b = bound/S and d = gap/D, v = |slip|/D in the units S, D given, the point is
 
     * open if it may and p ≤ d + tolerance: the gap outweighs the pressure, or nothing presses it;
     * else slip if b − t < v + tolerance and the point moves or is loaded (v or t above the tolerance): the slip
@@ -212,7 +230,7 @@ def contact_states(
     (m,) int array of `ContactState`
 
     """
-    pressure, opening = -normal_stress / stress_unit, gap / displacement_unit
+    pressure, opening = -effective / stress_unit, gap / displacement_unit
     left = bound / stress_unit - np.abs(tangential_stress) / stress_unit
     sliding = np.abs(slip) / displacement_unit
     moves = sliding > tolerance
@@ -226,13 +244,13 @@ def contact_states(
 def contact_line(
     discretization: Discretization,
     number: int,
-    normal: FloatArray,
+    effective: FloatArray,
     tangential: FloatArray,
     normal_multiplier: FloatArray,
     tangential_multiplier: FloatArray,
     unit: float = 1.0,
 ) -> ContactLine:
-    """Results on the contact of a number from its dimensionless tractions and their multipliers, (m,) each.
+    """Results on the contact of a number from its dimensionless σ_N', σ_T and their multipliers, (m,) each.
 
     The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`).
 
@@ -249,9 +267,9 @@ def contact_line(
         contacts, number, far, tangential_multiplier, discretization.elimination
     )
     slip = -against
-    bound = rows.bound(normal)
+    bound = rows.bound(effective)
     may_open = rows.law == "unilateral"
-    violations = between_points(rows, normal, tangential)
+    violations = between_points(rows, effective, tangential)
     return ContactLine(
         name=rows.name,
         x=x,
@@ -259,12 +277,13 @@ def contact_line(
         weights=points.weights * scales.length,
         friction=rows.friction,
         friction_bound=bound * scales.stress,
-        normal_stress=normal * scales.stress,
+        normal_stress=(effective - rows.pore_pressure) * scales.stress,
         tangential_stress=tangential * scales.stress,
         gap=gap * scales.displacement,
         slip=slip * scales.displacement,
-        state=contact_states(normal, tangential, bound, gap, slip, unit, unit, may_open=may_open),
+        state=contact_states(effective, tangential, bound, gap, slip, unit, unit, may_open=may_open),
         ends=np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1),
+        pore_pressure=rows.pore_pressure * scales.stress,
         excess_between_points=float(violations.excess.max(initial=0.0)) * scales.stress,
         pull_between_points=float(violations.pull.max(initial=0.0)) * scales.stress,
     )

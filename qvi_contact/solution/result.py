@@ -410,7 +410,7 @@ class ContactResult(Stated):
         return np.asarray(getattr(self.solution, f"{kind}_multiplier"))
 
     def _contact_values(self, rows: ContactRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """σ_N, σ_T and their multipliers m_N, m_T at the Gauss points of a contact, dimensionless."""
+        """σ_N', σ_T and their multipliers m_N, m_T at the Gauss points of a contact, dimensionless."""
         if rows.law == "tied":
             zero = np.zeros(len(rows.gap))
             return *normal_and_shear(self.discretization, self.dofs, rows.points), zero, zero

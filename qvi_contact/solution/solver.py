@@ -70,8 +70,8 @@ def solve(
         ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`; ``callback`` is called
         with every `solvers.Iteration` of any method. ``initial``, the pressure the fixed point starts from, is an
         earlier `ContactResult` on the same contact points, such as that of a smaller load, or an array over all contact
-        points [stress]; negative values count as zero. It does not choose the fixed point: by default the
-        condensed method comes first, which has no use for a start.
+        points [stress], effective where a fluid presses; negative values count as zero. It does not choose the fixed
+        point: by default the condensed method comes first, which has no use for a start.
 
     Returns
     -------

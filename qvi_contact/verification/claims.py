@@ -230,7 +230,7 @@ def _unit_of(name: str, found: Recomputed) -> tuple[float, float]:
         return _size(found), 0.0
     if field.endswith("_force"):
         return found.stress * length, found.rounding * length
-    if any(part in field for part in ("stress", "bound", "between", "misfit")):
+    if any(part in field for part in ("stress", "pressure", "bound", "between", "misfit")):
         return found.stress, found.rounding
     return 0.0, 0.0
 

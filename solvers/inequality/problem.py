@@ -152,7 +152,8 @@ class FrictionQVI:
                 error = float(np.abs(self.edges.at_points(fitted(part)) - part).max(initial=0.0))
                 if error > _NOT_POLYNOMIAL * size:
                     remedy = "strict admissibility needs σ_N affine and σ_T quadratic on each edge (a body force whose "
-                    remedy += "potential is not affine along a contact spoils that): leave it to the contact points"
+                    remedy += "potential is not affine along a contact spoils that, and so does such a pore pressure): "
+                    remedy += "leave it to the contact points"
                     raise InputError(name, f"error {error:.1e}", remedy)
 
     def strictly(self) -> "FrictionQVI":
