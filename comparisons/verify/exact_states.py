@@ -10,7 +10,17 @@ from comparisons.verify.chapter import Chapter
 from comparisons.verify.measures import stress_error
 from comparisons.verify.proof import certified
 from comparisons.verify.row import Kind, Row, absolute, relative
-from qvi_contact import Contact, ContactProblem, ContactResult, Material, RectilinearMesh, Symmetry, Traction, solve
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    ContactResult,
+    Expression,
+    Material,
+    RectilinearMesh,
+    Symmetry,
+    Traction,
+    solve,
+)
 from qvi_contact.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Condition
@@ -132,6 +142,45 @@ def column(quick: bool) -> Iterator[Row]:
         yield _energy(result, energy, f"c11 (ρ g)² h³ w / 6; {where}")
 
 
+def incompressible(quick: bool) -> Iterator[Row]:
+    """ν = ½ in plane strain, which stresses do not lock at: E' = 4 E / 3, a body of water in a box, and ν → ½."""
+    elements = {"rectangles": None, "triangles of degree 4": 4}
+    for name, degree in list(elements.items())[1 if quick else 0 :]:
+        plate = _solved(_plate(0.0, 0.5), degree)
+        force, source = plate.contacts["plate"].normal_force, f"2 E' U, E' = E / (1 − ν²); {name}"
+        quantity, proof = "force on the frictionless plate [stress length]", certified(plate)
+        yield relative(quantity, force, 2e-3 * 2.09e5 / 0.75, TOLERANCE, Kind.ANALYTIC, source, proof)
+        box = _solved(_box(), degree)
+        wall, proof = box.contacts["wall"].normal_force, certified(box)
+        yield relative(
+            "force on the wall [stress length]", wall, 3.5, TOLERANCE, Kind.ANALYTIC, f"p h + ρ g h²/2; {name}", proof
+        )
+        rough, near, nearer = (_solved(_plate(0.2, 0.5 - step), degree) for step in (0.0, 2e-4, 1e-4))
+        forces = [result.contacts["plate"].normal_force for result in (near, nearer)]
+        source, proof = f"2 P(½ − δ) − P(½ − 2δ), δ = 1e-4; {name}", certified(rough, near, nearer)
+        force = rough.contacts["plate"].normal_force
+        yield relative(
+            "force at μ = 0.2 [stress length]", force, 2.0 * forces[1] - forces[0], 1e-6, Kind.METHODS, source, proof
+        )
+
+
+def _plate(friction: float, poisson: float) -> ContactProblem:
+    return compressed_plate(friction, (4, 4), 2.0, poisson=poisson, plane="strain")
+
+
+def _box() -> ContactProblem:
+    """A heavy incompressible body in a box with a rough floor and wall, pressed by p = 2: σ = −(p + ρ g (h − y)) I."""
+    sides: list[Condition] = [Traction("top", 0.0, -2.0), Symmetry("left"), Contact("right", 0.3, name="wall")]
+    floor = Contact("bottom", 0.3, name="floor")
+    mesh, water = RectilinearMesh.rectangle((3, 3)), Material(1000.0, 0.5, "strain")
+    return ContactProblem(mesh, water, [*sides, floor], body_potential=Expression("3 * y"))
+
+
+def _solved(problem: ContactProblem, degree: int | None) -> ContactResult:
+    """On its rectangles, or cut into triangles of that degree."""
+    return solve(problem) if degree is None else solve(problem.triangulated(), degree=degree)
+
+
 def _cases(quick: bool) -> list[tuple[tuple[str, tuple[tuple[int, int], float]], Plane]]:
     """Meshes and planes of the plate."""
     meshes = list(_MESHES.items())[2:] if quick else list(_MESHES.items())
@@ -175,7 +224,7 @@ CHAPTER = Chapter(
     "exact",
     "Exact in the element",
     "States whose Airy function is bicubic come out to round-off on any mesh: assembly, loads and supports are right.",
-    "Seven kinds of states, each on one cell, on few and on graded cells, in plane stress and plane strain.",
+    "Seven kinds of states, each on one cell, on few and on graded cells, in plane stress and plane strain; ν = ½.",
     f"An error above {TOLERANCE:.0e}: there is no discretisation error to hide behind.",
     {
         "uniaxial-compression": uniaxial_compression,
@@ -185,5 +234,6 @@ CHAPTER = Chapter(
         "cantilever": timoshenko_cantilever,
         "simple-shear": simple_shear,
         "column": column,
+        "incompressible": incompressible,
     },
 )

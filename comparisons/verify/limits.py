@@ -8,7 +8,17 @@ import numpy as np
 from comparisons.verify.chapter import Chapter
 from comparisons.verify.proof import bounded, by_hand, certified, infeasible
 from comparisons.verify.row import Kind, Row, absolute, at_most, relative, word
-from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Expression,
+    InputError,
+    Material,
+    RectilinearMesh,
+    Symmetry,
+    Traction,
+    solve,
+)
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.conditions import Condition
 from qvi_contact.solution.limit import limit_load
@@ -48,6 +58,27 @@ def other_laws(quick: bool) -> Iterator[Row]:
     for source, (law, exact) in laws.items():
         limit = limit_load(_dragged(mesh, 1.0, law), ["shear"])
         yield relative("limit load factor", limit.lower, exact, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+
+
+def uplift(quick: bool) -> Iterator[Row]:
+    """Gravity dam: a block of weight W, pushed by H, with water of uplift U in its base. It slides at μ (W − U) / H."""
+    weight, push, lift = 12.0, 1.5, 4.5
+    mesh = RectilinearMesh.rectangle((6, 2), 3.0, 1.0)
+    water = Contact("bottom", 0.4, pore_pressure=Expression("3 * (1 - x / 3)"), name="base")
+    sides: list[Condition] = [Traction("left", push, 0.0, name="lake"), Traction("right", 0.0, 0.0)]
+    conditions = [*sides, Traction("top", 0.0, 0.0), water]
+    dam = ContactProblem(mesh, _STEEL, conditions, body_potential=Expression("4 * y"))
+    elements: dict[str, int | None] = {"triangles of degree 4": 4, "rectangles": None}
+    for name, degree in list(elements.items())[: 1 if quick else 2]:
+        problem = dam if degree is None else dam.triangulated()
+        limit, exact = limit_load(problem, ["lake"], degree=degree), 0.4 * (weight - lift) / push
+        source = f"μ (W − U) / H; {name}"
+        yield relative("factor of sliding", limit.factor, exact, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+        result = solve(problem, degree=degree)
+        base, proof = result.contacts["base"], certified(result)
+        source = f"W − U, balance; {name}"
+        force = base.effective_normal_force
+        yield relative("effective N [stress length]", force, weight - lift, 1e-8, Kind.ANALYTIC, source, proof)
 
 
 def tension(quick: bool) -> Iterator[Row]:
@@ -143,6 +174,7 @@ CHAPTER = Chapter(
     {
         "dragged-block": dragged_block,
         "other-laws": other_laws,
+        "uplift": uplift,
         "near-the-limit": monotonic_resistance,
         "tension": tension,
         "tipping": tipping,

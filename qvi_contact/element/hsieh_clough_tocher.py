@@ -25,6 +25,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element import legendre
 from qvi_contact.element.affine import CORNERS, EDGES, AffineTriangles
+from qvi_contact.element.compliance import compliance_roots
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.element.triangle import bernstein, exponents, gradient, hessian, quadrature
 from qvi_contact.errors import InputError
@@ -212,7 +213,7 @@ class HsiehCloughTocher:
         (n, 3 q, dimension) array
 
         """
-        upper = np.linalg.cholesky(compliances).swapaxes(1, 2) * np.sqrt(triangles.scales)[:, None, None]
+        upper = compliance_roots(compliances).swapaxes(1, 2) * np.sqrt(triangles.scales)[:, None, None]
         rows = np.einsum("nab,bqd->naqd", upper @ triangles.stress_maps, self._weighted_hessians)
         return np.asarray(rows).reshape(len(triangles), -1, self.dimension)
 

@@ -22,7 +22,8 @@ class Material:
     young : float
         Young's modulus E > 0 [stress].
     poisson : float
-        Poisson's ratio ν: −1 < ν ≤ 0.5 in plane stress, −1 < ν < 0.5 in plane strain.
+        Poisson's ratio ν: −1 < ν ≤ 0.5. In plane strain ν = 0.5 is an incompressible material: its compliance is
+        singular, and a constant pressure must be determined by tractions, see `ContactProblem`.
     plane : "stress" or "strain"
         The plane state; κ = 0 or 1 in the compliance below.
 
@@ -43,12 +44,14 @@ class Material:
         one_of("Material.plane", self.plane, ("stress", "strain"), "give 'stress' or 'strain'")
         if not -1.0 < poisson <= 0.5:
             raise InputError("Material.poisson", poisson, "give a number above -1 and at most 0.5")
-        if self.plane == "strain" and poisson == 0.5:
-            remedy = "give a number below 0.5: plane strain of an incompressible body has a singular compliance"
-            raise InputError("Material.poisson", poisson, remedy)
         with np.errstate(over="ignore"):
             if not np.isfinite(self.compliance).all() or not self.compliance[0, 0] > 0.0:
                 raise InputError("Material.young", self.young, "is beyond double precision: take other units")
+
+    @property
+    def incompressible(self) -> bool:
+        """Whether a constant pressure in the plane strains it not at all: plane strain with ν = 0.5."""
+        return self.plane == "strain" and self.poisson == 0.5
 
     @property
     def compliance(self) -> FloatArray:

@@ -31,6 +31,7 @@ from solvers.basics.types import load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
 _CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1
+_TANGENTIAL: Final = 1e-12  # part along the normal, of one, that is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +77,9 @@ class ContactProblem(Stated):
     Raises
     ------
     InputError
-        If a condition names an unknown edge set, two conditions overlap, a component of an edge has none, or two
-        contacts share a name.
+        If a condition names an unknown edge set, two conditions overlap, a component of an edge has none, two contacts
+        share a name, or no traction normal to a part of the boundary determines the pressure in a body that is
+        incompressible all over.
 
     """
 
@@ -103,6 +105,7 @@ class ContactProblem(Stated):
         _check_complete(self)
         _check_holes(self)
         _ = self.cell_materials  # refuses regions off the grid lines
+        _check_pressure(self)
 
     def __repr__(self) -> str:
         named: dict[str, list[str]] = {}
@@ -417,6 +420,29 @@ def _check_holes(problem: ContactProblem) -> None:
         component, edge = (int(number) for number in np.argwhere(held)[0])
         remedy = "bounds a hole and is not a Traction; supports and contacts on holes are not supported, only tractions"
         _raise_on_edge(mesh, _sets_of(mesh, edge)[-1], component, edge, remedy, frame[edge] == _LOCAL_FRAME)
+
+
+def _check_pressure(problem: ContactProblem) -> None:
+    """A constant pressure strains no incompressible body: some normal traction must say how large it is.
+
+    A plate's force, or an obstacle that stays away, could as well, but K of (D2) is singular then.
+    """
+    used = [problem.materials[number] for number in np.unique(problem.cell_materials)]
+    if not all(material.incompressible for material in used):
+        return
+    given = (_normal_part(problem, prescribed) for prescribed in problem.prescribed(Traction))
+    if not any(part.any() for part in given):
+        remedy = (
+            "no traction determines the constant part of the pressure in this incompressible body: prescribe a normal "
+            "traction on a part of the boundary (0 where it is free), or take a number below 0.5"
+        )
+        raise InputError("Material.poisson", 0.5, remedy)
+
+
+def _normal_part(problem: ContactProblem, given: Prescribed) -> BoolArray:
+    """On which edges a prescribed component has a part along the normal."""
+    normal = problem.mesh.boundary.normal[given.index]
+    return np.asarray(np.abs((given.direction * normal).sum(axis=1)) > _TANGENTIAL)
 
 
 def _midpoint(mesh: Mesh, edge: int) -> FloatArray:

@@ -34,6 +34,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.element import legendre
 from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT, STRESS_DERIVATIVES, Grid
+from qvi_contact.element.compliance import compliance_roots
 from qvi_contact.element.hermite import gauss_legendre
 
 _BLOCK: Final = 8192  # cells at a time: their numbers stay in the cache
@@ -201,7 +202,7 @@ class StressRoot:
         """√(h_x h_y) U, shape (3, 3, ny, nx), zero outside the body; ±1/(h_x^i h_y^j) of each component (3, ny, nx)."""
         h_x, h_y = self.grid.x.sizes, self.grid.y.sizes[:, None]
         roots = np.zeros((3, 3, *self.active.shape))
-        roots[:, :, self.active] = np.moveaxis(np.linalg.cholesky(self.compliances), 0, -1).swapaxes(0, 1)
+        roots[:, :, self.active] = np.moveaxis(compliance_roots(self.compliances), 0, -1).swapaxes(0, 1)
         roots *= np.sqrt(h_x * h_y)
         return roots, np.stack([sign / (h_x**i * h_y**j) for i, j, sign in STRESS_DERIVATIVES])
 

@@ -22,6 +22,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element.affine import EDGES, AffineTriangles
+from qvi_contact.element.compliance import nearly_incompressible
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher
 from qvi_contact.element.triangle import quadrature
 
@@ -116,7 +117,9 @@ def _condensed(
     rest: FloatArray = np.zeros(len(triangles))
     if potential is not None:
         load, rest = _potential_load(element, triangles, compliances, potential)
-        residual = np.asarray(np.linalg.solve(R.swapaxes(1, 2), load[:, order, None]))[:, :, 0]
+        loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
+        found = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])
+        residual[loaded] = found[:, :, 0]
         rest = np.maximum(rest - np.square(residual).sum(axis=1) / 2.0, 0.0)
     inner = -np.linalg.solve(R[:, v, v], np.concatenate([R[:, v, w], residual[:, v, None]], axis=2))
     return CondensedTriangles(R[:, w, w] @ B, residual[:, w], rest, inner[:, :, :-1], inner[:, :, -1])
@@ -127,16 +130,17 @@ def _triangular(
 ) -> FloatArray:
     """R of the reference functions in that order, upper triangular, shape (n, len(order), len(order)).
 
-    By Cholesky of the energies; of triangles that are long and thin, which lose small energies, by QR of stresses.
+    By Cholesky of the energies; by QR of stresses where small energies would be lost: in triangles that are long and
+    thin, and in those that hardly resist pressure, or not at all.
     """
-    long = triangles.elongations > _LONG
+    small = (triangles.elongations > _LONG) | nearly_incompressible(compliances)
     R = np.empty((len(triangles), len(order), len(order)))
-    plain = AffineTriangles(triangles.corners[~long])
-    energies = element.energies(plain, compliances[~long])[:, order[:, None], order]
-    R[~long] = np.linalg.cholesky(energies).swapaxes(1, 2)
-    if long.any():
-        rows = element.energy_rows(AffineTriangles(triangles.corners[long]), compliances[long])
-        R[long] = np.linalg.qr(rows[:, :, order], mode="r")
+    plain = AffineTriangles(triangles.corners[~small])
+    energies = element.energies(plain, compliances[~small])[:, order[:, None], order]
+    R[~small] = np.linalg.cholesky(energies).swapaxes(1, 2)
+    if small.any():
+        rows = element.energy_rows(AffineTriangles(triangles.corners[small]), compliances[small])
+        R[small] = np.linalg.qr(rows[:, :, order], mode="r")
     return R
 
 
