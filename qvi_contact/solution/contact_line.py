@@ -225,6 +225,12 @@ def contact_states(
     The tolerance, 1e-6 of the units, sits above what a solution certified at 1e-8 can blur; exactly on the edge
     between two states either answer is right.
 
+    Where rows are tractions at these very points, one per parameter of the trace, at most one of p and d and one of
+    b − t and v is not zero, and the rule says which. Bernstein coefficients obey the law one by one; at the points of
+    the edge in which a zone ends both may be positive then, and where one outweighs the other is the better guess of
+    that end than the tractions alone: those of the whole edge stay below the bound. On rectangles tractions alone would
+    call points stuck wherever σ_T is forced to zero, as it is in corners.
+
     Returns
     -------
     (m,) int array of `ContactState`
