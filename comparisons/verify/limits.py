@@ -73,7 +73,7 @@ def uplift(quick: bool) -> Iterator[Row]:
         problem = dam if degree is None else dam.triangulated()
         limit, exact = limit_load(problem, ["lake"], degree=degree), 0.4 * (weight - lift) / push
         source = f"μ (W − U) / H; {name}"
-        yield relative("factor of sliding", limit.factor, exact, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+        yield relative("factor of sliding", limit.lower, exact, 1e-6, Kind.ANALYTIC, source, bounded(limit))
         result = solve(problem, degree=degree)
         base, proof = result.contacts["base"], certified(result)
         source = f"W − U, balance; {name}"

@@ -139,9 +139,9 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
       On triangles instead of these ``vertices`` (v, 2) [length], ``cells`` (cells, 3) and ``material`` (cells,);
     * ``gauss_x``, ``gauss_y`` (cells, g) [length] and ``gauss_stress`` (cells, g, 3): σ_xx, σ_yy, σ_xy [stress], on
       rectangles with g = 16;
-    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has of its points, its forces,
-      ``pore_pressure`` and effective stress and force where a fluid presses in the contact, and
-      with a plate ``<name>.motion``: x, y [length] and rotation [rad];
+    * for every contact ``<name>.x``, ``<name>.normal_stress`` and so on: what `ContactLine` has of its points, and its
+      forces; ``pore_pressure`` and effective stress and force where a fluid presses in the contact; with a
+      plate ``<name>.motion``: x, y [length] and rotation [rad];
     * ``energies``: strain, load, complementary, dissipation [stress × length²]; ``traction_misfit`` [stress];
     * ``status``, ``message``: texts.
 

@@ -1,6 +1,7 @@
 """The work that loads do on rigid motions, exact for tractions and potentials that are polynomials on edges.
 
-The body force b = −∇φ does the work −∮ φ n·u ds on a rigid motion, around each block.
+The body force b = −∇φ does the work −∮ φ n·u ds on a rigid motion, around each block. A fluid in a contact presses on
+both sides, and does the work −∫ p_w [v]_N ds there; what the contact law limits is the rest, σ_N' = σ_N + p_w.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,9 @@ from qvi_contact.problem.problem import ContactProblem, direction_of
 
 BODY = "body"
 """What the body force is called among the loads."""
+
+FLUID = "pore pressure"
+"""What the fluids in contacts are called among the loads."""
 
 _POINTS = 8  # Gauss points an edge, as for the loads of the discretisation: exact up to degree 15
 _ROUNDING = 1e-13  # share of a load's size below which a resultant is rounding
@@ -42,7 +46,7 @@ class Work:
 
 
 def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
-    """Works of the tractions, of plates and of the body force by the names a limit analysis gives them."""
+    """Works of tractions, plates, body force and fluids by the names a limit analysis gives them."""
     found: dict[str, Work] = {}
     for condition in problem.conditions:
         work = None
@@ -54,6 +58,9 @@ def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
             found[condition.name] = found[condition.name] + work if condition.name in found else work
     if callable(problem.body_potential):  # a constant one is no force
         found[BODY] = found[BODY] + _of_body(problem, bodies) if BODY in found else _of_body(problem, bodies)
+    wet = [_of_fluid(problem, bodies, contact) for contact in problem.contacts if contact.has_fluid]
+    for work in wet:
+        found[FLUID] = found[FLUID] + work if FLUID in found else work
     return {name: Work(np.where(np.abs(work.row) > _ROUNDING * work.size, work.row, 0.0), work.size)
             for name, work in found.items()}  # fmt: skip
 
@@ -77,6 +84,17 @@ def _of_body(problem: ContactProblem, bodies: Bodies) -> Work:
     outer = _along(problem, bodies, boundary, bodies.of_cells[boundary.cells[:, 0]], -boundary.normal, name, field)
     lower = _along(problem, bodies, joints, block[apart, 0], -joints.normal, name, field)
     return outer + lower + _along(problem, bodies, joints, block[apart, 1], joints.normal, name, field)
+
+
+def _of_fluid(problem: ContactProblem, bodies: Bodies, contact: Contact) -> Work:
+    """−∫ p_w n·v ds on the first body of a contact, and the opposite on the second body, or on the plate."""
+    edges = problem.mesh.edges(contact.edges)
+    first = bodies.of_cells[edges.cells[:, 0]]
+    plate = np.full(len(edges), bodies.number(contact))
+    second = bodies.of_cells[edges.cells[:, 1]] if contact in problem.joints else plate
+    name, field = "Contact.pore_pressure", contact.pore_pressure
+    pushed = _along(problem, bodies, edges, first, -edges.normal, name, field)
+    return pushed + _along(problem, bodies, edges, second, edges.normal, name, field)
 
 
 def _along(

@@ -72,9 +72,9 @@ class TestBlockWithUplift:
 
     def test_factor_of_sliding(self, element):
         problem, element = on(element, block(falling()))
-        assert limit_load_factor(problem, ["water"], **element) == pytest.approx(
-            FRICTION * (WEIGHT - UPLIFT) / PUSH, rel=1e-7
-        )
+        limit, exact = limit_load_factor(problem, ["water"], **element), FRICTION * (WEIGHT - UPLIFT) / PUSH
+        assert limit.lower == pytest.approx(exact, rel=1e-7)
+        assert limit.upper == pytest.approx(exact, rel=1e-12)
 
     def test_slides_beyond_it(self, element):
         most = FRICTION * (WEIGHT - UPLIFT)
