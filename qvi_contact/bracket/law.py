@@ -49,8 +49,12 @@ def law_bound(discretization: Discretization, normal: FloatArray) -> tuple[Float
     cap, cap_exact = _data(discretization, "shear_limit")
     law = law + (qvi.mu * pressure).reshape(law.shape)
     bound = np.minimum(law, cap)
-    follows = np.all(bound == law, axis=1)
-    return bound, np.where(follows, exact, cap_exact & np.all(bound == cap, axis=1))
+    return bound, np.where(_below(law, cap), exact, cap_exact & _below(cap, law))
+
+
+def _below(first: FloatArray, second: FloatArray) -> BoolArray:
+    """On which edges the first bound is the smaller one in all coefficients (e, q), rounding set aside."""
+    return np.asarray((first <= second * (1.0 + _ROUNDING)).all(axis=1))
 
 
 def _limited(discretization: Discretization) -> list[ContactRows]:

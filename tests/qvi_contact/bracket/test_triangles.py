@@ -1,0 +1,223 @@
+"""Brackets on triangles: exact states, guaranteed bounds of settled forces, gaps of cells, turned bodies."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from qvi_contact import Contact, ContactProblem, Displacement, Region, Symmetry, Traction, exact, solve
+from qvi_contact.bracket import BracketKind, EdgeParts, bracket
+from qvi_contact.bracket.document import document
+from qvi_contact.bracket.given import given_problem
+from qvi_contact.bracket.parts import by_cell
+from qvi_contact.gallery import compressed_plate, sliding_block
+from qvi_contact.mesh.triangles import TriangleMesh
+from tests.covering import every_pair
+from tests.qvi_contact.test_triangles import (
+    FOAM,
+    LIMITS,
+    SIDES,
+    STATES,
+    STEEL,
+    moved,
+    plate,
+    plate_result,
+    squeezed,
+    tilted,
+    turned,
+)
+
+U = 1e-3
+
+
+def with_contact(contact, mesh=None):
+    """The compressed plate with another contact on its top."""
+    problem = compressed_plate(0.0, (2, 2)).triangulated()
+    conditions = [contact if isinstance(condition, Contact) else condition for condition in problem.conditions]
+    return replace(problem, conditions=conditions, mesh=mesh or problem.mesh)
+
+
+CONVEX = {
+    "tied": Contact.tied("top", gap=-U),
+    "tresca": Contact.tresca("top", 20.0, gap=-U),
+    "frictionless, curved": Contact.frictionless("top", gap=lambda x, _: -U * (1.0 - 1.4 * x**2)),
+    "cohesion that falls": Contact("top", 0.0, gap=-U, cohesion=lambda x, _: 40.0 - 20.0 * x, law="bilateral"),
+    "capped": Contact("top", 0.0, gap=-U, cohesion=lambda x, _: 40.0 * x, shear_limit=35.0),  # from x = 7/8 on
+}
+
+
+@cache
+def bracket_of(name, depth, degree, rows="bernstein"):
+    mesh = TriangleMesh.rectangle((2, 2)).graded([(1.0, 1.0)], depth)
+    return bracket(solve(with_contact(CONVEX[name], mesh), degree=degree, contact_rows=rows, tolerance=1e-9))
+
+
+@pytest.mark.parametrize("degree", [3, 4, 5])
+@pytest.mark.parametrize("name", CONVEX)
+def test_bounds_enclose_and_close(name, degree):
+    """Guaranteed bounds of all meshes and degrees enclose one energy, and cells add up to the gap."""
+    coarse, fine = bracket_of(name, 0, degree), bracket_of(name, 4, degree)
+    finest = bracket_of(name, 4, 5)
+    for found in (coarse, fine):
+        assert found.kind is BracketKind.PROBLEM
+        assert found.guaranteed is (name != "capped" or found is fine), found.reasons
+        assert found.lower <= found.upper
+        assert found.cell_gaps.shape == (found.problem.mesh.cell_count,)
+        assert found.cell_gaps.min() >= 0.0
+        assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-5, abs=1e-9 * found.strain)
+        assert found.lower <= finest.upper
+        assert found.upper >= finest.lower or not found.guaranteed
+    assert fine.gap < 0.6 * coarse.gap
+
+
+@pytest.mark.parametrize("name", ["tresca", "frictionless, curved"])
+def test_stresses_of_gauss_rows_are_made_admissible(name):
+    found = bracket_of(name, 0, 4, "gauss")
+    assert found.guaranteed
+    assert found.result.discretization.space.contact_rule.kind == "bernstein"
+    assert found.lower == pytest.approx(bracket_of(name, 0, 4).lower, rel=1e-7)
+
+
+def test_a_bound_between_two_laws_is_lowered():
+    """Cohesion 40 x and limit 35: on the edge that holds x = 7/8 the smaller coefficient counts."""
+    problem = with_contact(CONVEX["capped"], TriangleMesh.rectangle((2, 2)))
+    given = given_problem(solve(problem, degree=4))
+    x = np.array([0.0, 0.25, 0.5])
+    edges = problem.mesh.edges("top")
+    starts = problem.mesh.vertices[edges.first, 0]
+    expected = np.minimum(40.0 * (starts[:, None] + x), 35.0)
+    assert given.bounds["top"] == pytest.approx(expected, rel=1e-12)
+    assert given.lowered
+
+
+@pytest.mark.parametrize(("state", "sides", "rows"), every_pair(list(STATES), list(SIDES), ["bernstein", "gauss"]))
+def test_exact_states_close_the_gap(state, sides, rows):
+    least, made = STATES[state]
+    mesh = moved(TriangleMesh.rectangle((3, 2), 2.0, 1.0, origin=(0.0, -0.5)))
+    names = dict(zip(("bottom", "right", "top", "left"), SIDES[sides], strict=True))
+    degree = max(least, 4) if state == "cantilever" else least
+    found = bracket(solve(exact.problem_from_state(made(STEEL), mesh, STEEL, names), degree=degree, contact_rows=rows))
+    assert found.guaranteed, found.reasons
+    assert abs(found.gap) <= 1e-12 * max(abs(found.lower), found.strain)
+    assert found.cell_gaps.sum() <= 1e-12 * found.strain
+
+
+def test_full_slip_closes_the_gap():
+    problem, _ = sliding_block((3, 2))
+    for rows in ("bernstein", "gauss"):
+        found = bracket(solve(problem.triangulated(), degree=4, contact_rows=rows))
+        assert found.kind is BracketKind.GIVEN_BOUND
+        assert abs(found.gap) <= 1e-9 * found.strain
+        assert found.outer <= 1e-9 * found.strain
+
+
+@pytest.mark.parametrize(
+    ("degree", "depth", "unknowns", "gap"),
+    [(3, 2, 60, 1.6e-3), (4, 5, 336, 2.3e-5), (5, 8, 828, 4.4e-7), (6, 10, 1392, 4.9e-8)],
+)
+def test_full_stick(degree, depth, unknowns, gap):
+    """The plate sticks at μ = 0.4: its force between guaranteed bounds that close exponentially."""
+    problem = compressed_plate(0.4, (1, 1)).triangulated()
+    result = solve(replace(problem, mesh=problem.mesh.graded([(1.0, 1.0)], depth)), degree=degree)
+    found = result.bracket
+    assert result.discretization.qvi.n == unknowns
+    assert (found.kind, found.reasons) == (BracketKind.STICKING, ())
+    assert found.companion.degree == min(degree - 1, 4)
+    force = found.forces["plate.normal_force"]
+    assert force.lower <= LIMITS["stick"] <= force.upper
+    assert 0.0 < found.gap <= gap * found.strain
+
+
+def test_tied_is_what_sticks():
+    mesh = TriangleMesh.rectangle((1, 1)).graded([(1.0, 1.0)], 3)
+    tied = solve(plate("stick", mesh), degree=4).bracket
+    stuck = solve(plate(0.4, mesh), degree=4).bracket
+    assert stuck.upper == pytest.approx(tied.upper, rel=1e-12)
+    assert stuck.lower == pytest.approx(tied.lower, rel=1e-9)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2, 0.4])
+def test_turned_as_a_whole(friction):
+    problem = compressed_plate(friction, (3, 3)).triangulated()
+    mesh = problem.mesh
+    slanted = replace(problem, mesh=TriangleMesh(turned(mesh.vertices, 30.0), mesh.cells, mesh.edge_sets))
+    straight, found = (bracket(solve(each, degree=4, tolerance=1e-10)) for each in (problem, slanted))
+    assert found.kind is straight.kind
+    assert found.reasons == straight.reasons
+    assert (found.lower, found.upper) == pytest.approx((straight.lower, straight.upper), rel=1e-10)
+    assert found.cell_gaps == pytest.approx(straight.cell_gaps, abs=1e-9 * straight.strain)
+    for name, force in straight.forces.items():
+        assert found.forces[name] == pytest.approx(force, rel=1e-9)
+
+
+def test_a_slanted_support_that_pushes():
+    """The force against it by its normal component."""
+    mesh = TriangleMesh.rectangle((2, 2))
+    mesh = TriangleMesh(turned(mesh.vertices, 30.0), mesh.cells, mesh.edge_sets)
+    conditions = [
+        Symmetry("bottom"),
+        Displacement("top", normal=-U),
+        Traction("top", tangential=0.0),
+        Traction("left", normal=0.0, tangential=0.0),
+        Traction("right", normal=0.0, tangential=0.0),
+    ]
+    found = solve(ContactProblem(mesh, STEEL, conditions), degree=3).bracket
+    assert found.guaranteed
+    assert found.forces["top.normal"] == pytest.approx((-1.0, -1.0), rel=1e-11)
+
+
+def test_joints_and_two_materials():
+    """Bonded, tied along a slanted joint, or rough and pressed: one bracket."""
+    regions = [Region(FOAM, name="lower")]
+    bonded = squeezed(tilted(0.3), None, regions=regions)
+    tied = replace(bonded, conditions=[*bonded.conditions, Contact.tied("joint")])
+    rough = replace(bonded, conditions=[*bonded.conditions, Contact("joint", 50.0, law="bilateral", cohesion=1e4)])
+    found = [bracket(solve(problem, degree=4)) for problem in (bonded, tied, rough)]
+    assert [each.kind for each in found] == [BracketKind.PROBLEM, BracketKind.PROBLEM, BracketKind.STICKING]
+    for each in found:
+        assert each.guaranteed
+        assert (each.lower, each.upper) == pytest.approx((found[0].lower, found[0].upper), rel=1e-10)
+
+
+def test_parts_on_a_joint_belong_to_both_sides():
+    discretization = solve(squeezed(tilted(0.3), 0.5), degree=3).discretization
+    mesh = discretization.problem.mesh
+    one = np.ones(4)
+    found = by_cell(discretization, np.zeros(mesh.cell_count), {"joint": EdgeParts(one, 2.0 * one)})
+    assert found.sum() == pytest.approx(12.0)
+    assert found[mesh.edges("joint").cells] == pytest.approx(1.5)
+
+
+def test_methods_agree():
+    """Whichever method found the stress, its bracket is the same."""
+    problem = compressed_plate(0.4, (2, 2)).triangulated()
+    options = [{}, {"method": "fixed-point"}, {"factorisation": "superlu"}]
+    found = [bracket(solve(problem, degree=4, tolerance=1e-9, **each)) for each in options]
+    for each in found[1:]:
+        assert (each.lower, each.upper) == pytest.approx((found[0].lower, found[0].upper), rel=1e-9)
+
+
+def test_weight():
+    """A potential of degree 2 on cells: its work is integrated exactly, along contacts it needs σ_N of that degree."""
+    conditions = [Contact.frictionless("bottom"), Symmetry("left"), Symmetry("right"), Traction("top", 0.0, -1.0)]
+    mesh = moved(TriangleMesh.rectangle((2, 2)))
+    for degree, potential, guaranteed in (
+        (3, lambda x, y: 5.0 * y + 0.0 * x, True),
+        (4, lambda x, y: 5.0 * y + x * y, True),
+        (4, lambda x, y: 5.0 * y + x**2, True),
+        (3, lambda x, y: 5.0 * y + x**2, False),
+        (5, lambda x, y: 5.0 * y + x**3 * y**3, False),
+    ):
+        result = solve(ContactProblem(mesh, STEEL, conditions, potential), degree=degree)
+        found = bracket(result, 4)
+        assert found.guaranteed is guaranteed, found.reasons
+        assert found.lower <= found.upper + 1e-12 * found.strain
+
+
+def test_document():
+    found = plate_result(4, 4).bracket
+    text = json.dumps(document(found))
+    assert '"degree": 3' in text
+    assert f'"unknowns": {found.companion.unknowns}' in text
