@@ -6,7 +6,7 @@ row brings degrees of freedom of its own and is solved for one of them. Rows tha
 consistent.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -44,6 +44,16 @@ class Rows:
         """The entries of each by column."""
         for columns, values in zip(self.columns.tolist(), self.values.tolist(), strict=True):
             yield {column: value for column, value in zip(columns, values, strict=True) if value != 0.0}
+
+
+def stacked(parts: Sequence[Rows], columns: int) -> sparse.csr_array:
+    """Rows on top of each other as a matrix with so many columns, zeros left out."""
+    if not parts:
+        return sparse.csr_array((0, columns))
+    values, indices = (np.concatenate([getattr(part, name) for part in parts]) for name in ("values", "columns"))
+    kept = values != 0.0
+    starts = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
+    return sparse.csr_array((values[kept], indices[kept], starts), shape=(len(values), columns))
 
 
 def solve_conditions(C: Rows, d: FloatArray, age: IntArray) -> tuple[Elimination, FloatArray]:

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
 
 _ROUNDED = 1e-6
+_COUNTED = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
+_NOTHING = 1e-9  # share of it below which they are none
 """Share of the stress in which rounding of single stresses is worth a remark."""
 
 _SHARE = 1e-3
@@ -185,7 +187,21 @@ class ContactResult(Stated):
                 f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
                 "single points; every edge keeps their resultant force and moment. Refine there for less.",
             )
-        return remarks + self._rounded_stresses() + self._inexact_bounds() if self.has_state else remarks
+        if not self.has_state:
+            return remarks
+        return remarks + self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds()
+
+    def _next_to_nothing(self) -> tuple[str, ...]:
+        """That contact tractions are too small beside the stress in the body to be certified on their own scale."""
+        qvi, z, stress = self.solution.problem, self.solution.z, self.certificate.scales.get("stress", 0.0)
+        largest = max(float(np.abs(part).max(initial=0.0)) for part in (qvi.normal(z), qvi.tangential(z)))
+        if not _NOTHING * stress < largest < _COUNTED * stress:
+            return ()
+        return (
+            f"The contacts carry at most {self.discretization.scales.stress * largest:.2g} [stress], next to nothing "
+            "beside the stress in the body: no digit of these tractions is certain. Leave out what else strains the "
+            "body to see them.",
+        )
 
     def _rounded_stresses(self) -> tuple[str, ...]:
         """That single stresses have lost digits, where they have lost more than the certificate's square root."""

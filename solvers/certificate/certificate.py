@@ -14,26 +14,28 @@ the measures are
     normal                      max (σ_N)⁺ / S, unilateral points
     friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
-                                and over rows of A of |δν| B / E, Aᵀδν the part of ρ outside A z = 0
+                                over rows of A of |δν| B / E, Aᵀδν the part of ρ outside A z = 0, and of
+                                √(Σ r_i² / K_ii) / √(2 E_b),  r = ρ − K e − Aᵀδν  with e the K⁻¹ρ that was found
     sign                        max of (−λ_N)⁺ / D, bilateral |λ_N| / D, and (−λ_T σ_T)⁺ / (S max(D, |λ|))
     complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 E / (S Σ W)
-    complementarity_tangential  Σ | |m_T| thr − m_T σ_T | / E
+    complementarity_tangential  Σ | |m_T| thr − m_T σ_T | / E, slips |λ_T| counted up to 10 E / (S Σ W)
     energy_gap                  |primal − dual energy| / E_b for the bound s = |σ_N|
     natural_map                 max of |σ_N − min(σ_N + k λ_N, 0)| / S, bilateral k |λ_N| / S,  and
                                        |σ_T − clip(σ_T + k λ_T, −thr, thr)| / S
     alart_curnier               the same over 1 + mu, with thr = thr(|min(σ_N + k λ_N, 0)|)
-    bipotential                 |Σ (thr |m_T| − m_T σ_T − m_N σ_N)| / E
+    bipotential                 |Σ (thr |m_T| − m_T σ_T − m_N σ_N)| / E, gaps and slips counted so
 
 `residuals` has the formulas of the contact law, `strict.measures` those for bounds on whole edges, `measures` what each
 number means and when to worry.
 
 All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
-contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-6 of √(E_b k / Σ W), which stands for the stress
+contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-7 of √(E_b k / Σ W), which stands for the stress
 in the body, that is S; where the body carries nothing either, it is the stress without the inequalities (`bonded`),
 and 1, the unit of the dimensionless problem, if that is zero or larger.
 
 An obstacle farther away than 10 E / (S Σ W), which is 10 D or less, from the body may as well stand there: the solution
-is the same, and round-off in σ_N times a gap of any size is no error.
+is the same, and round-off in σ_N times a gap of any size is no error. Likewise a point that slides farther than that
+slides: an error ε S of σ_T weighs 10 ε, however far.
 
 Where cells are strongly graded the rounding of z itself, ε|R||z| in stresses, may exceed the tolerance. Where |ρ| is
 above 1e-9 √(2 E_b) it is subtracted from |ρ|, up to 1e-6 √(2 E_b), and reported as the scale "rounding" in units of
@@ -41,7 +43,8 @@ above 1e-9 √(2 E_b) it is subtracted from |ρ|, up to 1e-6 √(2 E_b), and rep
 
 Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
 energy is that of max(m_N, 0): primal − dual = Σ (thr |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
-|ρ|² = ρᵀK⁻¹ρ (K⁻¹ on the null space of A), which bounds ½ |z − z*|² in the norm of K. |ρ| is, in that norm,
+|ρ|² = ρᵀK⁻¹ρ (K⁻¹ on the null space of A, by the factorisation that has served the solver: r, a product with K
+itself, shows whether it is one of K), which bounds ½ |z − z*|² in the norm of K. |ρ| is, in that norm,
 the error of z for the given multipliers, and K⁻¹ρ that error itself; K z − f is `FrictionQVI.gradient`, so that
 rounding inside K counts where the problem has a root to measure it.
 
@@ -245,6 +248,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     residual = gradient + qvi.contact_rows.T @ np.concatenate([m_N, m_T]) + qvi.A.T @ nu
     sizes = _row_sizes(qvi, z)
     error, outside = qvi.equality_system.solve(residual)
+    left = residual - qvi.K @ error - qvi.A.T @ outside
     square = float(residual @ error)
     defect = 0.5 * _admissible_square(qvi, square, error, m_N)
     law = (strict_residuals if qvi.strict else law_residuals)(qvi, z, m_N, m_T, scales)
@@ -252,7 +256,9 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     gap = (abs(law.work) + defect) / E_b
     measures = {
         "equality": _equality(qvi, z, sizes),
-        "stationarity": _stationarity(qvi, z, square, error, outside * sizes, scales),
+        "stationarity": max(
+            _stationarity(qvi, z, square, error, outside * sizes, scales), _unsolved(qvi, left) / np.sqrt(2.0 * E_b)
+        ),
         "energy_gap": gap,
         **law.measures,
     }
@@ -317,6 +323,12 @@ def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vect
     system = qvi.equality_system
     force = qvi.N[:, system.interface].T @ change
     return abs(square + 2.0 * float(change @ (qvi.N @ error)) + float(force @ system.solve_interface(force)[0]))
+
+
+def _unsolved(qvi: FrictionQVI, left: Vector) -> float:
+    """√(Σ r_i² / K_ii) of what a linear solve has left, a lower bound of its energy norm up to √(entries of a row)."""
+    diagonal = qvi.K.diagonal()
+    return float(np.sqrt(np.sum(left**2 / np.where(diagonal > 0.0, diagonal, 1.0))))
 
 
 def _equality(qvi: FrictionQVI, z: Vector, sizes: Vector) -> float:

@@ -27,18 +27,17 @@ class Equilibrium:
 
     """
 
-    def __init__(self, system: EqualitySystem, energy: Energy, b: Vector, contact_rows: Sparse, W: Vector) -> None:
+    def __init__(self, system: EqualitySystem, energy: Energy, b: Vector, tractions: Sparse, weights: Vector) -> None:
         self.system = system
-        self._energy, self._b, self._contact_rows, self._W = energy, b, contact_rows, W
+        self._energy, self._b, self._tractions, self._weights = energy, b, tractions, weights
 
     @cached_property
     def contact_stiffness(self) -> float:
         """See `FrictionQVI.contact_stiffness`."""
-        if not self._contact_rows.shape[0] or not self._size:
+        if not self._tractions.shape[0] or not self._size:
             return 0.0
-        rows = stored(self.system.on_interface(self._contact_rows))
+        rows, weights = stored(self.system.on_interface(self._tractions)), self._weights
         columns = transposed(rows)
-        weights = np.concatenate([self._W, self._W])
         total = float(weights.sum())
         v: Vector = np.ones(len(weights))
         radius = 0.0
@@ -48,7 +47,7 @@ class Equilibrium:
             if radius == 0.0:
                 return 0.0
             v = v / radius
-        return radius * float(self._W.min() / self._W.sum())
+        return radius * 2.0 * float(weights.min()) / total
 
     @property
     def bonded(self) -> Vector:

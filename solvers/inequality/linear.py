@@ -40,7 +40,9 @@ class EqualitySystem:
         self.A_interface: Matrix = self.on_interface(A).toarray()
 
     def on_interface(self, rows: Sparse) -> Sparse:
-        """Columns Γ (j, k) of contact or equality rows (j, n), which have no entries in others: the same arrays."""
+        """Columns Γ (j, k) of rows (j, n), the same arrays where there are no entries in others, as in contact rows."""
+        if int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz:
+            return csc_matrix(rows[:, self.interface])
         starts = np.append(rows.indptr[self.interface], rows.indptr[-1])
         return csc_matrix((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface)))
 

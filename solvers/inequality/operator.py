@@ -60,7 +60,7 @@ class Operator:
         found = self._equilibria.get(problem)
         if found is None:
             system = EqualitySystem(problem.A, self._covering(interface_of(problem.contact_rows, problem.A)))
-            found = Equilibrium(system, problem.potential, problem.b, problem.contact_rows, problem.W)
+            found = Equilibrium(system, problem.potential, problem.b, *problem.tractions)
             self._equilibria[problem] = found
         return found
 

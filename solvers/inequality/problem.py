@@ -262,6 +262,20 @@ class FrictionQVI:
         """[N; T] (2m, n)."""
         return _stacked(self.N, self.T)
 
+    @cached_property
+    def tractions(self) -> tuple[Sparse, Vector]:
+        """Rows (r, n) of tractions that do not depend on what N and T make of them, and their weights (r,).
+
+        Trace parameters where there are as many as rows, as where rows are coefficients of the tractions at points;
+        else the rows themselves.
+        """
+        weights = np.concatenate([self.W, self.W])
+        if self.traces is not None and self.traces.rows.shape[0] == len(weights):
+            own = np.asarray(self.traces.interpolation.T @ weights)
+            if (own > 0.0).all():
+                return self.traces.rows, own
+        return self.contact_rows, weights
+
     def changed(self, **changes: Any) -> "FrictionQVI":
         """The same problem with other fields, K, root and structure excepted; it shares the operator."""
         return replace(self, **{"shared": self.operator, **changes})
@@ -281,8 +295,8 @@ class FrictionQVI:
     def contact_stiffness(self) -> float:
         """Traction that a unit of displacement λ all along the contact causes, as a scale; 0 where nothing does.
 
-        The spectral radius of [N; T] K⁻¹ [N; T]ᵀ W, by a few steps of power iteration, belongs to the finest waves; it
-        is reduced by min W / Σ W to those as long as the contact.
+        The spectral radius of Y K⁻¹ Yᵀ W for the rows Y and weights W of `tractions`, by a few steps of power
+        iteration, belongs to the finest waves; it is reduced by min W / Σ W to those as long as the contact.
         """
         return self.operator.equilibrium(self).contact_stiffness if self.m and self.n else 0.0
 

@@ -23,7 +23,7 @@ import numpy as np
 from solvers.basics.types import Vector
 from solvers.inequality.problem import FrictionQVI
 
-_NEAR = 10.0  # gaps count up to this many E / (S Σ W)
+_NEAR = 10.0  # gaps and slips count up to this many E / (S Σ W)
 
 
 class LawResiduals(NamedTuple):
@@ -49,8 +49,9 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
     bound = qvi.threshold(np.abs(sigma_N))
     lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
-    near_N = np.minimum(m_N, largest_gap(qvi, scales) * qvi.W)
-    bipotential = float(slack_T.sum() - near_N @ sigma_N)
+    far = largest_gap(qvi, scales) * qvi.W
+    near_N, near_T = np.minimum(m_N, far), slack_T * far / np.maximum(np.abs(m_T), far)
+    bipotential = float(near_T.sum() - near_N @ sigma_N)
     natural, augmented = _projections(qvi, sigma_N, sigma_T, lambda_N, lambda_T, S / D)
     pulled = np.where(qvi.bilateral, 0.0, np.maximum(sigma_N, 0.0))
     measures = {
@@ -58,7 +59,7 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
         "friction": largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
         "sign": _signs(qvi, sigma_T, lambda_N, lambda_T, S, D),
         "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
-        "complementarity_tangential": float(np.abs(slack_T).sum()) / E,
+        "complementarity_tangential": float(np.abs(near_T).sum()) / E,
         "natural_map": natural / S,
         "alart_curnier": augmented / S,
         "bipotential": abs(bipotential) / E,
@@ -67,7 +68,7 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
 
 
 def largest_gap(qvi: FrictionQVI, scales: dict[str, float]) -> float:
-    """Up to where open gaps λ_N count: 10 E / (S Σ W), at which a wrong σ_N of ε S weighs 10 ε, whatever the gap."""
+    """Up to where gaps and slips λ count: 10 E / (S Σ W), at which a wrong stress of ε S weighs 10 ε, however large."""
     length = float(qvi.W.sum())
     return _NEAR * scales["energy"] / (scales["stress"] * length) if length > 0.0 else 0.0
 

@@ -101,6 +101,26 @@ def test_missing_equality_multiplier_does_not_pass():
     assert certify(qvi, *parts, solution.equality_multiplier).passed
 
 
+def test_a_factorisation_of_another_matrix_hides_no_error():
+    """K itself has a say: to a factor that is far too stiff every residual is the force of a tiny error."""
+    K, rows, one = np.diag([1.0, 2.0, 1.5, 1.2]), np.eye(4)[:2], np.ones(1)
+    data = {"N": rows[:1], "n0": 0.0 * one, "T": rows[1:], "t0": 0.0 * one, "mu": 0.5 * one, "W": one}
+    qvi = FrictionQVI(K=K, f=np.array([-1.0, 0.4, 1.5, 1.2]), **data)
+    solution = solve_qvi(qvi)
+    parts = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
+    wrong = solution.z + np.array([0.0, 0.0, 0.0, 1e-3])  # where the contact does not feel it
+    assert certify(qvi, solution.z, *parts).passed
+    assert not certify(qvi, wrong, *parts).passed
+    stiff = FrictionQVI(K=1e20 * K, f=qvi.f, **data)
+    qvi.operator._factor = stiff.equality_system.factor
+    qvi.operator._equilibria.clear()
+    found = certify(qvi, wrong, *parts)
+    assert not found.passed
+    assert found.measures["stationarity"] == pytest.approx(
+        1e-3 * np.sqrt(1.2) / np.sqrt(2.0 * qvi.strain_energy(wrong))
+    )
+
+
 def test_friction_bound_of_another_pressure_fails():
     """Solving the inner problem for the first bound is not solving the QVI."""
     qvi = one_contact(0.5, (-1.0, -3.0))

@@ -78,6 +78,14 @@ def test_numbers_by_hand():
     assert found.bipotential == pytest.approx(0.13)
 
 
+def test_far_slips_weigh_an_error_of_stress_as_near_ones_do():
+    """σ_T = 0.2 below the bound 0.5 of a point that slides by 10 E / (S Σ W), or by a hundred times as much."""
+    measures = [residuals(contact(), 1.0, 0.2, 0.0, far * 10.0 * 4.0 / 2.0).measures for far in (1.0, 100.0)]
+    for found in measures:
+        assert found["complementarity_tangential"] == pytest.approx(10.0 * (0.5 - 0.2) / 2.0)
+        assert found["bipotential"] == found["complementarity_tangential"]
+
+
 def test_the_augmented_bound_is_the_one_of_alart_and_curnier():
     """Pressure 1, σ_T = 0.2, slip multiplier 1: to the present bound 0.5 it is 0.3, to the augmented one 0.1 less."""
     found = residuals(contact(), 1.0, 0.2, 0.05, 1.0)

@@ -10,6 +10,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.basis import ContactRule, PrescribedTraction, RowKind, SharedCorners
+from qvi_contact.discretization.constraints import stacked
 from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.discretization.hsieh_clough_tocher.condensed import CondensedTriangles, potential_points, split_points
 from qvi_contact.discretization.hsieh_clough_tocher.energy import TriangleEnergy
@@ -129,12 +130,14 @@ class TriangleBasis:
         return load
 
     def trace_parameters(self, edges: Sequence[Edges]) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """The rows of contacts themselves, and the identity."""
-        rule, degree = self.contact_rule, self.normal_degree
-        map_ = legendre.to_bernstein(degree) if rule.kind == "bernstein" else legendre.basis(degree, rule.points)
-        parts = [kind(part).mapped(map_).matrix() for kind in (self.space.normal, self.space.shear) for part in edges]
-        Y = sparse.csr_array(sparse.vstack(parts)) if parts else sparse.csr_array((0, self.size))
-        return Y, sparse.csr_array(sparse.eye_array(Y.shape[0]))
+        """Tractions at the Gauss points, and V⁻¹ on each edge."""
+        rule = self.contact_rule
+        values = legendre.basis(self.normal_degree, rule.points)
+        parts = [kind(part).mapped(values).rows() for kind in (self.space.normal, self.space.shear) for part in edges]
+        Y = stacked(parts, self.size)
+        if rule.to_points is None:
+            return Y, sparse.csr_array(sparse.eye_array(Y.shape[0]))
+        return Y, _block_diagonal(np.asarray(np.linalg.inv(rule.to_points), dtype=np.float64), Y.shape[0] // rule.count)
 
     def eliminate(self, tractions: Sequence[PrescribedTraction], corners: SharedCorners) -> Elimination:  # noqa: ARG002
         """All degrees of freedom that meet the prescribed tractions, u = B z + u₀, see `Basis.eliminate`."""
@@ -208,6 +211,14 @@ class TriangleBasis:
         points = np.concatenate([flat @ part for part in parts])
         pieces = np.array(upright + turned)
         return points, np.concatenate([pieces + part * len(flat) for part in range(3)])
+
+
+def _block_diagonal(block: FloatArray, count: int) -> sparse.csr_array:
+    """The same block (q, q) so many times."""
+    q = len(block)
+    columns = np.repeat(np.arange(count * q).reshape(count, q), q, axis=0)
+    data = np.tile(block, (count, 1)).ravel()
+    return sparse.csr_array((data, columns.ravel(), q * np.arange(count * q + 1)), shape=(count * q, count * q))
 
 
 def _applied(table: FloatArray, coefficients: FloatArray) -> FloatArray:

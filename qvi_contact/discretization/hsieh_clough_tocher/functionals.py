@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.discretization.constraints import Rows
+from qvi_contact.discretization.constraints import Rows, stacked
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,4 @@ class EdgeFunctionals:
 
     def matrix(self) -> sparse.csr_array:
         """The functionals as rows, edge by edge, without zeros; shape (n r, N)."""
-        rows = self.rows()
-        kept = rows.values != 0.0
-        pointers = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-        return sparse.csr_array((rows.values[kept], rows.columns[kept], pointers), shape=(len(kept), self.size))
+        return stacked([self.rows()], self.size)
