@@ -30,6 +30,8 @@ def solution_arrays(result: ContactResult, units: Units | None = None, title: st
     return {
         "problem": problem,
         "problem_missing": missing,
+        "degree": known.space.degree,
+        "contact_rows": known.space.contact_rule.kind,
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
@@ -133,12 +135,19 @@ def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
     try:
         problem, freed = problem_from_toml(text).problem, archive.integers("freed")
         if ((freed >= 0) & (freed < len(problem.mesh.vertices))).all():
-            return discretize(problem, scales=scales, freed=freed)
+            return discretize(problem, scales=scales, freed=freed, **_element(archive))
     except InputError as error:
         if error.field == "result":  # names the file already
             raise
         raise InputError("result", archive.path, f"entry 'problem' holds none that can be solved ({error})") from error
     raise InputError("result", archive.path, "entry 'freed' names nodes that are not in the mesh")
+
+
+def _element(archive: Archive) -> dict[str, Any]:
+    """Degree and contact rows of the element; files of version 0.1 have none, and rectangles leave no choice."""
+    if "degree" not in archive.arrays:
+        return {}
+    return {"degree": _count(archive, "degree"), "contact_rows": archive.text("contact_rows")}
 
 
 def _strict(archive: Archive, qvi: FrictionQVI) -> FrictionQVI:
