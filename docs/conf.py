@@ -39,7 +39,10 @@ nitpicky = True
 nitpick_ignore_regex = [
     # types of other libraries, whose pages are not read: nothing is loaded from the network
     (r"py:.*", r"(numpy|np|scipy|matplotlib|click|collections|dataclasses|pathlib|typing|types|enum)(\..*)?"),
-    (r"py:.*", r"(Any|Array|ArrayLike|Axes|Console|DataFrame|QuadMesh|TriMesh|Figure|IO|Module|NDArray|Protocol|Self)"),
+    (
+        r"py:.*",
+        r"(Any|Array|ArrayLike|Axes|Console|DataFrame|PolyCollection|TriMesh|Figure|IO|Module|NDArray|Protocol|Self)",
+    ),
     (r"py:.*", r"(str|int|float|bool|None|object|tuple|list|dict|Path|Mapping|Sequence|Callable|Iterable|Iterator)"),
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),

@@ -63,7 +63,7 @@ def group() -> None:
 @_TIME_LIMIT
 @_JSON
 @click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
-@click.option("--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu).")
+@click.option("--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu), contacts beside: _contacts.vtu.")
 @click.option("--npz", metavar="NPZ", help="Write all as NumPy arrays (.npz), which qvi-contact verify can check.")
 @click.option("--save-json", metavar="JSON", help="Write what --json prints to a file.")
 @click.option("--certificate", is_flag=True, help="Check the result anew and print the table: numbers and meanings.")
@@ -473,9 +473,11 @@ def _write(
             plots.save_figure(path, plots.result_figure(last, file.units))
 
     def vtk(path: str) -> None:
-        from qvi_contact.files.export import write_vtu
+        from qvi_contact.files.export import contacts_path, write_contacts_vtu, write_vtu
 
         write_vtu(path, last, file.units)
+        if last.contacts:
+            write_contacts_vtu(contacts_path(path), last, file.units)
 
     def npz(path: str) -> None:
         from qvi_contact.files.export import write_npz

@@ -75,6 +75,10 @@ class Cell(Protocol):
         """Points (q, 2) and weights (q,) of sum `area`, exact up to degree 2 count − 1."""
         ...
 
+    def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
+        """Points (k, 2) that divide the cell, so many parts along each side, and the parts' corners (c, s)."""
+        ...
+
     def table(self, vertices: IntArray) -> IntArray:
         """Numbers of the coefficients of cells whose corners are the vertices (cells, c), shape (cells, n)."""
         ...

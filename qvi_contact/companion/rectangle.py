@@ -12,6 +12,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.cell import numbered
 from qvi_contact.element import bernstein
 from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.lattices import square_lattice
 
 _SIDES: Final = ((0, 1), (1, 2), (3, 2), (0, 3))  # from corner to corner along +x or +y
 
@@ -76,6 +77,10 @@ class Rectangle:
         """`count` Gauss points in each direction, along x first."""
         t, w = gauss_legendre(count)
         return np.column_stack([np.tile(t, count), np.repeat(t, count)]), np.outer(w, w).ravel()
+
+    def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
+        """Points and parts, see `Cell`."""
+        return square_lattice(divisions)
 
     def table(self, vertices: IntArray) -> IntArray:
         """Numbers of the coefficients, by scikit-fem."""

@@ -10,6 +10,7 @@ from skfem.refdom import RefTri  # type: ignore[import-untyped]
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.cell import numbered
+from qvi_contact.element.lattices import triangle_lattice
 from qvi_contact.element.triangle import bernstein, exponents, gradient, quadrature
 
 _SIDES: Final = ((0, 1), (1, 2), (0, 2))  # in scikit-fem's order, from the lower number of a corner to the higher one
@@ -68,6 +69,11 @@ class Triangle:
         """Gauss points, `count` in each direction of the collapsed square."""
         points, weights = quadrature(2 * count - 1)
         return points[:, 1:], weights / 2.0
+
+    def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
+        """Points and parts, see `Cell`."""
+        points, parts = triangle_lattice(divisions)
+        return points[:, 1:], parts
 
     def table(self, vertices: IntArray) -> IntArray:
         """Numbers of the coefficients, by scikit-fem."""

@@ -6,26 +6,29 @@ Every file is either written whole or not at all.
 import json
 from collections.abc import Mapping
 from dataclasses import fields
-from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, whole_number
+from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
 from qvi_contact.basics.units import Units
-from qvi_contact.basics.writing import check_suffix, replacing, write_text
+from qvi_contact.basics.writing import check_suffix, write_text
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import write_archive
 from qvi_contact.files.stored import solution_arrays
+from qvi_contact.files.vtu import check_vtu, named, stress_fields, vectors, write_grid
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.result import ContactResult, Energies
-from qvi_contact.solution.sampling import cell_factors, von_mises
-from qvi_contact.solution.stress import principal_stresses, stress_in_cells
-from solvers.basics.types import load
+from qvi_contact.solution.sampling import cell_factors
+from qvi_contact.solution.stress import stress_in_cells
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Bracket
+    from qvi_contact.companion import CompanionResult
 
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
 _MOST_SUBDIVISIONS: Final = 100  # of a cell: ten thousand quadrilaterals
@@ -169,11 +172,18 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
     return {**_body_arrays(result), **_contact_arrays(result.contacts), **_numbers(result)}
 
 
-def write_vtu(path: str | Path, result: ContactResult, units: Units | None = None, subdivisions: int = 4) -> None:
+def write_vtu(
+    path: str | Path,
+    result: ContactResult,
+    units: Units | None = None,
+    subdivisions: int = 4,
+    bracket: "Bracket | None" = None,
+) -> None:
     """Write stresses as an unstructured VTK grid, which ParaView opens; needs the extra ``vtk`` (meshio).
 
-    Every cell is divided into subdivisions² quadrilaterals or triangles of its own, that share no points with those of
-    other cells, so that normal stresses may jump between cells as they do in the element.
+    Every cell is divided into quadrilaterals or triangles of its own, that share no points with those of other cells,
+    so that normal stresses may jump between cells as they do in the element: subdivisions² of a rectangle, as many of
+    each of the three parts of a triangle. Fields are linear in them.
 
     Parameters
     ----------
@@ -184,34 +194,121 @@ def write_vtu(path: str | Path, result: ContactResult, units: Units | None = Non
     units : Units, optional
         If given, names of fields end in their unit, as in "stress [MPa]".
     subdivisions : int
-        Parts along each side of a cell; stresses between points are linear, those of an element of higher degree.
+        Parts along each side of a cell.
+    bracket : Bracket, optional
+        That of the result, such as ``result.bracket``: displacements and the error of each cell are written too.
 
     Raises
     ------
     InputError
-        If meshio is missing, there is no stress state, the suffix is another one, or the file cannot be written.
+        If meshio is missing, there is no stress state, the bracket is of another mesh or has no displacement, the
+        suffix is another one, or the file cannot be written.
 
     Notes
     -----
     Point data: "stress" with the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors (zz = ν(xx + yy) in plane
-    strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function. Cell
-    data: "material", 0 for the body's own and then the number of the region.
+    strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function; with a
+    bracket "displacement", x, y, 0, of its displacement elements. Cell data: "material", 0 for the body's own and then
+    the number of the region, "cell", the number of the mesh's cell; with a bracket "energy gap", what the whole cell
+    adds to the gap between the bounds of the energy.
 
     """
-    if find_spec("meshio") is None:
-        raise InputError("vtk", "meshio", "VTU files need meshio: python -m pip install 'qvi-contact[vtk]'")
-    check_suffix("vtk", path, ".vtu")
+    check_vtu(path)
     r = whole_number("subdivisions", subdivisions, _MOST_SUBDIVISIONS)
     points, point_data = _point_data(result, r, units)
     t, corners = result.discretization.space.lattice(r)
-    material = np.repeat(result.problem.cell_materials, len(corners))
-    cells = len(t) * np.arange(result.problem.mesh.cell_count)[:, None, None] + corners
-    kind = {3: "triangle", 4: "quad"}[corners.shape[1]]
-    blocks = [(kind, cells.reshape(-1, corners.shape[1]))]
-    meshio = load("meshio")
-    mesh = meshio.Mesh(points, blocks, point_data=point_data, cell_data={"material": [material]})
-    with replacing(path) as temporary:
-        mesh.write(temporary, file_format="vtu")
+    count = result.problem.mesh.cell_count
+    number = np.repeat(np.arange(count), len(corners))
+    cell_data: dict[str, FloatArray | IntArray] = {"material": result.problem.cell_materials[number], "cell": number}
+    if bracket is not None:
+        companion = _companion(result, bracket)
+        moved = companion.cell_displacement(*t[:, -2:].T).reshape(-1, 2)
+        point_data[named("displacement", "displacement", units)] = vectors(moved)
+        cell_data[named("energy gap", "energy", units)] = bracket.cell_gaps[number]
+    cells = (len(t) * np.arange(count)[:, None, None] + corners).reshape(-1, corners.shape[1])
+    write_grid(path, points, cells, point_data, cell_data)
+
+
+def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
+    """Write what happens on the contacts as lines through their points, for ParaView; needs the extra ``vtk`` (meshio).
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, ending in .vtu.
+    result : ContactResult
+        A result with a stress state and contacts.
+    units : Units, optional
+        If given, names of fields end in their unit, as in "pressure [MPa]".
+
+    Raises
+    ------
+    InputError
+        If meshio is missing, there is no stress state or no contact, the suffix is another one, or the file cannot be
+        written.
+
+    Notes
+    -----
+    Point data: "pressure" −σ_N, "shear" σ_T, "friction bound" (NaN where tied), "gap", "slip" and "state" (0 open, 1
+    stick, 2 slip) as `ContactLine` has them, "traction" on the body and "normal" as vectors. Cell data: "contact", its
+    number in the order of the problem. Lines join neighbouring points along each contact.
+
+    """
+    check_vtu(path)
+    if not result.contacts:
+        raise InputError("vtk", str(path), "there is no contact to write")
+    parts, joints, number, count = [], [], [], 0
+    for index, (contact, line) in enumerate(zip(result.problem.contacts, result.contacts.values(), strict=True)):
+        normal = np.repeat(result.problem.mesh.edges(contact.edges).normal, line.points_per_edge, axis=0)
+        tangent = np.repeat(result.problem.mesh.edges(contact.edges).tangent, line.points_per_edge, axis=0)
+        order = line.path.points(line.points_per_edge)
+        parts.append(_contact_points(line, normal, tangent, units))
+        joints.append(count + _joined_points(order, line.path.line))
+        number.append(np.full(len(joints[-1]), index))
+        count += len(line.x)
+    points = np.concatenate([np.column_stack([line.x, line.y]) for line in result.contacts.values()])
+    fields = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    write_grid(path, points, np.concatenate(joints), fields, {"contact": np.concatenate(number)})
+
+
+def contacts_path(path: str | Path) -> Path:
+    """The file of contacts beside a file of fields: part.vtu has part_contacts.vtu."""
+    whole = Path(path)
+    return whole.with_name(f"{whole.stem}_contacts{whole.suffix}")
+
+
+def _companion(result: ContactResult, bracket: "Bracket") -> "CompanionResult":
+    """The displacement of a bracket of this result's mesh."""
+    companion = bracket.companion
+    if not bracket.problem.mesh.same_as(result.problem.mesh):
+        raise InputError("bracket", repr(bracket.problem.mesh), "belongs to another mesh: give the one of this result")
+    if companion is None or not companion.has_state:
+        raise InputError("bracket", bracket.message, "there is no displacement in it to write")
+    return companion
+
+
+def _contact_points(
+    line: ContactLine, normal: FloatArray, tangent: FloatArray, units: Units | None
+) -> dict[str, FloatArray]:
+    """The fields of one contact."""
+    bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
+    stresses = {"pressure": -line.normal_stress, "shear": line.tangential_stress, "friction bound": bound}
+    traction = line.normal_stress[:, None] * normal + line.tangential_stress[:, None] * tangent
+    return {
+        **{named(name, "stress", units): values for name, values in stresses.items()},
+        **{named(name, "displacement", units): getattr(line, name) for name in ("gap", "slip")},
+        "state": line.state.astype(np.float64),
+        named("traction", "stress", units): vectors(traction),
+        "normal": vectors(normal),
+    }
+
+
+def _joined_points(order: IntArray, line: IntArray) -> IntArray:
+    """Pairs (k, 2) of neighbours among points in order (n, q), of edges on lines with these numbers (n,)."""
+    within = np.stack([order[:, :-1].ravel(), order[:, 1:].ravel()], axis=1)
+    goes_on = np.diff(line) == 0
+    between = np.stack([order[:-1, -1][goes_on], order[1:, 0][goes_on]], axis=1)
+    return np.concatenate([within, between])
 
 
 _STATE_KEYS: Final = ("contacts", "plates", "energies", "resultants", "traction_misfit")
@@ -361,7 +458,7 @@ def _numbers(result: ContactResult) -> dict[str, Any]:
 
 
 def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Points (m, 3) of all cells, those of `Basis.lattice` in each, cell by cell, and the fields there."""
+    """Points (m, 2) of all cells, those of `Basis.lattice` in each, cell by cell, and the fields there."""
     known, count = result.discretization, result.problem.mesh.cell_count
     t, _ = known.space.lattice(r)
     chunks = [np.arange(count)[start : start + _CHUNK] for start in range(0, count, _CHUNK)]
@@ -370,14 +467,6 @@ def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[Flo
     airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks]).ravel() * known.scales.airy
     stress = np.concatenate([stress_in_cells(known, coefficients, cells, t)[1] for cells in chunks]).reshape(-1, 3)
     stress *= known.scales.stress
-    factor = np.repeat(cell_factors(result.problem), len(t))
-    xx, yy, xy = stress.T
-    zero = np.zeros_like(xx)
-    first, second, _ = principal_stresses(stress)
-    mises = von_mises(stress, factor)
-    found = {"stress": np.column_stack([xx, yy, factor * (xx + yy), xy, zero, zero]), "von Mises": mises}
-    found |= {"principal 1": first, "principal 2": second}
-    if units is not None:
-        found = {f"{name} [{units.stress}]": values for name, values in found.items()}
-    found["Airy function" + (f" [{units.moment}]" if units else "")] = airy
-    return np.column_stack([*physical(result.problem, known.scales, places), zero]), found
+    found = stress_fields(stress, np.repeat(cell_factors(result.problem), len(t)), units)
+    found[named("Airy function", "moment", units)] = airy
+    return np.column_stack(physical(result.problem, known.scales, places)), found

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.bracket import Bracket
 from qvi_contact.errors import InputError
@@ -11,14 +12,14 @@ from qvi_contact.plots.style import BLUE, GREEN, ORANGE, draw_outline, frame, li
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import QuadMesh
+    from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
 _DECADES = 6.0  # shown below the largest share
 _LOOKS = {"bulk": (BLUE, ""), "contact": (ORANGE, "//"), "friction": (GREEN, "..")}
 
 
-def bracket_map(axes: "Axes", bracket: Bracket, units: Units | None = None) -> "QuadMesh":
+def bracket_map(axes: "Axes", bracket: Bracket, units: Units | None = None) -> "PolyCollection":
     """Draw what each cell adds to the gap between the energy's bounds, divided by its area, on a logarithmic scale.
 
     Parameters
@@ -31,31 +32,42 @@ def bracket_map(axes: "Axes", bracket: Bracket, units: Units | None = None) -> "
         Labels.
 
     """
+    from matplotlib.collections import PolyCollection
     from matplotlib.colors import LogNorm
 
-    mesh, units = bracket.problem.grid, units or Units()
-    density = bracket.cells / np.outer(np.diff(mesh.y), np.diff(mesh.x))
+    mesh, units = bracket.problem.mesh, units or Units()
+    corners = mesh.vertices[mesh.cells]
+    density = bracket.cell_gaps / _areas(corners)
     largest = float(density.max()) or 1.0
     least = max(float(density[density > 0.0].min(initial=largest)), largest * 10.0**-_DECADES)
-    shown = np.ma.masked_array(np.maximum(density, least), mask=~mesh.active)
     norm = LogNorm(least, largest if largest > least else 10.0 * least)
-    quads = axes.pcolormesh(mesh.x, mesh.y, shown, norm=norm, cmap="cividis", rasterized=True)
+    shown = np.maximum(density, least)
+    cells = PolyCollection(list(corners), array=shown, norm=norm, cmap="cividis", edgecolors="face", linewidths=0.2)
+    cells.set_rasterized(True)
+    axes.add_collection(cells)
     draw_outline(axes, mesh)
     _draw_contacts(axes, bracket)
     frame(axes, mesh)
     axes.set_xlabel(f"x [{units.length}]")
     axes.set_ylabel(f"y [{units.length}]")
     label = f"gap of the energy by area [{units.stress}]"
-    axes.figure.colorbar(quads, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label)
-    return quads
+    axes.figure.colorbar(cells, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label)
+    return cells
+
+
+def _areas(corners: FloatArray) -> FloatArray:
+    """Areas of cells with these corners in order (cells, c, 2)."""
+    following = np.roll(corners, -1, axis=1)
+    twice = (corners[..., 0] * following[..., 1] - corners[..., 1] * following[..., 0]).sum(axis=1)
+    return np.asarray(np.abs(twice) / 2.0)
 
 
 def _draw_contacts(axes: "Axes", bracket: Bracket) -> None:
     """Contacts and joints as white and black lines."""
-    mesh = bracket.problem.grid
+    mesh = bracket.problem.mesh
     for contact in bracket.problem.contacts:
         edges = mesh.edges(contact.edges)
-        ends = np.stack([mesh.coordinates[edges.first], mesh.coordinates[edges.second]], axis=1)
+        ends = np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1)
         axes.add_collection(lines(ends, "white", "solid", 2.4))
         axes.add_collection(lines(ends, "black", "solid", 1.0))
 

@@ -7,11 +7,10 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, positive_number
 from qvi_contact.basics.units import Units
 from qvi_contact.companion.result import CompanionResult
-from qvi_contact.files.companion import sub_points, sub_quads
-from qvi_contact.mesh.rectilinear import HORIZONTAL
-from qvi_contact.plots.fields import colour_range
-from qvi_contact.plots.style import GREY, VERMILLION, draw_outline, legend_below, lines, new_figure
-from qvi_contact.solution.sampling import out_of_plane_factor, von_mises
+from qvi_contact.element.lattices import triangles_of
+from qvi_contact.plots.fields import draw_values
+from qvi_contact.plots.style import GREY, VERMILLION, bounding_box, draw_outline, legend_below, lines, new_figure
+from qvi_contact.solution.sampling import cell_factors, von_mises
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +18,8 @@ if TYPE_CHECKING:
 
 _LONGEST: Final = 0.08  # share of the body's length at which the largest displacement is drawn
 _LEAST: Final = 1e-5  # displacements below this share of what strains the body are not magnified any further
-_SAMPLES: Final = 160  # quadrilaterals along the longer side
+_SAMPLES: Final = 160  # parts of cells along the longer side
+_MOST_CELLS: Final = 6400  # whose outlines are drawn
 _POINTS: Final = 9  # of a curved edge
 
 
@@ -52,8 +52,9 @@ def deformed_figure(companion: CompanionResult, scale: float | None = None, unit
     """
     units = units or Units()
     factor = _automatic(companion) if scale is None else positive_number("scale", scale)
-    mesh = companion.problem.grid
-    figure = new_figure(5.5, float(np.clip(4.5 * np.ptp(mesh.y) / np.ptp(mesh.x), 2.5, 8.0)) + 1.0)
+    mesh = companion.problem.mesh
+    low, high = bounding_box(mesh)
+    figure = new_figure(5.5, float(np.clip(4.5 * (high[1] - low[1]) / (high[0] - low[0]), 2.5, 8.0)) + 1.0)
     axes = figure.add_subplot()
     draw_outline(axes, mesh, "#999999")
     _draw_stress(axes, companion, factor, units)
@@ -71,41 +72,35 @@ def deformed_figure(companion: CompanionResult, scale: float | None = None, unit
 def _automatic(companion: CompanionResult) -> float:
     """The largest of 1, 2, 5 times a power of ten that keeps displacements within `_LONGEST` of the body's length."""
     largest = float(np.abs(companion.nodal_displacements).max())
-    wanted = _LONGEST * companion.problem.grid.length / max(largest, _LEAST * companion.scales.displacement)
+    wanted = _LONGEST * companion.problem.mesh.length / max(largest, _LEAST * companion.scales.displacement)
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12)))
 
 
-def _moved(companion: CompanionResult, tx: FloatArray, ty: FloatArray, factor: float) -> FloatArray:
-    """Where points of every cell are drawn, (cells, k, 2)."""
-    return companion.cell_points(tx, ty) + factor * companion.cell_displacement(tx, ty)
+def _moved(companion: CompanionResult, t: FloatArray, factor: float) -> FloatArray:
+    """Where reference points (k, 2) of every cell are drawn, (cells, k, 2)."""
+    return companion.cell_points(*t.T) + factor * companion.cell_displacement(*t.T)
 
 
 def _draw_stress(axes: "Axes", companion: CompanionResult, factor: float, units: Units) -> None:
-    from matplotlib.collections import PolyCollection
-
     problem = companion.problem
-    r = int(np.clip(np.ceil(_SAMPLES / max(problem.grid.shape)), 2, 24))
-    corners = _moved(companion, *sub_points(r), factor).reshape(-1, 2)[sub_quads(companion.problem.mesh.cell_count, r)]
-    middle = (np.arange(r) + 0.5) / r
-    stress = companion.cell_stress(np.tile(middle, r), np.repeat(middle, r))
-    values = von_mises(stress, out_of_plane_factor(problem)[problem.grid.active][:, None]).ravel()
-    (low, high), colours = colour_range(values)
-    field = PolyCollection(list(corners), array=values, cmap=colours, edgecolors="none", antialiased=False)
-    field.set_clim(low, high)
-    field.set_rasterized(True)
-    axes.add_collection(field)
+    count = problem.mesh.cell_count
+    t, parts = companion.space.cell.lattice(int(np.clip(np.ceil(_SAMPLES / np.sqrt(count)), 2, 24)))
+    values = von_mises(companion.cell_stress(*t.T), cell_factors(problem)[:, None]).ravel()
+    triangles = (len(t) * np.arange(count)[:, None, None] + triangles_of(parts)).reshape(-1, 3)
+    field = draw_values(axes, _moved(companion, t, factor).reshape(-1, 2), triangles, values)
     axes.figure.colorbar(field, ax=axes, label=f"von Mises stress [{units.stress}]", shrink=0.8)
 
 
 def _draw_cells(axes: "Axes", companion: CompanionResult, factor: float) -> None:
     """Outlines of the cells, curved as they are, thin; fine meshes are left to the colours."""
-    if max(companion.problem.grid.shape) > _SAMPLES // 2:
+    if companion.problem.mesh.cell_count > _MOST_CELLS:
         return
-    t, zero = np.linspace(0.0, 1.0, _POINTS), np.zeros(_POINTS)
-    tx = np.concatenate([t, zero + 1.0, t[::-1], zero])
-    ty = np.concatenate([zero, t, zero + 1.0, t[::-1]])
-    axes.add_collection(lines(_moved(companion, tx, ty, factor), "white", "solid", 0.4))
+    cell = companion.space.cell
+    corners = cell.places[cell.corners]
+    sides = np.roll(corners, -1, axis=0) - corners
+    t = (corners[:, None] + np.linspace(0.0, 1.0, _POINTS)[:, None] * sides[:, None]).reshape(-1, 2)
+    axes.add_collection(lines(_moved(companion, t, factor), "white", "solid", 0.4))
 
 
 def _draw_obstacles(axes: "Axes", companion: CompanionResult, factor: float) -> None:
@@ -114,13 +109,11 @@ def _draw_obstacles(axes: "Axes", companion: CompanionResult, factor: float) -> 
     for contact in problem.contacts:
         if contact in problem.joints:
             continue
-        edges = problem.grid.edges(contact.edges)
-        x, y = problem.grid.points_along(edges, t)
+        edges = problem.mesh.edges(contact.edges)
         normal, tangential = companion.obstacle(contact.name, t)
-        across = edges.sign[:, None] * normal
-        flat = (edges.axis == HORIZONTAL)[:, None]
-        x, y = x + factor * np.where(flat, tangential, across), y + factor * np.where(flat, across, tangential)
-        axes.add_collection(lines(np.stack([x, y], axis=-1), VERMILLION, (0, (4, 2)), 1.2))
+        moved = normal[..., None] * edges.normal[:, None] + tangential[..., None] * edges.tangent[:, None]
+        place = np.stack(problem.mesh.points_along(edges, t), axis=-1) + factor * moved
+        axes.add_collection(lines(place, VERMILLION, (0, (4, 2)), 1.2))
 
 
 def _legend(axes: "Axes", companion: CompanionResult, factor: float) -> None:

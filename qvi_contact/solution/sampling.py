@@ -10,6 +10,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, one_of, real_array
 from qvi_contact.discretization.loads import physical
+from qvi_contact.element.lattices import triangles_of
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import principal_stresses, stress_in_cells
@@ -64,7 +65,7 @@ def sample_body(result: ContactResult, parts: int) -> BodySamples:
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
     for division in np.unique(divisions).tolist():
         t, corners = discretization.space.lattice(division)
-        split = np.concatenate([corners[:, [0, k, k + 1]] for k in range(1, corners.shape[1] - 1)])
+        split = triangles_of(corners)
         chosen = np.flatnonzero(divisions == division)
         for cells in (chosen[start : start + _CHUNK] for start in range(0, len(chosen), _CHUNK)):
             points, stress = stress_in_cells(discretization, coefficients, cells, t)
@@ -76,18 +77,10 @@ def sample_body(result: ContactResult, parts: int) -> BodySamples:
     return BodySamples(place, cells, stress * discretization.scales.stress, np.concatenate(triangles))
 
 
-def out_of_plane_factor(problem: ContactProblem) -> FloatArray:
-    """The factor f of σ_zz = f (σ_xx + σ_yy) in each cell, shape (ny, nx): ν in plane strain, 0 in plane stress."""
-    return np.asarray(_factors(problem)[problem.material_numbers])
-
-
 def cell_factors(problem: ContactProblem) -> FloatArray:
-    """The same for the cells of any mesh, shape (cells,)."""
-    return np.asarray(_factors(problem)[problem.cell_materials])
-
-
-def _factors(problem: ContactProblem) -> FloatArray:
-    return np.array([material.poisson if material.plane == "strain" else 0.0 for material in problem.materials])
+    """The factor f of σ_zz = f (σ_xx + σ_yy) in each cell, shape (cells,): ν in plane strain, 0 in plane stress."""
+    factors = [material.poisson if material.plane == "strain" else 0.0 for material in problem.materials]
+    return np.asarray(np.array(factors)[problem.cell_materials])
 
 
 def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0) -> FloatArray:
@@ -98,7 +91,7 @@ def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0) -> FloatArra
     stress : (..., 3) array
         σ_xx, σ_yy, σ_xy.
     factor : (...) array
-        f of σ_zz = f (σ_xx + σ_yy), see `out_of_plane_factor`; 0, plane stress, by default.
+        f of σ_zz = f (σ_xx + σ_yy), see `cell_factors`; 0, plane stress, by default.
 
     Returns
     -------

@@ -290,7 +290,7 @@ def test_files_are_written_beside_the_report(shell, plate, tmp_path):
     assert out.startswith("The plate")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["solved"] is True
-    assert all((tmp_path / name).stat().st_size > 100 for name in files.values())
+    assert all((tmp_path / name).stat().st_size > 100 for name in (*files.values(), "a_contacts.vtu"))
 
 
 def test_without_a_state_there_are_no_fields(shell, sliding, tmp_path):

@@ -22,7 +22,7 @@ from qvi_contact import (
     principal_stresses,
     solve,
 )
-from qvi_contact.export import summary, write_json, write_npz, write_vtu
+from qvi_contact.export import summary, write_contacts_vtu, write_json, write_npz, write_vtu
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.sampling import von_mises
@@ -331,6 +331,57 @@ class TestVtu:
         monkeypatch.setitem(sys.modules, "meshio", None)
         with pytest.raises(InputError, match=r"pip install 'qvi-contact\[vtk\]'"):
             write_vtu(tmp_path / "a.vtu", notched)
+
+
+@pytest.mark.parametrize("kind", ["grid", "triangles"])
+class TestMore:
+    """Displacement, error of cells and contacts, on meshes of both kinds."""
+
+    @pytest.fixture
+    def result(self, kind):
+        problem = compressed_plate(0.2, (3, 2), 1.5)
+        return solve(problem if kind == "grid" else problem.triangulated())
+
+    def test_displacement_and_error_by_cell(self, result, tmp_path):
+        bracket = result.bracket
+        write_vtu(tmp_path / "a.vtu", result, UNITS, subdivisions=2, bracket=bracket)
+        grid = meshio.read(tmp_path / "a.vtu")
+        moved = grid.point_data["displacement [mm]"]
+        assert moved[:, :2] == pytest.approx(result.displacement(*grid.points[:, :2].T), abs=1e-9)
+        cell, gap = grid.cell_data["cell"][0], grid.cell_data["energy gap [MPa mm²]"][0]
+        once = np.unique(cell, return_index=True)[1]
+        assert gap[once].sum() == pytest.approx(bracket.gap, rel=1e-6)
+        assert np.array_equal(gap, bracket.cell_gaps[cell])
+
+    def test_another_bracket_is_refused(self, result, tmp_path):
+        other = solve(compressed_plate(0.2, (1, 1))).bracket
+        with pytest.raises(InputError, match="another mesh"):
+            write_vtu(tmp_path / "a.vtu", result, bracket=other)
+
+    def test_contacts(self, result, tmp_path):
+        line = result.contacts["plate"]
+        write_contacts_vtu(tmp_path / "a.vtu", result, UNITS)
+        grid = meshio.read(tmp_path / "a.vtu")
+        assert grid.points[:, :2] == pytest.approx(np.column_stack([line.x, line.y]))
+        wanted = {
+            "pressure [MPa]": -line.normal_stress, "shear [MPa]": line.tangential_stress,
+            "friction bound [MPa]": line.friction_bound, "gap [mm]": line.gap, "slip [mm]": line.slip,
+            "state": line.state,
+        }  # fmt: skip
+        for name, values in wanted.items():
+            assert grid.point_data[name] == pytest.approx(values), name
+        assert grid.point_data["traction [MPa]"][:, 1] == pytest.approx(line.normal_stress)
+        pairs = grid.cells_dict["line"]
+        assert len(pairs) == len(line.x) - 1
+        steps = np.abs(np.diff(grid.points[pairs, 0], axis=1))
+        assert steps.sum() == pytest.approx(np.ptp(line.x))  # each joins neighbours
+
+    def test_a_body_without_contact_has_none_to_write(self, kind, tmp_path):
+        mesh, material = RectilinearMesh([0.0, 1.0], [0.0, 1.0]), Material(1000.0, 0.3)
+        sides = {"bottom": "uu", "right": "tt", "top": "tt", "left": "tt"}
+        problem = exact.problem_from_state(exact.uniform(material, yy=-1.0), mesh, material, sides)
+        with pytest.raises(InputError, match="no contact"):
+            write_contacts_vtu(tmp_path / "a.vtu", solve(problem if kind == "grid" else problem.triangulated()))
 
 
 @pytest.mark.parametrize(("write", "right", "wrong"), [(write_npz, ".npz", ".zip"), (write_vtu, ".vtu", ".vtk")])

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.collections import PolyCollection, TriMesh
 
 from qvi_contact import (
     Contact,
@@ -20,6 +21,8 @@ from qvi_contact import (
     verify_result,
 )
 from qvi_contact.export import field_arrays, summary, write_json, write_npz, write_vtu
+from qvi_contact.plots.bracket import bracket_figure
+from qvi_contact.plots.companion import deformed_figure
 
 MESH = RectilinearMesh.rectangle((3, 2), 1.5, 1.0, origin=(10.0, -3.0))
 CUT = ContactProblem(
@@ -76,6 +79,29 @@ def test_files_hold_it(result, tmp_path):
     said = json.loads((tmp_path / "cut.json").read_text(encoding="utf-8"))
     assert said["mesh"] == summary(result)["mesh"]
     assert said["mesh"]["cells"] == 12
+
+
+def test_the_gap_of_each_cell_is_drawn(result):
+    found = result.bracket
+    figure = bracket_figure(found)
+    (drawn,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
+    corners = result.problem.mesh.corners
+    density = 2.0 * found.cell_gaps / np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+    assert np.asarray(drawn.get_array()) == pytest.approx(np.maximum(density, 1e-6 * density.max()))
+    for path, wanted in zip(drawn.get_paths(), corners, strict=True):
+        assert path.vertices[:3] == pytest.approx(wanted)
+
+
+def test_the_deformed_body_is_drawn(result):
+    companion = result.bracket.companion
+    axes = deformed_figure(companion, scale=3.0).axes[0]
+    (field,) = (c for c in axes.collections if isinstance(c, TriMesh))
+    vertices = result.problem.mesh.vertices
+    moved = vertices + 3.0 * companion.displacement(*vertices.T)
+    drawn = np.column_stack([field._triangulation.x, field._triangulation.y])
+    for place in moved:
+        assert np.hypot(*(drawn - place).T).min() < 1e-9
+    assert drawn.min(axis=0) == pytest.approx(moved.min(axis=0), abs=0.02)
 
 
 @pytest.mark.parametrize(

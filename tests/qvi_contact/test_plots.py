@@ -48,7 +48,7 @@ from qvi_contact.plots import (
     stress_field,
 )
 from qvi_contact.solution.contact_line import ContactLine
-from qvi_contact.solution.sampling import out_of_plane_factor, sample_body, von_mises
+from qvi_contact.solution.sampling import cell_factors, sample_body, von_mises
 from qvi_contact.units import Units
 from solvers import Status
 
@@ -425,9 +425,8 @@ class TestField:
         assert drawn == pytest.approx(np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2))), rel=1e-8)
 
     def test_uniaxial_plane_strain_by_hand(self):
-        factor = out_of_plane_factor(notched("strain"))
-        assert factor[:, 0] == pytest.approx([0.45, 0.2, 0.2])
-        assert out_of_plane_factor(notched())[0, 0] == 0.0
+        assert cell_factors(notched("strain")) == pytest.approx([0.45, 0.45, 0.2, 0.2, 0.2])
+        assert cell_factors(notched())[0] == 0.0
         assert von_mises(np.array([0.0, -10.0, 0.0]), 0.3) == pytest.approx(10 * np.sqrt(1 - 0.3 + 0.09))
 
     def test_colours_of_both_signs_are_centred_on_zero(self):

@@ -22,6 +22,7 @@ from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT, Grid
 from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.lattices import square_lattice
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 
@@ -170,7 +171,4 @@ class BognerFoxSchmit:
 
     def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
         """Points that divide a cell, row by row, and the corners of its parts, counterclockwise."""
-        t = np.linspace(0.0, 1.0, divisions + 1)
-        points = np.column_stack([np.tile(t, len(t)), np.repeat(t, len(t))])
-        first = (np.arange(divisions)[:, None] * (divisions + 1) + np.arange(divisions)).ravel()
-        return points, first[:, None] + np.array([0, 1, divisions + 2, divisions + 1])
+        return square_lattice(divisions)

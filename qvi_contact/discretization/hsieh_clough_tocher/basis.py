@@ -18,6 +18,7 @@ from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace
 from qvi_contact.discretization.hsieh_clough_tocher.tractions import eliminate_tractions
 from qvi_contact.element import legendre
 from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.lattices import triangle_lattice
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -201,15 +202,10 @@ class TriangleBasis:
 
         Stresses may jump between the parts, so each has points of its own, which lie a trifle inside it.
         """
-        n = divisions
-        index = {(i, j): k for k, (i, j) in enumerate((i, j) for j in range(n + 1) for i in range(n + 1 - j))}
-        flat = np.array([(n - i - j, i, j) for i, j in index]) / n
+        flat, pieces = triangle_lattice(divisions)
         flat = (1.0 - _INWARD) * flat + _INWARD / 3.0
-        upright = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < n]
-        turned = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < n - 1]
         parts = [np.array([*np.delete(np.eye(3), corner, axis=0), np.full(3, 1.0 / 3.0)]) for corner in range(3)]
         points = np.concatenate([flat @ part for part in parts])
-        pieces = np.array(upright + turned)
         return points, np.concatenate([pieces + part * len(flat) for part in range(3)])
 
 
