@@ -25,7 +25,7 @@ class RefinementStatus(StrEnum):
 
 
 _ADVICE = {
-    RefinementStatus.REACHED: "Nothing to do: the estimated error is within the target.",
+    RefinementStatus.REACHED: "Nothing to do: the error, estimated or bounded, is within the target.",
     RefinementStatus.UNKNOWNS: "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the "
     "estimate.",
     RefinementStatus.ROUNDS: "The rounds are used up: raise max_rounds, or accept the estimate.",
@@ -44,21 +44,24 @@ class RefinementRound:
 
     Attributes
     ----------
-    cells : (int, int)
-        Grid cells along x and y of the finest mesh, those left out included.
+    cells : (int, int) or (int,)
+        Grid cells along x and y of the finest mesh, those left out included; on triangles their number.
     unknowns : int
         Unknowns of the problem on it.
     value : float
         The quantity.
     estimate : float
         Its estimated relative error; infinity if there is none.
+    guaranteed : bool
+        Whether the estimate is a bound of the error.
 
     """
 
-    cells: tuple[int, int]
+    cells: tuple[int, ...]
     unknowns: int
     value: float
     estimate: float
+    guaranteed: bool = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,10 +81,10 @@ class Refinement:
     value : float
         The quantity, from `result`; NaN if that failed.
     estimate : float
-        Estimated relative error of the value; infinity if there is none.
+        Estimated relative error of the value, or its bound if `guaranteed`; infinity if there is none.
     unit : float
         What it is relative to, see `refine`.
-    indicator : (ny, nx) array
+    indicator : (ny, nx) or (cells,) array
         Contribution of each cell of the last mesh; they are ≥ 0 and add up to the estimate. Zero outside the body.
     rounds : tuple of RefinementRound
         One for each mesh solved.
@@ -115,16 +118,23 @@ class Refinement:
         return self.estimate * self.unit
 
     @property
+    def guaranteed(self) -> bool:
+        """Whether `estimate` is a bound of the error: the truth is proved to be that close, up to rounding."""
+        return bool(self.rounds) and self.rounds[-1].guaranteed
+
+    @property
     def message(self) -> str:
         """One sentence about the outcome."""
         if not self.rounds:
             return f"{self.status.value}: no mesh was solved; {self.reason or self.result.message}"
         last = self.rounds[-1]
-        nx, ny = last.cells
+        cells = " × ".join(str(count) for count in last.cells)
+        kind = "cells" if len(last.cells) > 1 else "triangles"
+        error = "guaranteed bound of the relative error" if self.guaranteed else "estimated relative error"
         sense = "within" if self.status is RefinementStatus.REACHED else "above"
         text = (
-            f"{self.status.value}: {self.quantity} = {self.value:.9g}, estimated relative error {self.estimate:.1e}, "
-            f"{sense} the target {self.target:.1e}, with {last.unknowns} unknowns on {nx} × {ny} cells after "
+            f"{self.status.value}: {self.quantity} = {self.value:.9g}, {error} {self.estimate:.1e}, "
+            f"{sense} the target {self.target:.1e}, with {last.unknowns} unknowns on {cells} {kind} after "
             f"{len(self.rounds)} {'round' if len(self.rounds) == 1 else 'rounds'}"
         )
         return f"{text}; {self.reason}" if self.reason else text

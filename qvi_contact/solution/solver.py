@@ -101,13 +101,29 @@ def solve(
         if isinstance(problem, Discretization):
             result = judged(_solve(problem, settings))
         else:
-            if contact_rows is None and method == "uzawa":
-                contact_rows = "gauss"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
-            fresh = discretize(problem, element=element, degree=degree, contact_rows=contact_rows)
-            result = judged(_solve(_fitted(fresh, settings), settings))
+            chosen = posed(problem, element=element, degree=degree, contact_rows=contact_rows, **settings)
+            result = judged(_solve(chosen, settings))
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
+
+
+def posed(
+    problem: ContactProblem,
+    *,
+    element: ElementName | None = None,
+    degree: int | None = None,
+    contact_rows: RowKind | None = None,
+    method: str | None = None,
+    **options: Any,
+) -> Discretization:
+    """The problem discretised in fitting units, as `solve` does it first with these options.
+
+    `solve` takes it in place of the problem, with all options but ``element``, ``degree`` and ``contact_rows``.
+    """
+    if contact_rows is None and method == "uzawa":
+        contact_rows = "gauss"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
+    return _fitted(discretize(problem, element=element, degree=degree, contact_rows=contact_rows), options)
 
 
 def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactResult:

@@ -27,7 +27,7 @@ from comparisons.study import Study, read_study, run_study
 from qvi_contact import refine, solve
 from qvi_contact.basics import terminal
 from qvi_contact.plots.style import has_matplotlib
-from qvi_contact.refinement import adaptive
+from qvi_contact.refinement import lines as line_refinement
 
 GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
 
@@ -359,7 +359,7 @@ class TestBrokenChains:
             few = {"method": "condensed", "max_iterations": 1} if problem.mesh.active.sum() > 200 else {}
             return solve(problem, **options, **few)
 
-        monkeypatch.setattr(adaptive, "solve", fails)
+        monkeypatch.setattr(line_refinement, "solve", fails)
 
     @staticmethod
     def result(sequence, model="equilibrium", size=2000):

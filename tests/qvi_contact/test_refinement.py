@@ -22,7 +22,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.gallery import compressed_plate, ssnv128
-from qvi_contact.refinement import adaptive
+from qvi_contact.refinement import lines as line_refinement
 from qvi_contact.refinement.differences import cell_energy, contact_defect, directional_energy, gauss_stress
 from qvi_contact.refinement.estimate import CellErrors, cell_errors
 from qvi_contact.refinement.grids import bisected, coarser, finer, halved, needed_lines, spread, summed
@@ -262,7 +262,7 @@ class TestEnds:
                 **({"method": "condensed", "max_iterations": 1} if problem.mesh.active.sum() > 64 else {}),
             )
 
-        monkeypatch.setattr(adaptive, "solve", impatient)
+        monkeypatch.setattr(line_refinement, "solve", impatient)
         outcome = refine(compressed_plate(0.2), None, 1e-6)
         assert outcome.status is RefinementStatus.UNSOLVED
         assert outcome.result.status is Status.SOLVED
@@ -280,7 +280,7 @@ class TestEnds:
                 **({"method": "condensed", "max_iterations": 1} if problem.mesh.active.sum() < 5 else {}),
             )
 
-        monkeypatch.setattr(adaptive, "solve", impatient)
+        monkeypatch.setattr(line_refinement, "solve", impatient)
         outcome = refine(compressed_plate(0.2), None, 1e-3)
         assert outcome.rounds[0].estimate == np.inf
         assert outcome.status is RefinementStatus.REACHED
@@ -478,7 +478,7 @@ def test_the_answer_is_that_of_the_last_round_in_time(clock, monkeypatch, second
         solved.append(problem)
         return solve(problem, **options)
 
-    monkeypatch.setattr(adaptive, "solve", counted)
+    monkeypatch.setattr(line_refinement, "solve", counted)
     outcome = refine(compressed_plate(0.2, (2, 2)), target=1e-9, time_limit=seconds, callback=callback)
     assert outcome.status is RefinementStatus.TIME_LIMIT
     assert len(outcome.rounds) == len(seen) == np.ceil(seconds)
@@ -503,7 +503,7 @@ def test_a_result_whose_accuracy_nobody_can_tell_in_time_is_not_the_answer(clock
         clock.passes(1.0)
         return solve(problem, **options)
 
-    monkeypatch.setattr(adaptive, "solve", slow)
+    monkeypatch.setattr(line_refinement, "solve", slow)
     outcome = refine(compressed_plate(0.2, (2, 2)), target=1e-9, time_limit=4.5)
     assert outcome.status is RefinementStatus.TIME_LIMIT
     assert len(solved) > 4

@@ -68,7 +68,7 @@ def _refined(problem: Problem, most: int, goal: str) -> tuple[list[Record], Cont
     ends because a solve or a mesh failed has a record of that too, the last one.
     """
     records: list[Record] = []
-    latest: dict[tuple[int, int], ContactResult] = {}
+    latest: dict[tuple[int, ...], ContactResult] = {}
     began = time.perf_counter()
 
     def value(result: ContactResult) -> float:

@@ -1,0 +1,48 @@
+"""The number that a refinement is for, and what its error is relative to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from qvi_contact.errors import InputError
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.result import ContactResult
+
+Quantity: TypeAlias = str | Callable[[ContactResult], float]
+
+_FORCES: Final = ("normal_force", "tangential_force")
+_SMALL_FORCE: Final = 1e-6  # of the problem's unit: forces below count as this for relative errors
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A quantity: its name, its value and the unit of its relative error."""
+
+    name: str
+    value: Callable[[ContactResult], float]
+    unit: Callable[[ContactResult], float]
+
+    @classmethod
+    def of(cls, problem: ContactProblem, quantity: Quantity) -> "Measure":
+        """The measure that `refine` calls by this name, or a function; `InputError` if there is none."""
+        if not isinstance(quantity, str):
+            if not callable(quantity):
+                raise InputError("quantity", quantity, "give a name or a function of a ContactResult")
+            function = quantity
+            name = getattr(function, "__name__", "quantity")
+            return cls(name, lambda result: float(function(result)), lambda result: abs(float(function(result))))
+        if quantity == "energy":
+            return cls(quantity, lambda result: result.energies.complementary, lambda result: result.energies.strain)
+        contact, _, force = quantity.rpartition(".")
+        if force not in _FORCES or contact not in [known.name for known in problem.contacts]:
+            names = [f"{known.name}.{kind}" for known in problem.contacts for kind in _FORCES]
+            raise InputError("quantity", quantity, f"give a function, or one of {', '.join(['energy', *names])}")
+
+        def value(result: ContactResult) -> float:
+            return float(getattr(result.contacts[contact], force))
+
+        def unit(result: ContactResult) -> float:
+            scales = result.discretization.scales
+            return max(abs(value(result)), _SMALL_FORCE * scales.stress * scales.length)
+
+        return cls(quantity, value, unit)

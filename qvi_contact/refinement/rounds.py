@@ -1,0 +1,159 @@
+"""What a kind of mesh is asked for in each round of a refinement, and what a round leaves behind."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Protocol, TypeVar
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
+from qvi_contact.refinement.quantity import Measure
+from qvi_contact.solution.result import ContactResult
+from solvers import Status
+
+_STOPS: Final = {
+    Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
+    Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
+}  # what a status on the way means for the refinement
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is asked for: the quantity and its target, what must not be exceeded, options of all solves.
+
+    Attributes
+    ----------
+    measure : Measure
+        The quantity.
+    target : float
+        Relative error.
+    max_unknowns : float
+        Of an answer.
+    max_rounds : int
+        Rounds.
+    thinnest : float
+        Smallest edge that is made [length].
+    options : mapping
+        Of `solve`.
+
+    """
+
+    measure: Measure
+    target: float
+    max_unknowns: float
+    max_rounds: int
+    thinnest: float
+    options: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """An answer and how far it is off.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        What the next round's mesh is made from.
+    result : ContactResult
+        The answer.
+    value, unit : float
+        The quantity, and what its error is relative to.
+    estimate : float
+        Relative error; infinity if there is none.
+    guaranteed : bool
+        Whether the estimate is a bound.
+    cells : tuple of int
+        Grid cells along x and y, or the number of triangles.
+    indicator : array
+        Contribution of each cell to the estimate.
+
+    """
+
+    problem: ContactProblem
+    result: ContactResult
+    value: float
+    unit: float
+    estimate: float
+    guaranteed: bool
+    cells: tuple[int, ...]
+    indicator: FloatArray
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns of the answer."""
+        return unknowns_of(self.result)
+
+    @property
+    def record(self) -> RefinementRound:
+        """What is kept of the round."""
+        return RefinementRound(self.cells, self.unknowns, self.value, self.estimate, self.guaranteed)
+
+
+R = TypeVar("R", bound=Round)
+
+
+class Strategy(Protocol[R]):
+    """How meshes of one kind are refined.
+
+    Attributes
+    ----------
+    counting : str
+        How unknowns are counted before a solve, for messages; empty where they are those of the problem as it stands.
+    rounds : int
+        Largest number of rounds, unless another is asked for.
+    thinnest : float
+        Smallest edge over the body's length, unless another is asked for.
+
+    """
+
+    counting: ClassVar[str]
+    rounds: ClassVar[int]
+    thinnest: ClassVar[float]
+
+    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
+        """The problem on the mesh that goes on from an earlier result, which is on a mesh of the same kind."""
+        ...
+
+    def answer(self, problem: ContactProblem) -> ContactResult:
+        """The answer of a round; `TooLargeError` if it would have more unknowns than allowed, else as `solve`."""
+        ...
+
+    def blank(self, result: ContactResult) -> FloatArray:
+        """Zero for each cell of an answer."""
+        ...
+
+    def assessed(self, problem: ContactProblem, result: ContactResult, earlier: Sequence[R]) -> R:
+        """How far off an answer is that was solved; `StopError` if the time is over before that is known."""
+        ...
+
+    def next(self, rounds: Sequence[R]) -> ContactProblem:
+        """The problem on the mesh of the next round; `StopError` if there is none."""
+        ...
+
+
+class StopError(Exception):
+    """The end of the rounds: how, and why if something failed."""
+
+    def __init__(self, status: RefinementStatus, reason: str = "") -> None:
+        super().__init__(reason)
+        self.status, self.reason = status, reason
+
+
+class TooLargeError(Exception):
+    """An answer would have more unknowns than allowed."""
+
+    def __init__(self, unknowns: int) -> None:
+        super().__init__(unknowns)
+        self.unknowns = unknowns
+
+
+def check_solved(result: ContactResult) -> None:
+    """`StopError` unless the result is solved."""
+    if result.status is not Status.SOLVED:
+        status = _STOPS.get(result.status, RefinementStatus.UNSOLVED)
+        raise StopError(status, f"the mesh with {unknowns_of(result)} unknowns: {result.message}")
+
+
+def unknowns_of(result: ContactResult) -> int:
+    """Unknowns of the algebraic problem."""
+    return int(result.discretization.qvi.n)

@@ -1,0 +1,172 @@
+"""Refinement of triangle meshes: bisection where the answer differs from a closer look.
+
+In `docs/theory.md`: (D22).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_number
+from qvi_contact.errors import InputError, QVIError
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.refinement.closer import Places, closer_problem, differences, places
+from qvi_contact.refinement.outcome import RefinementStatus
+from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.solver import posed, solve
+from solvers import Status
+from solvers.basics.watch import expired
+
+DEGREE: Final = 5
+"""Degree where none is given."""
+
+_HIGHEST: Final = 11  # degree that leaves one more for the closer look
+_BULK: Final = 0.6  # Dörfler's share of the difference that is marked
+_FACTOR: Final = 0.4  # by which a bisection reduces what a corner holds, 2^(−2λ): λ is 0.66 or less where it matters
+_MARGIN: Final = 0.3  # share of the target below which a corner need not be bisected again
+_DEEPEST: Final = 3  # bisections in a corner in one round
+_POSING: Final = ("degree", "contact_rows")  # options of the discretisation, not of its solve
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleRound(Round):
+    """A round on triangles.
+
+    Attributes
+    ----------
+    marked : (m,) bool array
+        Triangles to bisect next.
+    deeper : tuple of int arrays
+        Vertices at which triangles are bisected once more, twice more and so on.
+
+    """
+
+    marked: BoolArray
+    deeper: tuple[IntArray, ...]
+
+
+@dataclass(frozen=True)
+class TriangleRefinement:
+    """Triangles bisected where the answer is off; see `rounds.Strategy`."""
+
+    settings: Settings
+    counting: ClassVar[str] = ""
+    rounds: ClassVar[int] = 60
+    thinnest: ClassVar[float] = 1e-9
+
+    @property
+    def degree(self) -> int:
+        """Degree of the answers."""
+        degree = self.settings.options.get("degree")
+        if degree is None:
+            return DEGREE
+        if whole_number("degree", degree) > _HIGHEST:
+            remedy = f"give at most {_HIGHEST}: answers are compared with those of one degree more"
+            raise InputError("degree", degree, remedy)
+        return int(degree)
+
+    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
+        """The problem on the mesh of a result."""
+        return replace(problem, mesh=result.problem.mesh)
+
+    def answer(self, problem: ContactProblem) -> ContactResult:
+        """The result on the mesh."""
+        return self._solved(problem, self.degree, self.settings.max_unknowns)
+
+    def blank(self, result: ContactResult) -> FloatArray:
+        """Zero for each triangle."""
+        return np.zeros(result.problem.mesh.cell_count)
+
+    def assessed(
+        self, problem: ContactProblem, result: ContactResult, earlier: Sequence[TriangleRound]
+    ) -> TriangleRound:
+        """What a closer look says about an answer."""
+        mesh, measure = _mesh(problem), self.settings.measure
+        value, unit = measure.value(result), measure.unit(result)
+        estimate, shares, marked = np.inf, self.blank(result), np.ones(len(mesh.cells), dtype=bool)
+        deeper: tuple[IntArray, ...] = ()
+        at = places(problem, mesh, result)
+        look = self._closer(problem, mesh, at)
+        if look is None and earlier and expired():  # nobody could say how accurate the answer is
+            raise StopError(RefinementStatus.TIME_LIMIT)
+        if look is not None:
+            error = abs(measure.value(look) - value)
+            estimate = error / unit if unit > 0.0 else 0.0
+            found = differences(result, look, mesh, _mesh(look.problem))
+            shares = _shared(found, estimate)
+            marked = _bulk(found)
+            marked[at.cells] = True
+            if not len(at.cells):  # else changes of state matter more for a force than their share says
+                deeper = _deeper(mesh, at.corners, found, self.settings.target / (estimate or 1.0))
+        count = (len(mesh.cells),)
+        return TriangleRound(problem, result, value, unit, estimate, False, count, shares, marked, deeper)
+
+    def next(self, rounds: Sequence[TriangleRound]) -> ContactProblem:
+        """The problem with marked triangles bisected, but for those that are as small as allowed."""
+        last = rounds[-1]
+        mesh = self._bisected(_mesh(last.problem), last.marked)
+        if mesh is None:
+            raise StopError(RefinementStatus.THIN_CELLS)
+        for vertices in last.deeper:  # old vertices keep their numbers
+            mesh = self._bisected(mesh, np.asarray(np.isin(mesh.cells, vertices).any(axis=1))) or mesh
+        return replace(last.problem, mesh=mesh)
+
+    def _bisected(self, mesh: TriangleMesh, marked: BoolArray) -> TriangleMesh | None:
+        """The mesh with those marked triangles bisected that may be; None if there are none."""
+        chosen = marked & (mesh.finest[mesh.cells].min(axis=1) >= 2.0 * self.settings.thinnest)
+        return mesh.refined(chosen) if chosen.any() else None
+
+    def _closer(self, problem: ContactProblem, mesh: TriangleMesh, at: Places) -> ContactResult | None:
+        """The closer look; where that fails, one degree more on the same mesh, if it is solved."""
+        for look in (closer_problem(problem, mesh, at), problem):
+            try:
+                result = self._solved(look, self.degree + 1, np.inf)
+            except QVIError:
+                continue
+            if result.status is Status.SOLVED:
+                return result
+        return None
+
+    def _solved(self, problem: ContactProblem, degree: int, most: float) -> ContactResult:
+        """The result with a degree; `TooLargeError` if it would have more unknowns than that."""
+        options: dict[str, Any] = {**self.settings.options, "degree": degree}
+        discretization = posed(problem, **options)
+        if discretization.qvi.n > most:
+            raise TooLargeError(discretization.qvi.n)
+        return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
+
+
+def _mesh(problem: ContactProblem) -> TriangleMesh:
+    assert isinstance(problem.mesh, TriangleMesh)
+    return problem.mesh
+
+
+def _bulk(parts: FloatArray) -> BoolArray:
+    """The fewest entries that hold Dörfler's share of the sum."""
+    order: IntArray = np.argsort(-parts, kind="stable")
+    enough = int(np.searchsorted(np.cumsum(parts[order]), _BULK * parts.sum() * (1.0 - 1e-12))) + 1
+    found = np.zeros(len(parts), dtype=bool)
+    found[order[:enough]] = True
+    return found
+
+
+def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:
+    """Corners to bisect more than once, as long as they then still hold more than all the rest and than the goal.
+
+    The goal is a share of the sum of the parts.
+    """
+    total = float(parts.sum())
+    held = np.array([parts[(mesh.cells == vertex).any(axis=1)].sum() for vertex in corners]) / (total or 1.0)
+    left = np.maximum(1.0 - held, _MARGIN * goal)
+    levels = [corners[held * _FACTOR**level > left] for level in range(1, _DEEPEST)]
+    return tuple(vertices for vertices in levels if len(vertices))
+
+
+def _shared(parts: FloatArray, estimate: float) -> FloatArray:
+    """The estimate by cell, in the shares of the parts."""
+    total = float(parts.sum())
+    return parts * (estimate / total) if total > 0.0 and np.isfinite(estimate) else np.zeros_like(parts)
