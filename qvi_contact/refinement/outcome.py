@@ -119,7 +119,11 @@ class Refinement:
 
     @property
     def guaranteed(self) -> bool:
-        """Whether `estimate` is a bound of the error: the truth is proved to be that close, up to rounding."""
+        """Whether `estimate` is a bound of the error, up to rounding; see `Bracket.guaranteed`.
+
+        Where contacts have Coulomb friction it is one of the problem with these contacts tied: they stick in the
+        answer, and in a closer look at it.
+        """
         return bool(self.rounds) and self.rounds[-1].guaranteed
 
     @property

@@ -16,11 +16,12 @@ _SMALL_FORCE: Final = 1e-6  # of the problem's unit: forces below count as this 
 
 @dataclass(frozen=True)
 class Measure:
-    """A quantity: its name, its value and the unit of its relative error."""
+    """A quantity: its name, its value, the unit of its relative error, and whether a bracket may bound it."""
 
     name: str
     value: Callable[[ContactResult], float]
     unit: Callable[[ContactResult], float]
+    bounded: bool = True
 
     @classmethod
     def of(cls, problem: ContactProblem, quantity: Quantity) -> "Measure":
@@ -30,7 +31,7 @@ class Measure:
                 raise InputError("quantity", quantity, "give a name or a function of a ContactResult")
             function = quantity
             name = getattr(function, "__name__", "quantity")
-            return cls(name, lambda result: float(function(result)), lambda result: abs(float(function(result))))
+            return cls(name, lambda result: float(function(result)), lambda result: abs(float(function(result))), False)
         if quantity == "energy":
             return cls(quantity, lambda result: result.energies.complementary, lambda result: result.energies.strain)
         contact, _, force = quantity.rpartition(".")

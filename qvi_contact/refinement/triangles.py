@@ -1,4 +1,4 @@
-"""Refinement of triangle meshes: bisection where the answer differs from a closer look.
+"""Refinement of triangle meshes: bisection where the answer differs from a companion or from a closer look.
 
 In `docs/theory.md`: (D22).
 """
@@ -14,6 +14,7 @@ from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.closer import Places, closer_problem, differences, places
+from qvi_contact.refinement.comparison import Comparison, bounded, coulomb_contacts, sticks
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError
 from qvi_contact.solution.result import ContactResult
@@ -27,7 +28,7 @@ DEGREE: Final = 5
 _HIGHEST: Final = 11  # degree that leaves one more for the closer look
 _BULK: Final = 0.6  # Dörfler's share of the difference that is marked
 _FACTOR: Final = 0.4  # by which a bisection reduces what a corner holds, 2^(−2λ): λ is 0.66 or less where it matters
-_MARGIN: Final = 0.3  # share of the target below which a corner need not be bisected again
+_MARGIN: Final = 0.9  # share of the target below which a corner need not be bisected again
 _DEEPEST: Final = 3  # bisections in a corner in one round
 _POSING: Final = ("degree", "contact_rows")  # options of the discretisation, not of its solve
 
@@ -42,11 +43,14 @@ class TriangleRound(Round):
         Triangles to bisect next.
     deeper : tuple of int arrays
         Vertices at which triangles are bisected once more, twice more and so on.
+    tried : bool
+        Whether bounds were computed.
 
     """
 
     marked: BoolArray
     deeper: tuple[IntArray, ...]
+    tried: bool
 
 
 @dataclass(frozen=True)
@@ -84,26 +88,38 @@ class TriangleRefinement:
     def assessed(
         self, problem: ContactProblem, result: ContactResult, earlier: Sequence[TriangleRound]
     ) -> TriangleRound:
-        """What a closer look says about an answer."""
+        """What bounds say about an answer, where there are any, else a closer look."""
         mesh, measure = _mesh(problem), self.settings.measure
         value, unit = measure.value(result), measure.unit(result)
-        estimate, shares, marked = np.inf, self.blank(result), np.ones(len(mesh.cells), dtype=bool)
-        deeper: tuple[IntArray, ...] = ()
         at = places(problem, mesh, result)
-        look = self._closer(problem, mesh, at)
-        if look is None and earlier and expired():  # nobody could say how accurate the answer is
+        hopeless = any(each.tried and not each.guaranteed for each in earlier)
+        tried = measure.bounded and not hopeless and sticks(result)
+        found = bounded(measure, value, result) if tried else None
+        if found is None or (found.error <= self.settings.target * unit and coulomb_contacts(problem)):
+            found = self._looked(problem, result, value, at, found)
+        if found is None and earlier and expired():  # nobody could say how accurate the answer is
             raise StopError(RefinementStatus.TIME_LIMIT)
-        if look is not None:
-            error = abs(measure.value(look) - value)
-            estimate = error / unit if unit > 0.0 else 0.0
-            found = differences(result, look, mesh, _mesh(look.problem))
-            shares = _shared(found, estimate)
-            marked = _bulk(found)
-            marked[at.cells] = True
-            if not len(at.cells):  # else changes of state matter more for a force than their share says
-                deeper = _deeper(mesh, at.corners, found, self.settings.target / (estimate or 1.0))
+        if found is None:
+            found = Comparison(np.inf, False, np.ones(len(mesh.cells)))
+        estimate = found.error / unit if unit > 0.0 else 0.0
         count = (len(mesh.cells),)
-        return TriangleRound(problem, result, value, unit, estimate, False, count, shares, marked, deeper)
+        shares = _shared(found.parts, estimate)
+        marked, deeper = self._marked(mesh, at, found, estimate)
+        return TriangleRound(
+            problem, result, value, unit, estimate, found.guaranteed, count, shares, marked, deeper, tried
+        )
+
+    def _marked(
+        self, mesh: TriangleMesh, at: Places, found: Comparison, estimate: float
+    ) -> tuple[BoolArray, tuple[IntArray, ...]]:
+        """Triangles to bisect, and vertices where to go on."""
+        if not np.isfinite(estimate):
+            return np.ones(len(mesh.cells), dtype=bool), ()
+        marked = _bulk(found.parts)
+        if found.guaranteed or not len(at.cells):
+            return marked, _deeper(mesh, at.corners, found.parts, self.settings.target / (estimate or 1.0))
+        marked[at.cells] = True  # changes of state matter more for a force than their share says
+        return marked, ()
 
     def next(self, rounds: Sequence[TriangleRound]) -> ContactProblem:
         """The problem with marked triangles bisected, but for those that are as small as allowed."""
@@ -120,16 +136,25 @@ class TriangleRefinement:
         chosen = marked & (mesh.finest[mesh.cells].min(axis=1) >= 2.0 * self.settings.thinnest)
         return mesh.refined(chosen) if chosen.any() else None
 
-    def _closer(self, problem: ContactProblem, mesh: TriangleMesh, at: Places) -> ContactResult | None:
-        """The closer look; where that fails, one degree more on the same mesh, if it is solved."""
-        for look in (closer_problem(problem, mesh, at), problem):
+    def _looked(
+        self, problem: ContactProblem, result: ContactResult, value: float, at: Places, bound: Comparison | None
+    ) -> Comparison | None:
+        """The answer beside a closer look; where that fails, beside one degree more on the same mesh.
+
+        A bound of the tied problem stays what it is if the contacts stick in the closer look too.
+        """
+        mesh = _mesh(problem)
+        for closer in (closer_problem(problem, mesh, at), problem):
             try:
-                result = self._solved(look, self.degree + 1, np.inf)
+                look = self._solved(closer, self.degree + 1, np.inf)
             except QVIError:
                 continue
-            if result.status is Status.SOLVED:
-                return result
-        return None
+            if look.status is Status.SOLVED:
+                if bound is not None and sticks(look):
+                    return bound
+                error = abs(self.settings.measure.value(look) - value)
+                return Comparison(error, False, differences(result, look, mesh, _mesh(closer)))
+        return None if bound is None else replace(bound, guaranteed=False)
 
     def _solved(self, problem: ContactProblem, degree: int, most: float) -> ContactResult:
         """The result with a degree; `TooLargeError` if it would have more unknowns than that."""

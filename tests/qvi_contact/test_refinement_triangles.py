@@ -27,6 +27,7 @@ from solvers import Status
 
 FORCE = "plate.normal_force"
 FACTOR = 3.0
+L_ENERGY = -0.0493704  # of the L below, see test_refinement.py; good to 5e-6
 
 # Force of the paper's plate by friction coefficient, settled by codes of other elements and by degrees up to 9.
 FORCES = {0.05: 210.606417984, 0.2: 214.23323205, 1.0: 214.367658387}
@@ -67,6 +68,15 @@ class TestSettledForces:
         assert (ratios < FACTOR).all(), ratios
         assert (ratios > 1.0 / FACTOR).all(), ratios
 
+    def test_bounds_hold_where_nothing_slips(self, case):
+        friction, outcome, _ = case
+        sticks = friction == 1.0
+        assert {each.guaranteed for each in outcome.rounds} == {sticks}
+        assert outcome.guaranteed == ("guaranteed" in outcome.message) == sticks
+        if sticks:
+            errors = [abs(each.value / FORCES[friction] - 1.0) for each in outcome.rounds]
+            assert all(each.estimate >= error for each, error in zip(outcome.rounds, errors, strict=True))
+
     def test_few_unknowns_do(self, case):
         friction, outcome, _ = case
         target, most = ROUNDS[friction]
@@ -101,6 +111,56 @@ def test_triangles_gather_where_stick_changes_to_slip():
     middle = mesh.points_along(edges, np.array([0.5]))[0].ravel()
     near = np.abs(middle - 0.749) < 0.1  # the change of state
     assert edges.length[near].min() <= 0.5 * edges.length[middle < 0.5].min()
+
+
+class TestBounds:
+    """When they are taken instead of a closer look."""
+
+    def test_the_energy_of_a_tied_body(self):
+        outcome = refine(l_shape(Contact.tied("bottom")), None, 1e-2, degree=4)
+        assert outcome.guaranteed
+        assert outcome.status is RefinementStatus.REACHED
+        error = abs(outcome.value - L_ENERGY) / outcome.unit
+        assert error < outcome.estimate < 4.0 * error
+
+    def test_without_friction(self):
+        """Bounded, whether the contact opens or not."""
+        sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+        ground = Contact("bottom", friction=0.0, gap=lambda x, y: 2e-4 * (x - 1.5) ** 2 + 0 * y)
+        mesh = TriangleMesh.rectangle((6, 2), 3.0, 1.0)
+        conditions = [ground, *sides, Displacement("top", x=0.0, y=-1e-4)]
+        outcome = refine(ContactProblem(mesh, Material(1e4, 0.3), conditions), None, 1e-2, degree=4)
+        assert outcome.guaranteed
+        assert (outcome.result.contacts["bottom"].state == 0).any()
+
+    @pytest.mark.parametrize(
+        "quantity", ["bottom.tangential_force", lambda result: result.contacts["bottom"].normal_force]
+    )
+    def test_not_for_quantities_that_a_bracket_does_not_bound(self, quantity):
+        problem = l_shape(Contact.tied("bottom"))
+        outcome = refine(problem, None, 1e-1, quantity, degree=3)
+        assert not outcome.guaranteed
+        assert outcome.status is RefinementStatus.REACHED
+
+    def test_not_where_only_a_closer_look_slips(self):
+        """On eight triangles of degree 3 the plate sticks; one degree more and smaller triangles show its slip."""
+        outcome = refine(plate(0.2), None, 1e-2, FORCE, degree=3)
+        assert (outcome.result.contacts["plate"].state == 1).all()
+        assert outcome.status is RefinementStatus.REACHED
+        assert not outcome.guaranteed
+
+    def test_a_bracket_that_does_not_hold_is_tried_once(self, monkeypatch):
+        """Data that the elements cannot follow: no bound, and no more companions after the first."""
+        wave = Displacement("roof", x=0.0, y=lambda x, y: 1e-3 * np.cos(3.0 * x) + 0 * y)
+        problem = l_shape(Contact.tied("bottom"))
+        problem = replace(problem, conditions=[*problem.conditions[:-1], wave])
+        tried = []
+        original = triangle_refinement.bounded
+        monkeypatch.setattr(triangle_refinement, "bounded", lambda *given: tried.append(given) or original(*given))
+        outcome = refine(problem, None, 1e-9, degree=3, max_rounds=3)
+        assert not any(each.guaranteed for each in outcome.rounds)
+        assert np.isfinite([each.estimate for each in outcome.rounds]).all()
+        assert len(tried) == 1
 
 
 class TestCloserLook:
@@ -298,7 +358,7 @@ class TestEnds:
             return original(problem, **options, **hasty)
 
         monkeypatch.setattr(triangle_refinement, "solve", blind)
-        outcome = refine(plate(0.2), None, 1e-9, max_rounds=2, degree=3)
+        outcome = refine(plate(0.1), None, 1e-9, max_rounds=2, degree=3)
         assert [each.cells for each in outcome.rounds] == [(8,), (32,)]
         assert outcome.estimate == np.inf
         assert (outcome.indicator == 0.0).all()

@@ -1,0 +1,65 @@
+"""How far off an answer is, by what it is compared with: bounds from a companion, where the contact laws allow them."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.refinement.quantity import Measure
+from qvi_contact.solution.contact_line import ContactState
+from qvi_contact.solution.result import ContactResult
+
+_CROSSED: Final = 1e-9  # of the strain energy: lower − upper that is more than rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """An answer beside something else.
+
+    Attributes
+    ----------
+    error : float
+        Of the quantity, in its own unit.
+    guaranteed : bool
+        Whether it is a bound.
+    parts : (cells,) array
+        What each cell has of the distance between the two [stress × length²], ≥ 0.
+
+    """
+
+    error: float
+    guaranteed: bool
+    parts: FloatArray
+
+
+def sticks(result: ContactResult) -> bool:
+    """Whether all contacts with Coulomb friction stick at all points; true if there are none."""
+    states = [result.contacts[contact.name].state for contact in coulomb_contacts(result.problem)]
+    return all(bool((state == ContactState.STICK).all()) for state in states)
+
+
+def coulomb_contacts(problem: ContactProblem) -> list[Contact]:
+    """The contacts whose friction bound depends on the pressure."""
+    return [contact for contact in problem.contacts if _is_coulomb(contact)]
+
+
+def _is_coulomb(contact: Contact) -> bool:
+    limited = not callable(contact.shear_limit) and contact.shear_limit == 0.0
+    return contact.law != "tied" and not limited and (callable(contact.friction) or contact.friction != 0.0)
+
+
+def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
+    """The value of an answer beside bounds of it, if they are guaranteed."""
+    bracket = result.bracket
+    if not bracket.guaranteed or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
+        return None
+    if measure.name == "energy":
+        lower, upper = -bracket.upper, -bracket.lower
+    elif measure.name in bracket.forces:
+        lower, upper = bracket.forces[measure.name].lower, bracket.forces[measure.name].upper
+    else:
+        return None
+    return Comparison(max(upper - value, value - lower, 0.0), True, bracket.cell_gaps)
