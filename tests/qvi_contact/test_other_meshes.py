@@ -15,7 +15,6 @@ from qvi_contact import (
     RectilinearMesh,
     Region,
     Traction,
-    refine,
     refined_where_apart,
     solve,
     verify_result,
@@ -107,7 +106,6 @@ def test_the_deformed_body_is_drawn(result):
 @pytest.mark.parametrize(
     "task",
     [
-        lambda found: refine(found.problem),
         lambda found: refined_where_apart(found.problem, found.bracket),
         lambda found: found.nodal,
         lambda found: found.problem.refined(0.1),
