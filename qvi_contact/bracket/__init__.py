@@ -2,6 +2,6 @@
 
 from qvi_contact.bracket.bounds import bracket
 from qvi_contact.bracket.marking import refined_where_apart
-from qvi_contact.bracket.outcome import Bounds, Bracket, BracketKind, EdgeParts
+from qvi_contact.bracket.outcome import Bounds, Bracket, BracketKind, EdgeParts, ForceDifference
 
-__all__ = ["Bounds", "Bracket", "BracketKind", "EdgeParts", "bracket", "refined_where_apart"]
+__all__ = ["Bounds", "Bracket", "BracketKind", "EdgeParts", "ForceDifference", "bracket", "refined_where_apart"]

@@ -4,19 +4,19 @@ In `docs/theory.md`: (D19), (D20).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from qvi_contact.basics.checks import finite_number
 from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible_stress
 from qvi_contact.bracket.data import data_reasons
-from qvi_contact.bracket.forces import force_bounds
+from qvi_contact.bracket.forces import force_bounds, force_differences
 from qvi_contact.bracket.given import GivenProblem, given_problem
 from qvi_contact.bracket.law import coefficients, contact_tractions, law_bound
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
-from qvi_contact.companion import CompanionResult, solve_companion
+from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.scope import check_scope
 from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
@@ -48,8 +48,8 @@ def bracket(
     The stress τ is that of the result, if it obeys the contact law on whole edges, else it is computed anew for the
     same bound; v are displacement elements on the same mesh (`solve_companion`). Which problem is bracketed says
     `Bracket.kind`: for laws without Coulomb friction the one stated; if all friction contacts stick, the tied one; else
-    s = μ|σ_N| is held fixed, and the gap is an indicator, as it is without the part that comes from s itself
-    (`Bracket.outer` measures it).
+    s = μ|σ_N| is held fixed, and the gap is an indicator, as it is without the part that comes from s itself.
+    `Bracket.outer` measures it, and `Bracket.force_differences` shows what it does to forces.
 
     Parameters
     ----------
@@ -93,10 +93,13 @@ def bracket(
         degree = min(given.discretization.space.degree - 1, _MOST)
     with watched(time_limit):
         stress = admissible_stress(given, result, tolerance)
-        companion = solve_companion(
-            given.discretization.problem, bounds=given.bounds, degree=degree, tolerance=tolerance
-        )
-    return _assemble(given, stress, companion)
+        laws = [given.bounds, None] if given.kind is BracketKind.GIVEN_BOUND else [given.bounds]
+        companions = solve_companions(given.discretization.problem, laws, degree=degree, tolerance=tolerance)
+    found = _assemble(given, stress, companions[0])
+    if len(companions) == 1:
+        return found
+    own = companions[1]
+    return replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
 
 
 @dataclass(frozen=True, eq=False)

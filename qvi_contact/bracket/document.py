@@ -29,6 +29,10 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
             name: {"lower": bounds.lower, "upper": bounds.upper, "unit": units.force}
             for name, bounds in bracket.forces.items()
         },
+        "force_differences": {
+            name: {"normal": found.normal, "tangential": found.tangential, "unit": units.force}
+            for name, found in bracket.force_differences.items()
+        },
         "companion": None
         if companion is None
         else {"status": str(companion.status), "degree": companion.degree, "unknowns": companion.unknowns},
@@ -46,6 +50,9 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
         yield f"holding the friction bound fixed may add up to {bracket.outer:.3g} {units.energy}"
     for name, bounds in bracket.forces.items():
         yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.force}"
+    for name, found in bracket.force_differences.items():
+        forces = f"normal {found.normal:.3g}, tangential {found.tangential:.3g} {units.force}"
+        yield f"displacements with friction of their own: forces of {name} differ by {forces}"
     companion = bracket.companion
     if companion is not None and companion.has_state:
         yield f"displacements of degree {companion.degree}, {companion.unknowns} unknowns, for the same friction bound:"

@@ -1,4 +1,4 @@
-"""Two-sided bounds of a force where one prescribed displacement drives the whole problem.
+"""What is known of forces: bounds where one prescribed displacement drives the whole problem, else differences.
 
 If the only datum that is not zero is a displacement a of one support or obstacle, constant along it, and no energy is
 lost in friction, all equations and inequalities are homogeneous. Then ∫ σ : ε(u) dx = a R with R the resultant that
@@ -6,6 +6,9 @@ belongs to a, hence J(u) = ½ a R, and the bounds of J(u) are bounds of ½ a R: 
 a = g = −U, R = −P and P lies between −2 J*(τ)/U and 2 J(v)/U.
 
 In `docs/theory.md`: (D21).
+
+Elsewhere the forces of two models of different kind are compared, the stress's and those of a displacement whose
+contacts have the laws of the problem with the pressure of its own forces.
 """
 
 from collections.abc import Iterator
@@ -13,11 +16,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field
-from qvi_contact.bracket.outcome import Bounds
+from qvi_contact.basics.checks import Field, FloatArray
+from qvi_contact.bracket.law import coefficients
+from qvi_contact.bracket.outcome import Bounds, ForceDifference
+from qvi_contact.companion import CompanionResult
+from qvi_contact.companion.traces import Trace
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.element import bernstein
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.work import normal_and_shear
 
 
 @dataclass(frozen=True)
@@ -78,3 +87,39 @@ def _data(problem: ContactProblem) -> Iterator[_Datum]:
         elif isinstance(condition, (Traction, Displacement)):
             for component, value in components(condition).items():
                 yield _Datum(f"{condition.edges}.{component}", value, isinstance(condition, Displacement))
+
+
+def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, ForceDifference]:
+    """By contact how far the forces of a stress are from those of a displacement, |Σ_i ∫ τ B_i ds − z_i|.
+
+    The sum is over the coefficients that carry a force of the contact: what acts on a coefficient that supports hold is
+    theirs.
+    """
+    assert own.state is not None
+    known, contacts, unit = result.discretization, own.state.contacts, own.scales.stress * own.scales.length
+    forces = contacts.weights * own.state.tractions * unit
+    found, start = {}, 0
+    for rows, trace in zip(known.contacts, contacts.traces, strict=True):
+        chosen = slice(start, start + trace.count)
+        parts = [
+            _moments(known, values, degree, trace) * known.scales.stress * known.scales.length
+            for values, degree in zip(
+                normal_and_shear(known, result.dofs, rows.points),
+                (known.space.normal_degree, known.space.shear_degree),
+                strict=True,
+            )
+        ]
+        sums = [
+            float((part - theirs[chosen])[live[chosen]].sum())
+            for part, theirs, live in zip(parts, forces.reshape(2, -1), own.state.live.reshape(2, -1), strict=True)
+        ]
+        found[trace.name] = ForceDifference(abs(sums[0]), abs(sums[1]))
+        start += trace.count
+    return found
+
+
+def _moments(discretization: Discretization, values: FloatArray, degree: int, trace: Trace) -> FloatArray:
+    """∫ τ B_i ds (n,) at the coefficients of a contact, dimensionless, from τ at its points."""
+    products = bernstein.product_integrals(degree, trace.columns.shape[1] - 1)
+    on_edges = trace.lengths[:, None] * (coefficients(discretization, values, degree) @ products)
+    return np.asarray(np.bincount(trace.columns.ravel(), on_edges.ravel(), minlength=trace.count))

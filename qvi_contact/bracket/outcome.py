@@ -32,6 +32,13 @@ class Bounds(NamedTuple):
     upper: float
 
 
+class ForceDifference(NamedTuple):
+    """By how much the forces of one contact differ between two models, ≥ 0 [stress × length]."""
+
+    normal: float
+    tangential: float
+
+
 @dataclass(frozen=True, eq=False)
 class EdgeParts:
     """Shares of the gap on the edges of one contact, (edges,) each, ≥ 0 [stress × length²].
@@ -93,6 +100,13 @@ class Bracket:
         What each cell of the body adds to the gap, ≥ 0, contact and friction included, in the order of the mesh on
         meshes of any kind: `cells`, with zero for what is below zero where no admissible stress was found. Without a
         displacement, that is with an infinite `upper`, all zero.
+    own : CompanionResult or None
+        Where the friction bound is held fixed, a second displacement whose contacts have their own laws, with the
+        pressure of its own forces; else None.
+    force_differences : mapping
+        By contact how far the forces of the bracketed result are from those of `own`. The gap does not see what the
+        bound held fixed does to forces, as both of its sides share it; these do. An estimate of the error of forces,
+        no bound.
 
     """
 
@@ -111,6 +125,8 @@ class Bracket:
     result: ContactResult | None = None
     companion: CompanionResult | None = None
     cell_gaps: FloatArray = field(default_factory=lambda: np.empty(0))
+    own: CompanionResult | None = None
+    force_differences: Mapping[str, ForceDifference] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Bracket {self.message}>"

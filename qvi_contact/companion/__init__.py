@@ -4,11 +4,18 @@
     companion = solve_companion(problem, degree=2)
     print(companion.message, companion.energy)
 
-Conforming elements Q_p on the grid of the problem; the contact problem is solved in its forces by `solvers`.
+Conforming elements on the mesh of the problem; the contact problem is solved in its forces by `solvers`.
 """
 
 from qvi_contact.companion.result import CompanionResult
-from qvi_contact.companion.solver import solve_companion
+from qvi_contact.companion.solver import solve_companion, solve_companions
 from qvi_contact.companion.state import CompanionContact, CompanionParts, CompanionState
 
-__all__ = ["CompanionContact", "CompanionParts", "CompanionResult", "CompanionState", "solve_companion"]
+__all__ = [
+    "CompanionContact",
+    "CompanionParts",
+    "CompanionResult",
+    "CompanionState",
+    "solve_companion",
+    "solve_companions",
+]

@@ -1,12 +1,14 @@
 """Solve the displacement model: assemble, condense, solve for the contact forces, return to displacements."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.companion.admissible import admissible
+from qvi_contact.companion.cell import Cell
 from qvi_contact.companion.cells import cell_for
 from qvi_contact.companion.condensation import CondensedBody
 from qvi_contact.companion.data import load_vector
@@ -16,7 +18,7 @@ from qvi_contact.companion.result import CompanionResult
 from qvi_contact.companion.scope import check_scope
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionState
-from qvi_contact.companion.supports import supports
+from qvi_contact.companion.supports import Supports, supports
 from qvi_contact.companion.traces import Trace, traces
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
@@ -88,36 +90,91 @@ def solve_companion(
     points cannot be seen.
 
     """
+    return solve_companions(problem, [bounds], degree=degree, tolerance=tolerance, time_limit=time_limit)[0]
+
+
+def solve_companions(
+    problem: ContactProblem,
+    laws: Sequence[Mapping[str, ArrayLike] | None],
+    *,
+    degree: int | None = None,
+    tolerance: float = 1e-8,
+    time_limit: float | None = None,
+) -> tuple[CompanionResult, ...]:
+    """The same under several friction laws, each like `bounds` of `solve_companion`, with one factorisation.
+
+    The time limit is for each of them.
+    """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     cell = cell_for(problem.mesh, degree)
     if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float)) and 0.0 < tolerance < 1.0):
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     check_scope(problem)
-    scales = Scales.of(problem)
-    space = Space.of(problem, cell, scales.length)
-    body = Elasticity(space, moduli(problem, scales))
-    lines, reasons = traces(problem, space, scales, bounds)
-    held = supports(problem, space, scales)
-    load, remarks = load_vector(problem, body, scales)
-    contacts = Contacts.of(lines, space.size)
-    reasons = held.reasons + remarks + reasons
-    if bounds is None and any(
-        _moves(problem, trace, contact) for trace, contact in zip(lines, problem.contacts, strict=True)
-    ):
-        reasons += (_INDICATOR,)
+    model = _Model.of(problem, cell)
+    lines = [model.traces(bounds) for bounds in laws]
     with Request().limited_blas():
         try:
-            condensed = CondensedBody.of(body, load, held, contacts.rows)
-            dual = dual_problem(contacts, condensed)
+            contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
+            condensed = CondensedBody.of(model.body, model.load, model.held, contacts[0].rows)
+            duals = [dual_problem(each, condensed) for each in contacts]
         except (FactorisationError, MemoryError) as error:
-            return _failed(problem, space, scales, error, tolerance)
-        solution = solve_qvi(dual.qvi, tolerance=tolerance, time_limit=time_limit)
-        state = _state(dual, solution, load) if _usable(solution) else None
-    return CompanionResult(
-        problem, cell.degree, scales, space, body, solution.status, solution.certificate, solution.message,
-        state, reasons + (state.reasons if state else ()), solution,
-    )  # fmt: skip
+            return tuple(model.failed(error, tolerance) for _ in laws)
+        solutions = [solve_qvi(dual.qvi, tolerance=tolerance, time_limit=time_limit) for dual in duals]
+        return tuple(
+            model.result(dual, solution, reasons)
+            for dual, solution, (_, reasons) in zip(duals, solutions, lines, strict=True)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """A problem on its elements, its contacts' laws left open."""
+
+    problem: ContactProblem
+    scales: Scales
+    body: Elasticity
+    held: Supports
+    load: FloatArray
+    remarks: tuple[str, ...]
+
+    @classmethod
+    def of(cls, problem: ContactProblem, cell: Cell) -> "_Model":
+        """Loads and supports."""
+        scales = Scales.of(problem)
+        space = Space.of(problem, cell, scales.length)
+        body = Elasticity(space, moduli(problem, scales))
+        return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
+
+    def traces(self, bounds: Mapping[str, ArrayLike] | None) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
+        """Contacts under a law, and why the energy is not exact."""
+        problem = self.problem
+        lines, reasons = traces(problem, self.body.space, self.scales, bounds)
+        reasons = self.held.reasons + self.remarks + reasons
+        if bounds is None and any(
+            _moves(problem, trace, contact) for trace, contact in zip(lines, problem.contacts, strict=True)
+        ):
+            reasons += (_INDICATOR,)
+        return lines, reasons
+
+    def result(self, dual: DualProblem, solution: QVISolution, reasons: tuple[str, ...]) -> CompanionResult:
+        """What a solution of the contact problem says."""
+        state = _state(dual, solution, self.load) if _usable(solution) else None
+        return CompanionResult(
+            self.problem, self.body.space.degree, self.scales, self.body.space, self.body, solution.status,
+            solution.certificate, solution.message, state, reasons + (state.reasons if state else ()), solution,
+        )  # fmt: skip
+
+    def failed(self, error: FactorisationError | MemoryError, tolerance: float) -> CompanionResult:
+        """Where the body could not be condensed."""
+        reason = error.reason if isinstance(error, FactorisationError) else "memory"
+        status = _FAILURES.get(reason, Status.BACKEND_FAILED)
+        certificate = Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
+        message = f"{status}: {error or 'out of memory'}"
+        return CompanionResult(
+            self.problem, self.body.space.degree, self.scales, self.body.space, self.body, status, certificate, message,
+            None, (message,), None,
+        )  # fmt: skip
 
 
 def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
@@ -144,17 +201,4 @@ def _state(dual: DualProblem, solution: QVISolution, load: FloatArray) -> Compan
     bound[dual.limited] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
     values, plates = dual.displacements(solution)
     v, c, reasons = admissible(dual, values, plates, solution.z, bound)
-    return CompanionState(contacts, v, c, plates, np.where(dual.live, solution.z, 0.0), bound, load, reasons)
-
-
-def _failed(
-    problem: ContactProblem, space: Space, scales: Scales, error: FactorisationError | MemoryError, tolerance: float
-) -> CompanionResult:
-    reason = error.reason if isinstance(error, FactorisationError) else "memory"
-    status = _FAILURES.get(reason, Status.BACKEND_FAILED)
-    certificate = Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
-    message = f"{status}: {error or 'out of memory'}"
-    body = Elasticity(space, moduli(problem, scales))
-    return CompanionResult(
-        problem, space.degree, scales, space, body, status, certificate, message, None, (message,), None
-    )
+    return CompanionState(contacts, v, c, plates, np.where(dual.live, solution.z, 0.0), dual.live, bound, load, reasons)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.companion.dual import Contacts
 
 
@@ -95,6 +95,8 @@ class CompanionState:
         Motions of plates.
     tractions : (2 n,) array
         τ.
+    live : (2 n,) bool array
+        Where there is a force, see `DualProblem`; elsewhere τ is zero.
     bound : (n,) array
         Bound of |τ_T|.
     load : (size,) array
@@ -109,6 +111,7 @@ class CompanionState:
     c: FloatArray
     plates: FloatArray
     tractions: FloatArray
+    live: BoolArray
     bound: FloatArray
     load: FloatArray
     reasons: tuple[str, ...]
