@@ -72,7 +72,8 @@ class CondensedBody:
         rigid = Q.T @ body.space.rigid()
         interface = np.setdiff1d((rows @ Q).indices, supports.index)
         interface = np.union1d(interface, _pins(body, rigid, supports.index, interface)).astype(np.int64)
-        K = sparse.csr_array(Q.T @ body.stiffness() @ Q)[free][:, free]
+        K = body.stiffness()
+        K = (sparse.csr_array(Q.T @ K @ Q) if supports.slanted else K)[free][:, free]
         place = np.searchsorted(free, interface)
         shift = float(K.diagonal().mean()) if len(free) else 0.0
         held = np.zeros(len(free))

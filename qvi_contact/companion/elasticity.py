@@ -56,14 +56,14 @@ class Elasticity:
 
     def strain(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""
-        (xx, xy), (yx, yy) = np.moveaxis(self._gradients(v, cells, t), (3, 2), (0, 1))
+        (xx, xy), (yx, yy) = np.moveaxis(self._gradients(v, cells, t), (3, 1), (0, 1))
         return np.stack([xx, yy, xy + yx], axis=-1)
 
     def _gradients(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        """∂_b u_c as [cell, point, b, c]."""
+        """∂_b u_c as [cell, b, point, c]."""
         cell, local = self.space.cell, v.reshape(-1, 2)[self.space.table[cells]]
         along = [cell.derivative_values(axis, t) @ (cell.differences[axis] @ local) for axis in (0, 1)]
-        return np.asarray(np.einsum("nab,nqac->nqbc", self.space.slopes[cells], np.stack(along, axis=2)))
+        return _combined(self.space.slopes[cells].swapaxes(1, 2), np.stack(along, axis=1))
 
     def points(self) -> tuple[FloatArray, FloatArray]:
         """Reference points t (q, 2) and weights (cells, q) that integrate ε:C:ε exactly."""
@@ -86,10 +86,14 @@ class Elasticity:
         """Σ_q stress_q : ε_q(v) as a vector (size,), for weighted stresses (cells, q, 3) at points t (q, 2)."""
         space, cell = self.space, self.space.cell
         xx, yy, xy = np.moveaxis(stress, -1, 0)
-        tensor = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
-        along = np.einsum("nab,nqbc->nqac", space.slopes, tensor)
-        local = sum(
-            cell.differences[axis].T @ (cell.derivative_values(axis, t).T @ along[:, :, axis]) for axis in (0, 1)
-        )
+        tensor = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=1)
+        along = _combined(space.slopes, tensor)
+        local = sum(cell.differences[axis].T @ (cell.derivative_values(axis, t).T @ along[:, axis]) for axis in (0, 1))
         found = np.bincount(self._dofs.ravel(), np.ravel(local), minlength=space.size)
         return np.asarray(found, dtype=np.float64)
+
+
+def _combined(matrices: FloatArray, fields: FloatArray) -> FloatArray:
+    """Σ_b M_ab f_b of each cell for matrices (cells, 2, 2) and fields (cells, 2, q, c)."""
+    n, _, q, c = fields.shape
+    return np.asarray((matrices @ fields.reshape(n, 2, q * c)).reshape(n, 2, q, c))

@@ -34,6 +34,8 @@ class Supports:
         Degrees of freedom w that are prescribed, ascending, and their values.
     axes : (size, size) sparse array
         Q.
+    slanted : bool
+        Whether Q is not the identity.
     reasons : tuple of str
         Why they do not meet the data exactly; nothing if they do.
 
@@ -42,6 +44,7 @@ class Supports:
     index: IntArray
     values: FloatArray
     axes: sparse.csr_array
+    slanted: bool
     reasons: tuple[str, ...]
 
 
@@ -78,7 +81,7 @@ def supports(problem: ContactProblem, space: Space, scales: Scales) -> Supports:
         reasons.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}): their mean is taken.")
     index, values = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.argsort(index)
-    return Supports(index[order], values[order], _turned(space.size, axes), tuple(reasons))
+    return Supports(index[order], values[order], _turned(space.size, axes), bool(axes), tuple(reasons))
 
 
 def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Given, list[str]]:
@@ -130,7 +133,11 @@ def _at_one(given: _Given) -> tuple[FloatArray, FloatArray]:
 
 def _turned(size: int, axes: dict[int, FloatArray]) -> sparse.csr_array:
     """Q (size, size) from the axes of coefficients that have their own."""
-    Q = sparse.eye_array(size, format="lil")
+    blocks = np.tile(np.eye(2), (size // 2, 1, 1))
     for coefficient, frame in axes.items():
-        Q[2 * coefficient : 2 * coefficient + 2, 2 * coefficient : 2 * coefficient + 2] = frame
-    return sparse.csr_array(Q)
+        blocks[coefficient] = frame
+    rows = np.arange(size).reshape(-1, 2, 1)
+    rows, columns = np.broadcast_arrays(rows, rows.swapaxes(1, 2))
+    Q = sparse.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+    Q.eliminate_zeros()
+    return Q

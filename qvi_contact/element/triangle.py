@@ -26,10 +26,16 @@ def exponents(degree: int) -> IntArray:
 
 def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
     """Values B_α at points λ (..., 3), shape (..., count)."""
-    alpha = exponents(degree)
-    multinomial = np.array([factorial(degree) / np.prod([float(factorial(k)) for k in row]) for row in alpha.tolist()])
-    powers = np.asarray(barycentric, dtype=float)[..., None, :] ** alpha
-    return np.asarray(multinomial * powers.prod(axis=-1))
+    powers = np.asarray(barycentric, dtype=float)[..., None, :] ** exponents(degree)
+    return np.asarray(_multinomials(degree) * powers.prod(axis=-1))
+
+
+@cache
+def _multinomials(degree: int) -> FloatArray:
+    """d!/(α₀! α₁! α₂!) of all Bernstein polynomials of one degree, shape (count,)."""
+    return np.array(
+        [factorial(degree) / np.prod([float(factorial(k)) for k in row]) for row in exponents(degree).tolist()]
+    )
 
 
 @cache
