@@ -3,8 +3,9 @@
 In `docs/theory.md`: (D22).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -16,7 +17,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.closer import Places, closer_problem, differences, places
 from qvi_contact.refinement.comparison import Comparison, bounded, coulomb_contacts, sticks
 from qvi_contact.refinement.outcome import RefinementStatus
-from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError
+from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError, unknowns_of
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import posed, solve
 from solvers import Status
@@ -30,6 +31,8 @@ _BULK: Final = 0.6  # Dörfler's share of the difference that is marked
 _FACTOR: Final = 0.4  # by which a bisection reduces what a corner holds, 2^(−2λ): λ is 0.66 or less where it matters
 _MARGIN: Final = 0.9  # share of the target below which a corner need not be bisected again
 _DEEPEST: Final = 3  # bisections in a corner in one round
+_NEAR: Final = 0.1  # accuracy of a look over the error that is told from it
+_QUICK: Final = MappingProxyType({"method": "condensed"})  # no other methods, no second opinion: it is no answer
 _POSING: Final = ("degree", "contact_rows")  # options of the discretisation, not of its solve
 
 
@@ -97,8 +100,9 @@ class TriangleRefinement:
         found = bounded(measure, value, result) if tried else None
         if found is None or (found.error <= self.settings.target * unit and coulomb_contacts(problem)):
             found = self._looked(problem, result, value, at, found)
-        if found is None and earlier and expired():  # nobody could say how accurate the answer is
-            raise StopError(RefinementStatus.TIME_LIMIT)
+        if found is None and any(np.isfinite(each.estimate) for each in earlier):  # nobody could tell its accuracy
+            late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.UNSOLVED
+            raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be told")
         if found is None:
             found = Comparison(np.inf, False, np.ones(len(mesh.cells)))
         estimate = found.error / unit if unit > 0.0 else 0.0
@@ -143,22 +147,25 @@ class TriangleRefinement:
 
         A bound of the tied problem stays what it is if the contacts stick in the closer look too.
         """
-        mesh = _mesh(problem)
-        for closer in (closer_problem(problem, mesh, at), problem):
+        mesh, measure, options = _mesh(problem), self.settings.measure, self.settings.options
+        by_default = options.get("method") is None and options.get("inner") is None
+        for closer, more in ((closer_problem(problem, mesh, at), _QUICK if by_default else {}), (problem, {})):
             try:
-                look = self._solved(closer, self.degree + 1, np.inf)
+                look = self._solved(closer, self.degree + 1, np.inf, more)
             except QVIError:
                 continue
-            if look.status is Status.SOLVED:
+            error = abs(measure.value(look) - value) if look.has_state else np.inf
+            if _usable(look, error, measure.unit(result)):
                 if bound is not None and sticks(look):
                     return bound
-                error = abs(self.settings.measure.value(look) - value)
                 return Comparison(error, False, differences(result, look, mesh, _mesh(closer)))
         return None if bound is None else replace(bound, guaranteed=False)
 
-    def _solved(self, problem: ContactProblem, degree: int, most: float) -> ContactResult:
-        """The result with a degree; `TooLargeError` if it would have more unknowns than that."""
-        options: dict[str, Any] = {**self.settings.options, "degree": degree}
+    def _solved(
+        self, problem: ContactProblem, degree: int, most: float, more: Mapping[str, Any] = MappingProxyType({})
+    ) -> ContactResult:
+        """The result with a degree and more options; `TooLargeError` if it would have more unknowns than that."""
+        options: dict[str, Any] = {**self.settings.options, **more, "degree": degree}
         discretization = posed(problem, **options)
         if discretization.qvi.n > most:
             raise TooLargeError(discretization.qvi.n)
@@ -168,6 +175,12 @@ class TriangleRefinement:
 def _mesh(problem: ContactProblem) -> TriangleMesh:
     assert isinstance(problem.mesh, TriangleMesh)
     return problem.mesh
+
+
+def _usable(look: ContactResult, error: float, unit: float) -> bool:
+    """Whether an error may be told from a look: solved, or nearer to that than the error is large."""
+    near = look.status is Status.INACCURATE and look.certificate.accuracy * unit <= _NEAR * error
+    return bool(np.isfinite(error)) and (look.status is Status.SOLVED or near)
 
 
 def _bulk(parts: FloatArray) -> BoolArray:
