@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.problem_file import ProblemFile, load_problem
     from qvi_contact.files.problem_writer import save_problem
     from qvi_contact.files.stored import load_result
+    from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.lines import graded_lines
     from qvi_contact.mesh.rectilinear import RectilinearMesh
     from qvi_contact.mesh.triangles import TriangleMesh
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from qvi_contact.refinement import Refinement, RefinementStatus, refine
     from qvi_contact.solution.contact_line import ContactLine, ContactState
     from qvi_contact.solution.history import History, loop_area, solve_history
-    from qvi_contact.solution.limit import limit_load_factor
+    from qvi_contact.solution.limit import LimitLoad, limit_load_factor
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
@@ -45,7 +46,9 @@ _HOME = {
     "Expression": "problem.fields",
     "History": "solution.history",
     "InputError": "errors",
+    "LimitLoad": "solution.limit",
     "Material": "problem.material",
+    "Mechanism": "mechanism",
     "Polynomial": "problem.fields",
     "ProblemFile": "files.problem_file",
     "QVIError": "errors",
@@ -86,7 +89,9 @@ __all__ = [
     "Expression",
     "History",
     "InputError",
+    "LimitLoad",
     "Material",
+    "Mechanism",
     "Polynomial",
     "ProblemFile",
     "QVIError",

@@ -90,7 +90,7 @@ def _judged(wild: Wild, result: ContactResult) -> dict[str, Any]:
             errors.append(f"{SECOND} is {other.distance:.1e} away, with {other.gain:.1e} less energy")
         distance = None if other is None else other.distance
         return {"outcome": WRONG if errors else SOLVED, **said, "errors": errors, "second": ended, "distance": distance}
-    if result.status in (Status.INFEASIBLE, Status.INFEASIBLE_ON_MESH):
+    if result.status.impossible:
         return {"outcome": INFEASIBLE, **said}
     return {"outcome": OPEN, **said, **_solvable(result)}
 

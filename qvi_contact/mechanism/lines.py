@@ -39,6 +39,7 @@ _PIECES: Final = 8  # of an edge, where friction is a function
 _SAMPLES: Final = 8  # steps in each of them
 _POINTS: Final = 8  # Gauss points where cohesion and cap are integrated
 _ROUNDING: Final = 16.0 * np.finfo(float).eps
+_SAME: Final = 1e-9  # share of a line within which two places are one
 _CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
 
 
@@ -107,7 +108,7 @@ class Line:
     def divided(self, s: float) -> "Line":
         """The same line with one more place, where μ is the larger of its neighbours'."""
         at = int(np.searchsorted(self.places, s))
-        if at in (0, len(self.places)):
+        if at in (0, len(self.places)) or np.abs(self.places - s).min() <= _SAME * np.ptp(self.places):
             return self
         mu = self.friction[at - 1 : at + 1].max()
         return replace(self, places=np.insert(self.places, at, s), friction=np.insert(self.friction, at, mu))
@@ -216,9 +217,9 @@ def _conditions(line: Line) -> tuple[FloatArray, FloatArray]:
 
 
 def _above(values: FloatArray, constant: BoolArray | bool) -> FloatArray:
-    """End values (n, 2) of affine functions that are not below samples (n, q): the chord, lifted; or the largest."""
-    if constant:
-        return np.repeat(values.max(axis=1)[:, None], 2, axis=1)
-    ends = values[:, [0, -1]]
+    """End values (n, 2) of affine functions that are not below samples (n, q): the chord, lifted, or the largest."""
+    ends, largest = values[:, [0, -1]], values.max(axis=1)[:, None]
     chord = ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, values.shape[1])
-    return np.asarray(ends + np.maximum(values - chord, 0.0).max(axis=1)[:, None])
+    lift = np.maximum(values - chord, 0.0).max(axis=1)[:, None]
+    flat = constant | (lift > 0.25 * np.abs(np.diff(ends, axis=1)))  # a jump, or a hump
+    return np.asarray(np.where(flat, largest, ends + lift))

@@ -14,26 +14,26 @@ Answers of the solver are used for v only. Works, resistance and missed conditio
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from scipy.optimize import linprog
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.linear_program import INFEASIBLE, TIME_LIMIT, solved
 from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.lines import Line, lines
 from qvi_contact.mechanism.works import works
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.watch import left
 
-_OPTIONS: Final[Any] = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-_LONGEST: Final = 300.0  # seconds
 _FARTHEST: Final = 1e5  # size of motions that do the work 1 with loads of the size 1: beyond, work is rounding
 _ROUNDS: Final = 40  # at most, of placing the points where the cap sets in
 _SETTLED: Final = 1e-13
-_INFEASIBLE, _TIME = 2, 1  # status numbers of linprog
+_NEARER: Final = 0.25 ** np.arange(1.0, 7.0)  # shares of the way to the next place, where more are tried
+_NOTHING: Final = 1e-9  # share of speeds within which opening is just enough
+_BESIDE: Final = 1e-3  # share of an interval within which a place counts as its end
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,19 +121,19 @@ class Rigid:
         motion = self._settled(lambda program: program.dearest(np.asarray(row), other, size))
         return None if motion is None else self.motion(motion, [*names, *others])
 
-    def _settled(self, solve: "Callable[[_Program], FloatArray | None]") -> FloatArray | None:
-        """Solve, and again with a place where the cap sets in, as long as that place moves."""
-        chosen, motion, before = self.lines, None, np.inf
+    def _settled(self, solve: "Callable[[_Program], tuple[FloatArray, float] | None]") -> FloatArray | None:
+        """Solve, and again with more places around that where the cap sets in, until they change nothing."""
+        chosen, before, idle = self.lines, np.inf, 0
         for _ in range(_ROUNDS):
-            motion = solve(_Program(self, chosen))
-            if motion is None or not any(line.capped for line in chosen):
+            found = solve(_Program(self, chosen))
+            if found is None or not any(line.capped for line in chosen):
                 break
-            found = tuple(divided(line, self.bodies, motion) for line in chosen)
-            cost = self.resistance(motion) / max(float(np.abs(motion).max()), 1e-300)
-            if found == chosen or abs(before - cost) <= _SETTLED * abs(cost):
+            motion, value = found
+            idle = 0 if before - value > _SETTLED * abs(value) else idle + 1
+            if idle == 2:
                 break
-            chosen, before = found, cost
-        return motion
+            chosen, before = tuple(surrounded(line, self.bodies, motion) for line in chosen), value
+        return None if found is None else found[0]
 
     def resistance(self, v: FloatArray) -> float:
         """R(v) [stress × length], exact up to the sampling of functions."""
@@ -156,13 +156,37 @@ class Rigid:
 
 def divided(line: Line, bodies: Bodies, v: FloatArray) -> Line:
     """The line with places where opening becomes too little for all of the slip to dilate."""
-    if not line.capped:
-        return line
     spare = line.opening(bodies) @ v - line.friction * abs(float(line.slip(bodies) @ v))
     for i in np.flatnonzero(spare[:-1] * spare[1:] < 0.0):
         share = spare[i] / (spare[i] - spare[i + 1])
         line = line.divided(float(line.places[i] + share * (line.places[i + 1] - line.places[i])))
     return line
+
+
+def surrounded(line: Line, bodies: Bodies, v: FloatArray) -> Line:
+    """The line with places where opening becomes too little, or where there is one, around it."""
+    if not line.capped:
+        return line
+    places, slip = line.places, line.friction * abs(float(line.slip(bodies) @ v))
+    opening = line.opening(bodies) @ v
+    spare = opening - slip
+    clear = np.flatnonzero(np.abs(spare) > _NOTHING * float((np.abs(opening) + slip).max()))
+    for i, j in pairwise(clear.tolist()):
+        if spare[i] * spare[j] > 0.0:
+            continue
+        share = spare[i] / (spare[i] - spare[j])
+        s = float(places[i] + share * (places[j] - places[i]))
+        new = [s] if j == i + 1 and _BESIDE < share < 1.0 - _BESIDE else _around(places, s)
+        for place in new:
+            line = line.divided(place)
+    return line
+
+
+def _around(places: FloatArray, s: float) -> list[float]:
+    """Places between the nearest one to s and its neighbours, closer and closer to it."""
+    at = int(np.argmin(np.abs(places - s)))
+    beside = [place for place in places[max(at - 1, 0) : at + 2] if place != places[at]]
+    return np.concatenate([places[at] + (place - places[at]) * _NEARER for place in beside]).tolist()
 
 
 def resistance(line: Line, bodies: Bodies, v: FloatArray) -> float:
@@ -230,7 +254,9 @@ class _Program:
         """−row y."""
         return dict(enumerate((-row).tolist()))
 
-    def strongest(self, loads: FloatArray, unit: float, equations: Sequence[_Equation]) -> FloatArray | None:
+    def strongest(
+        self, loads: FloatArray, unit: float, equations: Sequence[_Equation]
+    ) -> tuple[FloatArray, float] | None:
         """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (L⁺ − resisting)/(L⁺ + resisting) is largest."""
         cost = np.array(self._cost) / unit
         whole = dict(enumerate(cost.tolist()))
@@ -245,7 +271,7 @@ class _Program:
         objective[: self._motions] -= loads.sum(axis=0) @ self._basis
         return self._solve(objective, equations)
 
-    def dearest(self, row: FloatArray, other: FloatArray, unit: float) -> FloatArray | None:
+    def dearest(self, row: FloatArray, other: FloatArray, unit: float) -> tuple[FloatArray, float] | None:
         """Min R − L(others)  s.t.  row · v = 1."""
         objective = np.array(self._cost) / unit
         objective[: self._motions] -= other @ self._basis
@@ -255,7 +281,8 @@ class _Program:
         self._rows.append(row)
         self._limits.append(limit)
 
-    def _solve(self, objective: FloatArray, equations: Sequence[_Equation]) -> FloatArray | None:
+    def _solve(self, objective: FloatArray, equations: Sequence[_Equation]) -> tuple[FloatArray, float] | None:
+        """The motion v and the least value; None if there is no motion."""
         for number in range(self._motions):  # as rows: variables with two bounds would stand at one of them
             for sign in (1.0, -1.0):
                 self._append({number: sign}, _FARTHEST)
@@ -265,17 +292,14 @@ class _Program:
             A[:, : self._motions] = np.array([equation.row for equation in equations]) @ self._basis
             known = {"A_eq": A, "b_eq": np.array([equation.value for equation in equations])}
         bounds: Any = [(low, np.inf) for low in self._lower]
-        options: Any = {**_OPTIONS, "time_limit": min(_LONGEST, left())}
-        answer: Any = linprog(
-            objective, self._matrix, self._limits, bounds=bounds, method="highs", options=options, **known
-        )
-        if answer.status == _INFEASIBLE:
+        answer = solved(objective, A_ub=self._matrix, b_ub=self._limits, bounds=bounds, **known)
+        if answer.status == INFEASIBLE:
             return None
-        if answer.status == _TIME:
+        if answer.status == TIME_LIMIT:
             raise SolveError("mechanism: the time limit came first: allow more (time_limit=…)")
         if answer.status != 0:
             raise SolveError(f"mechanism: the linear program was not solved ({answer.message})")
-        return np.asarray(self._basis @ answer.x[: self._motions])
+        return np.asarray(self._basis @ answer.x[: self._motions]), float(answer.fun)
 
     @property
     def _matrix(self) -> FloatArray:

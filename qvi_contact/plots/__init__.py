@@ -6,6 +6,7 @@ and nothing depends on colour alone.
 
 from qvi_contact.plots.fields import COMPONENT_LABELS, principal_stress_map, stress_field
 from qvi_contact.plots.figures import history_figure, hysteresis_loop, problem_figure, result_figure
+from qvi_contact.plots.mechanism import draw_mechanism
 from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import (
@@ -30,6 +31,7 @@ __all__ = [
     "VERMILLION",
     "contact_tractions",
     "deformed_contact",
+    "draw_mechanism",
     "draw_problem",
     "friction_used",
     "has_matplotlib",

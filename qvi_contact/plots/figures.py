@@ -12,6 +12,7 @@ from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.plots.fields import principal_stress_map, stress_field
+from qvi_contact.plots.mechanism import draw_mechanism
 from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, settings
@@ -49,7 +50,8 @@ class LoadHistory(Protocol):
 def result_figure(result: ContactResult, units: Units | None = None) -> "Figure":
     """Overview of a result: crosses, von Mises stress, deformed contact lines, tractions of up to four contacts.
 
-    Without a stress state, as of an infeasible problem, the problem is drawn instead, under the same title.
+    Without a stress state, as of an infeasible problem, the problem is drawn instead, under the same title, and how the
+    mechanism moves its blocks, if there is one.
 
     Parameters
     ----------
@@ -69,6 +71,9 @@ def result_figure(result: ContactResult, units: Units | None = None) -> "Figure"
     if not result.has_state:
         figure = problem_figure(result.problem, units)
         advice = "" if result.status.advice in title else f" {result.status.advice}"
+        if result.mechanism is not None:
+            draw_mechanism(figure.axes[0], result.problem.mesh, result.mechanism)
+            advice += " Dashed blue lines: how the blocks move, magnified."
         with settings():
             figure.suptitle(_wrapped(title + advice, figure))
         return figure

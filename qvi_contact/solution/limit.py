@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.optimize import linprog
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, one_of
+from qvi_contact.basics.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, solved
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.families import ElementName, with_element
@@ -20,13 +20,10 @@ from qvi_contact.mechanism.works import BODY
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
-from solvers.basics.watch import left, watched
+from solvers.basics.watch import watched
 from solvers.inequality.rows import spanning_rows
 
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
-_LIMIT, _INFEASIBLE, _UNBOUNDED = 1, 2, 3  # status numbers of linprog
-_OPTIONS: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-_LONGEST = 300.0  # seconds
 _CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
 
 
@@ -259,11 +256,11 @@ class _Program:
     def solve(self) -> tuple[_Carried, FloatArray | None]:
         """Simplex, and a bound from its multipliers; y too if there is a finite answer."""
         answer = self._linprog(np.append(np.zeros(self.G.shape[1]), -1.0))
-        if answer.status == _UNBOUNDED:
+        if answer.status == UNBOUNDED:
             return _Carried(np.inf, np.inf, 0.0), None
-        if answer.status == _INFEASIBLE and self._is_infeasible():
+        if answer.status == INFEASIBLE and self._is_infeasible():
             return _Carried(-np.inf, -np.inf, 0.0), None
-        if answer.status == _LIMIT:
+        if answer.status == TIME_LIMIT:
             raise SolveError("limit load: the time limit came first: allow more (time_limit=…), or take fewer cells")
         if answer.status != 0:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
@@ -279,8 +276,7 @@ class _Program:
         A = np.column_stack([self.A, -self.b_slope] + relaxed * [np.zeros(len(self.b))])
         equations: dict[str, Any] = {"A_eq": A, "b_eq": self.b} if len(self.b) else {}
         bounds = [(None, None)] * (self.G.shape[1] + 1) + [(0.0, None)] * relaxed
-        options: Any = {**_OPTIONS, "time_limit": min(_LONGEST, left())}
-        return linprog(cost, A_ub=G, b_ub=self.h, bounds=bounds, method="highs", options=options, **equations)
+        return solved(cost, A_ub=G, b_ub=self.h, bounds=bounds, **equations)
 
     def _is_infeasible(self) -> bool:
         """Whether the rows cannot be met even approximately."""

@@ -267,7 +267,7 @@ class ContactResult(Stated):
     @property
     def has_state(self) -> bool:
         """Whether there is a stress state, certified or not, to evaluate."""
-        return self.status is not Status.INFEASIBLE and bool(np.isfinite(self.solution.z).all())
+        return not self.status.impossible and bool(np.isfinite(self.solution.z).all())
 
     @cached_property
     def dofs(self) -> FloatArray:

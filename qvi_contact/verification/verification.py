@@ -50,7 +50,6 @@ _CLAIMED: Final = 0.1  # of its limit, by which a measure may be larger than it 
 _SCALES: Final = 1e-6  # the stiffness of the contact that is in them is as accurate as its factorisation
 _BOUND: Final = 10.0  # of the tolerance: results of the fixed point may hold that of its last iteration
 _SHOWN: Final = 5  # names in a sentence
-_IMPOSSIBLE: Final = (Status.INFEASIBLE, Status.INFEASIBLE_ON_MESH)  # without a state, with a proof
 
 _GROUPS: Final = {
     "x_lines": "mesh", "y_lines": "mesh", "active": "mesh", "material": "mesh", "vertices": "mesh", "cells": "mesh",
@@ -286,7 +285,7 @@ def _accepted(tolerance: float, given: float | None) -> Check:
 def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed, accepted: Check) -> Iterator[Check]:
     yield _status(result, found)
     yield accepted
-    if result.status in _IMPOSSIBLE:
+    if result.status.impossible:
         yield _proof(found)
         return
     for row in found.result.certificate.rows():

@@ -32,6 +32,11 @@ class Status(StrEnum):
         return self.value.replace("_", " ")
 
     @property
+    def impossible(self) -> bool:
+        """Whether it is proved that there is no solution, at all or on this mesh."""
+        return self in (Status.INFEASIBLE, Status.INFEASIBLE_ON_MESH)
+
+    @property
     def usable(self) -> bool:
         """Whether an inner problem that ended so gives an iterate worth continuing from."""
         return self in (

@@ -19,8 +19,8 @@ from qvi_contact import (
     Traction,
     solve,
 )
+from qvi_contact.basics import linear_program
 from qvi_contact.gallery import stick_slip_block
-from qvi_contact.solution import limit
 from qvi_contact.solution.limit import limit_load, limit_load_factor
 from solvers import Status
 
@@ -370,7 +370,7 @@ def test_the_linear_program_gets_what_is_left(monkeypatch):
         given.append(options["time_limit"])
         return SimpleNamespace(status=1)
 
-    monkeypatch.setattr(limit, "linprog", too_slow)
+    monkeypatch.setattr(linear_program, "linprog", too_slow)
     problem = dragged(RectilinearMesh.rectangle((2, 2)), 10.0, 1.0, Contact("bottom", 0.5))
     for seconds in (None, 20.0):
         with pytest.raises(SolveError, match="time limit"):

@@ -1,0 +1,416 @@
+"""Mechanisms: what rigid blocks prove of loads, on any mesh, against closed forms."""
+
+import copy
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    LimitLoad,
+    Material,
+    RectilinearMesh,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    limit_load_factor,
+    solve,
+)
+from qvi_contact.mechanism import find_mechanism, program, upper_bound
+from qvi_contact.plots.mechanism import moved_outlines
+from solvers import Status
+from tests.effort import examples
+from tests.test_examples import example
+
+STEEL = Material(1000.0, 0.3)
+EXACT = 1e-9
+
+
+def turned(mesh, degrees):
+    """A mesh of triangles about the origin turned."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return TriangleMesh(mesh.vertices @ np.array([[c, s], [-s, c]]), mesh.cells, mesh.edge_sets, mesh.regions)
+
+
+def wall(mesh, wind=6.25, friction=1.0, unit=1.0):
+    """A wall 1 × 4 of the weight 25, blown from the left: it tips at 6.25, and slides at 25 μ."""
+    bottom = mesh.origin[1]
+    weight = lambda _, y: unit * 25.0 / 4.0 * (y - bottom)  # noqa: E731
+    loads = [Traction("left", unit * wind / 4.0, 0.0, name="wind"), *(Traction(s, 0.0, 0.0) for s in ("top", "right"))]
+    return ContactProblem(mesh, STEEL, [Contact("bottom", friction, name="base"), *loads], body_potential=weight)
+
+
+WALLS = {
+    "one cell": RectilinearMesh.rectangle((1, 1), 1.0, 4.0),
+    "rectangles": RectilinearMesh.rectangle((4, 8), 1.0, 4.0),
+    "graded": RectilinearMesh.rectangle((8, 4), 1.0, 4.0, grading=0.3),
+    "far away": RectilinearMesh.rectangle((4, 8), 1.0, 4.0, origin=(1e4, -1e4)),
+    "two triangles": TriangleMesh.rectangle((1, 1), 1.0, 4.0),
+    "bisected": TriangleMesh.rectangle((1, 2), 1.0, 4.0).graded([[1.0, 0.0]], 20),
+}
+
+
+class TestTippingWall:
+    """W w/2 = H h/2."""
+
+    @pytest.mark.parametrize("mesh", WALLS)
+    @pytest.mark.parametrize("unit", [1.0, 1e-7])
+    def test_the_limit_on_any_mesh(self, mesh, unit):
+        upper, mechanism = upper_bound(wall(WALLS[mesh], 1.0, unit=unit), ["wind"])
+        assert upper == pytest.approx(6.25, rel=EXACT)
+        assert mechanism.contacts["base"].opens
+        assert not mechanism.contacts["base"].slides
+        upper, mechanism = upper_bound(wall(WALLS[mesh], 1.0, 0.2, unit), ["wind"])
+        assert upper == pytest.approx(5.0, rel=EXACT)
+        assert mechanism.contacts["base"].slides
+
+    @pytest.mark.parametrize("mesh", WALLS)
+    def test_who_is_told_what(self, mesh):
+        """Nothing is claimed below the limit or on it, everything above."""
+        for share in (0.9, 1.0 - 1e-9, 1.0):
+            assert find_mechanism(wall(WALLS[mesh], 6.25 * share)) is None
+        for share in (1.0 + 1e-6, 1.1, 40.0):
+            found = find_mechanism(wall(WALLS[mesh], 6.25 * share))
+            assert found.overload == pytest.approx(share, rel=EXACT)
+            assert found.work == pytest.approx(sum(found.works.values()))
+            assert found.work > found.resistance >= 0.0
+
+    @pytest.mark.parametrize("mesh", ["one cell", "rectangles", "two triangles"])
+    def test_solving_near_the_limit(self, mesh):
+        """0.9 of the load is beyond these meshes, but nobody says that it is beyond the wall."""
+        below, above = (solve(wall(WALLS[mesh], 6.25 * share)) for share in (0.9, 1.1))
+        assert below.status is Status.INFEASIBLE_ON_MESH
+        assert below.mechanism is None
+        assert not below.has_state
+        assert below.message.startswith("On this mesh the load ")
+        assert above.status is Status.INFEASIBLE
+        assert above.mechanism.overload == pytest.approx(1.1, rel=EXACT)
+        assert above.message.startswith("The load pulls or tips the body off 'base'")
+        assert "1.1 times the work" in above.message
+
+    def test_refined_the_mesh_comes_close(self):
+        mesh = TriangleMesh.rectangle((2, 4), 1.0, 4.0)
+        apart = []
+        for depth in (0, 6, 12):
+            limit = limit_load_factor(wall(mesh.graded([[1.0, 0.0]], depth), 1.0), ["wind"], degree=4)
+            assert limit.upper == pytest.approx(6.25, rel=EXACT)
+            apart.append(1.0 - limit / limit.upper)
+        assert apart[0] > 0.1
+        assert 0.0 <= apart[2] <= 1e-4
+
+    def test_the_motion_is_drawn(self):
+        """About the right toe, which stays, clockwise."""
+        mesh = WALLS["rectangles"]
+        mechanism = find_mechanism(wall(mesh, 7.0))
+        (motion,) = mechanism.motions
+        assert motion.rotation < 0.0
+        assert motion.at(np.array([1.0, 0.0])) == pytest.approx(0.0, abs=1e-12)
+        assert np.hypot(*motion.at(mesh.vertices).T).max() == pytest.approx(1.0)
+        before = np.stack([mesh.vertices[mesh.boundary.first], mesh.vertices[mesh.boundary.second]], axis=1)
+        after = moved_outlines(mesh, mechanism)
+        lengths = [np.hypot(*np.diff(ends, axis=1)[:, 0].T) for ends in (before, after)]
+        assert lengths[1] == pytest.approx(lengths[0])
+        assert np.abs(after - before).max() == pytest.approx(0.08 * 4.0, rel=0.05)
+
+
+@pytest.mark.parametrize(("friction", "expected"), [(0.0, 0.1), (0.1, 0.202020), (0.2, 0.306122), (0.3, 0.412371)])
+def test_wedge(friction, expected):
+    """A block on a plane that rises by 0.1, G down and F sideways: F/G = (tan α + μ)/(1 − μ tan α), from both sides."""
+    mesh = TriangleMesh.rectangle((3, 1), 6.0, 1.0)
+    x, y = mesh.vertices.T
+    mesh = TriangleMesh(np.column_stack([x, y + 0.1 * x]), mesh.cells, mesh.edge_sets)
+    weight = Traction("top", 0.0, -1.0 / math.hypot(6.0, 0.6))
+    loads = [weight, Traction("left", 1.0, 0.0, name="F"), Traction("right", 0.0, 0.0)]
+    problem = ContactProblem(mesh, STEEL, [Contact("bottom", friction), *loads])
+    limit = limit_load_factor(problem, ["F"], degree=5)
+    assert limit.upper == pytest.approx((0.1 + friction) / (1.0 - 0.1 * friction), rel=EXACT)
+    assert limit.upper == pytest.approx(expected, abs=5e-7)
+    assert limit.lower == pytest.approx(limit.upper, rel=1e-6)
+
+
+class TestBlockOnAnObliquePlane:
+    """40 × 20 on a plane tilted by 30°, under 300: N = 12000, and a shear of 99 % of μN holds where 101 % slides."""
+
+    def problem(self, share):
+        mesh = turned(TriangleMesh.rectangle((4, 2), 40.0, 20.0), 30.0)
+        shear = share * 0.3 * 300.0
+        conditions = [
+            Contact("bottom", 0.3, name="plane"),
+            Traction("top", normal=-300.0, tangential=shear, name="drag"),
+            *(Traction(side, normal=0.0, tangential=sign * shear) for side, sign in (("right", -1.0), ("left", 1.0))),
+        ]
+        return ContactProblem(mesh, STEEL, conditions)
+
+    def test_holds(self):
+        plane = solve(self.problem(0.99)).contacts["plane"]
+        assert (plane.normal_force, abs(plane.tangential_force)) == pytest.approx((12000.0, 3564.0), rel=1e-8)
+
+    def test_slides(self):
+        result = solve(self.problem(1.01))
+        assert result.status is Status.INFEASIBLE
+        assert result.mechanism.contacts["plane"].slides
+
+    def test_the_factor(self):
+        """Of the shear alone; where the pressure grows with it, any multiple holds, or none does."""
+        problem = self.problem(0.5)
+        alone = replace(problem, conditions=split(problem))
+        assert upper_bound(alone, ["shear", "right", "left"])[0] == pytest.approx(2.0, rel=EXACT)
+        assert upper_bound(problem, ["drag", "right", "left"]) == (np.inf, None)
+        assert upper_bound(self.problem(1.01), ["drag", "right", "left"])[0] == pytest.approx(0.0, abs=EXACT)
+
+
+def split(problem):
+    """The load on the top as two."""
+    base, top, *sides = problem.conditions
+    parts = Traction("top", normal=top.normal), Traction("top", tangential=top.tangential, name="shear")
+    return [base, *parts, *sides]
+
+
+def dragged(contact, pressure=10.0):
+    """Pressure on a block 2 × 1 and uniform shear with its complement, whose multiple is the mean shear on the base."""
+    mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+    weight = (lambda x, _: -pressure(x)) if callable(pressure) else -pressure
+    top = [Traction("top", y=weight), Traction("top", x=1.0, name="shear")]
+    sides = [Traction("right", x=0.0), Traction("right", y=1.0, name="shear")]
+    sides += [Traction("left", x=0.0), Traction("left", y=-1.0, name="shear")]
+    return ContactProblem(mesh, STEEL, [contact, *top, *sides])
+
+
+class TestLaws:
+    """Bounds of the shear on the base of a block."""
+
+    @pytest.mark.parametrize(
+        ("law", "expected"),
+        [
+            ({"friction": 0.3}, 3.0),
+            ({"friction": 0.0}, 0.0),
+            ({"friction": 0.3, "cohesion": 1.5}, 4.5),
+            ({"friction": 0.3, "cohesion": 1.5, "shear_limit": 4.0}, 4.0),
+            ({"friction": 0.3, "cohesion": 1.5, "shear_limit": 1.0}, 1.0),
+            ({"friction": 0.3, "shear_limit": 40.0}, 3.0),
+            ({"friction": 0.0, "cohesion": 2.0}, 2.0),
+            ({"friction": 0.0, "cohesion": lambda x, _: 1.0 + x**2}, 1.0 + 4.0 / 3.0),
+            ({"friction": 0.3, "law": "bilateral"}, np.inf),
+            ({"friction": 0.3, "law": "bilateral", "shear_limit": 5.0}, 5.0),
+            ({"friction": 0.0, "cohesion": 2.0, "law": "bilateral"}, 2.0),
+            ({"friction": 0.0, "law": "tied"}, np.inf),
+            ({"friction": lambda x, _: 0.2 + 0.1 * x}, 3.0),  # N and its moment are given: ∫ μp is
+        ],
+    )
+    def test_limit(self, law, expected):
+        upper, mechanism = upper_bound(dragged(Contact("bottom", **law)), ["shear"])
+        assert upper == pytest.approx(expected, rel=EXACT, abs=EXACT)
+        assert (mechanism is None) == np.isinf(upper)
+
+    def test_a_cap_under_an_eccentric_load(self):
+        """N = 12 at 2/3: p = t/μ on a length b and the rest in the corner, T = t b = √(2 N d μ t)."""
+        problem = dragged(Contact("bottom", 0.5, shear_limit=4.0), pressure=lambda x: 12.0 - 6.0 * x)
+        assert upper_bound(problem, ["shear"])[0] == pytest.approx(math.sqrt(32.0) / 2.0, rel=EXACT)
+
+    def test_friction_that_jumps_or_bends(self):
+        """Never below the limit, and close to it."""
+        step = upper_bound(dragged(Contact("bottom", lambda x, _: np.where(x < 1.2, 0.1, 0.3))), ["shear"])[0]
+        limit = 10.0 * (0.1 + 0.2 / 1.2)  # pressed at 0 and just beyond the step
+        assert limit * (1.0 - EXACT) <= step <= 1.02 * limit
+        bent = upper_bound(dragged(Contact("bottom", lambda x, _: 0.3 + 0.1 * x * (2.0 - x))), ["shear"])[0]
+        assert 4.0 * (1.0 - EXACT) <= bent <= 4.01  # all pressure in the middle
+
+    def test_gap_and_offset_do_not_enter(self):
+        far = Contact("bottom", 0.3, gap=3.0, offset=-1.0)
+        assert upper_bound(dragged(far), ["shear"])[0] == pytest.approx(3.0, rel=EXACT)
+
+
+class TestSupportsAndPlates:
+    """What may move with the blocks, and what may not."""
+
+    def test_supports_hold(self):
+        loads = [Traction("right", 1.0, 1.0), Traction("left", 0.0, 0.0)]
+        mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+        clamped = ContactProblem(mesh, STEEL, [Displacement("bottom", 0.1, 0.0), Traction("top", 5.0, 5.0), *loads])
+        assert find_mechanism(clamped) is None
+        assert upper_bound(clamped, ["top"]) == (np.inf, None)
+
+    def test_symmetry_guides(self):
+        """Lifted at its weight; sideways the line of symmetry holds."""
+        mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+        loads = [Traction("top", x=0.0, y=1.0, name="crane"), Traction("right", -50.0, 0.0, name="side")]
+        conditions = [Contact("bottom", 0.0, name="floor"), Symmetry("left"), *loads]
+        problem = ContactProblem(mesh, STEEL, conditions, body_potential=lambda _, y: 7.0 * y)
+        assert upper_bound(problem, ["crane"])[0] == pytest.approx(7.0, rel=EXACT)
+        assert upper_bound(problem, ["side"]) == (np.inf, None)
+        pulled = replace(problem, conditions=[*conditions[:-1], Traction("right", 1.0, 0.0, name="side")])
+        assert upper_bound(pulled, ["side"]) == (np.inf, None)
+
+    @pytest.mark.parametrize("given", [0.5, 20.0])
+    def test_a_ram_pushes(self, given):
+        """μ times the pressure, whatever the mesh; the plate moves with the block."""
+        ram = Contact("left", 0.0, law="bilateral", plate=RigidPlate(force_x=given), name="ram")
+        loads = [Traction("top", 0.0, -10.0), Traction("right", 0.0, 0.0)]
+        mesh = RectilinearMesh.rectangle((2, 1), 2.0, 1.0)
+        upper, mechanism = upper_bound(ContactProblem(mesh, STEEL, [Contact("bottom", 0.3), ram, *loads]), ["ram"])
+        assert given * upper == pytest.approx(6.0, rel=EXACT)
+        assert mechanism.plates["ram"].x == pytest.approx(mechanism.motions[0].x)
+
+    @pytest.mark.parametrize("pivot", [(0.0, 0.0), (1e3, -1e3)])
+    def test_a_plate_tips_the_block(self, pivot):
+        """N = 20 and the moment that shifts it to the edge of the base: 20 · 1."""
+        x, y = pivot
+        plate = RigidPlate(force_x=0.0, force_y=-20.0, moment=-20.0 * (1.0 - x) - 1.0 - 0.0 * y, pivot=pivot)
+        moments = [Contact("bottom", 0.3, name="base"), Contact("top", 0.0, law="tied", plate=plate, name="grip")]
+        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        problem = ContactProblem(RectilinearMesh.rectangle((2, 2), 2.0, 1.0), STEEL, [*moments, *sides])
+        assert find_mechanism(problem) is None
+        tilted = replace(plate, moment=plate.moment - 18.9)
+        moments[1] = replace(moments[1], plate=tilted)
+        assert find_mechanism(replace(problem, conditions=[*moments, *sides])) is None
+        moments[1] = replace(moments[1], plate=replace(plate, moment=plate.moment - 19.1))
+        found = find_mechanism(replace(problem, conditions=[*moments, *sides]))
+        assert found.contacts["base"].opens
+
+    def test_slides_along_a_slanted_guide_of_many_edges(self):
+        """Rounding of vertices on a line does not wedge the block in."""
+        for degrees in (11.0, 37.0, -63.0):
+            mesh = turned(TriangleMesh.rectangle((23, 5), 2.0, 1.0), degrees)
+            guides = [Contact(side, 0.0, law="bilateral") for side in ("top", "bottom")]
+            ends = [Traction("left", normal=0.0, tangential=0.0), Traction("right", normal=1.0, tangential=0.0)]
+            found = find_mechanism(ContactProblem(mesh, STEEL, [*guides, *ends]))
+            assert found.overload == np.inf
+            assert found.violation < 1e-14
+
+    def test_a_hinge_does_not_slide(self):
+        """Held at a short part of its base, the block still turns about it only if that part may."""
+        mesh = RectilinearMesh([0.0, 1e-3, 1.0], [0.0, 1.0]).with_edges("foot", "bottom", stop=1e-3)
+        mesh = mesh.with_edges("rest", "bottom", start=1e-3)
+        free = [Traction(side, 0.0, 0.0) for side in ("left", "rest")]
+        loads = [Traction("right", 0.0, -1.0), Traction("top", 0.0, 0.0)]
+        clamped = ContactProblem(mesh, STEEL, [Displacement("foot", 0.0, 0.0), *free, *loads])
+        assert find_mechanism(clamped) is None
+        propped = ContactProblem(mesh, STEEL, [Contact("foot", 0.3, name="foot"), *free, *loads])
+        assert find_mechanism(propped).contacts["foot"].opens
+
+
+class TestWallOfBlocks:
+    """Three courses of two blocks, 30 on the top, weight 24: what the whole wall and what its top course does."""
+
+    def problem(self, friction, where=0.0):
+        problem = example("dry_stone_wall").problem
+        lines = [0.0, 1.0, 1.5, 3.0], [0.0, 1.0, 2.0, 3.0]
+        coarse = problem.on_lines(*lines).triangulated()
+        edges = coarse.mesh.boundary.take(coarse.mesh.edge_set("left"))
+        pairs = np.column_stack([edges.first, edges.second])
+        above = coarse.mesh.vertices[pairs][:, :, 1].mean(axis=1) > where
+        mesh = coarse.mesh.with_edges("pushed", pairs[above])
+        pushed = [Traction("pushed", 1.0, 0.0, name="push")]
+        if not above.all():
+            mesh = mesh.with_edges("below", pairs[~above])
+            pushed.append(Traction("below", 0.0, 0.0))
+        others = [replace(c, friction=friction) if isinstance(c, Contact) else c for c in coarse.conditions]
+        others = [condition for condition in others if condition.edges != "left"]
+        return replace(coarse, mesh=mesh, conditions=[*pushed, *others])
+
+    def test_it_slides_on_the_ground(self):
+        limit = limit_load_factor(self.problem(0.6), ["push"], degree=4)
+        assert limit.upper == pytest.approx(0.6 * 306.0 / 3.0, rel=EXACT)
+        assert limit.lower == pytest.approx(limit.upper, rel=1e-6)
+        moved = limit.mechanism.contacts
+        assert [name for name in moved if moved[name].slides] == ["ground"]
+
+    def test_the_upper_course_slides(self):
+        upper, mechanism = upper_bound(self.problem(0.6, 2.0), ["push"])
+        assert upper == pytest.approx(0.6 * 162.0, rel=EXACT)
+        assert sum(np.hypot(motion.x, motion.y) > 0.5 for motion in mechanism.motions) == 2
+
+    def test_the_wall_tips_as_one(self):
+        """(30 · 3 + 24 · 9) · 1.5 = H · 2.5; refined at the edges the mesh comes within 1e-4."""
+        problem = self.problem(1.5, 2.0)
+        corners = [(3.0, 0.0), (3.0, 1.0), (3.0, 2.0)]
+        limit = limit_load_factor(replace(problem, mesh=problem.mesh.graded(corners, 12)), ["push"], degree=4)
+        assert limit.upper == pytest.approx(306.0 * 1.5 / 2.5, rel=EXACT)
+        assert 0.0 <= 1.0 - limit / limit.upper <= 1e-4
+
+
+@st.composite
+def stacks(draw):
+    """Blocks on each other, of random widths and weights, friction, cohesion and caps, pushed and pulled anywhere."""
+    count = draw(st.integers(1, 3))
+    number = st.floats(0.1, 2.0)
+    heights = np.concatenate([[0.0], np.cumsum([draw(number) for _ in range(count)])])
+    mesh = RectilinearMesh(np.array([0.0, draw(number), 2.5]), heights)
+    contacts = []
+    for level in range(count):
+        law = {"friction": draw(st.sampled_from([0.0, 0.2, 0.7, 2.0]))}
+        law["cohesion"] = draw(st.sampled_from([0.0, 0.0, 1.0]))
+        law["shear_limit"] = draw(st.sampled_from([None, None, 1.5]))
+        if level:
+            mesh = mesh.with_joint(f"joint {level}", "horizontal", heights[level])
+        contacts.append(Contact(f"joint {level}" if level else "bottom", **law))
+    push, pull, weight = (draw(st.integers(-20, 30)) / 10.0 for _ in range(3))
+    loads = [Traction("left", push, 0.0, name="push"), Traction("right", 0.0, pull, name="pull")]
+    top = Traction("top", 0.0, lambda x, _: -5.0 - weight * x, name="top")
+    return ContactProblem(mesh, STEEL, [*contacts, *loads, top], body_potential=lambda _, y: 1.0 * y)
+
+
+@settings(
+    max_examples=examples(8), deadline=None, derandomize=True, phases=(Phase.generate,),
+    suppress_health_check=list(HealthCheck),
+)  # fmt: skip
+@given(stacks(), st.sampled_from([None, 3, 4]))
+def test_no_mesh_carries_more_than_the_mechanism_allows(problem, degree):
+    stated = problem if degree is None else problem.triangulated()
+    limit = limit_load_factor(stated, ["push", "pull"], degree=degree)
+    assert limit.lower <= limit.upper + 1e-8 * (1.0 + abs(limit.lower if np.isfinite(limit.lower) else 0.0))
+    other = problem.triangulated() if degree is None else problem
+    again = upper_bound(other, ["push", "pull"])[0]
+    assert again == pytest.approx(limit.upper, rel=EXACT, abs=EXACT)
+    if np.isfinite(limit.upper) and limit.upper > 1e-3:
+        loads = [multiplied(stated, share * limit.upper) for share in (0.999, 1.001)]
+        below, above = (find_mechanism(replace(stated, conditions=conditions)) for conditions in loads)
+        assert below is None or limit.lower == -np.inf
+        assert above is not None
+
+
+def multiplied(problem, factor):
+    """The conditions with "push" and "pull" times a factor."""
+    return [
+        replace(c, x=factor * c.x, y=factor * c.y) if getattr(c, "name", "") in ("push", "pull") else c
+        for c in problem.conditions
+    ]
+
+
+class TestLimitLoad:
+    """A number with two sides."""
+
+    LIMIT = LimitLoad(5.0, 6.25, None, 5.0 + 1e-9, 0.0)
+
+    def test_it_is_a_number(self):
+        limit = self.LIMIT
+        assert (float(limit), limit.lower, limit.upper) == (5.0, 5.0, 6.25)
+        assert (2.0 * limit, limit + 1, -limit, limit / 2, abs(limit)) == (10.0, 6.0, -5.0, 2.5, 5.0)
+        assert limit == 5.0
+        assert 4.0 < limit < 5.5
+        assert np.isfinite(limit)
+        assert f"{limit:.3f}|{limit}" == "5.000|5.0"
+        assert repr(limit) == "LimitLoad(lower=5, upper=6.25)"
+
+    @pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda limit: pickle.loads(pickle.dumps(limit))])
+    def test_copies_keep_both_sides(self, again):
+        assert vars(again(self.LIMIT)) == vars(self.LIMIT)
+        assert again(self.LIMIT) == 5.0
+
+
+def test_a_program_that_fails_decides_nothing(monkeypatch):
+    """The status of the mesh's proof is what is left then."""
+
+    def failing(*_, **__):
+        return type("Answer", (), {"status": 4, "message": "no"})()
+
+    monkeypatch.setattr(program, "solved", failing)
+    assert solve(wall(WALLS["one cell"], 10.0)).status is Status.INFEASIBLE_ON_MESH
