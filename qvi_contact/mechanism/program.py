@@ -186,7 +186,8 @@ def _around(places: FloatArray, s: float) -> list[float]:
     """Places between the nearest one to s and its neighbours, closer and closer to it."""
     at = int(np.argmin(np.abs(places - s)))
     beside = [place for place in places[max(at - 1, 0) : at + 2] if place != places[at]]
-    return np.concatenate([places[at] + (place - places[at]) * _NEARER for place in beside]).tolist()
+    near: list[float] = np.concatenate([places[at] + (place - places[at]) * _NEARER for place in beside]).tolist()
+    return near
 
 
 def resistance(line: Line, bodies: Bodies, v: FloatArray) -> float:
