@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.stored import load_result
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.lines import graded_lines
+    from qvi_contact.mesh.outline import Corner
     from qvi_contact.mesh.rectilinear import RectilinearMesh
     from qvi_contact.mesh.triangles import TriangleMesh
     from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
@@ -41,6 +42,7 @@ _HOME = {
     "ContactProblem": "problem.problem",
     "ContactResult": "solution.result",
     "ContactState": "solution.contact_line",
+    "Corner": "mesh.outline",
     "Discretization": "discretization.discretization",
     "Displacement": "problem.conditions",
     "Expression": "problem.fields",
@@ -84,6 +86,7 @@ __all__ = [
     "ContactProblem",
     "ContactResult",
     "ContactState",
+    "Corner",
     "Discretization",
     "Displacement",
     "Expression",

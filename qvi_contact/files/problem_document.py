@@ -21,7 +21,7 @@ _LONGEST_NAME: Final = 100
 _MOST_CELLS: Final = 10_000  # in a row
 _MOST_STEPS: Final = 10_000
 _MOST_NAMES: Final = 2000
-_MESH_KINDS: Final = (("x", "y"), ("file",), ("vertices", "triangles"))
+_MESH_KINDS: Final = (("x", "y"), ("file",), ("outline",), ("vertices", "triangles"))
 _MESH_EXTRAS: Final = {"x": ("remove", "refine"), "vertices": ("edges", "regions")}  # what else a kind of mesh has
 
 
@@ -141,14 +141,89 @@ class RefineTable(Table):
     towards: list[str] = []
 
 
+class CornerTable(Table):
+    """See `qvi_contact.Corner`."""
+
+    at: Pair
+    name: Name | None = None
+    centre: Pair | None = None
+    clockwise: bool = False
+    size: float | None = None
+
+
+class RingTable(Table):
+    """A closed line: corners, or a circle."""
+
+    name: Name | None = None
+    corners: list[CornerTable] | None = None
+    centre: Pair | None = None
+    radius: float | None = None
+    size: float | None = None
+
+    @model_validator(mode="after")
+    def _is_one_line(self) -> "RingTable":
+        circle = {"centre": self.centre, "radius": self.radius}
+        if (self.corners is None) == all(value is None for value in circle.values()):
+            raise InputError("corners", None, "give corners, or centre and radius of a circle")
+        for key, value in (circle | {"size": self.size}).items():
+            if self.corners is not None and value is not None:
+                raise InputError(key, value, "this belongs to a circle, which has no corners: leave it out")
+        for key, value in circle.items():
+            if self.corners is None and value is None:
+                raise InputError(key, None, "add this key, it is needed")
+        return self
+
+
+class HoleTable(RingTable):
+    """A hole; a name is that of its edges, where it is a circle."""
+
+    @model_validator(mode="after")
+    def _corners_have_names(self) -> "HoleTable":
+        if self.corners is not None and self.name is not None:
+            raise InputError("name", self.name, "give the names to the corners where the lines begin")
+        return self
+
+
+class InnerRegionTable(RingTable):
+    """A region of an outline."""
+
+    name: Name
+
+
+class InnerLineTable(Table):
+    """A joint of an outline."""
+
+    name: Name
+    corners: list[CornerTable]
+
+
+class SizeTable(Table):
+    """Size of the triangles at a point."""
+
+    at: Pair
+    size: float
+
+
+class OutlineTable(Table):
+    """See `qvi_contact.TriangleMesh.outline`."""
+
+    size: float
+    corners: list[CornerTable]
+    holes: Annotated[list[HoleTable], Field(max_length=_MOST_NAMES)] = []
+    joints: Annotated[list[InnerLineTable], Field(max_length=_MOST_NAMES)] = []
+    regions: Annotated[list[InnerRegionTable], Field(max_length=_MOST_NAMES)] = []
+    sizes: Annotated[list[SizeTable], Field(max_length=_MOST_NAMES)] = []
+
+
 class MeshTable(Table):
-    """Grid lines, cells left out, refinement; or triangles, in this file or in a mesh file."""
+    """Grid lines, cells left out, refinement; or triangles: in this file, in a mesh file, or of an outline."""
 
     x: Axis | None = None
     y: Axis | None = None
     remove: list[Rectangle] = []
     refine: RefineTable | None = None
     file: Name | None = None
+    outline: OutlineTable | None = None
     vertices: list[Pair] | None = None
     triangles: list[Triple] | None = None
     edges: Annotated[dict[Name, list[Edge]], Field(max_length=_MOST_NAMES)] = {}
@@ -157,13 +232,13 @@ class MeshTable(Table):
     @property
     def is_grid(self) -> bool:
         """Whether these are grid lines."""
-        return self.file is None and self.vertices is None
+        return self.x is not None
 
     @model_validator(mode="after")
     def _is_one_mesh(self) -> "MeshTable":
         kinds = [kind for kind in _MESH_KINDS if any(getattr(self, key) is not None for key in kind)]
         if len(kinds) != 1:
-            remedy = "give x and y (grid lines), or file (of a mesh), or vertices and triangles"
+            remedy = "give x and y (grid lines), or file (of a mesh), or vertices and triangles, or an outline"
             raise InputError("", [key for kind in kinds for key in kind] or None, f"{remedy}: one of these")
         for key in kinds[0]:
             if getattr(self, key) is None:

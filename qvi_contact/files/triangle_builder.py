@@ -8,6 +8,7 @@ import numpy as np
 from qvi_contact.basics.checks import IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.files.located import located
+from qvi_contact.files.outline_builder import outlined
 from qvi_contact.files.problem_document import Document, EdgesTable, JointTable, MeshTable, RegionTable, quoted
 from qvi_contact.mesh.selection import edges_in_box, edges_on_segment, triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -45,6 +46,8 @@ def region_name(table: RegionTable, index: int) -> str:
 
 def _bare(table: MeshTable, folder: Path | None) -> TriangleMesh:
     """The mesh with the names it brings along."""
+    if table.outline is not None:
+        return outlined(table.outline)
     return _inline(table) if table.file is None else _loaded(table.file, folder)
 
 

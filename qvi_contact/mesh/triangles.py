@@ -18,7 +18,9 @@ from qvi_contact.mesh.bisection import bisected
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.mesher import meshed
 from qvi_contact.mesh.named import NamedEdges
+from qvi_contact.mesh.outline import Line, Outline, Point, polygons
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.topology import Topology, chains, outward_normals
@@ -133,6 +135,50 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         body; names of surfaces become regions. See `mesh.files`.
         """
         return cls._made(read_mesh(path))
+
+    @classmethod
+    def outline(
+        cls,
+        corners: Line,
+        size: float,
+        *,
+        holes: Sequence[Line] = (),
+        joints: Mapping[str, Line] | None = None,
+        regions: Mapping[str, Line] | None = None,
+        sizes: Mapping[Point, float] | None = None,
+    ) -> "TriangleMesh":
+        """A body given by its outline, divided into triangles by gmsh (extra ``mesh``).
+
+        Parameters
+        ----------
+        corners : sequence of Corner or (x, y)
+            The corners around the body, either way round; the last one is joined to the first. A `Corner` can name
+            the line that begins there, and make an arc of it. Arcs are polygons of chords about as long as the
+            triangles there, see `mesh.outline`.
+        size : float
+            Size of the triangles where nothing else is said: the length of their sides [length].
+        holes : sequence of lines, optional
+            Corners around each hole; `Corner.circle` makes round ones.
+        joints : mapping of str to line, optional
+            Open lines inside the body by name, along which a `Contact` may hold.
+        regions : mapping of str to line, optional
+            Closed lines by name: the triangles inside each are a region.
+        sizes : mapping of (x, y) to float, optional
+            Sizes at points of the body [length]; corners can have their own.
+
+        Raises
+        ------
+        InputError
+            If gmsh is missing, lines cross, an arc does not fit its centre, a hole or joint leaves the body, or sizes
+            would make more than a million triangles.
+
+        """
+        outline = Outline(corners, size, holes, joints or {}, regions or {}, sizes or {})
+        mesh = cls._made(meshed(polygons(outline)))
+        for name in outline.joints:
+            if name not in mesh.joint_names:
+                raise InputError(f"joints.{name}", name, "lies on the boundary: name the corner where that line begins")
+        return mesh
 
     @cached_property
     def topology(self) -> Topology:

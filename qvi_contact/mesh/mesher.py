@@ -1,0 +1,176 @@
+"""Triangles of an outline, made by gmsh.
+
+gmsh keeps one state for the whole process. It is started for one mesh and ended behind it, under a lock, without
+configuration files, signal handlers, threads of its own, or output; a session of the caller's is left as it was.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from threading import Lock
+from typing import Any, Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import IntArray
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.outline import Polygon, Polygons
+from qvi_contact.mesh.parts import MeshParts
+from qvi_contact.mesh.triangulation import divided_corners
+from solvers.basics.types import load
+
+_LOCK: Final = Lock()
+_OPTIONS: Final = {
+    "General.Terminal": 0,
+    "General.Verbosity": 0,
+    "General.AbortOnError": 2,
+    "General.NumThreads": 1,
+    "Geometry.Tolerance": 1e-10,
+    "Mesh.Algorithm": 6,  # frontal Delaunay
+    "Mesh.ElementOrder": 1,
+    "Mesh.MeshSizeFromPoints": 1,
+    "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.MeshSizeExtendFromBoundary": 1,
+    "Mesh.MeshSizeMin": 0.0,
+    "Mesh.MeshSizeFactor": 1.0,
+    "Mesh.RandomSeed": 1,
+}
+_LIBRARIES: Final = "apt-get install libgl1 libglu1-mesa libxcursor1 libxfixes3 libxft2 libxinerama1 libxrender1"
+
+
+def meshed(shape: Polygons) -> MeshParts:
+    """The body as triangles, with edge sets by the names of its lines and regions.
+
+    Raises
+    ------
+    InputError
+        If gmsh or a system library it needs is missing, gmsh cannot divide the body, or an inner line leaves it.
+
+    """
+    gmsh = _gmsh()
+    with _LOCK, _session(gmsh):
+        try:
+            return _mesh(gmsh, shape)
+        except Exception as error:
+            if type(error) is not Exception:  # gmsh raises bare ones with a text
+                raise
+            told = " ".join(str(error).split()) or "no reason given"
+            raise InputError("outline", told, "gmsh cannot divide this body: look for lines that cross") from error
+
+
+def _gmsh() -> Any:
+    """The library, or how to get it."""
+    try:
+        return load("gmsh")
+    except ImportError as error:
+        remedy = "outlines are divided by gmsh: python -m pip install 'qvi-contact[mesh]'"
+        raise InputError("outline", "gmsh", remedy) from error
+    except OSError as error:  # a library of the system is missing
+        told = " ".join(str(error).split())
+        remedy = f"gmsh needs libraries of the system ({told}): on Debian and Ubuntu {_LIBRARIES}"
+        raise InputError("outline", "gmsh", remedy) from error
+
+
+@contextmanager
+def _session(gmsh: Any) -> Iterator[None]:
+    """A model of its own, in a session of its own if there is none."""
+    fresh = not gmsh.isInitialized()
+    if fresh:
+        gmsh.initialize(["gmsh", "-v", "0"], readConfigFiles=False, interruptible=False)
+    before = None if fresh else gmsh.model.getCurrent()
+    kept = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
+    try:
+        for name, value in _OPTIONS.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.model.add("qvi_contact outline")
+        yield
+    finally:
+        gmsh.model.remove()
+        for name, value in kept.items():
+            gmsh.option.setNumber(name, value)
+        if before is not None:
+            gmsh.model.setCurrent(before)
+        if fresh:
+            gmsh.finalize()
+
+
+def _mesh(gmsh: Any, shape: Polygons) -> MeshParts:
+    occ = gmsh.model.occ
+    drawn = [_drawn(occ, polygon) for polygon in (shape.outer, *shape.holes)]
+    body = (2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in drawn]))
+    inner = [
+        (1, line) for polygon in (*shape.joints.values(), *shape.regions.values()) for line in _drawn(occ, polygon)
+    ]
+    points = [(0, occ.addPoint(*place, 0.0)) for place in shape.points.tolist()]
+    surfaces = [body[1]]
+    if inner or points:  # the surface is cut along lines
+        surfaces = [tag for dimension, tag in occ.fragment([body], [*inner, *points])[1][0] if dimension == 2]
+    occ.synchronize()
+    _set_sizes(gmsh, shape)
+    gmsh.model.mesh.generate(2)
+    return _parts(gmsh, shape, surfaces)
+
+
+def _drawn(occ: Any, polygon: Polygon) -> list[int]:
+    """The polygon's pieces as lines of gmsh."""
+    tags = [occ.addPoint(x, y, 0.0) for x, y in polygon.points.tolist()]
+    following = [*tags[1:], tags[0]]
+    return [occ.addLine(tags[k], following[k]) for k in range(len(polygon.names))]
+
+
+def _set_sizes(gmsh: Any, shape: Polygons) -> None:
+    """Sizes at all points, the smallest where several are given at one place."""
+    places = np.concatenate([*(polygon.points for polygon in shape.every), shape.points])
+    sizes = np.concatenate([*(polygon.sizes for polygon in shape.every), shape.sizes])
+    gmsh.option.setNumber("Mesh.MeshSizeMax", float(sizes.max()))
+    for entity in gmsh.model.getEntities(0):
+        at = np.array(gmsh.model.getValue(*entity, [])[:2])
+        here = np.hypot(*(places - at).T) <= shape.rounding
+        gmsh.model.mesh.setSize([entity], float(sizes[here].min()) if here.any() else shape.largest)
+
+
+def _parts(gmsh: Any, shape: Polygons, surfaces: Sequence[int]) -> MeshParts:
+    """Vertices, triangles, edges by name, triangles by region."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    number = np.full(int(tags.max()) + 1, -1)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    points = np.asarray(coordinates, dtype=float).reshape(-1, 3)[:, :2]
+    cells = number[np.concatenate([_elements(gmsh, 2, tag) for tag in sorted(surfaces)])]
+    used = np.unique(cells)
+    vertex = np.full(len(points), -1)
+    vertex[used] = np.arange(len(used))
+    edge_sets = {}
+    for name, curves in _curves(gmsh, shape).items():
+        edge_sets[name] = vertex[number[np.concatenate([_elements(gmsh, 1, tag) for tag in curves])]]
+        if (edge_sets[name] < 0).any():
+            raise InputError("outline", name, "this inner line leaves the body: end it on the boundary or inside")
+    lines = vertex[number[np.concatenate([_elements(gmsh, 1, tag) for _, tag in gmsh.model.getEntities(1)])]]
+    cells = divided_corners(points[used], vertex[cells], lines)
+    centres = points[used][cells].mean(axis=1)
+    regions = {name: np.flatnonzero(polygon.holds(centres)) for name, polygon in shape.regions.items()}
+    return MeshParts(points[used], cells, edge_sets, regions)
+
+
+def _curves(gmsh: Any, shape: Polygons) -> dict[str, list[int]]:
+    """Curves of gmsh by the name of the piece of the outline on which both their ends lie."""
+    ends = {}
+    for entity in gmsh.model.getEntities(1):
+        tags = [abs(tag) for _, tag in gmsh.model.getBoundary([entity])]
+        ends[entity[1]] = np.array([gmsh.model.getValue(0, tag, [])[:2] for tag in tags])
+    named = [
+        (name, polygon, [other == name for other in polygon.names])
+        for polygon in (shape.outer, *shape.holes)
+        for name in dict.fromkeys(filter(None, polygon.names))
+    ]
+    named += [(name, polygon, [True] * len(polygon.names)) for name, polygon in shape.joints.items()]
+    found: dict[str, list[int]] = {}
+    for name, polygon, pieces in named:
+        on = [tag for tag, both in ends.items() if polygon.near(both, shape.rounding)[:, pieces].all(axis=0).any()]
+        found[name] = sorted({*found.get(name, []), *on})
+    return found
+
+
+def _elements(gmsh: Any, dimension: int, tag: int) -> IntArray:
+    """Nodes (k, 2) or (k, 3) of the lines or triangles of a curve or surface."""
+    kind = {1: 1, 2: 2}[dimension]
+    nodes = gmsh.model.mesh.getElementsByType(kind, tag)[1]
+    return np.asarray(nodes, dtype=np.int64).reshape(-1, dimension + 1)

@@ -1,0 +1,331 @@
+"""Bodies described by their outline: corners joined by straight lines and arcs, holes, inner lines, sizes.
+
+The triangles have straight sides. So an arc is a polygon whose vertices lie on the circle; its chords are about as long
+as the triangles there are to be. A polygon of chords h on a circle of radius r is h²/8r inside it: stresses of a body
+with arcs do not get better than that, whatever the degree, until the arcs are divided more finely.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number
+from qvi_contact.errors import InputError
+
+Point: TypeAlias = tuple[float, float]
+
+_SAME_RADIUS: Final = 1e-6  # relative difference of the distances of an arc's ends from its centre
+_WIDEST: Final = np.pi / 6.0  # angle of a chord at most
+_MOST_LINES: Final = 4000
+_MOST_TRIANGLES: Final = 1_000_000
+_NEAR: Final = 1e-9  # distance of points over the body's length below which they are one
+_SMALLEST: Final = 1e-7  # of sizes, as a share of the outline's length
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A point of an outline, and the line from there to the next one.
+
+    Parameters
+    ----------
+    at : (float, float)
+        Coordinates [length].
+    name : str, optional
+        What the line from here to the next corner is called: edges of one name are one edge set.
+    centre : (float, float), optional
+        Centre of the circle that the line follows [length]; a straight line by default. Both ends must be at one
+        distance from it.
+    clockwise : bool
+        Which way an arc goes around its centre.
+    size : float, optional
+        Size of the triangles at this corner, and along an arc that begins here [length].
+
+    """
+
+    at: Point
+    name: str = ""
+    centre: Point | None = None
+    clockwise: bool = False
+    size: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "at", _point("Corner.at", self.at))
+        if not isinstance(self.name, str):
+            raise InputError("Corner.name", self.name, "give a string")
+        if self.centre is not None:
+            object.__setattr__(self, "centre", _point("Corner.centre", self.centre))
+        if self.size is not None:
+            positive_number("Corner.size", self.size)
+
+    @classmethod
+    def circle(cls, centre: Point, radius: float, name: str = "", size: float | None = None) -> "tuple[Corner, Corner]":
+        """A whole circle as two arcs, for holes and regions."""
+        (x, y), radius = _point("centre", centre), positive_number("radius", radius)
+        return cls((x + radius, y), name, (x, y), size=size), cls((x - radius, y), name, (x, y), size=size)
+
+
+Line: TypeAlias = Sequence[Corner | Point]
+"""Corners one after the other; a pair of coordinates is a corner without a name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A body to be divided into triangles; see `TriangleMesh.outline`, which has the parameters."""
+
+    corners: Line
+    size: float
+    holes: Sequence[Line] = ()
+    joints: Mapping[str, Line] = field(default_factory=dict)
+    regions: Mapping[str, Line] = field(default_factory=dict)
+    sizes: Mapping[Point, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Polygon:
+    """A line of an outline as straight pieces.
+
+    Attributes
+    ----------
+    points : (n, 2) array
+        Their ends [length]; of a closed line each once.
+    names : (k,) list of str
+        What each piece is called; n of a closed line, n − 1 of an open one.
+    sizes : (n,) array
+        Sizes of triangles at the points [length].
+
+    """
+
+    points: FloatArray
+    names: list[str]
+    sizes: FloatArray
+
+    @property
+    def pieces(self) -> FloatArray:
+        """Both ends of each piece, shape (k, 2, 2) [length]."""
+        following = np.roll(self.points, -1, axis=0)
+        return np.stack([self.points, following], axis=1)[: len(self.names)]
+
+    def near(self, points: FloatArray, distance: float) -> BoolArray:
+        """Which points (m, 2) are how near to each piece at most, shape (m, k)."""
+        along = self.pieces[:, 1] - self.pieces[:, 0]
+        offset = points[:, None] - self.pieces[:, 0]
+        t = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+        return np.asarray(np.hypot(*np.moveaxis(offset - t[:, :, None] * along, 2, 0)) <= distance)
+
+    def holds(self, points: FloatArray) -> BoolArray:
+        """Whether points (m, 2) lie inside this closed polygon."""
+        inside = np.zeros(len(points), dtype=bool)
+        for (ax, ay), (bx, by) in self.pieces.tolist():
+            crossed = (ay > points[:, 1]) != (by > points[:, 1])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                at = ax + (points[:, 1] - ay) / (by - ay) * (bx - ax)
+            inside ^= crossed & (points[:, 0] < at)
+        return inside
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    """An outline as polygons.
+
+    Attributes
+    ----------
+    outer, holes
+        Closed lines of the boundary.
+    joints, regions
+        Open and closed lines inside, by name.
+    points, sizes : (k, 2), (k,) arrays
+        Places with sizes of their own.
+    largest : float
+        Size of triangles where nothing else is said [length].
+
+    """
+
+    outer: Polygon
+    holes: tuple[Polygon, ...]
+    joints: dict[str, Polygon]
+    regions: dict[str, Polygon]
+    points: FloatArray
+    sizes: FloatArray
+    largest: float
+
+    @property
+    def length(self) -> float:
+        """The longer side of the bounding box [length]."""
+        return float(np.ptp(self.outer.points, axis=0).max())
+
+    @property
+    def rounding(self) -> float:
+        """Distance below which points are one [length]."""
+        return _NEAR * self.length
+
+    @property
+    def every(self) -> tuple[Polygon, ...]:
+        """All lines."""
+        return (self.outer, *self.holes, *self.joints.values(), *self.regions.values())
+
+
+def polygons(outline: Outline) -> Polygons:
+    """The outline's lines as polygons, checked; `InputError` says which line is wrong, and where."""
+    size = positive_number("size", outline.size)
+    outer = _polygon("corners", outline.corners, size, closed=True)
+    holes = tuple(_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(outline.holes)))
+    joints = {name: _polygon(f"joints.{name}", line, size, closed=False) for name, line in outline.joints.items()}
+    regions = {name: _polygon(f"regions.{name}", line, size, closed=True) for name, line in outline.regions.items()}
+    for kind, names in (("joints", joints), ("regions", regions)):
+        for name in names:
+            if not isinstance(name, str) or not name:
+                raise InputError(kind, name, "give names that are not empty")
+    places = [_point("sizes", at) for at in outline.sizes]
+    sizes = [positive_number(f"sizes[{at}]", given) for at, given in outline.sizes.items()]
+    found = Polygons(outer, holes, joints, regions, np.array(places).reshape(-1, 2), np.array(sizes), size)
+    _check_boundary(found)
+    _check_inside(found)
+    _check_work(found)
+    return found
+
+
+def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
+    corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _listed(line)]
+    if len(corners) < 2:
+        raise InputError(name, len(corners), "give two or more corners")
+    points: list[FloatArray] = []
+    names: list[str] = []
+    sizes: list[float] = []
+    for corner, following in zip(corners, [*corners[1:], corners[0]] if closed else corners[1:], strict=closed):
+        own = corner.size or size
+        points.append(_steps(name, corner, following, own))
+        names += [corner.name] * len(points[-1])
+        sizes += [own] * len(points[-1])
+    if not closed:
+        points.append(np.array([corners[-1].at]))
+        sizes.append(corners[-1].size or size)
+    if closed and len(names) < 3:
+        raise InputError(name, len(corners), "give three or more corners of a closed line, or arcs between two")
+    return Polygon(np.concatenate(points), names, np.array(sizes))
+
+
+def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatArray:
+    """The corner, and the points of an arc that starts there, without its end."""
+    start, stop = np.array(corner.at), np.array(following.at)
+    if np.array_equal(start, stop):
+        raise InputError(name, corner.at, "two corners lie here one after the other: leave one out")
+    if corner.centre is None:
+        return start[None]
+    centre = np.array(corner.centre)
+    radius, other = float(np.hypot(*(start - centre))), float(np.hypot(*(stop - centre)))
+    if not abs(radius - other) <= _SAME_RADIUS * radius:
+        remedy = f"the ends of this arc are {radius:.9g} and {other:.9g} from its centre: correct one of the three"
+        raise InputError(name, corner.centre, remedy)
+    first, last = (float(np.arctan2(*(end - centre)[::-1])) for end in (start, stop))
+    turn = (first - last if corner.clockwise else last - first) % (2.0 * np.pi)
+    count = int(np.ceil(max(turn * radius / size, turn / _WIDEST) - 1e-9))
+    if count > _MOST_LINES:
+        raise InputError(name, size, f"would divide this arc into {count} chords, at most {_MOST_LINES}: give more")
+    angles = first + (-1.0 if corner.clockwise else 1.0) * turn * np.arange(count) / count
+    points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    points[0] = start
+    return points
+
+
+def _check_boundary(found: Polygons) -> None:
+    """Boundary lines must not cross or touch, and holes lie in the body."""
+    lines = [("corners", found.outer), *((f"holes[{k}]", hole) for k, hole in enumerate(found.holes))]
+    pieces = np.concatenate([polygon.pieces for _, polygon in lines])
+    if len(pieces) > _MOST_LINES:
+        raise InputError("outline", len(pieces), f"has more than {_MOST_LINES} lines and chords: give larger sizes")
+    crossing = _crossing(pieces, [len(polygon.names) for _, polygon in lines])
+    if crossing is not None:
+        x, y = pieces[crossing].mean(axis=0)
+        raise InputError("outline", (float(x), float(y)), "two lines of the boundary cross or touch around this point")
+    for k, hole in enumerate(found.holes):
+        others = [other for other in found.holes if other is not hole]
+        start = hole.points[:1]
+        if not found.outer.holds(start)[0] or any(other.holds(start)[0] for other in others):
+            raise InputError(f"holes[{k}]", tuple(start[0].tolist()), "this hole is not inside the body: move it")
+
+
+def _check_inside(found: Polygons) -> None:
+    """Places with a size of their own lie in the body or on its boundary."""
+    inside = found.outer.holds(found.points)
+    for hole in found.holes:
+        inside &= ~hole.holds(found.points)
+    for polygon in (found.outer, *found.holes):
+        inside |= polygon.near(found.points, found.rounding).any(axis=1)
+    if not inside.all():
+        raise InputError("sizes", tuple(found.points[np.argmin(inside)].tolist()), "give points of the body")
+
+
+def _check_work(found: Polygons) -> None:
+    """Sizes so small that there would be too many triangles are refused before the work begins."""
+    smallest = min([found.largest, *(float(p.sizes.min()) for p in found.every), *found.sizes.tolist()])
+    if smallest < _SMALLEST * found.length:
+        raise InputError("size", smallest, f"is too small for a body of length {found.length:g}: give more")
+    edges = sum(
+        float((np.hypot(*np.diff(p.pieces, axis=1)[:, 0].T) / p.sizes[: len(p.names)]).sum()) for p in found.every
+    )
+    x, y = found.outer.points.T
+    area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2.0
+    triangles = 4.0 / np.sqrt(3.0) * area / found.largest**2 + edges
+    if triangles > _MOST_TRIANGLES:
+        remedy = f"makes about {triangles:.0e} triangles, at most {_MOST_TRIANGLES}: give more"
+        raise InputError("size", found.largest, remedy)
+
+
+def _crossing(pieces: FloatArray, counts: Sequence[int]) -> int | None:
+    """A piece (k, 2, 2) that meets another one elsewhere than at the end they share as neighbours; None if none does.
+
+    Pieces come as closed lines one after the other, of so many pieces each.
+    """
+    following = np.concatenate([start + np.roll(np.arange(count), -1) for start, count in _starts(counts)])
+    low, high = pieces.min(axis=1), pieces.max(axis=1)
+    order = np.argsort(low[:, 0], kind="stable")
+    ends = np.searchsorted(low[order, 0], high[order, 0], side="right")
+    for place, (k, end) in enumerate(zip(order.tolist(), ends.tolist(), strict=True)):
+        others = order[place + 1 : end]  # those that begin before this one ends, from left to right
+        others = others[(low[others, 1] <= high[k, 1]) & (high[others, 1] >= low[k, 1])]
+        neighbours = (following[others] == k) | (others == following[k])
+        if (_meet(pieces[k], pieces[others]) & ~neighbours).any():
+            return int(k)
+        for other in others[neighbours].tolist():
+            if _turns_back(pieces[k], pieces[other]):
+                return int(k)
+    return None
+
+
+def _meet(piece: FloatArray, others: FloatArray) -> BoolArray:
+    """Whether a piece (2, 2) has a point in common with others (m, 2, 2) whose boxes meet its own."""
+    (a, b), (c, d) = piece, others.swapaxes(0, 1)
+    return np.asarray((_side(a, b, c) * _side(a, b, d) <= 0) & (_side(c, d, a) * _side(c, d, b) <= 0))
+
+
+def _turns_back(piece: FloatArray, neighbour: FloatArray) -> bool:
+    """Whether a piece lies on the neighbour that it shares an end with."""
+    (a, b), (c, d) = piece, neighbour
+    straight = _side(a, b, c) == 0 and _side(a, b, d) == 0
+    return bool(straight and (b - a) @ (d - c) < 0.0)
+
+
+def _starts(counts: Sequence[int]) -> list[tuple[int, int]]:
+    return list(zip(np.concatenate([[0], np.cumsum(counts)[:-1]]).tolist(), counts, strict=True))
+
+
+def _side(a: FloatArray, b: FloatArray, p: FloatArray) -> IntArray:
+    """On which side of the line from a to b points lie: 1 to the left, −1 to the right, 0 on it but for rounding."""
+    along, offset = b - a, p - a
+    first, second = along[..., 0] * offset[..., 1], along[..., 1] * offset[..., 0]
+    sure = np.abs(first - second) > 1e-14 * (np.abs(first) + np.abs(second))
+    return np.where(sure, np.sign(first - second), 0.0).astype(np.int64)
+
+
+def _listed(line: object) -> Sequence[Any]:
+    if not isinstance(line, Sequence) or isinstance(line, str):
+        raise InputError("outline", line, "give a list of corners, and of such lists for holes")
+    return line
+
+
+def _point(name: str, value: object) -> Point:
+    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str) or len(value) != 2:
+        raise InputError(name, value, "give a pair (x, y)")
+    return finite_number(name, value[0]), finite_number(name, value[1])

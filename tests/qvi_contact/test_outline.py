@@ -1,0 +1,365 @@
+"""Bodies given by their outline: arcs, holes, inner lines, sizes, and what gmsh makes of them."""
+
+import math
+import signal
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from qvi_contact import Corner, InputError, TriangleMesh, load_problem, solve
+from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.files.problem_writer import problem_to_toml
+from qvi_contact.mesh import mesher
+from qvi_contact.mesh.outline import Outline, polygons
+from qvi_contact.mesh.topology import Topology
+from qvi_contact.mesh.triangulation import divided_corners
+from tests.effort import examples
+
+try:
+    import gmsh
+except (ImportError, OSError) as error:  # OSError: a library of the system is missing
+    gmsh, MISSING = None, str(error)
+else:
+    MISSING = ""
+needs_gmsh = pytest.mark.skipif(gmsh is None, reason=f"gmsh cannot be loaded: {MISSING}")
+
+SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+ARCH = [
+    Corner((0.0, 0.0), "base"),
+    Corner((2.0, 0.0), "side", size=0.05),
+    Corner((2.0, 1.0), "arch", centre=(1.0, 1.0)),
+    Corner((0.0, 1.0), "side"),
+]
+INSIDE = {
+    "holes": [Corner.circle((1.0, 1.0), 0.4, "bore", size=0.1)],
+    "joints": {"seam": [(0.0, 0.4), (2.0, 0.4)]},
+    "regions": {"core": [(0.2, 0.1), (0.8, 0.1), (0.8, 0.3), (0.2, 0.3)]},
+    "sizes": {(1.0, 0.2): 0.05},
+}
+
+
+def areas(mesh):
+    (a, b, c) = mesh.corners.swapaxes(0, 1)
+    u, v = b - a, c - a
+    return np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2.0
+
+
+def enclosed(points):
+    x, y = points.T
+    return abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0
+
+
+class TestPolygons:
+    """What is done before gmsh is called."""
+
+    @pytest.mark.parametrize("clockwise", [False, True])
+    @pytest.mark.parametrize("size", [0.5, 0.1, 10.0])
+    def test_points_of_an_arc_lie_on_its_circle(self, clockwise, size):
+        start, stop = Corner((1.0, 0.0), "arc", (0.0, 0.0), clockwise), (0.0, 1.0)
+        line = polygons(
+            Outline([start, stop, (-3.0, -3.0)] if not clockwise else [start, stop, (3.0, 3.0)], size)
+        ).outer
+        chords = [piece for piece, name in zip(line.pieces, line.names, strict=True) if name == "arc"]
+        turn = 1.5 * np.pi if clockwise else 0.5 * np.pi
+        assert np.hypot(*np.array(chords).reshape(-1, 2).T) == pytest.approx(1.0)
+        lengths = np.hypot(*np.diff(chords, axis=1)[:, 0].T)
+        assert lengths == pytest.approx(lengths[0])
+        assert lengths[0] <= min(size, np.pi / 6.0)
+        assert 2.0 * np.arcsin(lengths / 2.0).sum() == pytest.approx(turn)
+
+    def test_a_circle_holds_what_is_inside(self):
+        ring = polygons(Outline(Corner.circle((2.0, 3.0), 1.5), 0.01)).outer
+        points = np.array([(2.0, 3.0), (3.4, 3.0), (3.6, 3.0), (0.0, 3.0), (2.0, 4.49)])
+        assert ring.holds(points).tolist() == [True, True, False, False, True]
+        assert enclosed(ring.points) == pytest.approx(np.pi * 1.5**2, rel=1e-4)
+
+    @settings(max_examples=examples(40), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(st.lists(st.floats(0.3, 3.0), min_size=3, max_size=9), st.floats(-1e3, 1e3), st.booleans(), st.data())
+    def test_lines_that_cross_are_found(self, radii, shift, reverse, data):
+        """A star around a centre is a body; with two of its corners exchanged it mostly is none."""
+        count = len(radii)
+        angles = 2.0 * np.pi * np.arange(count) / count
+        star = np.array(radii)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]) + shift
+        star = star[::-1] if reverse else star
+        assert enclosed(polygons(Outline([tuple(p) for p in star.tolist()], 1.0)).outer.points) > 0.0
+        if count > 3:
+            k = data.draw(st.integers(0, count - 1))
+            mixed = star.copy()
+            mixed[[k, (k + 1) % count]] = mixed[[(k + 1) % count, k]]
+            if _simple(mixed):
+                polygons(Outline([tuple(p) for p in mixed.tolist()], 1.0))
+            else:
+                with pytest.raises(InputError, match="cross or touch"):
+                    polygons(Outline([tuple(p) for p in mixed.tolist()], 1.0))
+
+    @pytest.mark.parametrize(
+        ("changes", "field", "words"),
+        [
+            ({"corners": SQUARE[:2]}, "corners", "three or more"),
+            ({"corners": SQUARE[:1]}, "corners", "two or more"),
+            ({"corners": "abc"}, "outline", "list of corners"),
+            ({"corners": [*SQUARE, (0.0, 1.0)]}, "corners", "one after the other"),
+            ({"corners": [*SQUARE, (0.5, 0.5), (0.0, 1.0)]}, "outline", "cross or touch"),
+            ({"corners": [(0, 0), (2, 0), (1, 0), (1, 1)]}, "outline", "cross or touch"),
+            ({"corners": [(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)]}, "outline", "cross or touch"),
+            ({"corners": [(0, 0), (1, math.nan), (1, 1)]}, "Corner.at", "finite"),
+            ({"corners": [(0, 0), (1, 0, 0), (1, 1)]}, "Corner.at", "pair"),
+            ({"corners": [Corner((0, 0), centre=(0.4, 0.0)), (1, 0), (1, 1)]}, "corners", "from its centre"),
+            ({"size": 0.0}, "size", "greater than 0"),
+            ({"size": 1e-9}, "size", "too small"),
+            ({"size": 1e-4}, "size", "triangles"),
+            ({"sizes": {(0.5, 0.5): -1.0}}, "sizes[(0.5, 0.5)]", "greater than 0"),
+            ({"sizes": {(0.5, 1.5): 0.1}}, "sizes", "points of the body"),
+            ({"holes": [Corner.circle((0.5, 0.5), 0.2)], "sizes": {(0.5, 0.5): 0.1}}, "sizes", "points of the body"),
+            ({"holes": [Corner.circle((0.5, 0.5), 0.6)]}, "outline", "cross or touch"),
+            ({"holes": [Corner.circle((0.5, 0.5), 0.5)]}, "outline", "cross or touch"),
+            ({"holes": [Corner.circle((2.5, 0.5), 0.2)]}, "holes[0]", "not inside"),
+            ({"holes": [Corner.circle((0.5, 0.5), r) for r in (0.3, 0.1)]}, "holes[1]", "not inside"),
+            ({"holes": Corner.circle((0.5, 0.5), 0.3)}, "outline", "lists for holes"),
+            ({"joints": {"": [(0, 0), (1, 1)]}}, "joints", "not empty"),
+            ({"joints": {"seam": [(0, 0)]}}, "joints.seam", "two or more"),
+        ],
+    )  # fmt: skip
+    def test_what_is_no_outline_is_refused(self, changes, field, words):
+        with pytest.raises(InputError, match=words) as caught:
+            polygons(Outline(**{"corners": SQUARE, "size": 0.5} | changes))
+        assert caught.value.field == field
+        assert len(str(caught.value).splitlines()) == 1
+
+
+def _simple(points):
+    """Whether a polygon does not cross itself, in the plainest way; no three of the corners are on one line."""
+
+    def left(a, b, c):
+        return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0
+
+    n, p = len(points), points
+    pairs = [(i, j) for i in range(n) for j in range(i + 2, n) if (i, j) != (0, n - 1)]
+    return not any(
+        left(p[i], p[i + 1], p[j]) != left(p[i], p[i + 1], p[(j + 1) % n])
+        and left(p[j], p[(j + 1) % n], p[i]) != left(p[j], p[(j + 1) % n], p[i + 1])
+        for i, j in pairs
+    )
+
+
+class TestCorners:
+    """Triangles with two edges on the boundary."""
+
+    RISING = np.array([[a, a + 1, a + 4] for a in (0, 1, 3, 4)] + [[a, a + 4, a + 3] for a in (0, 1, 3, 4)])
+    SQUARES = np.array([(x, y) for y in (0.0, 1.0, 2.0) for x in (0.0, 1.0, 2.0)])
+    NONE = np.empty((0, 2), dtype=np.int64)
+
+    @staticmethod
+    def filled(cells):
+        topology = Topology.of(np.sort(cells, axis=1), 9)
+        return int((topology.boundary[topology.of_cells].sum(axis=1) == 2).sum())
+
+    def test_they_are_divided(self):
+        assert self.filled(self.RISING) == 2
+        cells = divided_corners(self.SQUARES, self.RISING, self.NONE)
+        assert self.filled(cells) == 0
+        assert areas(TriangleMesh(self.SQUARES, cells)) == pytest.approx(0.5)
+
+    def test_lines_with_a_name_stay(self):
+        cells = divided_corners(self.SQUARES, self.RISING, np.array([[5, 1]]))
+        assert self.filled(cells) == 1
+        assert Topology.of(np.sort(cells, axis=1), 9).number(np.array([[1, 5]]), 9) >= 0
+
+    def test_no_needles_are_made(self):
+        """A sharp corner would become two that are too sharp."""
+        vertices = self.SQUARES.copy()
+        vertices[2] = (10.0, -4.0)
+        assert self.filled(divided_corners(vertices, self.RISING, self.NONE)) == 1
+
+
+class TestWithoutGmsh:
+    """One line says how to get it."""
+
+    def test_the_package(self, monkeypatch):
+        monkeypatch.setitem(__import__("sys").modules, "gmsh", None)
+        with pytest.raises(InputError, match="pip install"):
+            TriangleMesh.outline(SQUARE, 0.5)
+
+    def test_its_libraries(self, monkeypatch):
+        def missing(_):
+            raise OSError("libGLU.so.1: cannot open shared object file:\nNo such file or directory")
+
+        monkeypatch.setattr(mesher, "load", missing)
+        with pytest.raises(InputError, match="apt-get install") as caught:
+            TriangleMesh.outline(SQUARE, 0.5)
+        assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.fixture(scope="module")
+def arch():
+    return TriangleMesh.outline(ARCH, 0.2, **INSIDE)
+
+
+@needs_gmsh
+class TestMeshes:
+    """What gmsh makes of an outline."""
+
+    def test_the_triangles_fill_the_body(self, arch):
+        shape = polygons(Outline(ARCH, 0.2, **INSIDE))
+        assert areas(arch).sum() == pytest.approx(enclosed(shape.outer.points) - enclosed(shape.holes[0].points))
+        assert areas(arch)[arch.region("core")].sum() == pytest.approx(0.6 * 0.2)
+        assert len(arch.outlines) == 2
+
+    def test_names_are_edges_and_joints(self, arch):
+        assert set(arch.edge_names) == {"base", "side", "arch", "bore"}
+        assert arch.joint_names == ("seam",)
+        lengths = {name: arch.edges(name).length.sum() for name in ("base", "side", "seam")}
+        assert lengths == pytest.approx({"base": 2.0, "side": 2.0, "seam": 2.0})
+        for name, radius in (("arch", 1.0), ("bore", 0.4)):
+            ends = arch.vertices[np.unique(arch.edge_sets[name])]
+            assert np.hypot(*(ends - [1.0, 1.0]).T) == pytest.approx(radius)
+
+    def test_sizes_are_kept(self, arch):
+        for place, size in (((2.0, 0.0), 0.05), ((1.0, 0.2), 0.05), ((0.0, 0.0), 0.2), ((1.0, 2.0), 0.2)):
+            vertex = np.argmin(np.hypot(*(arch.vertices - place).T))
+            assert arch.vertices[vertex] == pytest.approx(place, abs=1e-12)
+            assert 0.4 * size < arch.finest[vertex] < 1.6 * size
+
+    def test_joints_may_cross_and_end_inside(self):
+        joints = {"up": [(0.5, 0.0), (0.5, 0.7)], "across": [(0.2, 0.5), (0.8, 0.5)]}
+        mesh = TriangleMesh.outline(SQUARE, 0.3, joints=joints)
+        assert mesh.edges("up").length.sum() == pytest.approx(0.7)
+        assert mesh.edges("across").length.sum() == pytest.approx(0.6)
+
+    @pytest.mark.parametrize("joint", [[(0.5, 0.5), (0.5, 1.5)], [(2.0, 2.0), (3.0, 3.0)], [(0.0, 0.0), (0.5, 0.0)]])
+    def test_joints_outside_are_refused(self, joint):
+        with pytest.raises(InputError):
+            TriangleMesh.outline(SQUARE, 0.5, joints={"seam": joint})
+
+    def test_the_same_outline_has_the_same_mesh_in_any_thread(self, arch):
+        found = []
+        threads = [
+            threading.Thread(target=lambda: found.append(TriangleMesh.outline(ARCH, 0.2, **INSIDE))) for _ in range(2)
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert [mesh.same_as(arch) for mesh in found] == [True, True]
+
+    def test_nothing_is_left_behind(self, capfd):
+        handler = signal.getsignal(signal.SIGINT)
+        TriangleMesh.outline(SQUARE, 0.5)
+        assert not gmsh.isInitialized()
+        assert signal.getsignal(signal.SIGINT) is handler
+        assert capfd.readouterr() == ("", "")
+
+    def test_a_session_of_the_caller_is_left_as_it_was(self):
+        gmsh.initialize(interruptible=False)
+        try:
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.option.setNumber("Mesh.Algorithm", 5)
+            gmsh.model.add("own")
+            gmsh.model.occ.addPoint(0.0, 0.0, 0.0)
+            gmsh.model.occ.synchronize()
+            TriangleMesh.outline(SQUARE, 0.5)
+            assert gmsh.isInitialized()
+            assert gmsh.model.getCurrent() == "own"
+            assert gmsh.model.getEntities() == [(0, 1)]
+            assert gmsh.option.getNumber("Mesh.Algorithm") == 5
+        finally:
+            gmsh.finalize()
+
+
+FILE = """
+version = 1
+[mesh.outline]
+size = 0.25
+corners = [
+    { at = [0.0, 0.0], name = "base" },
+    { at = [2.0, 0.0], name = "right" },
+    { at = [2.0, 1.0], name = "top", size = 0.1 },
+    { at = [0.0, 1.0], name = "left" },
+]
+holes = [{ centre = [1.0, 0.5], radius = 0.2, name = "bore" }]
+joints = [{ name = "seam", corners = [{ at = [0.0, 0.2] }, { at = [2.0, 0.2] }] }]
+regions = [{ name = "core", centre = [0.4, 0.6], radius = 0.1 }]
+sizes = [{ at = [1.5, 0.5], size = 0.1 }]
+[material]
+young = 1000.0
+poisson = 0.3
+[[regions]]
+name = "core"
+young = 1000.0
+poisson = 0.3
+[[tractions]]
+edges = "top"
+normal = -2.0
+tangential = 0.0
+[[tractions]]
+edges = "left"
+x = 0.0
+y = 0.0
+[[tractions]]
+edges = "right"
+x = 0.0
+y = 0.0
+[[tractions]]
+edges = "bore"
+x = 0.0
+y = 0.0
+[[contacts]]
+edges = "base"
+friction = 0.3
+[solve]
+degree = 3
+"""
+
+
+CORE = 'name = "core", centre = [0.4, 0.6], radius = 0.2'
+
+
+class TestFiles:
+    """[mesh.outline]."""
+
+    @needs_gmsh
+    def test_a_block_with_a_bore_carries_its_load(self, tmp_path):
+        (tmp_path / "block.toml").write_text(FILE)
+        file = load_problem(tmp_path / "block.toml")
+        result = solve(file.problem, **file.solve_options)
+        assert result.status == "solved"
+        assert result.contacts["base"].normal_force == pytest.approx(4.0, rel=1e-9)
+        again = problem_from_toml(problem_to_toml(file.problem)).problem
+        assert again.mesh.same_as(file.problem.mesh)
+
+    @needs_gmsh
+    def test_the_example_of_the_documentation(self):
+        page = (Path(__file__).parents[2] / "docs" / "problem_files.md").read_text(encoding="utf-8")
+        text = page.partition("```toml")[2].partition("```")[0]
+        rest = 'version = 1\n[material]\nyoung = 1.0\npoisson = 0.3\n[[contacts]]\nedges = "base"\nfriction = 0.3\n'
+        free = "".join(f'[[tractions]]\nedges = "{name}"\nx = 0.0\ny = 0.0\n' for name in ("side", "arch", "bore"))
+        mesh = problem_from_toml(rest + free + text).problem.mesh
+        assert set(mesh.edge_names) == {"base", "side", "arch", "bore"}
+
+    @pytest.mark.parametrize(
+        ("old", "new", "field"),
+        [
+            ("at = [2.0, 0.0]", "at = [2.0]", "mesh.outline.corners[1].at"),
+            ("at = [2.0, 0.0]", "to = [2.0, 0.0]", "mesh.outline.corners[1].to"),
+            ("size = 0.1 }", "size = -0.1 }", "mesh.outline.corners[2].size"),
+            ("size = 0.25", "size = 0.0", "mesh.outline.size"),
+            ("size = 0.25", "", "mesh.outline.size"),
+            ("radius = 0.2", "radius = 2.0", "mesh.outline.holes[0]"),
+            ("radius = 0.2", "radius = -2.0", "mesh.outline.holes[0].radius"),
+            (", radius = 0.2", "", "mesh.outline.holes[0].radius"),
+            ("radius = 0.2", "radius = 0.2, corners = []", "mesh.outline.holes[0].corners"),
+            ("{ at = [0.0, 0.2] }, ", "", "mesh.outline.joints[0]"),
+            ("regions = [{", f"regions = [{{ {CORE} }}, {{", "mesh.outline.regions[1].name"),
+            ("at = [1.5, 0.5], size", "at = [1.5, 1.5], size", "mesh.outline.sizes"),
+            ("[mesh.outline]", '[mesh]\nfile = "a.msh"\n[mesh.outline]', "mesh"),
+        ],
+    )  # fmt: skip
+    def test_what_is_wrong_is_named_by_its_place(self, old, new, field):
+        assert old in FILE
+        with pytest.raises(InputError) as caught:
+            problem_from_toml(FILE.replace(old, new, 1))
+        assert caught.value.field == field
