@@ -13,8 +13,8 @@ A report is made of data alone, so that the same rows give the same bytes. Forma
 from comparisons.report.document import Exhibit, Figure, Finding, Report, Section, Table
 from comparisons.report.environment import environment_grids
 from comparisons.report.files import write_report
-from comparisons.report.pictures import svg_text
 from comparisons.report.terminal import show
+from qvi_contact.plots.inline import svg_text
 
 __all__ = [
     "Exhibit",

@@ -47,7 +47,7 @@ class Figure:
     title : str
         Title.
     svg : str
-        The picture, see `pictures.svg_text`; empty where matplotlib is not installed.
+        The picture, see `qvi_contact.plots.inline.svg_text`; empty where matplotlib is not installed.
     reading : str
         How to read it: what the axes, curves and marks are.
     failure : str

@@ -7,12 +7,12 @@ from markupsafe import Markup
 
 from comparisons.cells import is_numeric
 from comparisons.report.document import Exhibit, Figure, Report, Section, Table
-from comparisons.report.inline import inline_svg
 from comparisons.report.labels import NO_PICTURES, NO_ROWS, NOTHING_DRAWN, heading_text, labels, title_of, undrawn
 from comparisons.report.marks import as_html, plain
 from comparisons.report.order import sort_key
 from comparisons.study.outcome import FAILURES
 from comparisons.tables import Grid
+from qvi_contact.plots.inline import inline_svg
 
 if TYPE_CHECKING:
     from jinja2 import Environment

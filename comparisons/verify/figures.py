@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.report.pictures import svg_text
 from comparisons.verify.row import Kind
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots.inline import svg_text
 from qvi_contact.plots.style import new_figure, settings
 
 if TYPE_CHECKING:

@@ -1,8 +1,16 @@
 """Names of the units that results are labelled with; nothing is ever converted."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from qvi_contact.errors import InputError
+
+_FORCES: Final = {
+    ("Pa", "m"): "N/m", ("N/m²", "m"): "N/m", ("kPa", "m"): "kN/m", ("kN/m²", "m"): "kN/m", ("MPa", "m"): "MN/m",
+    ("GPa", "m"): "GN/m", ("MPa", "mm"): "N/mm", ("N/mm²", "mm"): "N/mm", ("GPa", "mm"): "kN/mm",
+    ("kN/mm²", "mm"): "kN/mm", ("psi", "in"): "lbf/in", ("ksi", "in"): "kip/in",
+}  # fmt: skip
+"""Forces a unit of thickness by the units of stress and length, where their product has a name."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,25 @@ class Units:
     def force(self) -> str:
         """Unit of forces a unit of thickness: stress × length."""
         return f"{self.stress} {self.length}"
+
+    @property
+    def engineering_force(self) -> str:
+        """The same as engineers write it, such as N/mm for MPa and mm."""
+        return _FORCES.get((self.stress, self.length), self.force)
+
+    @property
+    def engineering_moment(self) -> str:
+        """Unit of moments a unit of thickness, such as N mm/mm for MPa and mm."""
+        return self._times_length(self.moment)
+
+    @property
+    def engineering_energy(self) -> str:
+        """Unit of energies a unit of thickness: that of moments."""
+        return self._times_length(self.energy)
+
+    def _times_length(self, otherwise: str) -> str:
+        force = _FORCES.get((self.stress, self.length))
+        return otherwise if force is None else f"{force.split('/')[0]} {self.length}/{self.length}"
 
     @property
     def moment(self) -> str:

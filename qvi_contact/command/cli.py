@@ -1,5 +1,6 @@
 """The command `qvi-contact`."""
 
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -7,6 +8,8 @@ import click
 from qvi_contact.basics.terminal import run
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from qvi_contact.bracket import Bracket
     from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.solution.history import History
@@ -66,6 +69,7 @@ def group() -> None:
 @click.option("--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu), contacts beside: _contacts.vtu.")
 @click.option("--npz", metavar="NPZ", help="Write all as NumPy arrays (.npz), which qvi-contact verify can check.")
 @click.option("--save-json", metavar="JSON", help="Write what --json prints to a file.")
+@click.option("--report", metavar="HTML", help="Write one page to file or mail: pictures, forces, bounds (.html).")
 @click.option("--certificate", is_flag=True, help="Check the result anew and print the table: numbers and meanings.")
 def solve(
     file: str,
@@ -83,6 +87,7 @@ def solve(
     vtk: str | None,
     npz: str | None,
     save_json: str | None,
+    report: str | None,
     certificate: bool,
 ) -> int:
     """Solve the problem in FILE and report forces and states of its contacts.
@@ -91,6 +96,8 @@ def solve(
     one of forces and loops, and fields are those of the last step. After --time-limit seconds the best state found so
     far is the result, with the status time_limit. With --certificate all that the result (of each
     step) claims is computed anew: the exit status is 1 if anything disagrees, and --json has it as "verification".
+    The page of --report needs no network and no other file; the bounds it states take a second solve, in at most
+    --time-limit seconds more.
 
     \b
     Exit status: 0 solved, with a passing certificate
@@ -104,6 +111,7 @@ def solve(
         qvi-contact solve examples/punch.toml --element hct --degree 5
         qvi-contact solve examples/punch.toml --certificate
         qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
+        qvi-contact solve examples/punch.toml --report punch.html
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
     """  # noqa: D301
     import numpy as np
@@ -111,7 +119,7 @@ def solve(
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
-    targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json)
+    targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json, report=report)
     problem_file = load_problem(file)
     given = {
         "method": method, "inner": inner, "tolerance": tolerance, "factorisation": factorisation, "threads": threads,
@@ -122,7 +130,8 @@ def solve(
         history, steps = _solved(problem_file, options)
         checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, steps, checked) if as_json or save_json else {}
-        complete = _write(problem_file, history, steps[-1], targets, document)
+        page = _page(file, problem_file, steps, options)
+        complete = _write(problem_file, history, steps[-1], targets, document, page)
     if as_json:
         click.echo(_json(document))
     else:
@@ -455,6 +464,7 @@ def _write(
     last: "ContactResult",
     targets: dict[str, str],
     document: dict[str, Any],
+    page: "Callable[[], str]",
 ) -> bool:
     """Write the files asked for, as many as can be; whether all could be, and a line for each that could not."""
     from qvi_contact.command.targets import written
@@ -484,14 +494,37 @@ def _write(
 
         write_npz(path, last, file.units, file.title)
 
+    def report(path: str) -> None:
+        from qvi_contact.basics.writing import write_text
+
+        write_text(path, page())
+
     fields = {option: path for option, path in targets.items() if option in ("vtk", "npz") and not last.has_state}
     if fields:
         click.echo(f"qvi-contact: there is no stress state to write to {', '.join(fields.values())}", err=True)
-    writers = {"save_json": save_json, "plot": plot, "vtk": vtk, "npz": npz}
+    writers = {"save_json": save_json, "plot": plot, "vtk": vtk, "npz": npz, "report": report}
     failures = written({option: path for option, path in targets.items() if option not in fields}, writers)
     for failure in failures:
         click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
     return not failures
+
+
+def _page(
+    path: str, file: "ProblemFile", steps: "tuple[ContactResult, ...]", options: dict[str, Any]
+) -> "Callable[[], str]":
+    """What makes the page of --report."""
+
+    def made() -> str:
+        import sys
+        from pathlib import Path
+
+        from qvi_contact.command.page.page import Request, result_page
+
+        text = Path(path).read_text(encoding="utf-8-sig")
+        command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
+        return result_page(Request(file, text, command), steps, options.get("time_limit"))
+
+    return made
 
 
 def _show(

@@ -7,8 +7,12 @@ from importlib.util import find_spec
 from qvi_contact.basics.writing import check_suffix, check_writable, identity
 from qvi_contact.errors import InputError
 
-_MODULES = {"plot": ("matplotlib", "plot"), "vtk": ("meshio", "vtk")}  # option → module, extra that brings it
-_SUFFIXES = {"vtk": ".vtu", "npz": ".npz"}
+_MODULES = {  # option → module, extra that brings it
+    "plot": ("matplotlib", "plot"),
+    "report": ("matplotlib", "plot"),
+    "vtk": ("meshio", "vtk"),
+}
+_SUFFIXES = {"vtk": ".vtu", "npz": ".npz", "report": ".html"}
 
 
 def checked_targets(source: str, **targets: str | None) -> dict[str, str]:
@@ -56,10 +60,11 @@ def _check_kind(option: str, path: str) -> None:
         module, extra = _MODULES[option]
         if find_spec(module) is None:
             raise InputError(f"--{option}", path, f"needs {module}: python -m pip install 'qvi-contact[{extra}]'")
-    if option == "plot":
+    if option in _SUFFIXES:
+        check_suffix(f"--{option}", path, _SUFFIXES[option])
+    if option in ("plot", "report"):
         from qvi_contact.plots import picture_suffix, require_matplotlib
 
-        picture_suffix(path)
+        if option == "plot":
+            picture_suffix(path)
         require_matplotlib()
-    elif option in _SUFFIXES:
-        check_suffix(f"--{option}", path, _SUFFIXES[option])

@@ -125,6 +125,10 @@ class CompanionResult:
         place = self.space.points(slice(None), _points(tx, ty))
         return np.asarray(self.problem.mesh.origin + self.scales.length * place)
 
+    def displacement_in(self, cells: IntArray, t: FloatArray) -> FloatArray:
+        """Displacements at one such point each, (n, 2), of cells given by number (n,), shape (n, 2) [length]."""
+        return np.asarray(self._displacement_in(cells, t[:, None])[:, 0] * self.scales.displacement)
+
     def obstacle(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Where a contact's obstacle stands: g and w, with the motion of a plate, as `trace` gives v_N and v_T."""
         trace, chosen = self._trace(name)

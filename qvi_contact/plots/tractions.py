@@ -103,6 +103,13 @@ def friction_used(axes: "Axes", line: ContactLine, units: Units | None = None) -
     axes.set_ylabel("$|\\sigma_T|$ / bound [-]")
 
 
+def places_along(line: ContactLine) -> tuple[IntArray, FloatArray]:
+    """Numbers of the points from left to right, and their places on the horizontal axis of these pictures [length]."""
+    abscissa = _along(line, Units())
+    points = abscissa.points.ravel()
+    return points, abscissa.at(points)
+
+
 @dataclass(frozen=True, eq=False)
 class _Abscissa:
     """Where the edges and points of a contact lie on the horizontal axis of a graph, from left to right.

@@ -33,6 +33,8 @@ class BodySamples:
         Coordinates [length]; where cells meet each has points of its own.
     cells : (n,) int array
         The cell of each point.
+    reference : (n, d) array
+        Its reference coordinates there, see `Mesh.reference`.
     stress : (n, 3) array
         σ_xx, σ_yy, σ_xy in that cell [stress], tension positive.
     triangles : (t, 3) int array
@@ -42,6 +44,7 @@ class BodySamples:
 
     points: FloatArray
     cells: IntArray
+    reference: FloatArray
     stress: FloatArray
     triangles: IntArray
 
@@ -59,9 +62,10 @@ def sample_body(result: ContactResult, parts: int) -> BodySamples:
     """
     mesh, discretization = result.problem.mesh, result.discretization
     sizes = np.ptp(mesh.vertices[mesh.cells], axis=1).max(axis=1)
-    divisions = np.clip(np.ceil(parts * sizes / mesh.length), 1, _MOST_DIVISIONS).astype(np.int64)
+    wanted = np.clip(parts * sizes / mesh.length, 1.0, _MOST_DIVISIONS)
+    divisions = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # few numbers of divisions: few groups of cells
     coefficients = discretization.energy.coefficients(result.dofs)
-    found: list[tuple[FloatArray, IntArray, FloatArray]] = []
+    found: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
     for division in np.unique(divisions).tolist():
         t, corners = discretization.space.lattice(division)
@@ -69,18 +73,24 @@ def sample_body(result: ContactResult, parts: int) -> BodySamples:
         chosen = np.flatnonzero(divisions == division)
         for cells in (chosen[start : start + _CHUNK] for start in range(0, len(chosen), _CHUNK)):
             points, stress = stress_in_cells(discretization, coefficients, cells, t)
-            found.append((points.reshape(-1, 2), np.repeat(cells, len(t)), stress.reshape(-1, 3)))
+            reference = np.tile(t, (len(cells), 1))
+            found.append((points.reshape(-1, 2), np.repeat(cells, len(t)), reference, stress.reshape(-1, 3)))
             triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
             count += len(cells) * len(t)
-    points, cells, stress = (np.concatenate(parts_of) for parts_of in zip(*found, strict=True))
+    points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*found, strict=True))
     place = np.column_stack(physical(result.problem, discretization.scales, points))
-    return BodySamples(place, cells, stress * discretization.scales.stress, np.concatenate(triangles))
+    stresses *= discretization.scales.stress
+    return BodySamples(place, numbers, references, stresses, np.concatenate(triangles))
 
 
 def cell_factors(problem: ContactProblem) -> FloatArray:
     """The factor f of σ_zz = f (σ_xx + σ_yy) in each cell, shape (cells,): ν in plane strain, 0 in plane stress."""
-    factors = [material.poisson if material.plane == "strain" else 0.0 for material in problem.materials]
-    return np.asarray(np.array(factors)[problem.cell_materials])
+    return np.asarray(np.array(out_of_plane_factors(problem))[problem.cell_materials])
+
+
+def out_of_plane_factors(problem: ContactProblem) -> list[float]:
+    """The same for each of the problem's materials."""
+    return [material.poisson if material.plane == "strain" else 0.0 for material in problem.materials]
 
 
 def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0) -> FloatArray:

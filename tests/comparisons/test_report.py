@@ -14,10 +14,10 @@ from markdown_it import MarkdownIt
 
 from comparisons.cells import is_numeric, number_in
 from comparisons.report import Finding, Section, Table, environment_grids, marks, numbers, show, write_report
-from comparisons.report.inline import inline_svg
 from comparisons.report.order import position, sort_key
 from comparisons.tables import Grid
 from qvi_contact.errors import InputError
+from qvi_contact.plots.inline import inline_svg
 from tests.comparisons.report_parts import MACHINE, TIMES, row, sample
 
 HOSTILE = [

@@ -7,8 +7,8 @@ from comparisons.convergence.outer.entries import NAMES, Entries, Entry, body_na
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN, TOLERANCE
 from comparisons.convergence.outer.tables import NOMINAL, mesh_groups
 from comparisons.report.document import Figure
-from comparisons.report.pictures import svg_text
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
+from qvi_contact.plots.inline import svg_text
 from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings
 
 if TYPE_CHECKING:

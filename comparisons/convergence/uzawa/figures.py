@@ -10,9 +10,9 @@ from comparisons.convergence.uzawa.methods import METHODS
 from comparisons.paper.reference import load
 from comparisons.report.document import Figure
 from comparisons.report.numbers import scientific
-from comparisons.report.pictures import svg_text
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
+from qvi_contact.plots.inline import svg_text
 from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings
 
 if TYPE_CHECKING:

@@ -1,8 +1,14 @@
 """Pictures inside a page: no id twice, a name for those who cannot see them, a size that can be read."""
 
 import html
+import io
 import re
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+from qvi_contact.plots.style import settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _TAG: Final = re.compile(r"<[A-Za-z][^<>]*>")
 _ID: Final = re.compile(r"(?<=\sid=\")([^\"]*)")
@@ -12,6 +18,26 @@ _STYLE_SHEET: Final = re.compile(r"(<style[^>]*>)\s*\*\s*\{")
 
 _READABLE: Final = 0.85  # of the natural size; exponents of numbers, 6.3 points, are then 7 pixels high
 _PIXELS_PER_POINT: Final = 4.0 / 3.0
+
+
+def svg_text(figure: "Figure", name: str) -> str:
+    """The figure as an SVG element, to be put into a page; the same bytes for the same data.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Made by `qvi_contact.plots.style.new_figure` inside ``settings()``.
+    name : str
+        A word that no other picture of the page has: it makes the ids of the two different.
+
+    """
+    from matplotlib import rc_context
+
+    with settings(), rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    whole = text.getvalue()
+    return "\n".join(line.rstrip() for line in whole[whole.index("<svg") :].splitlines()) + "\n"
 
 
 def inline_svg(svg: str, name: str, label: str) -> str:

@@ -1,0 +1,178 @@
+"""A result as one HTML page that loads nothing: style, script, pictures and data are inside."""
+
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any, Final
+
+from markupsafe import Markup
+
+from qvi_contact.basics.units import Units
+from qvi_contact.command.page.fields import contact_data, field_data
+from qvi_contact.command.page.numbers import (
+    contact_headings,
+    contact_rows,
+    number,
+    resultant_headings,
+    resultant_rows,
+)
+from qvi_contact.errors import InputError
+from qvi_contact.files.problem_file import ProblemFile
+from qvi_contact.plots.figures import problem_figure
+from qvi_contact.plots.inline import inline_svg, svg_text
+from qvi_contact.plots.style import new_figure, settings
+from qvi_contact.plots.tractions import contact_tractions
+from qvi_contact.solution.contact_line import ContactLine
+from qvi_contact.solution.result import ContactResult
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Bracket
+
+_WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for.
+
+    Attributes
+    ----------
+    file : ProblemFile
+        The problem.
+    text : str
+        The problem file as it was read.
+    command : str
+        The command line.
+
+    """
+
+    file: ProblemFile
+    text: str
+    command: str
+
+
+def result_page(request: Request, steps: Sequence[ContactResult], time_limit: float | None = None) -> str:
+    """The page about the result of a solve, or of the last of several load steps.
+
+    The bracket of the result is computed for it, in at most so many seconds.
+    """
+    file, result = request.file, steps[-1]
+    bracket, missing = _bracket(result, time_limit) if len(steps) == 1 else (None, "it is one of several load steps")
+    shown = _shown(result, bracket, file.units) if result.has_state else {"field": None, "contacts": [], "tables": []}
+    names = [contact.name for contact in result.problem.contacts]
+    text: str = _template().render(
+        title=file.title or "Contact problem",
+        paragraphs=[part for part in file.description.split("\n\n") if part.strip()],
+        made=datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        request=request,
+        result=result,
+        units=file.units,
+        number=number,
+        bracket=bracket,
+        missing=missing,
+        steps=_step_rows(steps, file) if len(steps) > 1 else [],
+        problem=_picture(problem_figure(result.problem, file.units), "problem", "The problem: mesh, loads, contacts"),
+        settings=_settings(result),
+        step_headings=[f"{force} {name}" for name in names for force in "NT"],
+        contact_data=[contact["data"] for contact in shown["contacts"]],
+        **shown,
+    )
+    return text
+
+
+def _template() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("qvi_contact.command.page", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html")
+
+
+def _bracket(result: ContactResult, time_limit: float | None) -> "tuple[Bracket | None, str]":
+    """The bracket, or why there is none."""
+    from qvi_contact.bracket import bracket
+
+    if not result.has_state:
+        return None, "there is no stress state"
+    try:
+        return bracket(result, time_limit=time_limit), ""
+    except InputError as error:
+        return None, error.remedy
+
+
+def _shown(result: ContactResult, bracket: "Bracket | None", units: Units) -> dict[str, Any]:
+    """Tables and pictures of a stress state."""
+    lines = list(result.contacts.values())
+    companion = bracket.companion if bracket is not None and bracket.companion is not None else None
+    tables = [("Resultants of the tractions on the body", resultant_headings(units), resultant_rows(result))]
+    if lines:
+        tables.insert(0, ("Contacts", contact_headings(units), contact_rows(lines)))
+    return {
+        "field": field_data(result, companion if companion is not None and companion.has_state else None, units),
+        "contacts": [_contact(line, f"contact-{number}", units) for number, line in enumerate(lines, 1)],
+        "tables": tables,
+    }
+
+
+def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
+    """Picture of the tractions, where its axes lie in it, and the values at the points."""
+    with settings():
+        figure = new_figure(*_WIDE)
+        axes = figure.subplots()
+        contact_tractions(axes, line, units)
+        figure.legend(loc="outside right upper", frameon=False)
+        figure.draw_without_rendering()
+        box, (low, high) = axes.get_position(), axes.get_xlim()
+    frame = {"low": low, "high": high, "left": float(box.x0), "right": float(box.x1)}
+    return {
+        "name": line.name,
+        "id": name,
+        "picture": _picture(figure, name, f"Tractions along contact {line.name}"),
+        "data": contact_data(line, units) | frame,
+    }
+
+
+def _picture(figure: Any, name: str, label: str) -> Markup:
+    return Markup(inline_svg(svg_text(figure, name), name, label))
+
+
+def _settings(result: ContactResult) -> list[tuple[str, str]]:
+    """How the answer was computed, and by what."""
+    solution, space, qvi = result.solution, result.discretization.space, result.discretization.qvi
+    used = {
+        "element": f"{space.family}, degree {space.degree}",
+        "mesh": repr(result.problem.mesh)[1:-1],
+        "unknowns": f"{qvi.n}, and {qvi.m} contact points",
+        "method": " ".join(filter(None, [solution.method, solution.inner])),
+        "factorisation": solution.factorisation,
+        "iterations": str(result.iterations),
+        "tolerance": f"{result.certificate.tolerance:g}",
+        "seconds": f"{sum(solution.timings.values()):.2g}",
+        "qvi-contact": _own_version(),
+        "Python": f"{platform.python_version()} on {platform.system()} {platform.machine()}",
+        **solution.versions,
+    }
+    return [(name, value) for name, value in used.items() if value]
+
+
+def _own_version() -> str:
+    try:
+        return version("qvi-contact")
+    except PackageNotFoundError:
+        return ""
+
+
+def _step_rows(steps: Sequence[ContactResult], file: ProblemFile) -> list[list[str]]:
+    """Time, status and forces of each load step."""
+    rows = []
+    for step, t in zip(steps, file.times, strict=False):
+        forces = [f for line in step.contacts.values() for f in (line.normal_force, line.tangential_force)]
+        rows.append([f"{t:.6g}", str(step.status), *(number(force) for force in forces)])
+    return rows
