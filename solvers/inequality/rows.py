@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
+from scipy.linalg.lapack import dgeqp3
 from scipy.sparse import csc_matrix, csr_matrix
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
@@ -44,6 +45,23 @@ class Echelon(NamedTuple):
 
     rows: IntVector
     free: IntVector
+
+
+def basis_rows(Y: Matrix) -> Echelon:
+    """The same for a few rows, dense, by QR with pivoting: of the rows, then of the columns of those chosen."""
+    lengths = np.linalg.norm(Y, axis=1)
+    scaled = Y / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    rows = np.sort(_first_pivots(scaled.T))
+    return Echelon(rows, np.setdiff1d(np.arange(Y.shape[1]), _first_pivots(scaled[rows])))
+
+
+def _first_pivots(A: Matrix) -> IntVector:
+    """Columns of A, of length one or less, on which all others depend."""
+    if not A.size:
+        return np.zeros(0, dtype=np.int64)
+    packed, order, *_ = dgeqp3(A)
+    pivots = np.abs(np.diagonal(packed))
+    return np.asarray(order[: len(pivots)][pivots > _RANK * pivots.max(initial=0.0)] - 1, dtype=np.int64)
 
 
 class _Pivot(NamedTuple):

@@ -15,8 +15,8 @@ from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
-from solvers.inequality.blocks import Rows, absolute_product, stored
-from solvers.inequality.rows import echelon, spanning_rows
+from solvers.inequality.blocks import Rows, absolute_product, are_few, stored
+from solvers.inequality.rows import basis_rows, echelon, spanning_rows
 
 _MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|
 
@@ -111,18 +111,37 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
     if traces is None:
         spanned, chosen = spanning_rows(contact_rows)
         traces = Traces(contact_rows[chosen], csc_matrix(spanned))
-    Y = csr_matrix(traces.rows[:, interface])
+    Y, k = traces.rows[:, interface], len(interface)
+    if are_few(*Y.shape) and are_few(traces.interpolation.shape[0], k):
+        return _few_coordinates(Y.toarray(), traces.interpolation.toarray())
+    Y = csr_matrix(Y)
     found = echelon(Y)
-    k = len(interface)
     P = stored(_completed(Y[found.rows], found.free))
-    factor = _factor(P) if k else None
+    factor = _factor(P)
     E: Any = _completed_columns(traces.interpolation, found.rows, k)
     dependent = np.setdiff1d(np.arange(Y.shape[0]), found.rows)
     dependent = dependent[np.diff(Y.indptr)[dependent] > 0]
-    if len(dependent) and factor is not None:
+    if len(dependent):
         combination = factor.solve(Y[dependent].toarray().T, "T").T
         E = E + traces.interpolation[:, dependent] @ csc_matrix(combination)
-    return TraceCoordinates(stored(E), P, factor, k == 0)
+    return TraceCoordinates(stored(E), P, factor, False)
+
+
+def _few_coordinates(Y: Matrix, interpolation: Matrix) -> TraceCoordinates:
+    """The same for Y (r, k) and E (2m, r) that are small enough to be dense."""
+    k = Y.shape[1]
+    if not k:
+        return TraceCoordinates(np.zeros((len(interpolation), 0)), np.zeros((0, 0)), None, True)
+    found = basis_rows(Y)
+    P = np.concatenate([Y[found.rows], np.eye(k)[found.free]])
+    factor = _DenseFactor(P)
+    E = np.zeros((len(interpolation), k))
+    E[:, : len(found.rows)] = interpolation[:, found.rows]
+    dependent = np.setdiff1d(np.arange(len(Y)), found.rows)
+    dependent = dependent[Y[dependent].any(axis=1)]
+    if len(dependent):
+        E += interpolation[:, dependent] @ np.asarray(factor.solve(Y[dependent].T, "T")).T
+    return TraceCoordinates(E, P, factor, False)
 
 
 class _DenseFactor:
