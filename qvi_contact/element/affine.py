@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import BoolArray, FloatArray
 
 CORNERS: Final[FloatArray] = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
 """Corners of the reference triangle: equilateral, so that no corner and no direction is preferred."""
@@ -32,6 +32,11 @@ class AffineTriangles:
     def __len__(self) -> int:
         return len(self.corners)
 
+    def take(self, chosen: BoolArray | slice) -> "AffineTriangles":
+        """Some of them; with all of them, what is known of these."""
+        corners = self.corners[chosen]
+        return self if len(corners) == len(self) else AffineTriangles(corners)
+
     @cached_property
     def jacobians(self) -> FloatArray:
         """J = ∂x/∂ξ, shape (n, 2, 2)."""
@@ -44,7 +49,7 @@ class AffineTriangles:
         J = self.jacobians
         return np.abs(J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0])
 
-    @property
+    @cached_property
     def elongations(self) -> FloatArray:
         """Longest side over the height on it, shape (n,)."""
         sides = self.corners - np.roll(self.corners, 1, axis=1)

@@ -74,8 +74,10 @@ class Equilibrium:
 
     def rough_stress(self) -> float:
         """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
-        z, _ = self.system.solve(-self._energy.gradient(np.zeros(self._size)), self._b)
-        return float(np.sqrt(2.0 * self._not_rounding(z)))
+        nothing, gradient = self._energy.state(np.zeros(self._size))
+        z, _ = self.system.solve(-gradient, self._b)
+        energy = self._energy.strain(z)
+        return float(np.sqrt(2.0 * energy)) if energy > _ROUNDING * nothing else 0.0
 
     @property
     def _size(self) -> int:

@@ -15,7 +15,7 @@ however small the triangle is and however far away the gauge.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy import sparse
@@ -84,7 +84,7 @@ class CondensedTriangles:
         parts = [
             _condensed(
                 element,
-                AffineTriangles(triangles.corners[block]),
+                triangles.take(block),
                 compliances[block],
                 None if potential is None else potential[block],
             )
@@ -135,11 +135,10 @@ def _triangular(
     """
     small = (triangles.elongations > _LONG) | nearly_incompressible(compliances)
     R = np.empty((len(triangles), len(order), len(order)))
-    plain = AffineTriangles(triangles.corners[~small])
-    energies = element.energies(plain, compliances[~small])[:, order[:, None], order]
+    energies = element.energies(triangles.take(~small), compliances[~small])[:, order[:, None], order]
     R[~small] = np.linalg.cholesky(energies).swapaxes(1, 2)
     if small.any():
-        rows = element.energy_rows(AffineTriangles(triangles.corners[small]), compliances[small])
+        rows = element.energy_rows(triangles.take(small), compliances[small])
         R[small] = np.linalg.qr(rows[:, :, order], mode="r")
     return R
 
@@ -283,8 +282,13 @@ class TriangleRoot:
 
 def energy_matrix(condensed: CondensedTriangles, differences: Differences) -> sparse.csr_array:
     """K of all degrees of freedom as the sum of the triangles', shape (size, size)."""
-    rows, dofs = differences.rows(condensed.roots), differences.dofs
+    rows, dofs = differences.rows(condensed.roots), differences.dofs.astype(_index_type(differences.size))
     blocks = rows.swapaxes(1, 2) @ rows
     at = (np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, dofs.shape[1]).ravel())
     shape = (differences.size, differences.size)
-    return sparse.csr_array(sparse.coo_array((blocks.ravel(), at), shape=shape))
+    return sparse.coo_array((blocks.ravel(), at), shape=shape).tocsr()
+
+
+def _index_type(size: int) -> type[np.signedinteger[Any]]:
+    """The integers that SciPy would choose for so many degrees of freedom: others it copies."""
+    return np.int32 if size <= np.iinfo(np.int32).max else np.int64
