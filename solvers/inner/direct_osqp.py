@@ -19,7 +19,6 @@ from solvers.basics.status import Status
 from solvers.basics.types import Module, Vector, load
 from solvers.basics.watch import left
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import is_failure, one_line
 from solvers.inner.problem import Centre, InnerSolution, inner_residual, no_result
 from solvers.inner.qp_backends import OSQP_WORDS
 
@@ -50,13 +49,7 @@ class DirectOSQP:
         began = time.perf_counter()
         with warnings.catch_warnings(record=True):
             warnings.simplefilter("always")
-            try:
-                plain, polished = self._twice(threshold, centre, start, began)
-            except Exception as error:
-                if not is_failure(error):
-                    raise
-                text = one_line(f"osqp: {type(error).__name__}: {error}")
-                return no_result(self._qvi, Status.BACKEND_FAILED, text, time.perf_counter() - began)
+            plain, polished = self._twice(threshold, centre, start, began)
         if polished is None:
             return plain
         return min(plain, polished, key=lambda result: inner_residual(self._qvi, threshold, result))

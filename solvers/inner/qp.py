@@ -15,7 +15,7 @@ import numpy as np
 from solvers.basics.status import Status
 from solvers.basics.types import Vector, load
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import BackendFailure, attempt, within_time
+from solvers.inner.guard import within_time
 from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
 from solvers.inner.qp_backends import BACKENDS, QPBackend
 
@@ -34,14 +34,11 @@ class QPSolver:
             self._matrices = [matrix.toarray() for matrix in self._matrices]
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
-        """Solve for the bound threshold (m,); exceptions and warnings end in the message."""
+        """Solve for the bound threshold (m,); warnings end in the message."""
         began = time.perf_counter()
-        qvi = self._inner.qvi
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            answer = attempt(self.name, lambda: self._call(threshold, centre, start))
-        if isinstance(answer, BackendFailure):
-            return no_result(qvi, Status.BACKEND_FAILED, answer, time.perf_counter() - began)
+            answer = self._call(threshold, centre, start)
         seconds = time.perf_counter() - began
         word = self.backend.word(answer)
         status = self.backend.words.get(word, Status.BACKEND_FAILED)

@@ -15,7 +15,7 @@ import numpy as np
 from solvers.basics.status import Status
 from solvers.basics.types import Vector, load
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import BackendFailure, solve_cvxpy, within_time
+from solvers.inner.guard import solve_cvxpy, within_time
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.root import square_root
 
@@ -95,15 +95,12 @@ class SOCPSolver:
     ) -> InnerSolution:
         """Solve for the bound threshold (m,); cvxpy does not pass a start on."""
         began = time.perf_counter()
-        qvi = self._qvi
         self.threshold.value = np.maximum(threshold, 0.0)
         self._f.value, self._n0.value, self._t0.value = centre.f, centre.n0, centre.t0
         if self._b is not None:
             self._b.value = centre.b
-        said = solve_cvxpy(self.problem, self._name, within_time(self._settings, BACKENDS[self._name].limit))
-        if isinstance(said, BackendFailure):
-            return no_result(qvi, Status.BACKEND_FAILED, said, time.perf_counter() - began)
-        word, message = said
+        settings = within_time(self._settings, BACKENDS[self._name].limit)
+        word, message = solve_cvxpy(self.problem, self._name, settings)
         status = WORDS.get(word, Status.BACKEND_FAILED)
         return self._translate(centre, status, message, time.perf_counter() - began)
 

@@ -10,7 +10,7 @@ import numpy as np
 from solvers.basics.status import Status
 from solvers.basics.types import Module, Vector, load
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import BackendFailure, solve_cvxpy, within_time
+from solvers.inner.guard import solve_cvxpy, within_time
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.root import square_root
 from solvers.inner.socp import BACKENDS, WORDS
@@ -60,10 +60,8 @@ class StrictSOCPSolver:
         self._f.value, self._ends.value = centre.f, self._cones.ends(centre)
         if self._b is not None:
             self._b.value = centre.b
-        said = solve_cvxpy(self.problem, self._name, within_time(self._settings, BACKENDS[self._name].limit))
-        if isinstance(said, BackendFailure):
-            return no_result(self._cones.qvi, Status.BACKEND_FAILED, said, time.perf_counter() - began)
-        word, message = said
+        settings = within_time(self._settings, BACKENDS[self._name].limit)
+        word, message = solve_cvxpy(self.problem, self._name, settings)
         return self._translate(centre, WORDS.get(word, Status.BACKEND_FAILED), message, time.perf_counter() - began)
 
     def _translate(self, centre: Centre, status: Status, message: str, seconds: float) -> InnerSolution:

@@ -12,8 +12,8 @@ from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.direct_clarabel import DirectClarabel
-from solvers.inner.guard import BackendFailure, attempt, updated_solve
-from solvers.inner.problem import Centre, InnerSolution, no_result
+from solvers.inner.guard import updated_solve
+from solvers.inner.problem import Centre, InnerSolution
 from solvers.inner.qp_backends import CLARABEL_WORDS
 from solvers.strict.cones import CLARABEL_SETTINGS, ConeProblem, cone_coordinates
 
@@ -73,9 +73,7 @@ class DirectStrictClarabel:
         qvi, e = self._cones.qvi, self._cones.count
         q = np.concatenate([-centre.f, np.zeros(2 * e)])
         right = self._right(threshold, centre)
-        answer = attempt("clarabel", lambda: updated_solve(self._solver, q, right))
-        if isinstance(answer, BackendFailure):
-            return no_result(qvi, Status.BACKEND_FAILED, answer, time.perf_counter() - began)
+        answer = updated_solve(self._solver, q, right)
         word = str(answer.status)
         multipliers = np.array(answer.z)
         upper, lower = multipliers[qvi.p + self._linear + 2 * e :].reshape(2, e, 3)

@@ -123,7 +123,7 @@ def test_exceptions_become_a_status(monkeypatch):
 
     monkeypatch.setattr("qpsolvers.solve_problem", broken)
     qvi = random_problem(0)
-    result = QPSolver(qvi, "clarabel", 1e-8).solve(np.ones(8), origin(qvi), None)
+    result = make_inner("qp:clarabel", qvi, 1e-8).solve(np.ones(8), origin(qvi), None)
     assert result.status is Status.BACKEND_FAILED
     assert "matrix of straw" in result.message
     solution = solve_qvi(random_problem(0), inner="qp:clarabel")
