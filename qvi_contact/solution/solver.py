@@ -23,6 +23,7 @@ from solvers.solve import check_choice, takes_initial
 _CONDENSED_ONLY = ("gap",)  # options
 _COUNTS = ("max_iterations", "iterations")
 _LEAST_SECONDS = 10.0  # giving up corners may take as long again as the solve before, and at least so long
+_LINEAR = 2  # coefficients of a linear function
 
 
 def solve(
@@ -128,6 +129,7 @@ def posed(
 
 def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactResult:
     """Solve, and try again without the shear in corners."""
+    _check_uzawa(discretization, settings["method"])
     if discretization.space.contact_rule.kind == "bernstein":
         settings = {**settings, "inner": _on_coefficients(settings["inner"])}
     if settings.get("initial") is not None:
@@ -143,6 +145,17 @@ def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactR
     if found is None and expired() and result.status is not Status.INFEASIBLE:
         return ContactResult(discretization, out_of_time(result.solution))
     return found or result
+
+
+def _check_uzawa(discretization: Discretization, method: str | None) -> None:
+    """Uzawa runs on coefficients of linear tractions, of higher degree it only runs on."""
+    rule = discretization.space.contact_rule
+    if method == "uzawa" and rule.kind == "bernstein" and rule.count > _LINEAR:
+        remedy = (
+            "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish where the "
+            "shear does not: leave contact_rows out, or give 'gauss'"
+        )
+        raise InputError("contact_rows", rule.kind, remedy)
 
 
 def _stopped(result: ContactResult, settings: dict[str, Any]) -> bool:

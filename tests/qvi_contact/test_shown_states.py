@@ -41,7 +41,7 @@ def test_flat_punch_slips_beside_its_edges_only(degree):
 
 @DEGREES
 @pytest.mark.parametrize("rows", ["bernstein", "gauss"])
-@pytest.mark.parametrize("cells", [(1, 1), (2, 1), (7, 2), (16, 3)])
+@pytest.mark.parametrize("cells", [(1, 1), (7, 2)])
 def test_a_dragged_brake_pad_slips_all_over(cells, rows, degree):
     """T = μ N on any mesh, corners included; only at the trailing end the pad may lift."""
     mesh = RectilinearMesh.rectangle(cells, 100.0, 20.0)

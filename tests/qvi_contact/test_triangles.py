@@ -388,7 +388,12 @@ def test_history_of_a_layer_follows_the_closed_form():
 
 @pytest.mark.parametrize(
     ("options", "told"),
-    [({"degree": 2}, "3 to 12"), ({"degree": 13}, "3 to 12"), ({"contact_rows": "points"}, "bernstein")],
+    [
+        ({"degree": 2}, "3 to 12"),
+        ({"degree": 13}, "3 to 12"),
+        ({"contact_rows": "points"}, "bernstein"),
+        ({"degree": 4, "contact_rows": "bernstein", "method": "uzawa"}, "gauss"),
+    ],
 )
 def test_wrong_options(options, told):
     with pytest.raises(InputError, match=told):
