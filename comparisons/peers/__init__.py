@@ -1,1 +1,6 @@
-"""The compressed plate by displacement codes in the same run: accuracy for its cost beside the equilibrium model."""
+"""The compressed plate by displacement codes in the same run: accuracy for its cost beside this package."""
+
+from typing import Final
+
+LEVELS: Final = 7
+"""Members of the families of meshes that are graded to corner and transition, counted from 0."""

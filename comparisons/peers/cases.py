@@ -7,16 +7,20 @@ from importlib.util import find_spec
 from typing import Any, Final
 
 from comparisons.machine import PACKAGES
-from comparisons.peers import measure
-from comparisons.peers.models import CODES, MODELS
+from comparisons.peers import LEVELS, measure
+from comparisons.peers.models import CODES, MODELS, NAMED
 from comparisons.study import Study
+from comparisons.study.declaration import Values
 from qvi_contact.errors import InputError
 
 _LOOKING: Final = 60.0  # seconds for another Python to say what it has
 
 
-def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions: int) -> Study:
-    """Every model whose code is installed, at every coefficient μ, on meshes of so many cells a side.
+def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions: int, levels: int = LEVELS) -> Study:
+    """Every model whose code is installed, at every coefficient μ, on the meshes of its family.
+
+    Those are of so many `cells` a side, or the first `levels`. Codes take turns on meshes of one number, so that what
+    else the machine does meets all of them.
 
     Raises
     ------
@@ -33,14 +37,20 @@ def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions
     for name, least in (("cells", min(cells)), ("repeat", repetitions)):
         if least < 1:
             raise InputError(name, least, "give a whole number ≥ 1")
-    missing = missing_codes()
+    if not 1 <= levels <= LEVELS:
+        raise InputError("levels", levels, f"give a whole number from 1 to {LEVELS}")
+    missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}
     factors: dict[str, tuple[Any, ...]] = {
         "friction": tuple(sorted(set(friction))),
+        "number": tuple(sorted(chosen[True] | chosen[False])),
         "model": tuple(model.name for model in MODELS if model.code not in missing),
-        "cells": tuple(sorted(set(cells))),
         "repetitions": (repetitions,),
     }
-    return Study("peers", 1, measure.TASK, factors, packages=(*PACKAGES, "ngsolve"))
+
+    def keep(case: Values) -> bool:
+        return case["number"] in chosen[NAMED[case["model"]].family.counted]
+
+    return Study("peers", 2, measure.TASK, factors, keep=keep, packages=(*PACKAGES, "ngsolve"))
 
 
 def missing_codes() -> tuple[str, ...]:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from comparisons.peers.findings import slug
-from comparisons.peers.models import BRACKET, EQUILIBRIUM, MESHES, MODELS, Mesh
+from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, MODELS
 from comparisons.peers.points import KINDS, Point, Reference, contradictory
+from comparisons.peers.reach import errors_at, lasting_error
 from comparisons.report import Figure, svg_text
 from comparisons.report.numbers import listing, scientific
 from qvi_contact.plots import GREY, has_matplotlib
@@ -16,7 +17,6 @@ from qvi_contact.plots.style import new_figure, settings
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_MIB: Final = 2.0**20
 _WIDTH, _PANEL, _LINE = 4.3, 3.0, 0.18  # of a picture, of a panel, of a line of a legend [inch]
 _COLUMNS: Final = 2
 _BAR: Final = "#dce6f0"
@@ -27,8 +27,12 @@ _NARROW: Final = 30.0  # largest over smallest cost, below which powers of ten a
 
 _GUARANTEED: Final = (
     "Crosses are no errors but what the bracket guarantees of them without any reference: half the distance of its "
-    "bounds, for the time, unknowns and memory of stress and displacement together."
+    "bounds, for the time and unknowns of stress and displacement together."
 )
+
+
+Panels = list[tuple[str, list[Point]]]
+"""Title of each panel of a picture, and the points in it."""
 
 
 @dataclass(frozen=True)
@@ -36,31 +40,46 @@ class Cost:
     """What an error is drawn against."""
 
     name: str
+    bound: str
     label: str
     of: Callable[[Point], float | None]
 
 
 COSTS: Final = (
-    Cost("unknowns", "unknowns [-]", lambda point: point.unknowns),
-    Cost("time", "wall time of set-up and solve, one thread [s]", lambda point: point.seconds),
-    Cost("memory", "largest resident memory of the process [MiB]", lambda point: point.peak and point.peak / _MIB),
+    Cost("unknowns", "number of unknowns", "unknowns [-]", lambda point: point.unknowns),
+    Cost("time", "time", "processor time of set-up and solve [s]", lambda point: point.seconds),
 )
 
 
 def error_figure(found: Sequence[Point], known: Reference, cost: Cost) -> Figure:
-    """Errors of P/2 at one μ against a cost: a panel for each kind of mesh, a curve for each model."""
+    """Errors of P/2 at one μ against a cost: a panel for each kind of grading, a curve for each model."""
     here = [point for point in found if point.friction == known.friction]
     name = f"error-{cost.name}-{slug(known.friction)}"
     return Figure(
         name,
         f"Error of P/2 against {cost.name}, μ = {known.friction:g}",
-        _drawn(name, here, lambda axes, points: _error_curves(axes, points, known, cost)),
+        _drawn(name, by_grading(here), lambda axes, points: _error_curves(axes, points, known, cost)),
         "Both axes are logarithmic, the heights of the two panels differ; along a curve meshes get finer. Down and to "
         f"the left is better. Errors are relative to {known.value:.6f} MPa × length, {known.source}; in the grey band, "
         f"below {scientific(known.floor)}, nothing is resolved, and marks in it stand at one height."
         + (f" {_GUARANTEED}" if _guaranteed(here) else ""),
         "Runs without a solution have no mark; the table of all runs names them.",
     )
+
+
+def best_figure(found: Sequence[Point], known: Reference, cost: Cost) -> Figure:
+    """The best that each code has for its cost, over all its models and meshes."""
+    name = f"best-{cost.name}-{slug(known.friction)}"
+    panels = [("", [point for point in found if point.friction == known.friction])]
+    return Figure(
+        name,
+        f"The best error of each code against {cost.name}, μ = {known.friction:g}",
+        _drawn(name, panels, lambda axes, points: _fronts(axes, points, known, cost)),
+        f"Of all models of a code the smallest error of P/2 within each {cost.bound}. An error counts for a mesh only "
+        "if no finer mesh of the same model has a larger one. Both axes are logarithmic; down and left is better. "
+        f"Errors are relative to {known.value:.7f} MPa × length, {known.source}; below "
+        f"{scientific(known.floor)} nothing is resolved.",
+    )  # fmt: skip
 
 
 def bounds_figure(found: Sequence[Point], known: Reference | None, friction: float) -> Figure:
@@ -74,7 +93,7 @@ def bounds_figure(found: Sequence[Point], known: Reference | None, friction: flo
     )
     doubt = " These bounds contradict each other: something is wrong." if contradictory(here, friction) else ""
     if known is not None and _guaranteed(here):
-        drawn = _drawn(name, here, lambda axes, points: _intervals(axes, points, known))
+        drawn = _drawn(name, by_family(here), lambda axes, points: _intervals(axes, points, known))
         reading = (
             "Bars: where P/2 is guaranteed to lie, by stress and displacement on one mesh, up to rounding and the "
             "tolerance of the solves. Marks: the forces of the models on the same mesh, beside the bar. Heights are "
@@ -83,7 +102,7 @@ def bounds_figure(found: Sequence[Point], known: Reference | None, friction: flo
             f"force alone comes without bounds.{doubt}"
         )
         return Figure(name, f"Guaranteed bounds of P/2, μ = {friction:g}", drawn, reading, failure)
-    drawn = _drawn(name, here, lambda axes, points: _indicators(axes, points, known))
+    drawn = _drawn(name, by_family(here), lambda axes, points: _indicators(axes, points, known))
     reading = (
         f"{doubt.strip() or 'P has no guaranteed bounds.'} Crosses: half the gap of the energies over their mean, "
         f"for {_kinds(here)}; an indicator, not a bound. Circles: the error of P/2 by the equilibrium model, not below "
@@ -102,30 +121,61 @@ def _guaranteed(points: Sequence[Point]) -> bool:
     return any(point.solved and point.bounds and point.bounds.force for point in points)
 
 
-def _drawn(name: str, points: Sequence[Point], draw: Callable[["Axes", Sequence[Point]], None]) -> str:
-    """A picture of two panels, one below the other, each with its legend; nothing without matplotlib."""
-    if not has_matplotlib():
+def by_grading(points: Sequence[Point]) -> Panels:
+    """Points on equal cells or graded to the corner, and on meshes graded to corner and transition."""
+    titles = {False: "equal cells, or graded to the free corner", True: "graded to corner and transition"}
+    panels = [(title, [p for p in points if p.model.family.to_transition == kind]) for kind, title in titles.items()]
+    return [(title, here) for title, here in panels if here]
+
+
+def by_family(points: Sequence[Point]) -> Panels:
+    """Points on each family of meshes on which something is bracketed."""
+    families = dict.fromkeys(point.model.mesh for point in points if point.model.code == BRACKET)
+    return [(f"{family} meshes", [p for p in points if p.model.mesh == family]) for family in families]
+
+
+def _drawn(name: str, panels: Panels, draw: Callable[["Axes", Sequence[Point]], None]) -> str:
+    """A picture of panels, one below the other, each with its legend; nothing without matplotlib."""
+    if not has_matplotlib() or not panels:
         return ""
-    panels = [(mesh, [point for point in points if point.model.mesh == mesh]) for mesh in MESHES]
-    panels = [(mesh, of_mesh) for mesh, of_mesh in panels if of_mesh]
     with settings():
-        lines = 1 + max(len({point.model.name for point in of_mesh}) for _, of_mesh in panels) // _COLUMNS
+        lines = 1 + max(len({point.model.name for point in here}) for _, here in panels) // _COLUMNS
         figure = new_figure(_WIDTH, len(panels) * (_PANEL + _LINE * lines))
         axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
-        for (mesh, of_mesh), each in zip(panels, axes, strict=True):
-            draw(each, of_mesh)
-            _finish(each, mesh)
+        for (title, here), each in zip(panels, axes, strict=True):
+            draw(each, here)
+            _finish(each, title)
         return svg_text(figure, name)
 
 
-def _finish(axes: "Axes", mesh: Mesh) -> None:
-    axes.set_title(f"{mesh} meshes", fontsize=9)
+def _finish(axes: "Axes", title: str) -> None:
+    axes.set_title(title, fontsize=9)
     axes.xaxis.set_tick_params(labelbottom=True)
     axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
     axes.set_axisbelow(True)
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.43, -0.2), ncols=_COLUMNS, fontsize=8,
                 frameon=False, columnspacing=1.0)  # fmt: skip
+
+
+def _fronts(axes: "Axes", points: Sequence[Point], known: Reference, cost: Cost) -> None:
+    """For each code its costs in ascending order, where the error falls."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    rows = errors_at(points, known)
+    for code, about in CODES.items():
+        here = [point for point, _ in rows if point.model.code == code]
+        pairs = [(x, max(lasting_error(rows, point), known.floor)) for point in here if (x := cost.of(point))]
+        front: list[tuple[float, float]] = []
+        for place, error in sorted(pairs):
+            if not front or error < front[-1][1]:
+                front.append((place, error))
+        if front:
+            axes.plot(*zip(*front, strict=True), color=about.colour, marker=about.marker, linewidth=1.2, markersize=5,
+                      label=about.name)  # fmt: skip
+    _label_closely(axes, [x for point, _ in rows if (x := cost.of(point))])
+    axes.set_xlabel(cost.label)
+    axes.set_ylabel("relative error of P/2 [-]")
 
 
 def _error_curves(axes: "Axes", points: Sequence[Point], known: Reference, cost: Cost) -> None:
@@ -140,7 +190,7 @@ def _error_curves(axes: "Axes", points: Sequence[Point], known: Reference, cost:
         pairs = [(cost.of(p), _height(p, known)) for p in points if p.model == model]
         shown = [(x, y) for x, y in pairs if x and y]
         if shown:
-            label = _label(model.name) + (": guaranteed" if model.code == BRACKET else "")
+            label = model.name + (": guaranteed" if model.code == BRACKET else "")
             axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,
                       markersize=6, linewidth=1.2, label=label)  # fmt: skip
     least, most = min(heights, default=known.floor), max(heights, default=known.floor)
@@ -172,7 +222,7 @@ def _height(point: Point, known: Reference) -> float | None:
 
 def _intervals(axes: "Axes", points: Sequence[Point], known: Reference) -> None:
     """A bar for each mesh, and beside it what the models say."""
-    cells = sorted({point.cells for point in points})
+    cells = sorted({point.number for point in points})
     place = {each: float(number) for number, each in enumerate(cells)}
     axes.set_yscale("symlog", linthresh=known.floor)
     axes.axhspan(-known.floor, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
@@ -180,15 +230,15 @@ def _intervals(axes: "Axes", points: Sequence[Point], known: Reference) -> None:
         force = point.bounds.force if point.bounds and point.solved else None
         if force is not None:
             low, high = (end / known.value - 1.0 for end in force)
-            axes.bar(place[point.cells] - 0.36, high - low, 0.14, low, color=_BAR, edgecolor=point.model.colour,
-                     label=f"{_label(point.model.name)}: guaranteed")  # fmt: skip
+            axes.bar(place[point.number] - 0.36, high - low, 0.14, low, color=_BAR, edgecolor=point.model.colour,
+                     label=f"{point.model.name}: guaranteed")  # fmt: skip
     models = [model for model in MODELS if model.code != BRACKET and any(p.model == model for p in points)]
     for number, model in enumerate(models):
-        forces = {p.cells: p.half_force for p in points if p.model == model and p.solved}
+        forces = {p.number: p.half_force for p in points if p.model == model and p.solved}
         shown = [(place[n] - 0.22 + _BESIDE * number, f / known.value - 1.0) for n, f in forces.items() if f]
         if shown:
             axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle="none",
-                      markersize=5, label=_label(model.name))  # fmt: skip
+                      markersize=5, label=model.name)  # fmt: skip
     _mesh_axis(axes, cells)
     bottom, top = _limits(points, known)
     axes.set_ylim(bottom, top)
@@ -215,16 +265,16 @@ def _ticks(bottom: float, top: float, floor: float) -> list[float]:
 
 def _indicators(axes: "Axes", points: Sequence[Point], known: Reference | None) -> None:
     """The width of the energies on each mesh, and the error of P/2 where it is known."""
-    cells = sorted({point.cells for point in points})
+    cells = sorted({point.number for point in points})
     place = {each: float(number) for number, each in enumerate(cells)}
     axes.set_yscale("log")
     for model in MODELS:
         here = [p for p in points if p.model == model and p.solved]
-        shown = [(place[p.cells], p.bounds.width) for p in here if p.bounds]
-        label = f"{_label(model.name)}: indicator"
+        shown = [(place[p.number], p.bounds.width) for p in here if p.bounds]
+        label = f"{model.name}: indicator"
         if known is not None and model.code == EQUILIBRIUM:
-            shown = [(place[p.cells], max(error, known.floor)) for p in here if (error := known.error(p)) is not None]
-            label = "equilibrium: error of P/2"
+            shown = [(place[p.number], max(error, known.floor)) for p in here if (error := known.error(p)) is not None]
+            label = f"{model.name}: error of P/2"
         if shown:
             axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,
                       markersize=6, linewidth=1.2, label=label)  # fmt: skip
@@ -245,8 +295,3 @@ def _name_once(axes: "Axes") -> None:
         if container.get_label() in seen:
             container.set_label("_")
         seen.add(str(container.get_label()))
-
-
-def _label(name: str) -> str:
-    """A model's name inside the panel of its mesh."""
-    return name.removesuffix(", uniform").removesuffix(", graded")

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from comparisons.peers.meshes import FAMILIES, plain_mesh
 from comparisons.peers.models import CODES, NAMED
 from comparisons.study.children import environment
 from qvi_contact.gallery import compressed_plate
@@ -19,12 +20,8 @@ TASK: Final = f"{__name__}:run"
 GETFEM: Final = "PYTHON_WITH_GETFEM"
 """Environment variable: another Python, in which GetFEM is installed."""
 
-WARM_UP: Final = 2
-"""Cells a side of the case that loads all libraries."""
-
+_WARM_UP: Final = {True: 2, False: 0}  # number, by `Family.counted`, of the case that loads all libraries
 _PROCESS: Final = Path(__file__).with_name("codes") / "process.py"
-_GRADINGS: Final = ((12, 0.6), (24, 0.7), (48, 0.8))  # up to so many cells a side
-_FINEST_GRADING: Final = 0.9
 _LAST_WORDS: Final = 200
 
 
@@ -38,7 +35,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     Parameters
     ----------
     case : Mapping
-        "friction", "model" (a name of `MODELS`), "cells", "repetitions".
+        "friction", "model" (a name of `MODELS`), "number" (of the mesh in the model's family), "repetitions".
 
     Raises
     ------
@@ -47,34 +44,27 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
     """
     model = NAMED[case["model"]]
-    ratio = 1.0 if model.mesh == "uniform" else grading(case["cells"])
     order = {
         "module": CODES[model.code].module, "options": dict(model.options), "repetitions": case["repetitions"],
-        "case": plate(case["friction"], case["cells"], ratio), "warm_up": plate(case["friction"], WARM_UP, ratio),
+        "case": plate(case["friction"], model.mesh, case["number"]),
+        "warm_up": plate(case["friction"], model.mesh, _WARM_UP[FAMILIES[model.mesh].counted]),
     }  # fmt: skip
     other = os.environ.get(GETFEM) if model.code == "getfem" else None
     return answer_of(order, other or sys.executable)
 
 
-def grading(cells: int) -> float:
-    """Ratio of each cell to the one before it on graded meshes with so many cells a side."""
-    return next((ratio for most, ratio in _GRADINGS if cells <= most), _FINEST_GRADING)
-
-
-def plate(friction: float, cells: int, ratio: float) -> dict[str, Any]:
+def plate(friction: float, family: str, number: int) -> dict[str, Any]:
     """`compressed_plate` as plain data.
 
-    The grid lines "x" and "y", "young", "poisson" (plane stress), "displacement" U and "friction" μ; and "cells" and
-    "grading", which the lines come from.
+    A mesh (see `plain_mesh`), "young", "poisson" (plane stress), "displacement" U and "friction" μ.
     """
-    problem = compressed_plate(friction, cells=(cells, cells), grading=ratio)
+    problem = compressed_plate(friction)
     (contact,) = (condition for condition in problem.conditions if isinstance(condition, Contact))
     material: Any = problem.material
     gap: Any = contact.gap
     return {
-        "x": problem.grid.x.tolist(), "y": problem.grid.y.tolist(), "young": material.young,
-        "poisson": material.poisson, "displacement": -float(gap), "friction": friction,
-        "cells": cells, "grading": ratio,
+        **plain_mesh(family, friction, number),
+        "young": material.young, "poisson": material.poisson, "displacement": -float(gap), "friction": friction,
     }  # fmt: skip
 
 

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-from comparisons.benchmark.ratios import median, spread
+from comparisons.benchmark.ratios import spread
 from comparisons.peers.models import BRACKET, CODES, NAMED, Model
 from comparisons.report.numbers import scientific
-from comparisons.settled import SETTLED, UNCERTAINTY
+from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
 from comparisons.study import DONE, Row
 
 SOLVED: Final = "solved"
@@ -71,8 +71,8 @@ class Point:
     model : Model
     friction : float
         μ.
-    cells : int
-        Cells a side.
+    number : int
+        Of the mesh in the model's family: cells a side, or a level.
     status, message : str
         "solved", or what became of it and why.
     half_force : float, optional
@@ -81,7 +81,7 @@ class Point:
     residual : float, optional
         Of the code's own check.
     setup, solve : tuple of float
-        Wall times of the repetitions [s].
+        Processor times of the repetitions [s].
     before, peak : int, optional
         Largest resident memory of the process [bytes] before the case and after its first solve.
     version : str, optional
@@ -93,7 +93,7 @@ class Point:
 
     model: Model
     friction: float
-    cells: int
+    number: int
     status: str
     message: str
     half_force: float | None
@@ -114,18 +114,13 @@ class Point:
 
     @property
     def seconds(self) -> float | None:
-        """Median of set-up and solve together [s]."""
-        return median(self._whole)
+        """Smallest of set-up and solve together [s]: what else the machine does can only add to it."""
+        return min(self._whole, default=None)
 
     @property
     def spread(self) -> float | None:
         """Largest less smallest of these sums over their median."""
         return spread(self._whole)
-
-    @property
-    def range(self) -> tuple[float, float] | None:
-        """Smallest and largest of these sums [s], None without any."""
-        return (min(self._whole), max(self._whole)) if self._whole else None
 
     @property
     def _whole(self) -> list[float]:
@@ -147,7 +142,7 @@ def _point(row: Row) -> Point:
     if bounds is not None and bounds.inverted:
         status, message = INVERTED, _inversion(bounds)
     return Point(
-        model, row.case["friction"], row.case["cells"], status, message,
+        model, row.case["friction"], row.case["number"], status, message,
         _finite(result.get("half_force")), result.get("unknowns"), result.get("iterations"),
         _finite(result.get("residual")), tuple(result.get("setup", ())), tuple(result.get("solve", ())),
         result.get("before"), result.get("peak"), result.get("version"),
@@ -189,30 +184,23 @@ class Reference:
         """The same uncertainty, relative: errors below it are not resolved."""
         return self.uncertainty / abs(self.value)
 
-    def difference(self, point: Point) -> float | None:
-        """P/2 of a solution less the value, relative to it; None where there is none."""
-        return None if point.half_force is None or not point.solved else point.half_force / self.value - 1.0
-
     def error(self, point: Point) -> float | None:
-        """Size of the same difference: the error, up to `floor`."""
-        difference = self.difference(point)
-        return None if difference is None else abs(difference)
-
-    def side(self, point: Point) -> int:
-        """-1 if P/2 is below the value, 1 if it is above, 0 if that is not resolved or there is no solution."""
-        difference = self.difference(point) or 0.0
-        return 0 if abs(difference) <= self.floor else 1 if difference > 0.0 else -1
+        """|P/2 - value| of a solution, relative, so that it is known up to `floor`; None where there is none."""
+        if point.half_force is None or not point.solved:
+            return None
+        return abs(point.half_force / self.value - 1.0)
 
 
 def reference(found: Sequence[Point], friction: float) -> Reference | None:
-    """The narrowest guaranteed bounds of this run, or what displacement codes settle on, whichever is narrower.
+    """The limit or value that is known from elsewhere, or the narrowest guaranteed bounds of this run if narrower.
 
     Bounds are taken as `Bounds.widened` has them; those that contradict each other (`contradictory`) are not taken.
     """
-    known = []
-    settled = SETTLED[1.0] if friction >= STICKING else SETTLED.get(friction)
-    if settled is not None:
-        known.append(Reference(friction, settled, UNCERTAINTY, "what GetFEM and NGSolve settle on, agreeing"))
+    known, at = [], 1.0 if friction >= STICKING else friction
+    if at in LIMITS:
+        known.append(Reference(friction, *LIMITS[at], LIMITS_SOURCE))
+    elif at in SETTLED:
+        known.append(Reference(friction, SETTLED[at], UNCERTAINTY, SOURCE))
     for point, (lower, upper) in [] if contradictory(found, friction) else guaranteed(found, friction):
         source = f"the guaranteed bounds of {named(point)}"
         known.append(Reference(friction, (lower + upper) / 2.0, (upper - lower) / 2.0, source))
@@ -234,7 +222,7 @@ def contradictory(found: Iterable[Point], friction: float) -> bool:
 
 def named(point: Point) -> str:
     """Model and mesh."""
-    return f"{point.model.name}, {point.cells}² cells"
+    return f"{point.model.name}, {point.model.family.label(point.number)}"
 
 
 def missing(found: Iterable[Point]) -> list[str]:

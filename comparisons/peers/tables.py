@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 
-from comparisons.benchmark.ratios import median
+from comparisons.benchmark.ratios import median, ratio
 from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
 from comparisons.peers.findings import slug
-from comparisons.peers.measure import grading
-from comparisons.peers.models import BRACKET, CODES, MODELS
-from comparisons.peers.points import KINDS, Point, Reference, missing
+from comparisons.peers.meshes import FAMILIES
+from comparisons.peers.meshes import ratio as shrinking
+from comparisons.peers.models import BRACKET, CODES, MODELS, TRIANGLES
+from comparisons.peers.points import KINDS, Point, Reference, missing, named
+from comparisons.peers.reach import Reach, all_reached, confirmed, errors_at
 from comparisons.report import Table
 from comparisons.report.numbers import listing, percent, scientific, significant
 from comparisons.tables import Grid
@@ -15,20 +17,60 @@ from comparisons.tables import Grid
 _NOTHING = "-"
 _MIB = 2.0**20
 _READING = (
-    "Times are medians over the runs of one process, set-up and solve together, on one thread, after a tiny case that "
-    "loads all libraries (spread: largest less smallest over the median). Memory: the largest resident memory of the "
-    "process after its first solve; what its libraries take is in the table of models."
+    "Times are processor times of set-up and solve together on one thread, the smallest over the runs of one process, "
+    "after a tiny case that loads all libraries (spread: largest less smallest over the median). Memory: the largest "
+    "resident memory of the process after its first solve; what its libraries take is in the table of models."
 )
+
+
+def costs_table(found: Sequence[Point], known: Reference) -> Table | None:
+    """Time and unknowns of each code to reach an error, and how they compare; None if no error is reached."""
+    rows_with_errors = errors_at(found, known)
+    reaches = all_reached(rows_with_errors, known)
+    own = {each.target: each for each in reaches if each.code == TRIANGLES}
+    headings = ("error [-]", "code", "time [ms]", "over triangles", "by", "fewest unknowns", "over triangles", "by")
+    rows = [
+        (
+            scientific(each.target, 1), CODES[each.code].name,
+            *_reach(each.quickest, _milliseconds(each.quickest), each.quickest.seconds, own.get(each.target), 0),
+            *_reach(each.smallest, str(each.smallest.unknowns), each.smallest.unknowns, own.get(each.target), 1),
+        )
+        for each in reaches
+    ]  # fmt: skip
+    unconfirmed = sorted({
+        named(point) for each in reaches for point in each[2:] if not confirmed(rows_with_errors, point)
+    })  # fmt: skip
+    rest = f" Not confirmed by a finer mesh: {listing(unconfirmed)}." if unconfirmed else ""
+    return Table(
+        f"costs-{slug(known.friction)}",
+        Grid(f"Time and unknowns to reach an error of P/2, μ = {known.friction:g}", headings, rows),
+        "For each error the quickest model of each code, and the one with the fewest unknowns. An error counts for a "
+        "mesh only if no finer mesh of the same model has a larger one, and the uncertainty of the reference counts "
+        "against it. Over triangles: divided by the same of this package on triangles, so that a number above 1 says "
+        f"that the code needs more.{rest}",
+        "A code without a line reaches the error on no mesh here.",
+    ) if rows else None  # fmt: skip
+
+
+def _reach(point: Point, text: str, cost: float | None, own: Reach | None, which: int) -> tuple[str, str, str]:
+    """A cost, its ratio to that of the triangles, model and mesh."""
+    least = None if own is None else (own.quickest.seconds, own.smallest.unknowns)[which]
+    relative = ratio(cost, least)
+    return text, _NOTHING if relative is None else significant(relative, 2), named(point)
+
+
+def _milliseconds(point: Point) -> str:
+    return _NOTHING if point.seconds is None else significant(1e3 * point.seconds)
 
 
 def rows_table(found: Sequence[Point], known: Reference | None, friction: float) -> Table:
     """Every model that gives a force, on every mesh, at one μ."""
-    headings = ("model", "cells", "unknowns", "status", "P/2 [MPa × length]", "error [-]", "set-up [s]", "time [s]",
+    headings = ("model", "mesh", "unknowns", "status", "P/2 [MPa × length]", "error [-]", "set-up [s]", "time [s]",
                 "spread", "memory [MiB]", "residual [-]")  # fmt: skip
     rows = [
         (
-            p.model.name, f"{p.cells}²", _number(p.unknowns, "d"), p.status, _number(p.half_force, ".6f"),
-            _error(p, known), _seconds(median(p.setup)), *_costs(p), _number(p.residual, ".0e"),
+            p.model.name, _mesh(p), _number(p.unknowns, "d"), p.status, _number(p.half_force, ".7f"),
+            _error(p, known), _seconds(min(p.setup, default=None)), *_costs(p), _number(p.residual, ".0e"),
         )
         for p in found
         if p.friction == friction and p.model.code != BRACKET
@@ -45,10 +87,10 @@ def rows_table(found: Sequence[Point], known: Reference | None, friction: float)
 
 def bounds_table(found: Sequence[Point], friction: float) -> Table:
     """What brackets say at one μ."""
-    headings = ("bracket", "cells", "unknowns", "status", "lower P/2 [MPa × length]", "upper P/2 [MPa × length]",
+    headings = ("bracket", "mesh", "unknowns", "status", "lower P/2 [MPa × length]", "upper P/2 [MPa × length]",
                 "half width [-]", "stress error [-]", "guaranteed", "time [s]", "spread", "memory [MiB]")  # fmt: skip
     rows = [
-        (p.model.name, f"{p.cells}²", _number(p.unknowns, "d"), p.status, *_bounds(p), *_costs(p))
+        (p.model.name, _mesh(p), _number(p.unknowns, "d"), p.status, *_bounds(p), *_costs(p))
         for p in found
         if p.friction == friction and p.model.code == BRACKET
     ]
@@ -68,10 +110,10 @@ def bounds_table(found: Sequence[Point], friction: float) -> Table:
 def failures_table(found: Sequence[Point]) -> Table | None:
     """Every run without a solution and why; None if all have one."""
     failed = [point for point in found if not point.solved]
-    rows = [(p.model.name, f"{p.friction:g}", f"{p.cells}²", p.status, p.message or _NOTHING) for p in failed]
+    rows = [(p.model.name, f"{p.friction:g}", _mesh(p), p.status, p.message or _NOTHING) for p in failed]
     return Table(
         "failures",
-        Grid("Runs without a solution", ("model", "μ", "cells", "status", "message"), rows),
+        Grid("Runs without a solution", ("model", "μ", "mesh", "status", "message"), rows),
         "What the code, its process or this report says of each. Inverted: the code gives bounds, the lower one above "
         "the upper one by more than rounding and the tolerance of the solves.",
         "Every line.",
@@ -116,9 +158,17 @@ def models_grid(found: Sequence[Point]) -> Grid:
 
 
 def meshes_grid(found: Sequence[Point]) -> Grid:
-    """How graded meshes are graded."""
-    rows = [(f"{cells}²", f"{grading(cells):g}") for cells in sorted({point.cells for point in found})]
-    return Grid("Graded meshes", ("cells", "each cell over the one before it, towards the free corner"), rows)
+    """What the families of meshes are."""
+    used = {point.model.mesh for point in found}
+    rows = [(name, family.reading, _numbers(found, name)) for name, family in FAMILIES.items() if name in used]
+    return Grid("Meshes", ("family", "what it is", "cells a side, or levels"), rows)
+
+
+def _numbers(found: Sequence[Point], family: str) -> str:
+    numbers = sorted({point.number for point in found if point.model.mesh == family})
+    if family == "graded":
+        return listing([f"{number} (each cell {shrinking(number):g} of the one before it)" for number in numbers])
+    return listing([str(number) for number in numbers])
 
 
 def references_grid(references: Sequence[Reference]) -> Grid:
@@ -129,6 +179,10 @@ def references_grid(references: Sequence[Reference]) -> Grid:
     ]
     headings = ("μ", "P/2 [MPa × length]", "±", "smallest error resolved [-]", "from")
     return Grid("Values that errors are relative to", headings, rows)
+
+
+def _mesh(point: Point) -> str:
+    return point.model.family.label(point.number)
 
 
 def _errors(known: Reference | None) -> str:

@@ -3,6 +3,7 @@
 The package is loaded by `build`, not before.
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -15,11 +16,11 @@ TOLERANCE: Final = 1e-8
 
 
 def build(case: dict[str, Any], degree: int = 2) -> "CompanionPlate":
-    """The plate of a case (see `cases`), ready to be solved."""
+    """The plate of a case (see `measure.plate`), ready to be solved."""
+    from qvi_contact import RectilinearMesh
     from qvi_contact.gallery import compressed_plate
 
-    cells = (case["cells"], case["cells"])
-    return CompanionPlate(compressed_plate(case["friction"], cells, grading=case["grading"]), degree)
+    return CompanionPlate(replace(compressed_plate(case["friction"]), mesh=RectilinearMesh(*case["lines"])), degree)
 
 
 class CompanionPlate:

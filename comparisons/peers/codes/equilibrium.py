@@ -1,13 +1,14 @@
 """The plate with this package: stresses in equilibrium, the inequality solved directly by the condensed method.
 
-With a degree of displacements also the bracket: bounds of the energy, and of P where it has bounds. The package is
-loaded by `build`, not before.
+Rectangles have the element of Bogner, Fox and Schmit, triangles that of Hsieh, Clough and Tocher of any degree. With a
+degree of displacements also the bracket: bounds of the energy, and of P where it has bounds. The package is loaded by
+`build`, not before.
 """
 
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from qvi_contact import ContactResult, Discretization
+    from qvi_contact import ContactProblem, ContactResult
 
 MODULE: Final = "qvi_contact"
 
@@ -15,30 +16,39 @@ TOLERANCE: Final = 1e-8
 """That the certificate must confirm."""
 
 
-def build(case: dict[str, Any], bracket: int | None = None) -> "EquilibriumPlate":
-    """The plate of a case (see `cases`), ready to be solved, and to be bracketed with displacements of that degree."""
-    from qvi_contact import discretize
+def build(case: dict[str, Any], degree: int | None = None, bracket: int | None = None) -> "EquilibriumPlate":
+    """The plate of a case (see `measure.plate`), ready to be solved.
+
+    `degree` is that of the stress function on triangles, `bracket` that of the displacements it is bracketed with.
+    """
+    return EquilibriumPlate(problem(case), degree, bracket)
+
+
+def problem(case: dict[str, Any]) -> "ContactProblem":
+    """The gallery's plate on the mesh of a case."""
+    from dataclasses import replace
+
+    from qvi_contact import RectilinearMesh, TriangleMesh
     from qvi_contact.gallery import compressed_plate
 
-    cells = (case["cells"], case["cells"])
-    problem = compressed_plate(case["friction"], cells, grading=case["grading"])
-    return EquilibriumPlate(discretize(problem), bracket)
+    lines = case["lines"]
+    mesh = TriangleMesh(case["vertices"], case["cells"], case["sides"]) if lines is None else RectilinearMesh(*lines)
+    return replace(compressed_plate(case["friction"]), mesh=mesh)
 
 
 class EquilibriumPlate:
-    """A discretisation that is solved once; another solve would find what the first has factorised."""
+    """A problem; `solve` discretises, factorises and certifies each time."""
 
-    def __init__(self, discretization: "Discretization", bracket: int | None) -> None:
-        self._discretization = discretization
+    def __init__(self, posed: "ContactProblem", degree: int | None, bracket: int | None) -> None:
+        self._problem = posed
+        self._degree = degree
         self._bracket = bracket
 
     def solve(self) -> dict[str, Any]:
         """As `qvi_contact.solve` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
         from qvi_contact import solve
 
-        with self._discretization.qvi.operator.using("auto", 1):
-            fitted = self._discretization.fitted()
-        result = solve(fitted, method="condensed", tolerance=TOLERANCE, threads=1)
+        result = solve(self._problem, degree=self._degree, method="condensed", tolerance=TOLERANCE, threads=1)
         answer: dict[str, Any] = {
             "status": result.status.value,
             "message": "" if result.certificate.passed else result.message,

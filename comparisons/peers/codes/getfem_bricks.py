@@ -1,8 +1,8 @@
-"""The plate with GetFEM: biquadratic displacements, bilinear contact stresses, GetFEM's own contact brick and Newton.
+"""The plate with GetFEM: displacements Q_p, contact stresses one degree below, GetFEM's own contact brick and Newton.
 
 The brick is `add_integral_contact_with_rigid_obstacle_brick`, option 1: the augmented Lagrangian of Alart and Curnier
 in its non-symmetric form, with Coulomb friction. The augmentation parameter is Young's modulus, r = E, Newton's method
-stops at 10⁻⁸, integration is of order 4. P is the integral of the contact stress.
+stops at 10⁻⁸, integration is of order 2p. P is the integral of the contact stress.
 
 Source: GetFEM's documentation, "Small sliding contact with friction bricks". Nothing of this project is imported here,
 so that another Python than the project's may run it (see `process`). GetFEM is loaded by `build`, not before.
@@ -20,29 +20,28 @@ ACCEPTED: Final = 1e-8
 """Largest residual of a solution: norm of all equations' residuals over the force."""
 
 _STEPS: Final = 100
-_INTEGRATION: Final = 4  # exact for the elasticity; more points change P by 1e-4 and settle on the same value
 _LEFT, _BOTTOM, _TOP = 1, 2, 3  # regions
-_DEGREE, _STRESS_DEGREE = 2, 1
 
 
-def build(case: dict[str, Any]) -> "BrickPlate":
-    """The plate of a case (see `cases`), ready to be solved."""
-    return BrickPlate(case)
+def build(case: dict[str, Any], degree: int = 2) -> "BrickPlate":
+    """The plate of a case (see `measure.plate`), ready to be solved."""
+    return BrickPlate(case, degree)
 
 
 class BrickPlate:
     """A model; `solve` starts from zero each time."""
 
-    def __init__(self, case: dict[str, Any]) -> None:
+    def __init__(self, case: dict[str, Any], degree: int) -> None:
         gf: Any = import_module("getfem")
         np: Any = import_module("numpy")
-        self._gf, self._np = gf, np
-        mesh = gf.Mesh("cartesian", np.array(case["x"]), np.array(case["y"]))
+        self._gf, self._np, self._degree = gf, np, degree
+        mesh = gf.Mesh("cartesian", *(np.array(line) for line in case["lines"]))
         self._name_sides(mesh)
         displacements = gf.MeshFem(mesh, 2)
-        displacements.set_classical_fem(_DEGREE)
-        _require_all_nodes(displacements, case)
-        self._integration = gf.MeshIm(mesh, _INTEGRATION)
+        displacements.set_classical_fem(degree)
+        _require_all_nodes(displacements, case, degree)
+        # exact for the elasticity; more points change P by 1e-4 and settle on the same value
+        self._integration = gf.MeshIm(mesh, 2 * degree)
         self._model = gf.Model("real")
         self._model.add_fem_variable("u", displacements)
         self._add_elasticity(case)
@@ -81,15 +80,15 @@ class BrickPlate:
         self._model.add_initialized_data("shear", [young / (2.0 * (1.0 + poisson))])
         self._model.add_isotropic_linearized_elasticity_brick(self._integration, "u", "lame", "shear")
         for side in (_LEFT, _BOTTOM):
-            self._model.add_normal_Dirichlet_condition_with_multipliers(self._integration, "u", _DEGREE, side)
+            self._model.add_normal_Dirichlet_condition_with_multipliers(self._integration, "u", self._degree, side)
 
     def _add_contact(self, mesh: Any, case: dict[str, Any]) -> tuple[Any, ...]:
         """The rigid plate y ≥ height − U, as signed distance; returns what has to live as long as the model."""
         tractions, distances = self._gf.MeshFem(mesh, 2), self._gf.MeshFem(mesh, 1)
-        tractions.set_classical_fem(_STRESS_DEGREE)
+        tractions.set_classical_fem(self._degree - 1)
         distances.set_classical_fem(1)
         on_top = self._gf.MeshFem("partial", tractions, tractions.dof_on_region(_TOP))
-        level = case["y"][-1] - case["displacement"]
+        level = case["lines"][1][-1] - case["displacement"]
         self._model.add_fem_variable("traction", on_top)
         self._model.add_initialized_fem_data("distance", distances, distances.eval(f"{level!r} - y"))
         self._model.add_initialized_data("r", [case["young"]])
@@ -104,13 +103,13 @@ class MergedNodesError(ValueError):
     """GetFEM takes nodes for one that are not."""
 
 
-def _require_all_nodes(displacements: Any, case: dict[str, Any]) -> None:
+def _require_all_nodes(displacements: Any, case: dict[str, Any], degree: int) -> None:
     """Raise `MergedNodesError` unless each node has its own displacements.
 
     GetFEM tells nodes apart by distances relative to the cell: in cells some hundred times longer than wide it merges
     neighbours, and the mesh is not conforming any more.
     """
-    columns, rows = len(case["x"]) - 1, len(case["y"]) - 1
-    wanted, found = 2 * (_DEGREE * columns + 1) * (_DEGREE * rows + 1), int(displacements.nbdof())
+    columns, rows = (len(line) - 1 for line in case["lines"])
+    wanted, found = 2 * (degree * columns + 1) * (degree * rows + 1), int(displacements.nbdof())
     if found != wanted:
         raise MergedNodesError(f"GetFEM merges nodes of cells this long: {found} of {wanted} displacements are left")

@@ -1,4 +1,4 @@
-"""The plate with NGSolve: displacements of degree p on quadrilaterals, Nitsche's method for contact with friction.
+"""The plate with NGSolve: displacements of degree p, Nitsche's method for contact with friction.
 
 Find u with u_x = 0 on x = 0, u_y = 0 on y = 0 and for all such v
 
@@ -7,15 +7,18 @@ Find u with u_x = 0 on x = 0, u_y = 0 on y = 0 and for all such v
 
     p_N = min(σ_yy(u) − γ (u_y + U), 0),      p_T = σ_xy(u) − γ u_x cut off at ±μ |p_N|,      γ = γ₀ p² E / h,
 
-where σ_n = (σ_xy, σ_yy) and h is the height of the topmost cells. θ = 1 is the symmetric variant, θ = 0 the incomplete
+where σ_n = (σ_xy, σ_yy) and h is the height of the cell below. θ = 1 is the symmetric variant, θ = 0 the incomplete
 one, θ = −1 the skew-symmetric one. Semismooth Newton with a line search on the residual; if that stalls, γ is raised to
 its value in steps, skew-symmetric until the last. P is the reaction of the line of symmetry y = 0.
+
+What can be saved is saved: cells away from the top are assembled once, only those below it in each step; the unknowns
+inside cells are condensed; the smaller matrix is factorised by UMFPACK or PARDISO, by its size.
 
 Source: Chouly, Fabre, Hild, Mlika, Pousin, Renard, *An overview of recent results on Nitsche's method for contact
 problems*, 2017. Stresses in MPa, lengths in units of the plate. NGSolve is loaded by `build`, not before.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib import import_module
 from typing import Any, Final
 
@@ -27,7 +30,7 @@ VARIANTS: Final = {"symmetric": 1.0, "incomplete": 0.0, "skew": -1.0}
 PENALTY: Final = 2.5
 """γ₀. The symmetric variant needs a few times the constant of the inverse inequality; Newton's method likes it low."""
 
-ACCEPTED: Final = 1e-9
+ACCEPTED: Final = 1e-8
 """Largest residual of a solution: norm at the free unknowns over that of the reactions."""
 
 _STEPS: Final = 40
@@ -36,32 +39,38 @@ _APPROACH_ACCURACY: Final = 1e-4
 _APPROACH_FACTOR: Final = 4.0
 _SHORTEST: Final = 1.0 / 64.0  # step of the line search
 _DECREASE: Final = 1e-4  # of the residual, relative to the step
+_SMALL: Final = 700  # condensed unknowns up to which UMFPACK is the quicker one
+_NEAR: Final = 1e-3  # of the lowest cell below the top: points of quadrature within this distance are on the top
 
 
 def build(case: dict[str, Any], order: int = 2, variant: str = "symmetric") -> "NitschePlate":
-    """The plate of a case (see `cases`), ready to be solved."""
+    """The plate of a case (see `measure.plate`), ready to be solved."""
     return NitschePlate(case, order, VARIANTS[variant])
 
 
 class NitschePlate:
-    """Mesh, space and form of a case; `solve` starts from zero each time."""
+    """Mesh, space and forms of a case; `solve` starts from zero each time."""
 
     def __init__(self, case: dict[str, Any], order: int, theta: float) -> None:
         self._ng: Any = import_module("ngsolve")
+        self._np: Any = import_module("numpy")
         self._ng.SetNumThreads(1)
-        self._height = case["y"][-1] - case["y"][-2]
-        self._target = PENALTY * order**2 * case["young"] / self._height
-        self._theta_target = theta
-        self._penalty, self._theta = self._ng.Parameter(self._target), self._ng.Parameter(theta)
-        mesh = _mesh(case["x"], case["y"])
+        vertices, cells = self._np.asarray(case["vertices"]), self._np.asarray(case["cells"])
+        mesh = _mesh(vertices, cells, case["sides"])
         self._space = self._ng.VectorH1(mesh, order=order, dirichletx="left", dirichlety="bottom")
-        self._form = self._weak_form(mesh, case)
+        self._theta_target, self._theta = theta, self._ng.Parameter(theta)
+        self._share = self._ng.Parameter(1.0)  # of γ
+        on_top, heights = self._below_top(vertices[cells])
+        self._range = float(heights[on_top].min() / self._np.ptp(vertices[cells][:, :, 1], axis=1).max())
+        penalty = self._share * PENALTY * order**2 * case["young"] / self._by_cell(mesh, heights)
+        edge = float(vertices[:, 1].max() - _NEAR * heights[on_top].min())
+        self._fixed, self._moving, stiffness = self._forms(case, on_top, penalty, edge)
+        self._tangent = _Sum(self._np, stiffness, self._fixed, self._moving)
         self._u = self._ng.GridFunction(self._space)
-        self._residual, self._step, self._trial = (self._u.vec.CreateVector() for _ in range(3))
+        self._residual, self._part, self._step, self._trial = (self._u.vec.CreateVector() for _ in range(4))
         self._free = self._ng.Projector(self._space.FreeDofs(), True)
         self._upwards = self._ng.GridFunction(self._space)
         self._upwards.components[1].Set(1.0)
-        self._largest = self._height / float(max(b - a for a, b in zip(case["y"], case["y"][1:], strict=False)))
         self._iterations = 0
 
     def solve(self) -> dict[str, Any]:
@@ -71,7 +80,7 @@ class NitschePlate:
         residual = self._newton(_STEPS, ACCEPTED)
         if residual > ACCEPTED:
             residual = self._approached()
-        self._form.Apply(self._u.vec, self._residual)
+        self._apply(self._u.vec)
         solved = residual <= ACCEPTED
         return {
             "status": "solved" if solved else "not converged",
@@ -87,19 +96,19 @@ class NitschePlate:
         """Newton's method again from zero, with γ raised in steps."""
         self._u.vec[:] = 0.0
         self._theta.Set(VARIANTS["skew"])
-        for penalty in self._penalties():
-            self._penalty.Set(penalty)
+        for share in self._shares():
+            self._share.Set(share)
             self._newton(_APPROACH_STEPS, _APPROACH_ACCURACY)
-        self._penalty.Set(self._target)
+        self._share.Set(1.0)
         self._theta.Set(self._theta_target)
         return self._newton(_STEPS, ACCEPTED)
 
-    def _penalties(self) -> Iterator[float]:
-        """From that of the tallest cells, or below, up to γ, without γ itself."""
-        penalty = min(self._largest, 1.0 / _APPROACH_FACTOR) * self._target
-        while penalty < self._target:
-            yield penalty
-            penalty *= _APPROACH_FACTOR
+    def _shares(self) -> Iterator[float]:
+        """Parts of γ, from that of the tallest cells, or below, up to all of it, without that itself."""
+        share = min(self._range, 1.0 / _APPROACH_FACTOR)
+        while share < 1.0:
+            yield share
+            share *= _APPROACH_FACTOR
 
     def _newton(self, steps: int, accuracy: float) -> float:
         """At most so many steps; returns the residual reached."""
@@ -107,12 +116,24 @@ class NitschePlate:
         for _ in range(steps):
             if norm <= accuracy * scale:
                 break
-            self._form.AssembleLinearization(self._u.vec)
-            inverse = self._form.mat.Inverse(self._space.FreeDofs(), inverse="umfpack")  # it is not symmetric
-            self._step.data = inverse * self._residual
+            self._moving.AssembleLinearization(self._u.vec)
+            self._find_step(self._tangent.matrix())
             self._iterations += 1
             norm, scale = self._search(norm)
         return norm / scale if scale > 0.0 else float("inf")
+
+    def _find_step(self, matrix: Any) -> None:
+        """Solve with the condensed matrix, then inside the cells."""
+        free, forms = self._space.FreeDofs(True), (self._fixed, self._moving)
+        # it is not symmetric
+        inverse = matrix.Inverse(free, inverse="umfpack" if sum(free) <= _SMALL else "pardiso")
+        for form in forms:
+            self._residual.data += form.harmonic_extension_trans * self._residual
+        self._step.data = inverse * self._residual
+        for form in forms:
+            self._step.data += form.harmonic_extension * self._step
+        for form in forms:
+            self._step.data += form.inner_solve * self._residual
 
     def _search(self, norm: float) -> tuple[float, float]:
         """Go as far along the step as the residual falls."""
@@ -127,14 +148,30 @@ class NitschePlate:
 
     def _evaluate(self, vector: Any) -> tuple[float, float]:
         """Norms of the residual, which is left in place: at the free unknowns, and with the reactions."""
-        self._form.Apply(vector, self._residual)
+        self._apply(vector)
         scale = float(self._residual.Norm())
         self._free.Project(self._residual)
         return float(self._residual.Norm()), scale
 
-    def _weak_form(self, mesh: Any, case: dict[str, Any]) -> Any:
-        """The form above; plane stress."""
-        ng, gamma, theta = self._ng, self._penalty, self._theta
+    def _apply(self, vector: Any) -> None:
+        self._fixed.Apply(vector, self._residual)
+        self._moving.Apply(vector, self._part)
+        self._residual.data += self._part
+
+    def _below_top(self, corners: Any) -> tuple[Any, Any]:
+        """Which cells have an edge on the top, and the heights of all below the top."""
+        y = corners[:, :, 1]
+        return (y == y.max()).sum(axis=1) == 2, y.max() - y.min(axis=1)
+
+    def _by_cell(self, mesh: Any, values: Any) -> Any:
+        """A function that is constant in each cell."""
+        found = self._ng.GridFunction(self._ng.L2(mesh, order=0))
+        found.vec.FV().NumPy()[:] = values
+        return found
+
+    def _forms(self, case: dict[str, Any], on_top: Any, gamma: Any, edge: float) -> tuple[Any, Any, Any]:
+        """The form above in cells away from the top, and in those below it; the stiffness of all. Plane stress."""
+        ng, theta = self._ng, self._theta
         u, v = self._space.TnT()
         shear = case["young"] / (2.0 * (1.0 + case["poisson"]))
         lame = case["young"] * case["poisson"] / (1.0 - case["poisson"] ** 2)
@@ -145,17 +182,60 @@ class NitschePlate:
         def stress(w: Any) -> Any:
             return 2.0 * shear * strain(w) + lame * ng.Trace(strain(w)) * ng.Id(2)
 
-        tangential, normal = (stress(u)[0, 1], stress(v)[0, 1]), (stress(u)[1, 1], stress(v)[1, 1])
-        pressure = _cut(ng, normal[0] - gamma * (u[1] + case["displacement"]), None)
-        friction = _cut(ng, tangential[0] - gamma * u[0], -case["friction"] * pressure)
-        # with skeleton, gradients on the boundary are whole, not only along it
-        top = ng.ds(skeleton=True, definedon=mesh.Boundaries("top"))
-        form = ng.BilinearForm(self._space)
-        form += ng.InnerProduct(stress(u), strain(v)) * ng.dx
-        form += -theta / gamma * (tangential[0] * tangential[1] + normal[0] * normal[1]) * top
-        form += pressure * (theta / gamma * normal[1] - v[1]) * top
-        form += friction * (theta / gamma * tangential[1] - v[0]) * top
-        return form
+        below, away = ng.BitArray(len(on_top)), ng.BitArray(len(on_top))
+        for number, found in enumerate(on_top):
+            below[number], away[number] = bool(found), not found
+        (txu, tyu), (txv, tyv) = ((stress(w)[0, 1], stress(w)[1, 1]) for w in (u, v))
+        pressure = _cut(ng, tyu - gamma * (u[1] + case["displacement"]), None)
+        friction = _cut(ng, txu - gamma * u[0], -case["friction"] * pressure)
+        nitsche = (
+            pressure * (theta / gamma * tyv - v[1]) + friction * (theta / gamma * txv - v[0])
+            - theta / gamma * (txu * txv + tyu * tyv)
+        )  # fmt: skip
+        energy = ng.InnerProduct(stress(u), strain(v))
+        fixed, moving, whole = (ng.BilinearForm(self._space, condense=True) for _ in range(3))
+        fixed += energy * ng.dx(definedonelements=away)
+        moving += energy * ng.dx(definedonelements=below)
+        # over the borders of cells, since there gradients are whole, not only along the boundary
+        moving += (ng.IfPos(ng.y - edge, 1.0, 0.0) * nitsche).Compile() * ng.dx(
+            element_boundary=True, definedonelements=below
+        )
+        whole += energy * ng.dx
+        fixed.Assemble()
+        whole.Assemble()
+        return fixed, moving, whole
+
+
+class _Sum:
+    """Sum of a fixed and a moving matrix whose entries are among those of a third one."""
+
+    def __init__(self, np: Any, pattern: Any, fixed: Any, moving: Any) -> None:
+        self._np, self._form, self._fixed, self._moving = np, pattern, fixed, moving
+        self._order: Any = None
+
+    def matrix(self) -> Any:
+        """The sum as the moving form is now."""
+        matrix = self._form.mat
+        if self._order is None:
+            self._order, self._base = self._places()
+        values = matrix.AsVector().FV().NumPy()
+        values[:] = self._base
+        values[self._order] += self._moving.mat.AsVector().FV().NumPy()
+        return matrix
+
+    def _places(self) -> tuple[Any, Any]:
+        """Where the entries of the moving matrix are, and the values of the fixed one."""
+        np = self._np
+        keys = self._keys(self._form.mat)
+        order = np.argsort(keys)
+        base = np.zeros(len(keys))
+        base[order[np.searchsorted(keys[order], self._keys(self._fixed.mat))]] = self._fixed.mat.AsVector().FV().NumPy()
+        return order[np.searchsorted(keys[order], self._keys(self._moving.mat))], base
+
+    def _keys(self, matrix: Any) -> Any:
+        """A number for the place of each entry."""
+        rows, columns, _ = matrix.COO()
+        return self._np.array(rows, dtype=self._np.int64) * matrix.width + self._np.array(columns)
 
 
 def _cut(ng: Any, value: Any, bound: Any) -> Any:
@@ -165,12 +245,13 @@ def _cut(ng: Any, value: Any, bound: Any) -> Any:
     return ng.IfPos(value - bound, bound, ng.IfPos(-value - bound, -bound, value))
 
 
-def _mesh(x: Sequence[float], y: Sequence[float]) -> Any:
-    """Quadrilaterals between grid lines; sides named bottom, right, top, left."""
-    columns, rows = len(x) - 1, len(y) - 1
-    meshes: Any = import_module("ngsolve.meshes")
-
-    def place(s: float, t: float) -> tuple[float, float]:
-        return float(x[round(s * columns)]), float(y[round(t * rows)])
-
-    return meshes.MakeStructured2DMesh(quads=True, nx=columns, ny=rows, mapping=place)
+def _mesh(vertices: Any, cells: Any, sides: dict[str, Any]) -> Any:
+    """The mesh of a case with its named sides."""
+    np: Any = import_module("numpy")
+    meshing: Any = import_module("netgen.meshing")
+    mesh = meshing.Mesh(dim=2)
+    mesh.AddPoints(np.column_stack([vertices, np.zeros(len(vertices))]))
+    mesh.AddElements(dim=2, index=mesh.AddRegion("body", dim=2), data=cells.astype(np.int32), base=0)
+    for name, edges in sides.items():
+        mesh.AddElements(dim=1, index=mesh.AddRegion(name, dim=1), data=np.array(edges, dtype=np.int32), base=0)
+    return import_module("ngsolve").Mesh(mesh)

@@ -1,0 +1,184 @@
+"""Families of meshes of the plate: each member has a number, the larger the finer; every code gets it as plain data.
+
+The stresses of the plate have two places that want a finer mesh: the free corner (1, 1), and, where the contact slips
+in part, the point of the contact at which stick ends and slip begins. `TRANSITIONS` has its place, by μ; where that is
+not known, or the whole contact sticks, meshes are graded to the corner alone.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from qvi_contact import RectilinearMesh, TriangleMesh
+from qvi_contact.basics.checks import FloatArray
+
+TRANSITIONS: Final[Mapping[float, float]] = {0.05: 0.0117, 0.2: 0.749}
+"""μ → x at which stick ends and slip begins, to three digits."""
+
+_RATIOS: Final = ((12, 0.6), (24, 0.7), (48, 0.8))  # up to so many cells a side
+_FINEST_RATIO: Final = 0.9
+
+_STRIPS: Final = ((1, 1, 1, 2), (2, 1, 2, 2), (2, 1, 2, 3), (3, 1, 3, 3), (3, 2, 3, 4), (4, 2, 4, 4), (4, 3, 4, 6))
+"""By number: columns left of the transition, right of it, beside the corner; rows."""
+
+_DEPTHS: Final = ((0, 0), (2, 0), (2, 2), (4, 2), (4, 4), (4, 6), (6, 8))
+"""By number: how often triangles at the corner are halved in size, and those at the transition."""
+
+_NEEDLE: Final = 0.1  # columns narrower than this are not made for the sake of a transition
+_ON_SIDE: Final = 1e-12
+
+
+@dataclass(frozen=True)
+class Family:
+    """Meshes of one kind.
+
+    Attributes
+    ----------
+    name : as tables call it
+    counted : whether the number is that of cells a side, and not a level from 0
+    triangles : whether the cells are triangles, not rectangles
+    to_transition : whether its meshes are graded to corner and transition, by what is known of the solution
+    make : (μ, number) → grid lines x and y, or a mesh of triangles
+    reading : what the number means
+
+    """
+
+    name: str
+    counted: bool
+    triangles: bool
+    to_transition: bool
+    make: Callable[[float, int], "tuple[FloatArray, FloatArray] | TriangleMesh"]
+    reading: str
+
+    def label(self, number: int) -> str:
+        """How a table names a member."""
+        return f"{number}² cells" if self.counted else f"level {number}"
+
+
+def plain_mesh(family: str, friction: float, number: int) -> dict[str, Any]:
+    """A mesh as plain data.
+
+    Returns
+    -------
+    dict
+        "vertices", coordinates (n, 2); "cells", their vertices (m, 3 or 4), counter-clockwise; "sides", the edges of
+        "left", "right", "bottom" and "top" by their vertices; "lines", for rectangles the grid lines (x, y), else None.
+
+    """
+    made = FAMILIES[family].make(friction, number)
+    if isinstance(made, TriangleMesh):
+        vertices, cells, lines = made.vertices, _counter_clockwise(made.vertices, made.cells), None
+    else:
+        vertices, cells = _rectangles(*made)
+        lines = [line.tolist() for line in made]
+    sides = {name: pairs.tolist() for name, pairs in _sides(vertices, cells).items()}
+    return {"vertices": vertices.tolist(), "cells": cells.tolist(), "sides": sides, "lines": lines}
+
+
+def ratio(cells: int) -> float:
+    """Ratio of each cell to the one before it on meshes graded to the corner, with so many cells a side."""
+    return next((each for most, each in _RATIOS if cells <= most), _FINEST_RATIO)
+
+
+def _squares(_: float, number: int) -> tuple[FloatArray, FloatArray]:
+    lines = np.linspace(0.0, 1.0, number + 1)
+    return lines, lines
+
+
+def _to_corner(_: float, number: int) -> tuple[FloatArray, FloatArray]:
+    mesh = RectilinearMesh.rectangle((number, number), grading=ratio(number))
+    return mesh.x, mesh.y
+
+
+def _cut_squares(_: float, number: int) -> TriangleMesh:
+    return TriangleMesh.rectangle((number, number))
+
+
+def _strips(shrinking: float) -> Callable[[float, int], tuple[FloatArray, FloatArray]]:
+    """Rectangles that shrink towards corner and transition, each by this ratio to the one before it."""
+
+    def make(friction: float, number: int) -> tuple[FloatArray, FloatArray]:
+        left, right, beside, rows = _STRIPS[number]
+        transition = TRANSITIONS.get(friction)
+        if transition is None:
+            return _line(0.0, 1.0, left + beside, shrinking), _line(0.0, 1.0, left + beside, shrinking)
+        middle = (transition + 1.0) / 2.0
+        # the more, the nearer the transition is to x = 0: the columns on both sides of it are then alike
+        right += max(0, round(math.log(transition / (1.0 - transition)) / math.log(shrinking)))
+        parts = (
+            _line(0.0, transition, left, shrinking), _line(transition, middle, right, 1.0 / shrinking)[1:],
+            _line(middle, 1.0, beside, shrinking)[1:],
+        )  # fmt: skip
+        return np.concatenate(parts), _line(0.0, 1.0, rows, shrinking)
+
+    return make
+
+
+def _line(start: float, end: float, cells: int, shrinking: float) -> FloatArray:
+    """Grid lines from start to end, each distance `shrinking` times the one before it."""
+    lengths = np.concatenate([[0.0], np.cumsum(shrinking ** np.arange(cells))])
+    lines: FloatArray = start + (end - start) * lengths / lengths[-1]
+    lines[-1] = end
+    return lines
+
+
+def _bisected(friction: float, number: int) -> TriangleMesh:
+    """Four squares, a column ending at the transition where none gets narrow by that; triangles at both bisected."""
+    transition = TRANSITIONS.get(friction)
+    lines = np.array([0.0, 0.5, 1.0])
+    if transition is None:
+        return TriangleMesh.of_rectangles(RectilinearMesh(lines, lines)).graded([(1.0, 1.0)], 2 * number)
+    columns = np.sort(np.append(lines, transition))
+    if np.diff(columns).min() < _NEEDLE:
+        columns = lines
+    coarse = TriangleMesh.of_rectangles(RectilinearMesh(columns, lines))
+    corner, depth = _DEPTHS[number]
+    narrow = columns.size == lines.size
+    depths = (max(0, corner - 2), 2 * number + 2) if narrow else (corner, depth)
+    return coarse.graded([(1.0, 1.0), (transition, 1.0)], depths)
+
+
+def _rectangles(x: FloatArray, y: FloatArray) -> tuple[FloatArray, Any]:
+    """Vertices and cells between grid lines, row by row."""
+    columns = x.size
+    first = (np.arange(y.size - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    cells = np.column_stack([first, first + 1, first + 1 + columns, first + columns])
+    return np.column_stack([np.tile(x, y.size), np.repeat(y, columns)]), cells
+
+
+def _counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
+    """The same triangles with their vertices in the positive sense."""
+    (ax, ay), (bx, by) = ((vertices[cells[:, k]] - vertices[cells[:, 0]]).T for k in (1, 2))
+    return np.where((ax * by < ay * bx)[:, None], cells[:, ::-1], cells)
+
+
+def _sides(vertices: FloatArray, cells: Any) -> dict[str, Any]:
+    """The edges on each side of the unit square, by their vertices."""
+    edges = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends = vertices[edges]
+    places = {"left": (0, 0.0), "right": (0, 1.0), "bottom": (1, 0.0), "top": (1, 1.0)}
+    return {
+        name: edges[(np.abs(ends[:, :, axis] - place) < _ON_SIDE).all(axis=1)] for name, (axis, place) in places.items()
+    }
+
+
+_KINDS: Final = (
+    Family("uniform", True, False, False, _squares, "n × n squares"),
+    Family("graded", True, False, False, _to_corner, "n × n rectangles that shrink towards the free corner"),
+    Family("cut squares", True, True, False, _cut_squares, "n × n squares, each cut into two triangles"),
+    Family(
+        "strips", False, False, True, _strips(0.5),
+        "rectangles, each half as wide as the one before it towards corner and transition",
+    ),
+    Family(
+        "narrow strips", False, False, True, _strips(0.25),
+        "rectangles, each a quarter as wide as the one before it towards corner and transition",
+    ),
+    Family("bisected", False, True, True, _bisected, "triangles, bisected again and again at corner and transition"),
+)  # fmt: skip
+
+FAMILIES: Final[Mapping[str, Family]] = {family.name: family for family in _KINDS}
+"""Name → family."""
