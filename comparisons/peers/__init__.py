@@ -2,5 +2,5 @@
 
 from typing import Final
 
-LEVELS: Final = 7
+LEVELS: Final = 8
 """Members of the families of meshes that are graded to corner and transition, counted from 0."""

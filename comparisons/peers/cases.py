@@ -41,7 +41,7 @@ def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions
         raise InputError("levels", levels, f"give a whole number from 1 to {LEVELS}")
     missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}
     factors: dict[str, tuple[Any, ...]] = {
-        "friction": tuple(sorted(set(friction))),
+        "friction": tuple(dict.fromkeys(friction)),
         "number": tuple(sorted(chosen[True] | chosen[False])),
         "model": tuple(model.name for model in MODELS if model.code not in missing),
         "repetitions": (repetitions,),

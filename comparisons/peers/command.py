@@ -14,7 +14,7 @@ _FOLDER = "results/peers"
 
 @click.command(cls=ListCommand)
 @study_options(f"{_FOLDER}/peers.sqlite", timeout=300.0)
-@click.option("--friction", type=float, multiple=True, default=(0.05, 0.2, 1.0), help="μ.", show_default=True)
+@click.option("--friction", type=float, multiple=True, default=(0.2, 0.05, 1.0), help="μ.", show_default=True)
 @click.option("--cells", type=int, multiple=True, default=(8, 16, 32), show_default=True,
               help="Cells a side of meshes that are counted so.")  # fmt: skip
 @click.option("--levels", type=int, default=LEVELS, show_default=True,

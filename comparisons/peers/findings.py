@@ -40,7 +40,7 @@ def slug(friction: float) -> str:
 
 def findings(found: Sequence[Point]) -> list[Finding]:
     """The sentences: costs, what the element on rectangles reaches, bounds, failures and codes that are missing."""
-    frictions = sorted({point.friction for point in found})
+    frictions = list(dict.fromkeys(point.friction for point in found))
     references = {friction: reference(found, friction) for friction in frictions}
     known = {friction: each for friction, each in references.items() if each is not None}
     sure = [friction for friction in frictions if guaranteed(found, friction)]

@@ -21,11 +21,16 @@ TRANSITIONS: Final[Mapping[float, float]] = {0.05: 0.0117, 0.2: 0.749}
 _RATIOS: Final = ((12, 0.6), (24, 0.7), (48, 0.8))  # up to so many cells a side
 _FINEST_RATIO: Final = 0.9
 
-_STRIPS: Final = ((1, 1, 1, 2), (2, 1, 2, 2), (2, 1, 2, 3), (3, 1, 3, 3), (3, 2, 3, 4), (4, 2, 4, 4), (4, 3, 4, 6))
+_STRIPS: Final = (
+    (1, 1, 1, 2), (2, 1, 2, 2), (2, 1, 2, 3), (3, 1, 3, 3), (3, 2, 3, 4), (4, 2, 4, 4), (4, 3, 4, 6), (5, 4, 5, 6),
+)  # fmt: skip
 """By number: columns left of the transition, right of it, beside the corner; rows."""
 
-_DEPTHS: Final = ((0, 0), (2, 0), (2, 2), (4, 2), (4, 4), (4, 6), (6, 8))
+_DEPTHS: Final = ((0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (4, 6), (6, 8))
 """By number: how often triangles at the corner are halved in size, and those at the transition."""
+
+_DEPTHS_WITHOUT_LINE: Final = ((0, 2), (0, 4), (0, 6), (1, 6), (2, 8), (3, 8), (4, 10), (4, 12))
+"""The same where no column of the coarsest mesh ends at the transition."""
 
 _NEEDLE: Final = 0.1  # columns narrower than this are not made for the sake of a transition
 _ON_SIDE: Final = 1e-12
@@ -131,13 +136,10 @@ def _bisected(friction: float, number: int) -> TriangleMesh:
     lines = np.array([0.0, 0.5, 1.0])
     if transition is None:
         return TriangleMesh.of_rectangles(RectilinearMesh(lines, lines)).graded([(1.0, 1.0)], 2 * number)
-    columns = np.sort(np.append(lines, transition))
+    columns, depths = np.sort(np.append(lines, transition)), _DEPTHS[number]
     if np.diff(columns).min() < _NEEDLE:
-        columns = lines
+        columns, depths = lines, _DEPTHS_WITHOUT_LINE[number]
     coarse = TriangleMesh.of_rectangles(RectilinearMesh(columns, lines))
-    corner, depth = _DEPTHS[number]
-    narrow = columns.size == lines.size
-    depths = (max(0, corner - 2), 2 * number + 2) if narrow else (corner, depth)
     return coarse.graded([(1.0, 1.0), (transition, 1.0)], depths)
 
 

@@ -74,7 +74,7 @@ def _joined(times: tuple[float, ...]) -> str:
 def peers_report(rows: Sequence[Row], command: str) -> Report:
     """The report of these rows, which this command made."""
     found = points(rows)
-    frictions = sorted({point.friction for point in found})
+    frictions = list(dict.fromkeys(point.friction for point in found))
     known = {friction: reference(found, friction) for friction in frictions}
     sections = [_section(found, friction, known[friction]) for friction in frictions]
     others = _others(found, known)
@@ -129,7 +129,7 @@ def _others(found: Sequence[Point], known: dict[float, Reference | None]) -> lis
 def as_json(rows: Sequence[Row]) -> str:
     """Values, points and findings as one document."""
     found = points(rows)
-    known = [reference(found, friction) for friction in sorted({point.friction for point in found})]
+    known = [reference(found, friction) for friction in list(dict.fromkeys(point.friction for point in found))]
     document = {
         "schema": SCHEMA,
         "units": {"half_force": "MPa × length", "seconds": "s, processor time", "memory": "bytes"},

@@ -759,7 +759,7 @@ def test_the_study_has_all_models_whose_code_is_installed(monkeypatch):
     monkeypatch.setattr(cases, "find_spec", lambda name: None if name in ("getfem", "ngsolve") else name)
     assert cases.missing_codes() == ("ngsolve", "getfem")
     study = cases.peers_study((1.0, 0.2, 1.0), (16, 8), 3, levels=2)
-    assert study.factors["friction"] == (0.2, 1.0)
+    assert study.factors["friction"] == (1.0, 0.2)
     assert study.factors["number"] == (0, 1, 8, 16)
     own = {models.TRIANGLES, models.EQUILIBRIUM, models.COMPANION, models.BRACKET}
     assert {models.NAMED[name].code for name in study.factors["model"]} == own
