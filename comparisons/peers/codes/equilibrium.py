@@ -52,7 +52,7 @@ class EquilibriumPlate:
         answer: dict[str, Any] = {
             "status": result.status.value,
             "message": "" if result.certificate.passed else result.message,
-            "half_force": float(result.contacts["plate"].normal_force) if result.has_state else None,
+            "half_force": -result.resultant("plate").y if result.has_state else None,
             "unknowns": int(result.solution.problem.n),
             "iterations": int(result.iterations),
             "residual": float(result.certificate.accuracy),
