@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from comparisons.peers.findings import slug
-from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, MODELS
+from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, MODELS, Model
 from comparisons.peers.points import KINDS, Point, Reference, contradictory
 from comparisons.peers.reach import errors_at, lasting_error
 from comparisons.report import Figure, svg_text
@@ -17,7 +17,7 @@ from qvi_contact.plots.style import new_figure, settings
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_WIDTH, _PANEL, _LINE = 4.3, 3.0, 0.18  # of a picture, of a panel, of a line of a legend [inch]
+_WIDTH, _PANEL, _LINE = 5.2, 3.2, 0.18  # of a picture, of a panel, of a line of a legend [inch]
 _COLUMNS: Final = 2
 _BAR: Final = "#dce6f0"
 _BESIDE: Final = 0.075  # of a mesh's place, between two marks of the picture of bounds
@@ -154,7 +154,7 @@ def _finish(axes: "Axes", title: str) -> None:
     axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
     axes.set_axisbelow(True)
     handles, labels = axes.get_legend_handles_labels()
-    axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.43, -0.2), ncols=_COLUMNS, fontsize=8,
+    axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.43, -0.17), ncols=_COLUMNS, fontsize=7,
                 frameon=False, columnspacing=1.0)  # fmt: skip
 
 
@@ -190,7 +190,7 @@ def _error_curves(axes: "Axes", points: Sequence[Point], known: Reference, cost:
         pairs = [(cost.of(p), _height(p, known)) for p in points if p.model == model]
         shown = [(x, y) for x, y in pairs if x and y]
         if shown:
-            label = model.name + (": guaranteed" if model.code == BRACKET else "")
+            label = _label(model) + (": guaranteed" if model.code == BRACKET else "")
             axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,
                       markersize=6, linewidth=1.2, label=label)  # fmt: skip
     least, most = min(heights, default=known.floor), max(heights, default=known.floor)
@@ -231,14 +231,14 @@ def _intervals(axes: "Axes", points: Sequence[Point], known: Reference) -> None:
         if force is not None:
             low, high = (end / known.value - 1.0 for end in force)
             axes.bar(place[point.number] - 0.36, high - low, 0.14, low, color=_BAR, edgecolor=point.model.colour,
-                     label=f"{point.model.name}: guaranteed")  # fmt: skip
+                     label=f"{_label(point.model)}: guaranteed")  # fmt: skip
     models = [model for model in MODELS if model.code != BRACKET and any(p.model == model for p in points)]
     for number, model in enumerate(models):
         forces = {p.number: p.half_force for p in points if p.model == model and p.solved}
         shown = [(place[n] - 0.22 + _BESIDE * number, f / known.value - 1.0) for n, f in forces.items() if f]
         if shown:
             axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle="none",
-                      markersize=5, label=model.name)  # fmt: skip
+                      markersize=5, label=_label(model))  # fmt: skip
     _mesh_axis(axes, cells)
     bottom, top = _limits(points, known)
     axes.set_ylim(bottom, top)
@@ -271,10 +271,10 @@ def _indicators(axes: "Axes", points: Sequence[Point], known: Reference | None) 
     for model in MODELS:
         here = [p for p in points if p.model == model and p.solved]
         shown = [(place[p.number], p.bounds.width) for p in here if p.bounds]
-        label = f"{model.name}: indicator"
+        label = f"{_label(model)}: indicator"
         if known is not None and model.code == EQUILIBRIUM:
             shown = [(place[p.number], max(error, known.floor)) for p in here if (error := known.error(p)) is not None]
-            label = f"{model.name}: error of P/2"
+            label = f"{_label(model)}: error of P/2"
         if shown:
             axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,
                       markersize=6, linewidth=1.2, label=label)  # fmt: skip
@@ -295,3 +295,8 @@ def _name_once(axes: "Axes") -> None:
         if container.get_label() in seen:
             container.set_label("_")
         seen.add(str(container.get_label()))
+
+
+def _label(model: Model) -> str:
+    """A model's name in a legend, where the symmetric variant is that which is not named."""
+    return model.name.replace(", symmetric", "")
