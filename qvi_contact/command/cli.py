@@ -238,7 +238,7 @@ def bracket(
 ) -> int:
     """Solve the problem in FILE from both sides, which says how far off the answer can be.
 
-    Beside the stress, displacement elements are solved on the same grid. The two energies enclose that of the exact
+    Beside the stress, displacement elements are solved on the same mesh. The two energies enclose that of the exact
     solution. For contacts without Coulomb friction, and where all of them stick, the bounds are guaranteed; where they
     slip the friction bound is held fixed, and the gap is an indicator. Where one displacement drives the problem, its
     force is enclosed too. The output names what is bracketed, and every reason why it is not guaranteed.

@@ -138,7 +138,7 @@ def test_tied_is_what_sticks():
     assert stuck.lower == pytest.approx(tied.lower, rel=1e-9)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.2, 0.4])
+@pytest.mark.parametrize("friction", [0.2, 0.4])
 def test_turned_as_a_whole(friction):
     problem = compressed_plate(friction, (3, 3)).triangulated()
     mesh = problem.mesh
@@ -222,7 +222,6 @@ def test_weight():
     for degree, potential, guaranteed in (
         (3, lambda x, y: 5.0 * y + 0.0 * x, True),
         (4, lambda x, y: 5.0 * y + x * y, True),
-        (4, lambda x, y: 5.0 * y + x**2, True),
         (3, lambda x, y: 5.0 * y + x**2, False),
         (5, lambda x, y: 5.0 * y + x**3 * y**3, False),
     ):
