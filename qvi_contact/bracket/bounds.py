@@ -20,7 +20,7 @@ from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.scope import check_scope
 from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import obstacle_work, support_work
+from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
 from solvers.basics.watch import watched
 
 _MISFIT = 1e-9  # prescribed tractions missed, relative to the unit of stress, that count
@@ -118,6 +118,7 @@ def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: Companio
     fields = CellFields.of(discretization, u, max(discretization.space.degree - 2, companion.degree - 1, _POTENTIAL))
     strain = strain_energy(fields, problem.compliances)
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
+    complementary -= fluid_work(discretization)
     inside = np.zeros(mesh.cell_count)
     moved = companion.has_state
     edges = _Edges({}, 0.0, 0.0)

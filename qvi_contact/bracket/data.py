@@ -22,6 +22,7 @@ _CELL_DEGREE = 5  # of φ, on rectangles in x and in y: the work of its stresses
 _SPOKEN = {
     "Contact.cohesion": "The cohesion, or Tresca's bound,",
     "Contact.shear_limit": "The shear limit",
+    "Contact.pore_pressure": "The pore pressure",
     "Contact.gap": "The gap",
     "Contact.offset": "The offset",
     "ContactProblem.body_potential": "The body potential",
@@ -61,6 +62,7 @@ def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str
             yield "Contact.offset", condition.name, edges, condition.offset, degree
             if condition.law != "tied":
                 yield "Contact.cohesion", condition.name, edges, condition.cohesion, space.shear_degree
+                yield "Contact.pore_pressure", condition.name, edges, condition.pore_pressure, space.normal_degree
                 body = "ContactProblem.body_potential", condition.name, edges, problem.body_potential
                 yield *body, space.normal_degree
             if condition.shear_limit is not None:

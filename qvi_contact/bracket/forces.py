@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray
-from qvi_contact.bracket.law import coefficients
+from qvi_contact.bracket.law import coefficients, effective
 from qvi_contact.bracket.outcome import Bounds, ForceDifference
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.traces import Trace
@@ -26,7 +26,6 @@ from qvi_contact.element import bernstein
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import normal_and_shear
 
 
 @dataclass(frozen=True)
@@ -78,6 +77,7 @@ def _data(problem: ContactProblem) -> Iterator[_Datum]:
     for condition in problem.cartesian_conditions:
         if isinstance(condition, Contact):
             yield _Datum(f"{condition.name}.normal_force", condition.gap, True, sign=-1.0)
+            yield _Datum(f"{condition.name}.pore_pressure", condition.pore_pressure, False)
             tied = condition.law == "tied"
             if tied:
                 yield _Datum(f"{condition.name}.tangential_force", condition.offset, True)
@@ -104,7 +104,7 @@ def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, 
         parts = [
             _moments(known, values, degree, trace) * known.scales.stress * known.scales.length
             for values, degree in zip(
-                normal_and_shear(known, result.dofs, rows.points),
+                effective(known, result.dofs, rows),
                 (known.space.normal_degree, known.space.shear_degree),
                 strict=True,
             )

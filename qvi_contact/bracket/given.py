@@ -122,7 +122,8 @@ def _sticks(result: ContactResult, contact: Contact) -> bool:
 
 def _tied(problem: ContactProblem, sticking: list[Contact]) -> ContactProblem:
     tied = {
-        contact.name: replace(contact, friction=0.0, cohesion=0.0, shear_limit=None, law="tied") for contact in sticking
+        contact.name: replace(contact, friction=0.0, cohesion=0.0, shear_limit=None, pore_pressure=0.0, law="tied")
+        for contact in sticking
     }
     conditions = [
         tied.get(condition.name, condition) if isinstance(condition, Contact) else condition

@@ -17,9 +17,18 @@ _ROUNDING = 1e-10  # of a field's values: a coefficient below zero that is none
 
 
 def contact_tractions(discretization: Discretization, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """σ_N and σ_T (m,) of degrees of freedom u of Φ at the contact points that have rows, dimensionless."""
-    pairs = [normal_and_shear(discretization, u, rows.points) for rows in _limited(discretization)]
+    """Effective σ_N, as the law takes it, and σ_T (m,) of degrees of freedom u of Φ at contact points that have rows.
+
+    Dimensionless.
+    """
+    pairs = [effective(discretization, u, rows) for rows in _limited(discretization)]
     return joined([normal for normal, _ in pairs]), joined([shear for _, shear in pairs])
+
+
+def effective(discretization: Discretization, u: FloatArray, rows: ContactRows) -> tuple[FloatArray, FloatArray]:
+    """The same of one contact."""
+    normal, shear = normal_and_shear(discretization, u, rows.points)
+    return normal + rows.pore_pressure, shear
 
 
 def coefficients(discretization: Discretization, values: FloatArray, degree: int) -> FloatArray:

@@ -53,7 +53,9 @@ class Contacts:
     motions : (2 n, q) array
         What c of the plates themselves does under each motion.
     resultants : (q,) array
-        The force or moment that goes with it.
+        The force or moment that goes with it, beyond that of a fluid in the contact.
+    fluid : (2 n,) array
+        ∫ p_w B_i ds of fluids, 0 for tangential coefficients; their work is −Σ fluid c.
 
     """
 
@@ -63,6 +65,7 @@ class Contacts:
     obstacle: FloatArray
     motions: FloatArray
     resultants: FloatArray
+    fluid: FloatArray
 
     @classmethod
     def of(cls, traces: tuple[Trace, ...], size: int) -> "Contacts":
@@ -82,14 +85,10 @@ class Contacts:
                 columns.append(column.reshape(-1, 1))
                 resultants.append(resultant)
             start += trace.count
-        return cls(
-            traces,
-            sparse.csr_array(rows),
-            np.tile(weights, 2),
-            obstacle,
-            np.hstack(columns),
-            np.array(resultants),
-        )
+        fluid = np.concatenate([np.empty(0), *(t.fluid for t in traces), np.zeros(n)])
+        motions = np.hstack(columns)
+        given = np.array(resultants) + motions.T @ fluid
+        return cls(traces, sparse.csr_array(rows), np.tile(weights, 2), obstacle, motions, given, fluid)
 
     @property
     def count(self) -> int:

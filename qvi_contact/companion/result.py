@@ -246,7 +246,7 @@ class CompanionResult:
             x[order],
             y[order],
             trace.weights[order] * scales.length,
-            normal[order] * scales.stress,
+            (normal - np.where(state.live[:n][chosen], trace.fluid / trace.weights, 0.0))[order] * scales.stress,
             tangential[order] * scales.stress,
             bound[order] * scales.stress,
             gap[order] * scales.displacement,

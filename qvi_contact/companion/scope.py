@@ -11,8 +11,7 @@ _ONLY_STRESS = "the displacement companion, and the bracket that needs it,"
 def check_scope(problem: ContactProblem) -> None:
     """`InputError` for a problem that displacements of this room do not model.
 
-    A fluid in a contact would press on the displacements as a load, which the bounds do not have. An incompressible
-    material has no stiffness: displacements would have to keep every area.
+    An incompressible material has no stiffness: displacements would have to keep every area.
     """
     if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
         remedy = (
@@ -20,10 +19,3 @@ def check_scope(problem: ContactProblem) -> None:
             "them out, and judge the result by its certificate and a finer mesh"
         )
         raise InputError("Material.poisson", 0.5, remedy)
-    for contact in problem.contacts:
-        if contact.has_fluid:
-            remedy = (
-                f"{_ONLY_STRESS} do not model a fluid in a contact: leave them out, and judge the result by its "
-                "certificate and a finer mesh"
-            )
-            raise InputError("Contact.pore_pressure", contact.name, remedy)

@@ -49,8 +49,8 @@ def solve_companion(
 
         J(v) = ½ ∫ ε:C:ε − ∫ b·v − ∫_{Γσ} T·v + Σ ∫ s |v_T − w| − Σ F·q       v_N ≤ g  (= g, and v_T = w where tied)
 
-    with q the motions of plates under F, relative to which v_N and v_T count on their contacts. J(v) is an upper bound
-    of the exact minimum for the same s.
+    with q the motions of plates under F, relative to which v_N and v_T count on their contacts; a fluid in a contact
+    adds ∫ p_w v_N. J(v) is an upper bound of the exact minimum for the same s.
 
     Parameters
     ----------
@@ -116,7 +116,8 @@ def solve_companions(
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
-            condensed = CondensedBody.of(model.body, model.load, model.held, contacts[0].rows)
+            load = model.load - contacts[0].rows.T @ contacts[0].fluid
+            condensed = CondensedBody.of(model.body, load, model.held, contacts[0].rows)
             duals = [dual_problem(each, condensed) for each in contacts]
         except (FactorisationError, MemoryError) as error:
             return tuple(model.failed(error, tolerance) for _ in laws)
@@ -159,7 +160,7 @@ class _Model:
 
     def result(self, dual: DualProblem, solution: QVISolution, reasons: tuple[str, ...]) -> CompanionResult:
         """What a solution of the contact problem says."""
-        state = _state(dual, solution, self.load) if _usable(solution) else None
+        state = _state(dual, solution) if _usable(solution) else None
         return CompanionResult(
             self.problem, self.body.space.degree, self.scales, self.body.space, self.body, solution.status,
             solution.certificate, solution.message, state, reasons + (state.reasons if state else ()), solution,
@@ -195,10 +196,12 @@ def _usable(solution: QVISolution) -> bool:
     return solution.status is not Status.INFEASIBLE and bool(np.isfinite(solution.z).all())
 
 
-def _state(dual: DualProblem, solution: QVISolution, load: FloatArray) -> CompanionState:
+def _state(dual: DualProblem, solution: QVISolution) -> CompanionState:
     contacts, n = dual.contacts, dual.contacts.count
     bound = np.full(n, np.inf)
     bound[dual.limited] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
     values, plates = dual.displacements(solution)
     v, c, reasons = admissible(dual, values, plates, solution.z, bound)
-    return CompanionState(contacts, v, c, plates, np.where(dual.live, solution.z, 0.0), dual.live, bound, load, reasons)
+    return CompanionState(
+        contacts, v, c, plates, np.where(dual.live, solution.z, 0.0), dual.live, bound, dual.body.load, reasons
+    )

@@ -45,7 +45,7 @@ class CompanionContact:
     weights : (n,) array
         ∫ B_i ds [length].
     normal_stress, tangential_stress : (n,) arrays
-        Mean tractions [stress], signs as in `ContactLine`.
+        Mean tractions [stress], signs as in `ContactLine`, the pressure of a fluid included.
     friction_bound : (n,) array
         Bound of |tangential_stress| [stress]; infinity if tied.
     gap : (n,) array

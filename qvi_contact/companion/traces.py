@@ -55,6 +55,8 @@ class Trace:
         μ_i, c_i and the cap; cohesion is the whole bound, and μ zero, where the bound is given.
     gap, offset : (n,) arrays
         Coefficients of g and w.
+    fluid : (n,) array
+        ∫ p_w B_i ds of the pressure of a fluid in the contact; tractions and laws are effective ones, σ_N + p_w.
     bound : (e, q) array or None
         Bernstein coefficients of the given bound s on each edge.
     motions : tuple of (component, normal (n,), tangential (n,), resultant)
@@ -75,6 +77,7 @@ class Trace:
     shear_limit: FloatArray
     gap: FloatArray
     offset: FloatArray
+    fluid: FloatArray
     bound: FloatArray | None
     motions: tuple[tuple[str, FloatArray, FloatArray, float], ...]
     lengths: FloatArray
@@ -179,10 +182,11 @@ def _trace(
     places = space.places[pairs[:, 0]]
     law = _law(problem, scales, contact, edges, columns, places, weights, lengths, p, bound, reasons)
     friction, cohesion, limit = law
+    fluid = _fluid(problem, scales, contact, edges, columns, lengths, p, reasons)
     motions = _motions(problem, scales, contact, edges, places, normals, tangents)
     trace = Trace(
         contact.name, contact.law, edges, columns, places, weights, normal, tangential,
-        friction, cohesion, limit, gap, offset, bound, motions, lengths,
+        friction, cohesion, limit, gap, offset, fluid, bound, motions, lengths,
     )  # fmt: skip
     return trace, reasons
 
@@ -286,6 +290,28 @@ def _law(
     cohesion = mean_of("cohesion", contact.cohesion)
     limit = none if contact.shear_limit is None else mean_of("shear_limit", contact.shear_limit)
     return friction, cohesion, limit
+
+
+def _fluid(
+    problem: ContactProblem,
+    scales: Scales,
+    contact: Contact,
+    edges: Edges,
+    columns: IntArray,
+    lengths: FloatArray,
+    degree: int,
+    reasons: list[str],
+) -> FloatArray:
+    """∫ p_w B_i ds (n,) of the pressure of a fluid."""
+    field = contact.pore_pressure
+    n = int(columns.max()) + 1
+    if not callable(field):
+        return _sums(columns, n, np.repeat(lengths[:, None], degree + 1, axis=1)) * (
+            float(field) / scales.stress / (degree + 1)
+        )
+    moments = edge_moments(problem, edges, "Contact.pore_pressure", field, degree, scales.stress, minimum=0.0)
+    reasons.extend(moments.reason(f"The pore pressure of {contact.name!r}", scales))
+    return _sums(columns, n, lengths[:, None] * moments.values)
 
 
 def _motions(

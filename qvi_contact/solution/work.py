@@ -29,6 +29,19 @@ def obstacle_work(discretization: Discretization, u: FloatArray) -> float:
     return work
 
 
+def fluid_work(discretization: Discretization) -> float:
+    """∫ g p_w ds [stress × length²] of fluids in contacts: τ_N + p_w is the traction that contacts feel."""
+    problem, scales = discretization.problem, discretization.scales
+    work = 0.0
+    for contact in problem.contacts:
+        if contact.has_fluid:
+            points = EdgePoints(discretization.space, problem.mesh.edges(contact.edges), LOAD_POINTS)
+            x, y = physical(problem, scales, points.coordinates)
+            pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
+            work += scales.length * float(points.weights @ (pressure * evaluate("Contact.gap", contact.gap, x, y)))
+    return work
+
+
 def _contact_work(discretization: Discretization, u: FloatArray, contact: Contact, points: EdgePoints) -> FloatArray:
     """G τ_N + w τ_T at points of a contact [stress × length]."""
     scales = discretization.scales

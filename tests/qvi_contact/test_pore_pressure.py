@@ -19,7 +19,6 @@ from qvi_contact import (
     discretize,
     limit_load_factor,
     solve,
-    solve_companion,
     solve_history,
 )
 from qvi_contact.export import summary, write_npz
@@ -202,10 +201,3 @@ def test_bad_pressures_are_refused(value):
 def test_a_tied_contact_takes_none():
     with pytest.raises(InputError, match=r"Contact\.pore_pressure"):
         Contact("bottom", 0.0, law="tied", pore_pressure=1.0)
-
-
-def test_the_displacement_model_refuses_it():
-    with pytest.raises(InputError, match=r"Contact\.pore_pressure"):
-        solve_companion(block(falling()))
-    with pytest.raises(InputError, match=r"Contact\.pore_pressure"):
-        _ = solved(block(falling())).bracket
