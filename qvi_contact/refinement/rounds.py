@@ -151,7 +151,16 @@ def check_solved(result: ContactResult) -> None:
     """`StopError` unless the result is solved."""
     if result.status is not Status.SOLVED:
         status = _STOPS.get(result.status, RefinementStatus.UNSOLVED)
+        if result.status is Status.INACCURATE and _rounded(result):
+            status = RefinementStatus.THIN_CELLS
         raise StopError(status, f"the mesh with {unknowns_of(result)} unknowns: {result.message}")
+
+
+def _rounded(result: ContactResult) -> bool:
+    """Whether rounding alone does more to stresses in the smallest cells than the certificate allows."""
+    certificate = result.certificate
+    unit = certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
+    return result.has_state and result.stress_rounding > certificate.tolerance * unit
 
 
 def unknowns_of(result: ContactResult) -> int:

@@ -347,6 +347,14 @@ class TestEnds:
         assert outcome.status is RefinementStatus.THIN_CELLS
         assert outcome.problem.mesh.cell_range[0] >= 0.1
 
+    def test_cells_too_thin_for_double_precision(self):
+        """Small cells in two places of a contact, of which one only can have the gauge: tractions lose digits."""
+        problem = plate(0.2)
+        deep = replace(problem, mesh=problem.mesh.graded([(1.0, 1.0), (0.5, 1.0)], 16))
+        outcome = refine(deep, None, 1e-9, degree=3, method="condensed")
+        assert outcome.result.status is Status.INACCURATE
+        assert outcome.status is RefinementStatus.THIN_CELLS
+
     def test_a_load_that_cannot_be_carried(self):
         sides = [Traction("left", x=0.0, y=-6.0), Traction("right", x=0.0, y=6.0)]
         conditions = [Contact("bottom", friction=0.5), Traction("top", x=6.0, y=-10.0), *sides]
