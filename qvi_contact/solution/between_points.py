@@ -23,6 +23,7 @@ from qvi_contact.discretization.contact_rows import ContactRows
 from solvers import EdgeRows
 from solvers.strict.quadratics import largest, product
 
+_ROUNDING = 1e-13  # of the largest traction: excess of a Bernstein coefficient that is rounding
 _POLYNOMIAL = 1e-10  # of the values: difference from a polynomial of the degree expected that is rounding
 
 
@@ -52,10 +53,31 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
     if simple.any():
         found = _quadratic(edges, [part[simple] for part in (n, tau, mu, cohesion, cap)], both)
         excess[simple], pull[simple] = found
-    for edge in np.flatnonzero(~simple):
+    admissible, most = _by_coefficients(rows, (n, tau, mu, cohesion, cap), both)
+    settled = admissible & ~simple
+    excess[settled], pull[settled] = most[settled].T
+    for edge in np.flatnonzero(~simple & ~settled):
         parts = [part[edge] for part in (n, tau, mu, cohesion, cap)]
         excess[edge], pull[edge] = _general(edges.points, parts, both)
     return Violations(excess, pull)
+
+
+def _by_coefficients(rows: ContactRows, parts: tuple[FloatArray, ...], both: bool) -> tuple[BoolArray, FloatArray]:
+    """Edges (n,) where Bernstein coefficients obey a law that is constant along the edge, and bounds of both (n, 2).
+
+    The tractions obey it then on the whole edge, up to the rounding of the coefficients, which is what the bounds are.
+    """
+    n, tau, mu, cohesion, cap = parts
+    if rows.rule.to_points is None:
+        return np.zeros(len(n), dtype=bool), np.zeros((len(n), 2))
+    normal, shear = (rows.rule.at_rows(part.ravel()).reshape(part.shape) for part in (n, tau))
+    constant = (np.ptp(mu, axis=1) == 0.0) & (np.ptp(cohesion, axis=1) == 0.0) & np.isinf(cap).all(axis=1)
+    scale = _ROUNDING * max(float(np.abs(normal).max(initial=0.0)), float(np.abs(shear).max(initial=0.0)))
+    pull = normal.max(axis=1)
+    pressed = pull <= scale
+    excess = (np.abs(shear) - (cohesion - mu * normal)).max(axis=1)
+    found = np.maximum(np.column_stack([excess, np.zeros(len(n)) if both else pull]), 0.0)
+    return constant & pressed & (excess <= scale), found
 
 
 def _is(edges: EdgeRows, groups: FloatArray, parameters: int) -> BoolArray:

@@ -20,6 +20,7 @@ from qvi_contact import (
     solve_history,
 )
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128, stick_slip_block
+from qvi_contact.solution import between_points
 from solvers import Status, certify, solve_qvi
 from solvers.fixed_point.forms import make_form
 from solvers.inequality.edges import affine_basis, quadratic_basis
@@ -192,6 +193,21 @@ class TestBetweenPoints:
         (line,) = solved(ssnv128((8, 8))).contacts.values()
         assert line.pull_between_points == pytest.approx(brute_force(line)[1], rel=1e-9)
         assert line.pull_between_points > 1e4
+
+    @pytest.mark.parametrize(("pressed", "dragged"), [(1.0, 1.0), (1.0, 1.2), (-1.0, 1.0)], ids=["", "excess", "pull"])
+    def test_bernstein_coefficients_say_the_same_as_roots(self, monkeypatch, pressed, dragged):
+        """Where they obey the law nothing is looked for; where they do not, on edges of a state made wrong, it is."""
+        result = solve(compressed_plate(0.1, (4, 4)).triangulated(), degree=5)
+        (rows,), line = result.discretization.contacts, result.contacts["plate"]
+        state = rows, pressed * line.normal_stress, dragged * line.tangential_stress
+        known = between_points.between_points(*state)
+        none = np.zeros(len(rows.points.edges), dtype=bool)
+        monkeypatch.setattr(between_points, "_by_coefficients", lambda *_: (none, np.zeros((4, 2))))
+        looked_for = between_points.between_points(*state)
+        for one, other in zip(known, looked_for, strict=True):
+            assert one == pytest.approx(other, abs=1e-12 * MEAN)
+        assert (known.excess.max() > 1.0) == (dragged > 1.0 or pressed < 0.0)
+        assert (known.pull.max() > 1.0) == (pressed < 0.0)
 
     def test_bilateral_capped_and_tied(self):
         result = solved(many_laws())
