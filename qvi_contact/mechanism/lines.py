@@ -20,6 +20,8 @@ there and has the slope of the chord: π becomes larger, and what it proves stay
 | bilateral, μ = 0               | w = 0                        | as unilateral                              |
 | bilateral, capped              | w = 0                        | ∫ t_max ds · |[v]_T|                       |
 | bilateral with friction, tied  | w = 0, [v]_T = 0             | 0                                          |
+
+In `docs/theory.md`: (D23).
 """
 
 from collections.abc import Iterator

@@ -10,6 +10,8 @@ equations of one line does no harm. If the loads do the work L(v) > R(v), no adm
 them: for every one L(v) = Σ_l ∫ (−σ_N [v]_N − σ_T [v]_T) ds ≤ R(v).
 
 Answers of the solver are used for v only. Works, resistance and missed conditions are computed from v again.
+
+In `docs/theory.md`: (D23).
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -7,6 +7,8 @@ nowhere above c, t_max and μ in place of these, and E the elevation to degree p
 
 are sufficient for σ_N ≤ 0 and |σ_T| ≤ min(c + μ|σ_N|, t_max). Bilateral contacts with friction have a bound that grows
 with |σ_N|: on each edge one sign of σ_N is chosen, or none, and then friction does not count.
+
+In `docs/theory.md`: (D24).
 """
 
 from collections.abc import Iterator

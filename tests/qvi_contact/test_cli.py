@@ -561,7 +561,10 @@ def test_limit(shell, sliding):
     loads = [part for name in ("drag", "right", "left") for part in ("--load", name)]
     status, out, err = shell("limit", sliding, *loads, "--json")
     assert (status, err) == (0, "")
-    assert json.loads(out)["factor"] == pytest.approx(1 / 1.01, rel=1e-6)
+    document = json.loads(out)
+    assert document["outcome"] == "bounded"
+    assert document["factor"] == pytest.approx(1 / 1.01, rel=1e-6)
+    assert document["upper"] == pytest.approx(1 / 1.01, rel=1e-9)
     assert "0.99009901 times" in shell("limit", sliding, *loads)[1]
     status, _, err = shell("limit", sliding, "--load", "nonsense")
     assert status == 2

@@ -718,6 +718,11 @@ class TestFigures:
         title = heading(figure).get_text().replace("\n", " ")
         assert title.startswith("infeasible: ")
         assert title.count(result.status.advice) == 1
+        (moved,) = [line for line in figure.axes[0].collections if line.get_label() == "mechanism"]
+        ends = np.array(moved.get_segments())
+        mesh = result.problem.mesh
+        before = mesh.coordinates[np.column_stack([mesh.boundary.first, mesh.boundary.second])]
+        assert np.hypot(*(ends - before).T).max() == pytest.approx(0.08 * mesh.length, rel=0.05)
 
     def test_history_of_loops_alone(self):
         w, force = [0.0, 1.0, -1.0, 1.0], [0.0, 2.0, -2.0, 2.0]
