@@ -28,7 +28,8 @@ ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m s
 
 PACKAGES = (
     "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.plots",
-    "qvi_contact.refinement", "solvers", "solvers.exchange", "solvers.factorisation", "comparisons.report", "comparisons.study",
+    "qvi_contact.refinement", "solvers", "solvers.exchange", "solvers.factorisation", "comparisons.report",
+    "comparisons.study",
 )  # fmt: skip
 INTERNAL = {"has_matplotlib", "picture_suffix", "require_matplotlib", "CompanionState", "Exhibit"}
 
