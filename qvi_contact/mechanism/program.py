@@ -20,6 +20,7 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
+from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.linear_program import INFEASIBLE, TIME_LIMIT, solved
@@ -305,11 +306,11 @@ class _Program:
         return np.asarray(self._basis @ answer.x[: self._motions]), float(answer.fun)
 
     @property
-    def _matrix(self) -> FloatArray:
-        matrix = np.zeros((len(self._rows), len(self._cost)))
-        for number, row in enumerate(self._rows):
-            matrix[number, list(row)] = list(row.values())
-        return matrix
+    def _matrix(self) -> sparse.csr_array:
+        numbers = np.repeat(np.arange(len(self._rows)), [len(row) for row in self._rows])
+        columns = [column for row in self._rows for column in row]
+        values = [value for row in self._rows for value in row.values()]
+        return sparse.csr_array((values, (numbers, columns)), shape=(len(self._rows), len(self._cost)))
 
 
 def _null_space(rows: FloatArray, shift: float) -> FloatArray:
@@ -317,6 +318,6 @@ def _null_space(rows: FloatArray, shift: float) -> FloatArray:
     columns = rows.shape[1]
     if not len(rows):
         return np.eye(columns)
-    _, values, right = np.linalg.svd(rows)
+    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))  # of many rows, few are of use
     rounding = 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(rows))
     return np.asarray(right[int((values > rounding).sum()) :].T)
