@@ -11,6 +11,7 @@ Middle nodes of quadratic triangles are left out; sides are straight. Points tha
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +20,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import IntArray
 from qvi_contact.errors import InputError
+from qvi_contact.mesh import half_named
 from qvi_contact.mesh.parts import MeshParts
 from solvers.basics.types import load
 
@@ -26,7 +28,7 @@ _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med"}
 _TRIANGLES: Final = ("triangle", "triangle6", "triangle7")
 _LINES: Final = ("line", "line3")
 _IGNORED: Final = (*_LINES, "vertex")
-_HALF_NAMED: Final = "gmsh:physical"  # meshio reads files of format 4 only where all cells have names, or none
+_HALF_NAMED: Final = "gmsh:physical"  # meshio reads binary files of format 4 only where all cells have names, or none
 LARGEST: Final = 200_000_000
 """Bytes of a mesh file, and of the data that a MED file unfolds to."""
 
@@ -110,13 +112,14 @@ def _read(reader: str, path: Path) -> Any:
     """What meshio reads, or one `InputError`."""
     try:
         module = import_module(f"meshio.{reader}")
-        return module.read(path)
+        with half_named.completed(path) if reader == "gmsh" else nullcontext(path) as complete:
+            return module.read(complete)
     except ImportError as error:
         needed = "MED files need meshio and h5py" if reader == "med" else "mesh files need meshio"
         raise InputError("mesh", str(path), f"{needed}: python -m pip install 'qvi-contact[mesh]'") from error
     except Exception as error:  # meshio raises whatever a broken file makes it stumble over
         told = " ".join(str(error).split()) or type(error).__name__
-        hint = "; give every curve and surface a physical name, or save in format 2.2" if _HALF_NAMED in told else ""
+        hint = "; save the mesh as ASCII, or in format 2.2" if _HALF_NAMED in told else ""
         raise InputError("mesh", str(path), f"cannot be read as {reader} ({told}){hint}") from error
 
 

@@ -350,7 +350,6 @@ class TestFiles:
             ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=CPS4\n3, 1, 2, 3, 4"), "'quad'"),
             ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
             ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"),
-            ("a.msh", MSH_4.replace("0 1 4 0\n", "0 0 0\n"), "format 2.2"),
             ("a.med", "nonsense", "cannot be read"),
         ],
     )
@@ -363,6 +362,37 @@ class TestFiles:
             TriangleMesh.load(path)
         assert "\n" not in str(caught.value)
         assert capsys.readouterr() == ("", "")
+
+    def test_names_may_be_given_to_some_curves_and_surfaces_only(self, tmp_path):
+        """A file of Gmsh 4 that meshio alone cannot read."""
+        pytest.importorskip("meshio")
+        path = tmp_path / "a.msh"
+        path.write_text(MSH_4.replace("0 1 4 0\n", "0 0 0\n").replace("0 1 2 0\n", "0 0 0\n"))
+        mesh = TriangleMesh.load(path)
+        assert (mesh.edge_names, mesh.joint_names, mesh.region_names) == (("floor",), (), ("steel",))
+        assert mesh.cells.tolist() == [[0, 1, 2], [0, 2, 3]]
+        assert [entry.name for entry in tmp_path.iterdir()] == ["a.msh"]
+
+    @pytest.mark.parametrize("binary", [0, 1])
+    def test_gmsh_itself_writes_such_files(self, tmp_path, binary):
+        gmsh = pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
+        gmsh.initialize(interruptible=False)
+        try:
+            gmsh.option.setNumber("General.Terminal", 0)
+            gmsh.option.setNumber("Mesh.SaveAll", 1)
+            gmsh.option.setNumber("Mesh.Binary", binary)
+            gmsh.model.occ.addRectangle(0.0, 0.0, 0.0, 2.0, 1.0)
+            gmsh.model.occ.synchronize()
+            gmsh.model.addPhysicalGroup(1, [1], name="floor")
+            gmsh.model.mesh.generate(2)
+            gmsh.write(str(tmp_path / "a.msh"))
+        finally:
+            gmsh.finalize()
+        if binary:
+            with pytest.raises(InputError, match="ASCII"):
+                TriangleMesh.load(tmp_path / "a.msh")
+        else:
+            assert TriangleMesh.load(tmp_path / "a.msh").edges("floor").length.sum() == pytest.approx(2.0)
 
     def test_without_meshio_the_command_to_type_is_told(self, tmp_path, monkeypatch):
         path = tmp_path / "a.msh"
