@@ -221,6 +221,7 @@ def check(
 
 @group.command()
 @_FILE
+@_ELEMENT
 @click.option("--degree", type=int, help="Of the displacement elements: 2 to 4, by default 2; on triangles 1 to 5.")
 @click.option("--tolerance", type=float, default=1e-8, show_default=True, help="Of all solves, at most 1e-6.")
 @_TIME_LIMIT
@@ -229,6 +230,7 @@ def check(
 @click.option("--vtk", metavar="VTU", help="Write the displacements for ParaView (.vtu).")
 def bracket(
     file: str,
+    element: str | None,
     degree: int | None,
     tolerance: float,
     time_limit: float | None,
@@ -251,7 +253,7 @@ def bracket(
     \b
     Examples:
         qvi-contact bracket examples/punch.toml --plot apart.png
-        qvi-contact bracket examples/compressed_plate.toml --degree 3 --json
+        qvi-contact bracket examples/compressed_plate.toml --element hct --degree 3 --json
     """  # noqa: D301
     import math
 
@@ -268,8 +270,7 @@ def bracket(
     problem_file = load_problem(file)
     _refuse_history(problem_file)
     with problem_file.named_errors(), np.errstate(all="ignore"):
-        given = {"tolerance": tolerance} | ({} if time_limit is None else {"time_limit": time_limit})
-        options = _options(problem_file, given)
+        options = _options(problem_file, _given(element=element, tolerance=tolerance, time_limit=time_limit))
         with solving(problem_file.title or "bracket"), watched(options.pop("time_limit", None)):
             result = solve_one(problem_file.problem, **options)
             found = bracketed(result, degree, tolerance) if result.has_state else None

@@ -1,7 +1,7 @@
 """What a problem file was understood to say, for `qvi-contact check`."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.problem import ContactProblem, direction_of
+
+_NOISE: Final = 1e-12  # share of all that acts below which a resultant is rounding
 
 
 def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem, dict[str, Any]]:
@@ -125,8 +127,11 @@ def _loads(problem: ContactProblem) -> list[dict[str, Any]]:
 
 
 def _resultant(x: FloatArray, y: FloatArray, weights: FloatArray, t_x: FloatArray, t_y: FloatArray) -> dict[str, float]:
-    moment = weights @ (x * t_y - y * t_x)
-    return {"x": float(weights @ t_x), "y": float(weights @ t_y), "moment": float(moment)}
+    parts = {"x": weights * t_x, "y": weights * t_y, "moment": weights * (x * t_y - y * t_x)}
+    size = float(weights @ np.hypot(t_x, t_y))
+    largest = {"x": size, "y": size, "moment": size * float(np.hypot(x, y).max())}
+    found = {name: float(values.sum()) for name, values in parts.items()}
+    return {name: value if abs(value) > _NOISE * largest[name] else 0.0 for name, value in found.items()}
 
 
 def _points(mesh: Mesh, edges: Edges) -> tuple[FloatArray, FloatArray, FloatArray]:
