@@ -6,12 +6,13 @@ configuration files, signal handlers, threads of its own, or output; a session o
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from threading import Lock
 from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.outline import Polygon, Polygons
 from qvi_contact.mesh.parts import MeshParts
@@ -47,9 +48,11 @@ def meshed(shape: Polygons) -> MeshParts:
 
     """
     gmsh = _gmsh()
+    unit = 2.0 ** -round(np.log2(shape.length))  # gmsh has absolute tolerances; a power of two changes no digit
     with _LOCK, _session(gmsh):
         try:
-            return _mesh(gmsh, shape)
+            made = _mesh(gmsh, shape.scaled(unit))
+            return replace(made, vertices=made.vertices / unit)
         except Exception as error:
             if type(error) is not Exception:  # gmsh raises bare ones with a text
                 raise
@@ -142,11 +145,16 @@ def _parts(gmsh: Any, shape: Polygons, surfaces: Sequence[int]) -> MeshParts:
     for name, curves in _curves(gmsh, shape).items():
         edge_sets[name] = vertex[number[np.concatenate([_elements(gmsh, 1, tag) for tag in curves])]]
         if (edge_sets[name] < 0).any():
-            raise InputError("outline", name, "this inner line leaves the body: end it on the boundary or inside")
+            raise InputError(
+                f"joints.{name}", name, "this inner line leaves the body: end it on the boundary or inside"
+            )
     lines = vertex[number[np.concatenate([_elements(gmsh, 1, tag) for _, tag in gmsh.model.getEntities(1)])]]
     cells = divided_corners(points[used], vertex[cells], lines)
     centres = points[used][cells].mean(axis=1)
     regions = {name: np.flatnonzero(polygon.holds(centres)) for name, polygon in shape.regions.items()}
+    for name, chosen in regions.items():
+        if not len(chosen):
+            raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
     return MeshParts(points[used], cells, edge_sets, regions)
 
 
@@ -164,9 +172,14 @@ def _curves(gmsh: Any, shape: Polygons) -> dict[str, list[int]]:
     named += [(name, polygon, [True] * len(polygon.names)) for name, polygon in shape.joints.items()]
     found: dict[str, list[int]] = {}
     for name, polygon, pieces in named:
-        on = [tag for tag, both in ends.items() if polygon.near(both, shape.rounding)[:, pieces].all(axis=0).any()]
+        on = [tag for tag, both in ends.items() if _on_one(polygon.distances(both)[:, pieces], shape.rounding)]
         found[name] = sorted({*found.get(name, []), *on})
     return found
+
+
+def _on_one(distances: FloatArray, near: float) -> bool:
+    """Whether all points are near to one and the same piece, from their distances (points, pieces)."""
+    return bool((distances <= near).all(axis=0).any())
 
 
 def _elements(gmsh: Any, dimension: int, tag: int) -> IntArray:

@@ -6,7 +6,7 @@ with arcs do not get better than that, whatever the degree, until the arcs are d
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -21,6 +21,9 @@ _WIDEST: Final = np.pi / 6.0  # angle of a chord at most
 _MOST_LINES: Final = 4000
 _MOST_TRIANGLES: Final = 1_000_000
 _NEAR: Final = 1e-9  # distance of points over the body's length below which they are one
+_APART: Final = 1e-5  # distance of points and lines over the body's length that do not meet
+_FARTHEST: Final = 1e5  # coordinates over the body's length
+_CHUNK: Final = 256  # points whose distances are looked at at a time
 _SMALLEST: Final = 1e-7  # of sizes, as a share of the outline's length
 
 
@@ -107,21 +110,20 @@ class Polygon:
         following = np.roll(self.points, -1, axis=0)
         return np.stack([self.points, following], axis=1)[: len(self.names)]
 
-    def near(self, points: FloatArray, distance: float) -> BoolArray:
-        """Which points (m, 2) are how near to each piece at most, shape (m, k)."""
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Distances of points (m, 2) from each piece, shape (m, k) [length]."""
         along = self.pieces[:, 1] - self.pieces[:, 0]
         offset = points[:, None] - self.pieces[:, 0]
         t = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-        return np.asarray(np.hypot(*np.moveaxis(offset - t[:, :, None] * along, 2, 0)) <= distance)
+        return np.asarray(np.hypot(*np.moveaxis(offset - t[:, :, None] * along, 2, 0)))
 
     def holds(self, points: FloatArray) -> BoolArray:
         """Whether points (m, 2) lie inside this closed polygon."""
         inside = np.zeros(len(points), dtype=bool)
         for (ax, ay), (bx, by) in self.pieces.tolist():
             crossed = (ay > points[:, 1]) != (by > points[:, 1])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                at = ax + (points[:, 1] - ay) / (by - ay) * (bx - ax)
-            inside ^= crossed & (points[:, 0] < at)
+            left = (bx - ax) * (points[:, 1] - ay) > (points[:, 0] - ax) * (by - ay)  # of an edge that goes up
+            inside ^= crossed & (left == (by > ay))
         return inside
 
 
@@ -149,6 +151,22 @@ class Polygons:
     points: FloatArray
     sizes: FloatArray
     largest: float
+
+    def scaled(self, factor: float) -> "Polygons":
+        """The same, so many times as large."""
+
+        def scale(polygon: Polygon) -> Polygon:
+            return replace(polygon, points=factor * polygon.points, sizes=factor * polygon.sizes)
+
+        return Polygons(
+            scale(self.outer),
+            tuple(map(scale, self.holes)),
+            {name: scale(polygon) for name, polygon in self.joints.items()},
+            {name: scale(polygon) for name, polygon in self.regions.items()},
+            factor * self.points,
+            factor * self.sizes,
+            factor * self.largest,
+        )
 
     @property
     def length(self) -> float:
@@ -180,9 +198,11 @@ def polygons(outline: Outline) -> Polygons:
     places = [_point("sizes", at) for at in outline.sizes]
     sizes = [positive_number(f"sizes[{at}]", given) for at, given in outline.sizes.items()]
     found = Polygons(outer, holes, joints, regions, np.array(places).reshape(-1, 2), np.array(sizes), size)
+    _check_place(found)
     _check_boundary(found)
     _check_inside(found)
     _check_work(found)
+    _check_gaps(found)
     return found
 
 
@@ -229,6 +249,34 @@ def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatAr
     return points
 
 
+def _check_place(found: Polygons) -> None:
+    """The body has a length, and lies near the origin compared with it."""
+    farthest = max(float(np.abs(polygon.points).max()) for polygon in found.every)
+    if not found.length > 0.0 or farthest > _FARTHEST * found.length:
+        raise InputError("corners", farthest, f"the body is {found.length:g} long: move it to the origin")
+
+
+def _check_gaps(found: Polygons) -> None:
+    """Lines meet, or keep a distance: what lies between them is divided into triangles too."""
+    least = _APART * found.length
+    for polygon in found.every:
+        lengths = np.hypot(*(polygon.pieces[:, 1] - polygon.pieces[:, 0]).T)
+        if lengths.min() < least:
+            place = polygon.pieces[int(np.argmin(lengths)), 0]
+            raise InputError(
+                "outline", tuple(place.tolist()), "two corners lie here one after the other: leave one out"
+            )
+    for points in (*(polygon.points for polygon in found.every), found.points):
+        for chosen in np.array_split(points, 1 + len(points) // _CHUNK):
+            for polygon in found.every:
+                distances = polygon.distances(chosen)
+                close = (distances > found.rounding) & (distances < least)
+                if close.any():
+                    place = chosen[np.argwhere(close)[0, 0]]
+                    remedy = "this point nearly lies on another line or point: let them meet, or move them apart"
+                    raise InputError("outline", tuple(place.tolist()), remedy)
+
+
 def _check_boundary(found: Polygons) -> None:
     """Boundary lines must not cross or touch, and holes lie in the body."""
     lines = [("corners", found.outer), *((f"holes[{k}]", hole) for k, hole in enumerate(found.holes))]
@@ -252,7 +300,7 @@ def _check_inside(found: Polygons) -> None:
     for hole in found.holes:
         inside &= ~hole.holds(found.points)
     for polygon in (found.outer, *found.holes):
-        inside |= polygon.near(found.points, found.rounding).any(axis=1)
+        inside |= (polygon.distances(found.points) <= found.rounding).any(axis=1)
     if not inside.all():
         raise InputError("sizes", tuple(found.points[np.argmin(inside)].tolist()), "give points of the body")
 

@@ -120,6 +120,10 @@ class TestPolygons:
             ({"holes": [Corner.circle((2.5, 0.5), 0.2)]}, "holes[0]", "not inside"),
             ({"holes": [Corner.circle((0.5, 0.5), r) for r in (0.3, 0.1)]}, "holes[1]", "not inside"),
             ({"holes": Corner.circle((0.5, 0.5), 0.3)}, "outline", "lists for holes"),
+            ({"corners": [*SQUARE, (0.0, 1.0 - 1e-9)]}, "outline", "one after the other"),
+            ({"corners": [(x + 1e6, y) for x, y in SQUARE]}, "corners", "to the origin"),
+            ({"joints": {"seam": [(0.5, 1e-7), (0.5, 0.5)]}}, "outline", "nearly lies"),
+            ({"holes": [Corner.circle((0.5, 0.5), 0.4999999)]}, "outline", "nearly lies"),
             ({"joints": {"": [(0, 0), (1, 1)]}}, "joints", "not empty"),
             ({"joints": {"seam": [(0, 0)]}}, "joints.seam", "two or more"),
         ],
@@ -229,6 +233,19 @@ class TestMeshes:
         mesh = TriangleMesh.outline(SQUARE, 0.3, joints=joints)
         assert mesh.edges("up").length.sum() == pytest.approx(0.7)
         assert mesh.edges("across").length.sum() == pytest.approx(0.6)
+
+    def test_regions_outside_are_refused(self):
+        with pytest.raises(InputError, match="no part of the body"):
+            TriangleMesh.outline(SQUARE, 0.5, regions={"core": [(2.0, 0.0), (3.0, 0.0), (3.0, 1.0)]})
+
+    @pytest.mark.parametrize(("size", "away"), [(1e-6, 0.0), (1e5, 0.0), (1.0, 1e4), (3.0, 0.0)])
+    def test_neither_units_nor_places_matter(self, size, away):
+        """The tolerances of gmsh are absolute. Corners are kept to the last digit, straight lines straight."""
+        corners = [(size * (x + away), size * (y - away)) for x, y in SQUARE]
+        mesh = TriangleMesh.outline(corners, 0.3 * size, joints={"seam": [corners[0], corners[2]]})
+        assert len(mesh.edges("seam")) > 2
+        assert set(corners) <= set(map(tuple, mesh.vertices.tolist()))
+        assert np.count_nonzero(np.abs(mesh.boundary.tangent).max(axis=1) == 1.0) == len(mesh.boundary)
 
     @pytest.mark.parametrize("joint", [[(0.5, 0.5), (0.5, 1.5)], [(2.0, 2.0), (3.0, 3.0)], [(0.0, 0.0), (0.5, 0.0)]])
     def test_joints_outside_are_refused(self, joint):
