@@ -517,13 +517,11 @@ def _page(
 
     def made() -> str:
         import sys
-        from pathlib import Path
 
         from qvi_contact.command.page.page import Request, result_page
 
-        text = Path(path).read_text(encoding="utf-8-sig")
         command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
-        return result_page(Request(file, text, command), steps, options.get("time_limit"))
+        return result_page(Request.read(path, file, command), steps, options.get("time_limit"))
 
     return made
 

@@ -249,9 +249,10 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
 
     Notes
     -----
-    Point data: "pressure" −σ_N, "shear" σ_T, "friction bound" (NaN where tied), "gap", "slip" and "state" (0 open, 1
-    stick, 2 slip) as `ContactLine` has them, "traction" on the body and "normal" as vectors. Cell data: "contact", its
-    number in the order of the problem. Lines join neighbouring points along each contact.
+    Point data: "pressure" −σ_N, "fluid pressure" p_w, which is part of it, "shear" σ_T, "friction bound" (NaN where
+    tied), "gap", "slip" and "state" (0 open, 1 stick, 2 slip) as `ContactLine` has them, "traction" on the body and
+    "normal" as vectors. Cell data: "contact", its number in the order of the problem. Lines join neighbouring points
+    along each contact.
 
     """
     check_vtu(path)
@@ -292,7 +293,12 @@ def _contact_points(
 ) -> dict[str, FloatArray]:
     """The fields of one contact."""
     bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
-    stresses = {"pressure": -line.normal_stress, "shear": line.tangential_stress, "friction bound": bound}
+    stresses = {
+        "pressure": -line.normal_stress,
+        "fluid pressure": line.pore_pressure,
+        "shear": line.tangential_stress,
+        "friction bound": bound,
+    }
     traction = line.normal_stress[:, None] * normal + line.tangential_stress[:, None] * tangent
     return {
         **{named(name, "stress", units): values for name, values in stresses.items()},

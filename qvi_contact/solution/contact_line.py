@@ -33,6 +33,7 @@ _COLUMNS: Final = (
     ("friction", "friction", ""),
     ("friction_bound", "friction_bound", "stress"),
     ("normal_stress", "normal_stress", "stress"),
+    ("pore_pressure", "pore_pressure", "stress"),
     ("tangential_stress", "tangential_stress", "stress"),
     ("gap", "gap", "displacement"),
     ("slip", "slip", "displacement"),
@@ -169,8 +170,8 @@ class ContactLine:
         -------
         pandas.DataFrame
             One row a point, with the columns "s" (length along the contact, line by line), "x", "y", "weight",
-            "friction", "friction_bound", "normal_stress", "tangential_stress", "gap", "slip" as described above, and
-            "state", a categorical of "open", "stick", "slip".
+            "friction", "friction_bound", "normal_stress", "pore_pressure", "tangential_stress", "gap", "slip" as
+            described above, and "state", a categorical of "open", "stick", "slip".
 
         Raises
         ------

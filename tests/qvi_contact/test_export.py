@@ -365,7 +365,8 @@ class TestMore:
         assert grid.points[:, :2] == pytest.approx(np.column_stack([line.x, line.y]))
         wanted = {
             "pressure [MPa]": -line.normal_stress, "shear [MPa]": line.tangential_stress,
-            "friction bound [MPa]": line.friction_bound, "gap [mm]": line.gap, "slip [mm]": line.slip,
+            "fluid pressure [MPa]": line.pore_pressure, "friction bound [MPa]": line.friction_bound,
+            "gap [mm]": line.gap, "slip [mm]": line.slip,
             "state": line.state,
         }  # fmt: skip
         for name, values in wanted.items():

@@ -3,6 +3,7 @@
 import re
 import sys
 from functools import cache
+from hashlib import sha256
 from html import unescape
 
 import numpy as np
@@ -201,6 +202,24 @@ class TestCommand:
         text = (tmp_path / "a.html").read_text(encoding="utf-8")
         assert "Load steps" in words(text)
         assert text.count("<td>solved</td>") == 2
+
+    def test_a_mesh_file_is_named_with_its_digest(self, monkeypatch, capfd, tmp_path):
+        meshio = pytest.importorskip("meshio")
+        mesh = answer().problem.mesh
+        blocks = [("triangle", mesh.cells), *(("line", pairs) for pairs in mesh.edge_sets.values())]
+        names = {name: np.array([k, 1]) for k, name in enumerate(mesh.edge_sets, 2)}
+        tags = [np.full(len(cells), k) for k, (_, cells) in enumerate(blocks, 1)]
+        points = np.column_stack([mesh.vertices, np.zeros(len(mesh.vertices))])
+        made = meshio.Mesh(
+            points, blocks, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, field_data=names
+        )
+        made.write(tmp_path / "part.msh", file_format="gmsh22", binary=False)
+        text = re.sub(r"x = \{.*\ny = \{.*\n", 'file = "part.msh"\n', TEXT)
+        (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+        code, _, err = run(monkeypatch, capfd, "solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")
+        assert (code, err) == (0, "")
+        digest = sha256((tmp_path / "part.msh").read_bytes()).hexdigest()
+        assert f"SHA-256 {digest}" in words((tmp_path / "a.html").read_text(encoding="utf-8"))
 
     def test_another_suffix_is_refused(self, monkeypatch, capfd, tmp_path):
         (tmp_path / "a.toml").write_text(TEXT, encoding="utf-8")

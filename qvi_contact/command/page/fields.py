@@ -57,10 +57,12 @@ def contact_data(line: ContactLine, units: Units) -> dict[str, Any]:
     order, places = places_along(line)
     bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
     columns = {
-        "x": line.x, "y": line.y, "pressure": -line.normal_stress, "shear": line.tangential_stress, "bound": bound,
-        "gap": line.gap, "slip": line.slip,
+        "x": line.x, "y": line.y, "pressure": -line.effective_normal_stress, "shear": line.tangential_stress,
+        "bound": bound, "gap": line.gap, "slip": line.slip,
     }  # fmt: skip
     found: dict[str, Any] = {name: _rounded(values[order]) for name, values in columns.items()}
+    if line.has_fluid:
+        found["fluid"] = _rounded(line.pore_pressure[order])
     found |= {"s": _rounded(places), "units": {"length": units.length, "stress": units.stress}}
     return found | {"state": [ContactState(state).name.lower() for state in line.state[order].tolist()]}
 

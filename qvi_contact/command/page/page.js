@@ -13,7 +13,7 @@
       const { length, stress } = contact.units;
       const say = (nearest) => {
         output.textContent = `x = ${show(contact.x[nearest])}, y = ${show(contact.y[nearest])} ${length}: ${contact.state[nearest]}; `
-          + `pressure ${show(contact.pressure[nearest])}, σ_T ${show(contact.shear[nearest])}, bound ${show(contact.bound[nearest])} ${stress}; `
+          + `${contact.fluid ? `fluid ${show(contact.fluid[nearest])}, effective ` : ""}pressure ${show(contact.pressure[nearest])}, σ_T ${show(contact.shear[nearest])}, bound ${show(contact.bound[nearest])} ${stress}; `
           + `gap ${show(contact.gap[nearest])}, slip ${show(contact.slip[nearest])} ${length}`;
       };
       marker.className = "marker";

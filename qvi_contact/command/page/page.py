@@ -1,10 +1,13 @@
 """A result as one HTML page that loads nothing: style, script, pictures and data are inside."""
 
 import platform
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from markupsafe import Markup
@@ -20,7 +23,7 @@ from qvi_contact.command.page.numbers import (
 )
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.plots.figures import problem_figure
+from qvi_contact.plots.figures import problem_figure, result_figure
 from qvi_contact.plots.inline import inline_svg, svg_text
 from qvi_contact.plots.style import new_figure, settings
 from qvi_contact.plots.tractions import contact_tractions
@@ -45,12 +48,25 @@ class Request:
         The problem file as it was read.
     command : str
         The command line.
+    files : tuple of (name, SHA-256)
+        Other files that were read.
 
     """
 
     file: ProblemFile
     text: str
     command: str
+    files: tuple[tuple[str, str], ...] = ()
+
+    @classmethod
+    def read(cls, path: str, file: ProblemFile, command: str) -> "Request":
+        """The problem file read again as text, and the mesh file that it names, if it does."""
+        text = Path(path).read_text(encoding="utf-8-sig")
+        name = tomllib.loads(text).get("mesh", {}).get("file")
+        if name is None:
+            return cls(file, text, command)
+        digest = sha256((Path(path).parent / name).read_bytes()).hexdigest()
+        return cls(file, text, command, ((name, digest),))
 
 
 def result_page(request: Request, steps: Sequence[ContactResult], time_limit: float | None = None) -> str:
@@ -61,6 +77,7 @@ def result_page(request: Request, steps: Sequence[ContactResult], time_limit: fl
     file, result = request.file, steps[-1]
     bracket, missing = _bracket(result, time_limit) if len(steps) == 1 else (None, "it is one of several load steps")
     shown = _shown(result, bracket, file.units) if result.has_state else {"field": None, "contacts": [], "tables": []}
+    figure = problem_figure(result.problem, file.units) if result.has_state else result_figure(result, file.units)
     names = [contact.name for contact in result.problem.contacts]
     text: str = _template().render(
         title=file.title or "Contact problem",
@@ -73,8 +90,8 @@ def result_page(request: Request, steps: Sequence[ContactResult], time_limit: fl
         bracket=bracket,
         missing=missing,
         steps=_step_rows(steps, file) if len(steps) > 1 else [],
-        problem=_picture(problem_figure(result.problem, file.units), "problem", "The problem: mesh, loads, contacts"),
-        settings=_settings(result),
+        problem=_picture(figure, "problem", "The problem: mesh, loads, contacts"),
+        settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
         step_headings=[f"{force} {name}" for name in names for force in "NT"],
         contact_data=[contact["data"] for contact in shown["contacts"]],
         **shown,
