@@ -3,7 +3,6 @@
 The package is loaded by `build`, not before.
 """
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -17,10 +16,9 @@ TOLERANCE: Final = 1e-8
 
 def build(case: dict[str, Any], degree: int = 2) -> "CompanionPlate":
     """The plate of a case (see `measure.plate`), ready to be solved."""
-    from qvi_contact import RectilinearMesh
-    from qvi_contact.gallery import compressed_plate
+    from comparisons.peers.codes.equilibrium import problem
 
-    return CompanionPlate(replace(compressed_plate(case["friction"]), mesh=RectilinearMesh(*case["lines"])), degree)
+    return CompanionPlate(problem(case), degree)
 
 
 class CompanionPlate:

@@ -5,6 +5,7 @@ degree of displacements also the bracket: bounds of the energy, and of P where i
 `build`, not before.
 """
 
+from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -29,11 +30,18 @@ def problem(case: dict[str, Any]) -> "ContactProblem":
     from dataclasses import replace
 
     from qvi_contact import RectilinearMesh, TriangleMesh
-    from qvi_contact.gallery import compressed_plate
 
     lines = case["lines"]
     mesh = TriangleMesh(case["vertices"], case["cells"], case["sides"]) if lines is None else RectilinearMesh(*lines)
-    return replace(compressed_plate(case["friction"]), mesh=mesh)
+    return replace(_plate(case["friction"]), mesh=mesh)
+
+
+@cache
+def _plate(friction: float) -> "ContactProblem":
+    """The gallery's plate on its own mesh, whose conditions and material are those of every mesh."""
+    from qvi_contact.gallery import compressed_plate
+
+    return compressed_plate(friction)
 
 
 class EquilibriumPlate:
