@@ -19,6 +19,9 @@ from qvi_contact.mesh.edges import points_along
 from qvi_contact.problem.conditions import Contact, Law
 from qvi_contact.problem.problem import ContactProblem
 
+_LOOKED_AT: FloatArray = np.linspace(0.0, 1.0, 9)  # places on an edge where it is seen whether a law varies
+_ROUNDING = 1e-12  # of the largest value
+
 
 @dataclass(frozen=True, eq=False)
 class Limits:
@@ -132,6 +135,25 @@ def contact_rows(problem: ContactProblem, basis: Basis, scales: Scales) -> tuple
         found.append(_rows(problem, scales, contact, points, slice(start, stop)))
         start = stop
     return tuple(found)
+
+
+def laws_vary(problem: ContactProblem) -> bool:
+    """Whether Bernstein coefficients cannot hold a contact's law: μ varies along an edge, or c or t_max bend there.
+
+    They take μ times the coefficients of σ_N for those of the product, which is right for a constant only, and c and
+    t_max at their places for coefficients, which is right for affine functions. Else the law would neither hold on
+    whole edges nor be met to the order of the element. Ends count, where a jump between two edges shows.
+    """
+    for contact in problem.contacts:
+        fields = {"friction": contact.friction, "cohesion": contact.cohesion, "shear_limit": contact.shear_limit}
+        for name, field in fields.items():
+            if callable(field):
+                x, y = problem.mesh.points_along(problem.mesh.edges(contact.edges), _LOOKED_AT)
+                values = evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
+                change = np.diff(values, n=1 if name == "friction" else 2, axis=1)
+                if np.abs(change).max() > _ROUNDING * np.abs(values).max():
+                    return True
+    return False
 
 
 def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: EdgePoints, rows: slice) -> ContactRows:

@@ -14,7 +14,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.basis import Basis, Energy, RowKind, SharedCorners
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
-from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined
+from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined, laws_vary
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
 from qvi_contact.discretization.families import ElementName, basis_for, with_element
 from qvi_contact.discretization.loads import (
@@ -206,7 +206,9 @@ def discretize(
         Degree of the Airy function on a triangle mesh; rectangles have the Bogner-Fox-Schmit element, of degree 3.
     contact_rows : "bernstein" or "gauss", optional
         What bounds the tractions on a triangle mesh: their Bernstein coefficients on each edge, so that the contact law
-        holds on whole edges, the default, or their values at Gauss points. On rectangles they are four Gauss points.
+        holds on whole edges, or their values at Gauss points. By default coefficients; Gauss points where friction
+        varies along an edge, or another bound does so but linearly, as coefficients do not hold such laws. On
+        rectangles they are four Gauss points.
     scales : Scales, optional
         Units of the dimensionless problem; those of the problem by default.
     freed : int array, optional
@@ -233,7 +235,8 @@ def discretize(
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     problem = with_element(problem, element)
-    space = basis_for(problem.mesh, degree, contact_rows)
+    rows = "gauss" if contact_rows is None and laws_vary(problem) else contact_rows
+    space = basis_for(problem.mesh, degree, rows)
     none = np.empty(0, dtype=np.int64)
     return _discretized(problem, space, scales or Scales.of(problem), none if freed is None else freed)
 

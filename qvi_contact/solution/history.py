@@ -18,6 +18,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, one_of
 from qvi_contact.discretization.basis import RowKind
+from qvi_contact.discretization.contact_rows import laws_vary
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.discretization.plates import centre_of
@@ -196,6 +197,8 @@ def solve_history(
     """
     with watched(time_limit):
         steps = [with_element(problem, element) for problem in _checked_steps(problems)]
+        if contact_rows is None and any(map(laws_vary, steps)):
+            contact_rows = "gauss"  # in all steps, as slip is handed on from one to the next
         return _history(steps, {"degree": degree, "contact_rows": contact_rows}, callback, options)
 
 

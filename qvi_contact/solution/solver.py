@@ -66,7 +66,8 @@ def solve(
         rectangles are cut: the result is then one of the problem on triangles. By default the mesh decides.
     degree, contact_rows
         Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`. With Bernstein
-        coefficients, the default but for "uzawa", a strict inner solver is its counterpart without cones.
+        coefficients, the default but for "uzawa" and for friction that varies along an edge, a strict inner solver is
+        its counterpart without cones.
     **options
         ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`; ``callback`` is called
         with every `solvers.Iteration` of any method. ``initial``, the pressure the fixed point starts from, is an

@@ -13,9 +13,10 @@ from qvi_contact import (
     Symmetry,
     Traction,
     TriangleMesh,
+    discretize,
     solve_history,
 )
-from qvi_contact.gallery import ssnv128
+from qvi_contact.gallery import ssnv128, stick_slip_block
 from qvi_contact.solution.history import loop_area
 from tests.qvi_contact.states import solved
 from tests.qvi_contact.test_history import pressed_block, ramp
@@ -182,3 +183,38 @@ def test_a_cycle_of_partial_slip_settles_and_loses_its_area():
     area = loop_area(displacement[-5:], force[-5:])
     assert history.friction_work[-4:].sum() == pytest.approx(area, rel=1e-4)
     assert (history.dissipated >= -1e-12 * history.dissipated.max()).all()
+
+
+class TestVaryingLaws:
+    """Coefficients of the traction cannot hold a law whose friction varies along an edge: Gauss points are taken."""
+
+    @pytest.mark.parametrize("degree", [4, 5])
+    def test_manufactured_stick_and_slip_is_exact(self, degree):
+        """The state is a polynomial of degree 4; coefficients miss the shear force by 5e-4."""
+        state = stick_slip_block()
+        problem = state if isinstance(state, ContactProblem) else state[0]
+        exact = solved(problem).contacts["base"].tangential_force
+        result = solved(problem.triangulated(), degree=degree)
+        assert result.contacts["base"].tangential_force == pytest.approx(exact, rel=1e-9)
+        assert result.contacts["base"].excess_between_points < 1e-7
+        other = solved(problem.triangulated(), degree=degree, contact_rows="bernstein").contacts["base"]
+        assert abs(other.tangential_force / exact - 1.0) > 1e-5
+
+    @pytest.mark.parametrize(
+        ("law", "kind"),
+        [
+            ({"friction": 0.3}, "bernstein"),
+            ({"friction": lambda x, _: 0.3 + 0.0 * x}, "bernstein"),
+            ({"friction": lambda x, _: 0.3 + 0.1 * x}, "gauss"),
+            ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "gauss"),  # at a node
+            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "bernstein"),
+            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "gauss"),
+            ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "gauss"),
+        ],
+    )
+    def test_which_rows_are_taken(self, law, kind):
+        block = pressed_block(0.0, (2, 1))
+        contact = Contact("top", **law, gap=-0.01, name="plate")
+        problem = ContactProblem(block.mesh, STEEL, [contact, *block.conditions[1:]])
+        assert discretize(problem.triangulated(), degree=4).space.contact_rule.kind == kind
+        assert discretize(problem).space.contact_rule.kind == "gauss"
