@@ -29,7 +29,7 @@ _DEGREE = click.option("--degree", type=int, help="Degree of the element on tria
 _ROWS = click.option(
     "--contact-rows",
     type=click.Choice(["bernstein", "gauss"]),
-    help="On triangles: the contact law on whole edges, or at Gauss points.  [default: bernstein]",
+    help="On triangles: the contact law on whole edges, or at points.  [default: bernstein; gauss if friction varies]",
 )
 _JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
 
