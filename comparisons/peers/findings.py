@@ -58,7 +58,8 @@ def _costs(found: Sequence[Point], known: Reference) -> Iterator[Finding]:
     compared = [each for target in _SPOKEN if (each := comparison(reaches, target))]
     see = f"costs-{slug(known.friction)}"
     if compared:
-        yield Finding(f"At μ = {known.friction:g} {'; '.join(map(_beside, compared))}.", see)
+        counted = "Unknowns inside cells are counted for other codes only, see the limitations."
+        yield Finding(f"At μ = {known.friction:g} {'; '.join(map(_beside, compared))}. {counted}", see)
     elif reaches:
         yield Finding(_best_so_far(reaches, known), see)
 

@@ -46,8 +46,9 @@ def costs_table(found: Sequence[Point], known: Reference) -> Table | None:
         Grid(f"Time and unknowns to reach an error of P/2, μ = {known.friction:g}", headings, rows),
         "For each error the quickest model of each code, and the one with the fewest unknowns. An error counts for a "
         "mesh only if no finer mesh of the same model has a larger one, and the uncertainty of the reference counts "
-        "against it. Over triangles: divided by the same of this package on triangles, so that a number above 1 says "
-        f"that the code needs more.{rest}",
+        "against it. Unknowns are as each code counts them: NGSolve's include those inside cells, which it condenses, "
+        "those on triangles do not. Over triangles: divided by the same of this package on triangles, so that a number "
+        f"above 1 says that the code needs more.{rest}",
         "A code without a line reaches the error on no mesh here.",
     ) if rows else None  # fmt: skip
 

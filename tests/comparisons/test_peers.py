@@ -472,7 +472,7 @@ class TestFindings:
         rows += [solution(theirs, number, LIMIT[0.2] * (1.0 - 5e-7), 0.05) for number in (5, 6)]
         text = sentence("At μ = 0.2 an error of 3e-6", *rows)
         cost = "takes 20 ms on triangles and 50 ms with NGSolve, 2.5 times as long, and 16 unknowns beside 25"
-        assert text == f"At μ = 0.2 an error of 3e-6 {cost}; an error of 1e-6 {cost}."
+        assert text.startswith(f"At μ = 0.2 an error of 3e-6 {cost}; an error of 1e-6 {cost}. ")
 
     def test_costs_of_one_code_alone(self):
         rows = [solution("GetFEM, Q2, uniform", 8, 214.233, 0.2), solution("GetFEM, Q2, uniform", 16, 214.233, 2.0)]
