@@ -196,12 +196,13 @@ class TestCommand:
         assert "The answer" not in said
 
     def test_load_steps_have_a_table(self, monkeypatch, capfd, tmp_path):
-        (tmp_path / "a.toml").write_text(TEXT.replace("x = 0.004", 'x = "0.004*t"') + "[history]\ntimes = [1.0, 2.0]\n")
+        (tmp_path / "a.toml").write_text(TEXT.replace("x = 0.004", 'x = "0.004*t"') + "[history]\ntimes = [0.0, 2.0]\n")
         code, _, err = run(monkeypatch, capfd, "solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")
         assert (code, err) == (0, "")
         text = (tmp_path / "a.html").read_text(encoding="utf-8")
         assert "Load steps" in words(text)
         assert text.count("<td>solved</td>") == 2
+        assert "<td>0</td>" in text[text.index("Load steps") :]  # the shear without a pull is 0, not its rounding
 
     def test_a_mesh_file_is_named_with_its_digest(self, monkeypatch, capfd, tmp_path):
         meshio = pytest.importorskip("meshio")

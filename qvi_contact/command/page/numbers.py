@@ -1,6 +1,6 @@
 """Numbers as the page writes them: four digits or as many as are asked for, rounding noise as 0, a real minus."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -55,6 +55,17 @@ def resultant_headings(units: Units) -> list[str]:
     """Headings of `resultant_rows`."""
     force = units.engineering_force
     return ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
+
+
+def step_rows(steps: Sequence[ContactResult], times: Sequence[float]) -> list[list[str]]:
+    """Time, status and forces of each load step."""
+    lines = [list(step.contacts.values()) if step.has_state else [] for step in steps]
+    forces = [[force for line in of for force in (line.normal_force, line.tangential_force)] for of in lines]
+    least = _NOISE * max((abs(force) for row in forces for force in row), default=0.0)
+    return [
+        [f"{t:.6g}", str(step.status), *(number(force, least=least) for force in row)]
+        for t, step, row in zip(times, steps, forces, strict=False)
+    ]
 
 
 def _group(values: list[list[Any]], size: float = 0.0) -> list[list[str]]:

@@ -20,6 +20,7 @@ from qvi_contact.command.page.numbers import (
     number,
     resultant_headings,
     resultant_rows,
+    step_rows,
 )
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile
@@ -75,7 +76,11 @@ def result_page(request: Request, steps: Sequence[ContactResult], time_limit: fl
     The bracket of the result is computed for it, in at most so many seconds.
     """
     file, result = request.file, steps[-1]
-    bracket, missing = _bracket(result, time_limit) if len(steps) == 1 else (None, "it is one of several load steps")
+    bracket, missing = (
+        _bracket(result, time_limit)
+        if len(steps) == 1
+        else (None, "bounds belong to a single solve, this is one of several load steps")
+    )
     shown = _shown(result, bracket, file.units) if result.has_state else {"field": None, "contacts": [], "tables": []}
     figure = problem_figure(result.problem, file.units) if result.has_state else result_figure(result, file.units)
     names = [contact.name for contact in result.problem.contacts]
@@ -89,7 +94,7 @@ def result_page(request: Request, steps: Sequence[ContactResult], time_limit: fl
         number=number,
         bracket=bracket,
         missing=missing,
-        steps=_step_rows(steps, file) if len(steps) > 1 else [],
+        steps=step_rows(steps, file.times) if len(steps) > 1 else [],
         problem=_picture(figure, "problem", "The problem: mesh, loads, contacts"),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
         step_headings=[f"{force} {name}" for name in names for force in "NT"],
@@ -184,12 +189,3 @@ def _own_version() -> str:
         return version("qvi-contact")
     except PackageNotFoundError:
         return ""
-
-
-def _step_rows(steps: Sequence[ContactResult], file: ProblemFile) -> list[list[str]]:
-    """Time, status and forces of each load step."""
-    rows = []
-    for step, t in zip(steps, file.times, strict=False):
-        forces = [f for line in step.contacts.values() for f in (line.normal_force, line.tangential_force)]
-        rows.append([f"{t:.6g}", str(step.status), *(number(force) for force in forces)])
-    return rows
