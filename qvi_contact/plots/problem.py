@@ -53,6 +53,8 @@ _SIGNS: Final[dict[type, dict[str, str]]] = {
 }
 """What components are called in the legend."""
 
+_WORTH_A_NAME: Final = 0.4  # share of the longest side of a name above which the others are named too
+_NAMED: Final = 4  # sides of one name that are named at most
 _SLIM: Final = (0.8, 1.2)  # triangles of supports: one of equal sides would point three ways
 _ACROSS: Final = 0.7  # cosine of the angle to the normal below which a held component is a tangential one
 
@@ -61,6 +63,7 @@ _LOADED: Final[dict[str, Any]] = {"color": VERMILLION, "linewidth": 1.2}
 _HELD: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 1.2, "linestyle": (0, (4, 1.5))}
 _MIRROR: Final[dict[str, Any]] = {"color": GREEN, "linewidth": 1.4, "linestyle": "-."}
 _TOUCHING: Final[dict[str, Any]] = {"color": "black", "linewidth": 1.8}
+_HELD_TOGETHER: Final[dict[str, Any]] = {"color": GREY, "linewidth": 1.0, "linestyle": ":"}
 _JOINT: Final[dict[str, Any]] = {"color": ORANGE, "linewidth": 2.0, "linestyle": (0, (3, 1.5))}
 
 
@@ -92,6 +95,7 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     sketch.body()
     for condition in merged(problem.conditions):
         sketch.condition(condition)
+    sketch.names()
     sketch.legend()
     frame(axes, problem.mesh, margin=_AWAY + _ARROW + 0.06)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
@@ -203,6 +207,23 @@ class _Sketch:
         self._name(contact, pieces, joint)
         text = f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}"
         self._entry(text, _JOINT if joint else _TOUCHING)
+
+    def names(self) -> None:
+        """Names of edges without a contact inside the body beside them; joints without a contact."""
+        contacts = {contact.edges for contact in self.problem.contacts}
+        ruled = dict.fromkeys(condition.edges for condition in self.problem.conditions)
+        for name in (name for name in ruled if name not in contacts):
+            pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
+            longest = max(run.length for run in pieces)
+            for spot in [run.at(0.5) for run in pieces if run.length > _WORTH_A_NAME * longest][:_NAMED]:
+                place = spot.points[0] - 0.015 * self.length * spot.normals[0]
+                self._write(name, place, alignment(-spot.normals[0]), GREY)
+        for name in self.problem.mesh.joint_names:
+            if name not in contacts:
+                pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
+                self._line(pieces, _HELD_TOGETHER)
+                self._write(name, max(pieces, key=lambda run: run.length).at(0.15).points[0], _CENTRED, GREY)
+                self._entry(f"{name}: inner line without a contact", _HELD_TOGETHER)
 
     def legend(self) -> None:
         """The legend on the right, groups last."""
@@ -332,8 +353,12 @@ class _Sketch:
             spot = run.at(0.5 if contact.plate is None else 0.2)  # the middle belongs to a plate's force
             place = spot.points[0] + (2.0 * _AWAY + 0.03) * self.length * spot.normals[0]
             align = alignment(spot.normals[0])
+        self._write(contact.name, place, align, "black")
+
+    def _write(self, text: str, place: FloatArray, align: dict[str, Any], colour: str) -> None:
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.8}
-        self.axes.text(place[0], place[1], contact.name, fontsize="small", zorder=6, bbox=box, **align)
+        look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
+        self.axes.text(place[0], place[1], text, **look, **align)
 
     def _law(self, contact: Contact, pieces: Sequence[Run]) -> Iterator[str]:
         """The contact's data, without those that do nothing."""

@@ -114,7 +114,7 @@ def drawn(problem):
         for colour in ("#D55E00", "black")
     }
     symbols = [line.get_xydata() for line in axes.lines if line.get_marker() not in ("None", None, "")]
-    return axes, found, np.concatenate(symbols)
+    return axes, found, np.concatenate([np.empty((0, 2)), *symbols])
 
 
 class TestTriangles:
@@ -177,6 +177,22 @@ class TestTriangles:
         assert (np.hypot(*(symbols - mesh.vertices.mean(axis=0)).T) < mesh.length).all()
         markers = {str(line.get_marker()) for line in axes.lines if line.get_marker() not in ("None", None, "")}
         assert {"o", "d"} <= markers
+
+
+def test_names_stand_beside_their_edges():
+    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0).with_joint("seam", lambda x, y: np.abs(y - 0.5) + 0 * x < 1e-9)
+    mesh = mesh.with_edges("sides", lambda x, y: np.abs(x - 1.0) + 0 * y > 1.0 - 1e-9)
+    conditions = [Traction("sides", x=0.0, y=0.0), Traction("top", x=0.0, y=-1.0), Contact("bottom", friction=0.2)]
+    axes, _, _ = drawn(ContactProblem(mesh, Material(1.0, 0.3), [*conditions]))
+    places = {}
+    for text in axes.texts:
+        places.setdefault(text.get_text(), []).append(text.get_position())
+    assert {name: len(found) for name, found in places.items()} == {"sides": 2, "top": 1, "bottom": 1, "seam": 1}
+    assert sorted(x for x, _ in places["sides"]) == pytest.approx([0.03, 1.97])  # inside the body
+    assert places["top"][0] == pytest.approx((1.0, 0.97))
+    assert places["seam"][0][1] == pytest.approx(0.5)
+    legend = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert any("seam" in line and "without a contact" in line for line in legend)
 
 
 def test_rounding_in_functions_is_not_shown():
