@@ -170,7 +170,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         ------
         InputError
             If gmsh is missing, lines cross, an arc does not fit its centre, a hole or joint leaves the body, or sizes
-            would make more than a million triangles.
+            would make more than some 200 000 triangles.
 
         """
         outline = Outline(corners, size, holes, joints or {}, regions or {}, sizes or {})
