@@ -1,5 +1,7 @@
 """Every file in the folder examples is solved, ends as its comments say, and has the numbers they promise."""
 
+import runpy
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from solvers import Status
 
 FOLDER = Path(__file__).parent.parent / "examples"
 FILES = sorted(path.stem for path in FOLDER.glob("*.toml"))
+SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem != "known")
 QUICK = {"ssnv128": "qp:daqp", "dry_stone_wall": "qp:daqp"}  # inner solvers that save the tests time
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -26,7 +29,8 @@ def example(name):
 
 @cache
 def answer(name):
-    return solve(example(name).problem, **{"inner": QUICK.get(name, "qp:clarabel"), **example(name).solve_options})
+    options = {} if name in SCRIPTS else {"inner": QUICK.get(name, "qp:clarabel")}
+    return solve(example(name).problem, **{**options, **example(name).solve_options})
 
 
 def forces(name, contact):
@@ -139,3 +143,64 @@ def test_cyclic_shear_repeats_itself_and_costs_energy():
     np.testing.assert_allclose(force[second], force[(times > 0.0) & ~second], rtol=1e-5, atol=1e-5)
     assert force[times == 1.0] > 100.0  # the ground is back in its place, the force is not
     assert history.dissipated.sum() == pytest.approx(0.9, rel=0.05)
+
+
+@cache
+def script(name):
+    """The names of a script that has run, and found its known numbers."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [f"{name}.py"])
+        patch.syspath_prepend(FOLDER)
+        return runpy.run_path(str(FOLDER / f"{name}.py"))
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_scripts_find_what_is_known_for_the_body_of_their_file(name):
+    """A script ends with an error if a number is off. Its mesh is that of the problem file of its name."""
+    mesh, same = example(name).problem.mesh, script(name)["mesh"]
+    assert mesh.vertices == pytest.approx(same.vertices, abs=0.0)
+    assert mesh.edge_sets.keys() == same.edge_sets.keys()
+    assert len((FOLDER / f"{name}.py").read_text(encoding="utf-8").splitlines()) <= 75
+
+
+@pytest.mark.parametrize("name", [name for name in SCRIPTS if name != "trapezoid"])  # whose script refines
+def test_a_file_is_the_problem_of_its_script(name):
+    result = script(name).get("result") or solve(script(name)["pushed"](0.3, 0.99 * script(name)["exact"]))
+    for contact, line in answer(name).contacts.items():
+        same = result.contacts[contact]
+        assert line.state.tolist() == same.state.tolist()
+        size = np.abs(same.normal_stress).max()
+        assert line.normal_stress == pytest.approx(same.normal_stress, abs=1e-6 * size)
+        assert line.tangential_stress == pytest.approx(same.tangential_stress, abs=1e-6 * size)
+
+
+def test_trapezoid_has_the_bounds_of_its_comments():
+    bounds = answer("trapezoid").bracket.forces["base.normal_force"]
+    assert bounds.lower == pytest.approx(14.02, rel=1e-3)
+    assert bounds.lower < 14.0483793 < bounds.upper
+
+
+@pytest.mark.parametrize("off", [0.0, 2e-3])
+def test_a_script_that_is_off_ends_with_an_error(off, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(FOLDER)
+    monkeypatch.setattr(sys, "argv", ["script.py"])
+    known = runpy.run_path(str(FOLDER / "known.py"))
+    rows = [known["Known"]("force", 10.0, 10.0 * (1.0 + off), 1e-3, "balance")]
+    if off:
+        with pytest.raises(SystemExit) as ended:
+            known["compare"](rows, answer("punch"), None)
+        assert ended.value.code == 1
+    else:
+        known["compare"](rows, answer("punch"), None)
+    assert ("OFF" in capsys.readouterr().out) == bool(off)
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_committed_meshes_are_those_of_their_outlines(name):
+    pytest.importorskip("gmsh", exc_type=ImportError)
+    made = runpy.run_path(str(FOLDER / "meshes" / "make.py"))["BODIES"][name]()
+    mesh = example(name).problem.mesh
+    assert made.edge_sets.keys() == mesh.edge_sets.keys()
+    for edges in mesh.edge_names:
+        assert made.edges(edges).length.sum() == pytest.approx(mesh.edges(edges).length.sum(), rel=1e-6)
+    assert set(made.region_names) <= set(mesh.region_names)

@@ -11,10 +11,20 @@ from comparisons.settled import SOURCE as DISPLACEMENT_CODES
 from comparisons.verify.chapter import Chapter
 from comparisons.verify.measures import edge_states, runs, traction_difference, value_at
 from comparisons.verify.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
-from comparisons.verify.row import Kind, Row, absolute, at_most, relative, word
+from comparisons.verify.row import Kind, Row, absolute, at_least, at_most, relative, word
 from comparisons.verify.ssnv128 import SOURCE as CODE_ASTER
 from comparisons.verify.ssnv128 import TANGENTIAL_FORCE
-from qvi_contact import ContactResult, History, InputError, ProblemFile, load_problem, loop_area, solve, solve_history
+from qvi_contact import (
+    ContactLine,
+    ContactResult,
+    History,
+    InputError,
+    ProblemFile,
+    load_problem,
+    loop_area,
+    solve,
+    solve_history,
+)
 from qvi_contact.companion import solve_companion
 from qvi_contact.solution.limit import limit_load
 from solvers import Status
@@ -186,6 +196,81 @@ def cyclic_shear(quick: bool) -> Iterator[Row]:
     yield relative("work of friction in the second cycle [MPa mm²]", work, area, 1e-6, Kind.ANALYTIC, source, proof)
 
 
+def gravity_dam(quick: bool) -> Iterator[Row]:
+    """A dam on rock with uplift in its base joint: forces, and the factor of safety against sliding from both sides."""
+    del quick
+    result = _solved("gravity_dam")
+    joint, proof = result.contacts["base"], certified(result)
+    weight, uplift, thrust = 10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0
+    ours = joint.effective_normal_force
+    yield relative("effective N [MN/m]", ours, weight - uplift, _BALANCE, Kind.ANALYTIC, "W - U", proof)
+    yield relative("T [MN/m]", joint.tangential_force, thrust, _BALANCE, Kind.ANALYTIC, "H = γ h²/2", proof)
+    factor = 0.75 * (weight - uplift) / thrust
+    yield from _from_both_sides("gravity_dam", "thrust", factor, "μ (W - U)/H, factor of sliding")
+
+
+def wedge(quick: bool) -> Iterator[Row]:
+    """A block pushed up a slope: NAFEMS CGS-4."""
+    del quick
+    yield from _from_both_sides("wedge", "push", 1.0 / 0.99, "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied")
+
+
+def brake_pad(quick: bool) -> Iterator[Row]:
+    """A brake pad in full slip: friction force and centre of pressure by statics."""
+    del quick
+    result = _solved("brake_pad")
+    face, proof = result.contacts["face"], certified(result)
+    yield relative("T [N/mm]", face.tangential_force, 64.0, 1e-6, Kind.ANALYTIC, "μ N in full slip", proof)
+    centre = -float(face.weights @ (face.x * face.normal_stress)) / face.normal_force
+    yield relative("centre of pressure x [mm]", centre, 34.2, 1e-6, Kind.ANALYTIC, "balance of moments", proof)
+
+
+def bolted_angle(quick: bool) -> Iterator[Row]:
+    """An angle bolted to a wall: forces, centre of pressure, and the load at which it slides."""
+    del quick
+    result = _solved("bolted_angle")
+    wall, proof = result.contacts["wall"], certified(result)
+    yield relative("N [N/mm]", wall.normal_force, 400.0, _BALANCE, Kind.ANALYTIC, "force of the bolt", proof)
+    yield relative("T [N/mm]", wall.tangential_force, 100.0, _BALANCE, Kind.ANALYTIC, "load", proof)
+    centre = -float(wall.weights @ (wall.y * wall.normal_stress)) / wall.normal_force
+    yield relative("centre of pressure y [mm]", centre, 40.0, 1e-8, Kind.ANALYTIC, "60 - 80 F/B, moments", proof)
+    yield from _from_both_sides("bolted_angle", "load", 1.6, "μB/F")
+
+
+def cylinder_on_block(quick: bool) -> Iterator[Row]:
+    """A cylinder on a block: NAFEMS R0094-1 with a hundredth of its force, against Hertz."""
+    del quick
+    result = _solved("cylinder_on_block")
+    peak, half_width = _parabola(result.contacts["contact"])
+    source, proof = "Hertz; half planes, a/R = 0.012", certified(result)
+    yield relative("peak pressure [MPa]", peak, 358.536, 1e-3, Kind.ANALYTIC, source, proof)
+    yield relative("half-width [mm]", half_width, 0.62146, 1e-3, Kind.ANALYTIC, source, proof)
+
+
+def half_discs(quick: bool) -> Iterator[Row]:
+    """Two half discs with partial slip, against Hertz and Cattaneo."""
+    del quick
+    result = _solved("half_discs")
+    line, proof = result.contacts["contact"], certified(result)
+    peak, half_width = _parabola(line)
+    source = "half planes, a/R = 0.085"
+    yield relative("peak pressure [MPa]", peak, 9.351351, 0.01, Kind.ANALYTIC, f"Hertz; {source}", proof)
+    yield relative("half-width [mm]", half_width, 0.680778, 0.01, Kind.ANALYTIC, f"Hertz; {source}", proof)
+    middle = float(np.abs(line.tangential_stress)[np.argmin(np.abs(line.x))])
+    known = 0.2 * 9.351351 * (1.0 - 0.496511 / 0.680778)
+    yield relative("shear in the middle [MPa]", middle, known, 0.03, Kind.ANALYTIC, f"Cattaneo; {source}", proof)
+
+
+def trapezoid(quick: bool) -> Iterator[Row]:
+    """A trapezoid on a plane that holds it: bounds of the force hold what a displacement code finds."""
+    del quick
+    result = _solved("trapezoid")
+    bounds, proof = result.bracket.forces["base.normal_force"], certified(result)
+    source = "NGSolve, degree 12, mesh graded to the corners"
+    yield at_most("P, lower bound [MN/m]", bounds.lower, 14.0483793, 0.0, Kind.EXTERNAL, source, proof)
+    yield at_least("P, upper bound [MN/m]", bounds.upper, 14.0483793, 0.0, Kind.EXTERNAL, source, proof)
+
+
 def every_file(quick: bool) -> Iterator[Row]:
     """No problem file is left out of this chapter."""
     del quick
@@ -203,6 +288,22 @@ def _file(name: str) -> ProblemFile:
 def _solved(name: str) -> ContactResult:
     file = _file(name)
     return solve(file.problem, **file.solve_options)
+
+
+def _from_both_sides(name: str, load: str, factor: float, source: str) -> Iterator[Row]:
+    """The limit load factor of a file, by the mesh and by a mechanism."""
+    limit = limit_load(_file(name).problem, [load])
+    proof = bounded(limit)
+    yield relative("limit load factor, from below", limit.lower, factor, 1e-6, Kind.ANALYTIC, source, proof)
+    yield relative("limit load factor, from above", limit.upper, factor, _BALANCE, Kind.ANALYTIC, source, proof)
+
+
+def _parabola(line: ContactLine) -> tuple[float, float]:
+    """Peak p₀ and half-width a of p² = p₀² (1 − x²/a²) where the pressure is above 0.3 of its largest value."""
+    pressure = -line.normal_stress
+    loaded = pressure > 0.3 * pressure.max()
+    slope, square = np.polyfit(line.x[loaded] ** 2, pressure[loaded] ** 2, 1)
+    return float(np.sqrt(square)), float(np.sqrt(-square / slope))
 
 
 def _certified_history(history: History) -> Proof:
@@ -237,16 +338,23 @@ def _by_displacements(result: ContactResult, contact: str, tolerance: float, *, 
 
 FILES: Final = {
     "block_with_hole": block_with_hole,
+    "bolted_angle": bolted_angle,
     "bracket": bracket,
+    "brake_pad": brake_pad,
     "compressed_plate": compressed_plate,
     "cyclic_shear": cyclic_shear,
+    "cylinder_on_block": cylinder_on_block,
     "dragged_block_holds": dragged_block_holds,
     "dragged_block_slides": dragged_block_slides,
     "dry_stone_wall": dry_stone_wall,
     "gravity_column": gravity_column,
+    "gravity_dam": gravity_dam,
+    "half_discs": half_discs,
     "punch": punch,
     "ssnv128": ssnv128,
     "stacked_blocks": stacked_blocks,
+    "trapezoid": trapezoid,
+    "wedge": wedge,
 }
 """Name of a problem file, and the function that yields its rows."""
 

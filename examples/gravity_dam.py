@@ -1,0 +1,54 @@
+"""A gravity dam on rock, with uplift in the joint under its base: factor of safety against sliding.
+
+    python examples/gravity_dam.py gravity_dam.png
+
+The water pushes the dam downstream, and what seeps through the joint lifts it. Friction holds it back. By hand, with
+the weight W, the uplift U, and the thrust H of the water, the factor of safety against sliding is μ (W − U)/H. The
+program finds the same factor from both sides, and the stresses that go with it.
+"""
+
+from pathlib import Path
+
+from known import Known, compare
+
+import qvi_contact as qc
+from qvi_contact.units import Units
+
+CONCRETE, WATER = 0.024, 0.00981  # weights [MN/m³]
+BASE, CREST, HEIGHT, LEVEL = 24.0, 5.0, 30.0, 28.0  # of the dam, and depth of the water [m]
+FRICTION = 0.75
+
+mesh = qc.TriangleMesh.load(Path(__file__).parent / "meshes" / "gravity_dam.msh")
+problem = qc.ContactProblem(
+    mesh,
+    qc.Material(young=2.5e4, poisson=0.2, plane="strain"),  # concrete and rock [MPa]
+    [
+        qc.Contact("base", friction=FRICTION, pore_pressure=lambda x, _: WATER * LEVEL * (1.0 - x / BASE)),
+        qc.Traction("upstream", normal=lambda _, y: -WATER * (LEVEL - y), tangential=0.0, name="thrust"),
+        qc.Traction("reservoir floor", normal=-WATER * LEVEL, tangential=0.0),
+        *(qc.Traction(free, x=0.0, y=0.0) for free in ("freeboard", "crest", "downstream", "rock downstream")),
+        qc.Symmetry("rock left"),
+        qc.Symmetry("rock right"),
+        qc.Displacement("underground", x=0.0, y=0.0),
+    ],
+    body_potential=lambda _, y: CONCRETE * y.clip(min=0.0),  # the rock has settled under its own weight before
+)
+result = qc.solve(problem)
+limit = qc.limit_load_factor(problem, ["thrust"])
+
+joint = result.contacts["base"]
+weight = CONCRETE * (BASE + CREST) / 2.0 * HEIGHT
+uplift = WATER * LEVEL * BASE / 2.0
+thrust = WATER * LEVEL**2 / 2.0
+factor = FRICTION * (weight - uplift) / thrust
+compare(
+    [
+        Known("force on the joint [MN/m]", joint.normal_force, weight, 1e-9, "W"),
+        Known("of it carried by the rock [MN/m]", joint.effective_normal_force, weight - uplift, 1e-9, "W - U"),
+        Known("friction force [MN/m]", joint.tangential_force, thrust, 1e-9, "H"),
+        Known("factor of sliding, from below", limit.lower, factor, 1e-6, "μ (W - U)/H"),
+        Known("factor of sliding, from above", limit.upper, factor, 1e-9, "μ (W - U)/H"),
+    ],
+    result,
+    Units(length="m", stress="MPa"),
+)
