@@ -10,6 +10,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, one_of
 from qvi_contact.basics.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, solved
 from qvi_contact.discretization.basis import RowKind
+from qvi_contact.discretization.contact_rows import joined
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.discretization.loads import shear_beside_contacts
@@ -181,14 +182,18 @@ def _program(low: Discretization, high: Discretization, signs: IntArray) -> tupl
     if not len(rows.limit):
         return _Carried(np.inf, np.inf, 0.0), None
     qvi, m, width = low.qvi, low.qvi.m, _SAMPLES[1] - _SAMPLES[0]
-    E, _ = spanning_rows(sparse.csc_matrix(sparse.vstack([qvi.contact_rows, qvi.A])))  # of tractions y they span
-    first, second = (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (low, high))
+    weights = joined([contact.row_weights for contact in low.contacts if contact.law != "tied"])
+    shares = np.tile(weights / weights.max(), 2)
+    E, chosen = spanning_rows(sparse.csc_matrix(sparse.vstack([qvi.contact_rows, qvi.A])))  # of tractions they span
+    E *= np.concatenate([shares, np.ones(len(qvi.b))])[:, None]
+    E /= np.linalg.norm(E[chosen], axis=1)  # unknown are forces y: tractions grow where edges are short, forces do not
+    first, second = (shares * np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (low, high))
     slope, b_slope = (second - first) / width, (high.qvi.b - qvi.b) / width
     zero, b = first - _SAMPLES[0] * slope, qvi.b - _SAMPLES[0] * b_slope
-    H = sparse.csr_array(rows.H)
-    program = _Program(H @ E[: 2 * m], rows.limit - H @ zero, -(H @ slope), E[2 * m :], b, b_slope)
+    H, limit = rows.of_forces(shares)
+    program = _Program(H @ E[: 2 * m], limit - H @ zero, -(H @ slope), E[2 * m :], b, b_slope)
     carried, y = program.solve()
-    return carried, None if y is None else E[: 2 * m] @ y + zero + carried.factor * slope
+    return carried, None if y is None else (E[: 2 * m] @ y + zero + carried.factor * slope) / shares
 
 
 def _checked_names(problem: ContactProblem, loads: Sequence[str]) -> tuple[str, ...]:

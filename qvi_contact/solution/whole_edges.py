@@ -59,6 +59,15 @@ class WholeEdgeRows:
         H = sparse.csr_array(sparse.vstack([matrix for matrix, _ in parts]))
         return cls(H, joined([limit for _, limit in parts]))
 
+    def of_forces(self, shares: FloatArray) -> tuple[sparse.csr_array, FloatArray]:
+        """The rows, and their limits, for forces: tractions times what each has of its edge's length (2 m,).
+
+        The largest entry of every row is 1.
+        """
+        H = sparse.csr_array(self.H @ sparse.diags_array(1.0 / shares))
+        largest = abs(H).max(axis=1).toarray().ravel()
+        return sparse.csr_array(sparse.diags_array(1.0 / largest) @ H), self.limit / largest
+
 
 def both_signs(discretization: Discretization) -> BoolArray:
     """Contact edges (e,) where σ_N may have either sign and friction depends on it."""

@@ -99,12 +99,19 @@ class TestTippingWall:
     def test_refined_the_mesh_comes_close(self):
         mesh = TriangleMesh.rectangle((2, 4), 1.0, 4.0)
         apart = []
-        for depth in (0, 6, 12):
+        for depth in (0, 6, 12, 24):
             limit = limit_load_factor(wall(mesh.graded([[1.0, 0.0]], depth), 1.0), ["wind"], degree=4)
             assert limit.upper == pytest.approx(6.25, rel=EXACT)
             apart.append(1.0 - limit / limit.upper)
         assert apart[0] > 0.1
         assert 0.0 <= apart[2] <= 1e-4
+        assert 0.0 <= apart[3] <= 1e-7
+
+    def test_grids_come_close_as_well(self):
+        """The weight acts a third of the last interval from the toe, 2⁻¹⁴ wide in the end."""
+        x = np.array([0.0, *(1.0 - 0.5 ** np.arange(1, 15)), 1.0])
+        limit = limit_load_factor(wall(RectilinearMesh(x, np.linspace(0.0, 4.0, 5)), 1.0), ["wind"])
+        assert 1.0 - limit / limit.upper == pytest.approx(0.5**14 * 2.0 / 3.0, rel=1e-6)
 
     def test_the_motion_is_drawn(self):
         """About the right toe, which stays, clockwise."""
