@@ -87,8 +87,9 @@ def solve_qvi(
     throw : bool
         Raise `SolveError` instead of returning a result whose status is not "solved".
     factorisation : str
-        "pardiso", "cholmod", "superlu" or "shared-subdomains"; "auto" takes subdomains that are shared where there are
-        some and enough unknowns, else the first of the others that is installed.
+        "pardiso", "cholmod", "superlu", "levels" or "shared-subdomains"; "auto" takes subdomains that are shared where
+        there are some and enough unknowns, "levels" for a few hundred unknowns, else the first of the others that is
+        installed.
     threads : int, optional
         For factorisation and dense linear algebra; by default one for small problems, else all cores.
     time_limit : float, optional

@@ -337,10 +337,13 @@ def methods(as_json: bool) -> None:
     from solvers import available
     from solvers.factorisation import available_backends
     from solvers.factorisation.choice import SHARED
+    from solvers.factorisation.levels import LEVELS
     from solvers.solve import METHODS
 
     strict = available("strict") + available("strict-direct")
-    factorisations = {SHARED: "uniform rectangles of one material", **available_backends()}
+    factorisations = {
+        SHARED: "uniform rectangles of one material", LEVELS: "a few hundred unknowns", **available_backends(),
+    }  # fmt: skip
     if as_json:
         document = {
             "methods": list(METHODS), "inner": list(available()), "strict": list(strict),

@@ -9,11 +9,12 @@ from solvers.basics.types import IntVector, Sparse
 from solvers.errors import SolverUnavailableError
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.dissection import SharedSubdomains, SubdomainTree
+from solvers.factorisation.levels import LEVELS
 from solvers.factorisation.registry import BACKENDS, chosen, factorise, resolve
 from solvers.factorisation.threads import limited_blas, thread_count
 
 SHARED: Final = "shared-subdomains"
-CHOICES: Final = ("auto", SHARED, *BACKENDS)
+CHOICES: Final = ("auto", SHARED, LEVELS, *BACKENDS)
 """What can be asked for."""
 
 Structure: TypeAlias = Callable[[IntVector], SubdomainTree | None]

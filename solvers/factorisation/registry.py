@@ -10,9 +10,10 @@ from solvers.basics.types import IntVector, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import Factorisation, NoInterior
 from solvers.factorisation.errors import FactorisationError
+from solvers.factorisation.levels import LEVELS, LevelFactor, cheap_levels
 
 BACKENDS: Final = ("pardiso", "cholmod", "superlu")
-"""Names of the back ends, the fastest first."""
+"""Names of the sparse back ends, the fastest first."""
 
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
@@ -31,8 +32,9 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
     interface : IntVector (k,)
         Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation, and nothing more.
     backend : str
-        A name in `BACKENDS`, or "auto": the name given to `set_default`, else the one in the environment variable
-        QVI_CONTACT_FACTORISATION, else the first that is installed.
+        A name in `BACKENDS`, "levels", or "auto": the name given to `set_default`, else the one in the environment
+        variable QVI_CONTACT_FACTORISATION, else "levels" where K is small enough (see `levels`), else the first that is
+        installed.
     threads : int, optional
         Threads to use; all cores this process may run on, or OMP_NUM_THREADS, or MKL_NUM_THREADS if not given.
         "superlu" always has one.
@@ -50,14 +52,17 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
     K, interface = _checked(K, interface)
     if threads is not None and threads < 1:
         raise InputError("threads", threads, "give 1 or more, or None for all cores")
-    name = resolve(backend)
+    name = backend if backend == LEVELS else resolve(backend)
     if interface.size == K.shape[0]:
         return NoInterior(K, interface)
     diagonal = K.diagonal()
     if not np.all(diagonal > 0.0):
         row = int(np.argmin(diagonal > 0.0))
         raise FactorisationError("singular", name, f"diagonal entry {row} of K is {diagonal[row]:.3g}")
+    levels = cheap_levels(K, interface) if backend == "auto" and chosen() is None else None
     try:
+        if levels is not None:
+            return LevelFactor(K, levels)
         return _module(name).factorise(K, interface, threads)  # type: ignore[no-any-return]
     except MemoryError as error:
         raise FactorisationError("memory", name, "out of memory") from error

@@ -26,6 +26,7 @@ from solvers.basics.files import _put as put
 from solvers.basics.watch import Progress, tell
 from solvers.factorisation import available_backends
 from solvers.factorisation.choice import SHARED
+from solvers.factorisation.levels import LEVELS
 from solvers.solve import METHODS
 from tests.effort import examples
 from tests.qvi_contact.broken_files import RICH, mutated
@@ -85,7 +86,9 @@ def test_no_command_shows_the_commands_and_fails():
 def test_methods_as_one_json_document():
     done = command("methods", "--json")
     assert (done.returncode, done.stderr) == (0, "")
-    factorisations = {SHARED: "uniform rectangles of one material", **available_backends()}
+    factorisations = {
+        SHARED: "uniform rectangles of one material", LEVELS: "a few hundred unknowns", **available_backends(),
+    }  # fmt: skip
     strict = [*available("strict"), *available("strict-direct")]
     expected = {
         "methods": list(METHODS), "inner": list(available()), "strict": strict, "factorisation": factorisations,

@@ -20,6 +20,7 @@ from solvers import FrictionQVI, InputError, Status, solve_qvi
 from solvers.errors import SolverUnavailableError
 from solvers.factorisation import available_backends, choice, registry, set_default
 from solvers.factorisation.choice import SHARED, Request
+from solvers.factorisation.levels import LEVELS
 from solvers.solve import METHODS
 from tests.solvers.conftest import random_problem
 
@@ -39,7 +40,7 @@ def tractions(result):
     return np.concatenate([np.r_[line.normal_stress, line.tangential_stress] for line in result.contacts.values()])
 
 
-@pytest.mark.parametrize("name", [*BACKENDS, SHARED])
+@pytest.mark.parametrize("name", [*BACKENDS, LEVELS, SHARED])
 @pytest.mark.parametrize("problem", PROBLEMS)
 def test_every_factorisation_gives_the_same_certified_answer(problem, name):
     reference = tractions(solve(PROBLEMS[problem](), factorisation="superlu"))
@@ -50,7 +51,7 @@ def test_every_factorisation_gives_the_same_certified_answer(problem, name):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("name", [*BACKENDS, SHARED])
+@pytest.mark.parametrize("name", [*BACKENDS, LEVELS, SHARED])
 def test_every_method_takes_it(method, name):
     problem = compressed_plate(0.2, (2, 2))
     result = solve(problem, method=method, factorisation=name, tolerance=1e-6)
@@ -69,7 +70,7 @@ def test_one_discretisation_is_factorised_again_when_asked():
 
 @pytest.mark.parametrize("name", ["mumps", "", "qr", "none", 3])
 def test_unknown_names_list_what_there_is(name):
-    with pytest.raises(SolverUnavailableError, match=r"factorisation.*auto, shared-subdomains, pardiso") as caught:
+    with pytest.raises(SolverUnavailableError, match=r"factorisation.*auto, shared-subdomains, levels") as caught:
         solve(compressed_plate(0.2), factorisation=name)
     assert caught.value.field == "factorisation"
 
@@ -161,7 +162,7 @@ def test_problems_do_not_ask_for_each_other():
     first, second = (discretize(compressed_plate(0.2)).qvi for _ in range(2))
     with first.operator.using("superlu", 1), second.operator.using("auto", 2):
         assert first.equality_system.factor.backend == "superlu"
-        assert second.equality_system.factor.backend == BACKENDS[0]
+        assert second.equality_system.factor.backend == LEVELS
 
 
 def singular():

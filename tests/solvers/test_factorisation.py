@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix, diags, identity, kron, vstack
+from scipy.sparse import block_diag, csc_matrix, diags, identity, kron, vstack
 
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation import (
@@ -21,10 +21,11 @@ from solvers.factorisation import (
 )
 from solvers.factorisation import cholmod as cholmod_backend
 from solvers.factorisation import pardiso as pardiso_backend
+from solvers.factorisation.levels import LEVELS
 from solvers.factorisation.ordering import interface_last
 from solvers.factorisation.threads import limited_blas, thread_count
 
-BACKEND = pytest.mark.parametrize("backend", list(available_backends()))
+BACKEND = pytest.mark.parametrize("backend", [*available_backends(), LEVELS])
 INTERFACES = pytest.mark.parametrize(
     "interface", [[], [7], [0, 1, 2, 30, 59], list(range(59)), list(range(60))], ids=["0", "1", "5", "n-1", "n"]
 )
@@ -95,6 +96,23 @@ def test_reduce_expand_and_solve(backend, interface, columns):
     np.testing.assert_allclose(factor.solve(right), np.linalg.solve(K.toarray(), right), atol=1e-11)
     np.testing.assert_array_equal(right, kept)
     np.testing.assert_array_equal(state, start)
+
+
+def test_levels_are_taken_by_themselves_where_they_are_cheap():
+    full = csc_matrix(np.eye(500) + 1.0)
+    assert factorise(grid(), np.arange(3)).backend == LEVELS
+    assert factorise(full, np.arange(3)).backend == resolve()
+    assert factorise(full, np.arange(400)).backend == LEVELS  # little is left to eliminate
+    assert factorise(laplace(2001, 0.1), np.arange(3)).backend == resolve()
+
+
+def test_levels_of_parts_that_nothing_links_to_the_interface():
+    K = csc_matrix(block_diag([laplace(7, 0.1), grid(), laplace(5, 0.2)]))
+    interface = np.array([10, 20])
+    factor = factorise(K, interface, LEVELS)
+    np.testing.assert_allclose(factor.schur, parts(K, interface)[2], rtol=0, atol=1e-12 * abs(K).max())
+    right = np.random.default_rng(4).normal(size=72)
+    np.testing.assert_allclose(factor.solve(right), np.linalg.solve(K.toarray(), right), atol=1e-11)
 
 
 @BACKEND
