@@ -22,7 +22,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
-from scipy.sparse import csc_matrix, vstack
+from scipy.sparse import csc_array, vstack
 
 from qvi_contact import (
     Contact,
@@ -210,13 +210,13 @@ def _block(drag: float, push: float) -> Callable[[], FrictionQVI]:
 def doubled_rows(qvi: FrictionQVI) -> FrictionQVI:
     """The same problem with every contact point twice, each at half the weight: row multipliers are shared out."""
     twice = {name: np.tile(getattr(qvi, name), 2) for name in ("n0", "t0", "mu", "cohesion", "cap", "bilateral")}
-    N, T = (csc_matrix(vstack([rows, rows])) for rows in (qvi.N, qvi.T))
+    N, T = (csc_array(vstack([rows, rows])) for rows in (qvi.N, qvi.T))
     return qvi.changed(N=N, T=T, W=np.tile(qvi.W, 2) / 2.0, traces=None, edges=None, structure=None, **twice)
 
 
 def doubled_equation(qvi: FrictionQVI) -> FrictionQVI:
     """The same problem with every row of A z = b twice."""
-    return qvi.changed(A=csc_matrix(vstack([qvi.A, qvi.A])), b=np.tile(qvi.b, 2))
+    return qvi.changed(A=csc_array(vstack([qvi.A, qvi.A])), b=np.tile(qvi.b, 2))
 
 
 _COARSE: Final = (1.2, 0.3)

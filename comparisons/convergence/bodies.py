@@ -25,6 +25,7 @@ from typing import Final
 
 import numpy as np
 from scipy.fft import dct
+from scipy.sparse import csc_array
 
 from comparisons.convergence.linearised import Linearised, linearised
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction, discretize
@@ -86,10 +87,10 @@ def contacts(friction: float, half_open: bool = False, cohesion: float = 0.0) ->
     t = cohesion + friction * p
     unit, zero = np.eye(2 * POINTS), np.zeros(POINTS)
     return FrictionQVI(
-        K=np.block([[np.eye(POINTS), C], [C, np.eye(POINTS)]]),
+        K=csc_array(np.block([[np.eye(POINTS), C], [C, np.eye(POINTS)]])),
         f=np.concatenate([p + C @ t - np.where(closed, 0.0, _GAP), C @ p + t + _PUSH]),
-        N=-unit[:POINTS], n0=zero, T=unit[POINTS:], t0=zero, mu=np.full(POINTS, friction), W=np.ones(POINTS),
-        cohesion=np.full(POINTS, cohesion),
+        N=csc_array(-unit[:POINTS]), n0=zero, T=csc_array(unit[POINTS:]), t0=zero,
+        mu=np.full(POINTS, friction), W=np.ones(POINTS), cohesion=np.full(POINTS, cohesion),
     )  # fmt: skip
 
 
@@ -102,8 +103,8 @@ def three_solutions(friction: float) -> FrictionQVI:
     """One point, u = W r + q with r = (r_N, r_T), W = [[1, 0.8], [0.8, 1]], q = (1, 2.1)."""
     zero, one = np.zeros(1), np.ones(1)
     return FrictionQVI(
-        K=np.array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([-1.0, -2.1]), N=np.array([[-1.0, 0.0]]), n0=zero,
-        T=np.array([[0.0, 1.0]]), t0=zero, mu=friction * one, W=one,
+        K=csc_array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([-1.0, -2.1]), N=csc_array([[-1.0, 0.0]]), n0=zero,
+        T=csc_array([[0.0, 1.0]]), t0=zero, mu=friction * one, W=one,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_array
 
 from qvi_contact import ContactProblem, ContactResult, solve
 from qvi_contact.basics.writing import replacing, write_text
@@ -53,7 +53,7 @@ class QuadraticProgram:
         """Write it into the folder as the test set reads it."""
         arrays: dict[str, Any] = {"q": self.q, "h": self.h, "b": self.b}
         for key, matrix in (("P", self.P), ("G", self.G), ("A", self.A)):
-            columns = csc_matrix(matrix)
+            columns = csc_array(matrix)
             arrays |= {
                 f"{key}_data": columns.data, f"{key}_indices": columns.indices, f"{key}_indptr": columns.indptr,
                 f"{key}_shape": np.array(columns.shape),

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from comparisons.verify.chapter import Chapter
 from comparisons.verify.proof import by_hand, certified_algebra
@@ -68,9 +69,9 @@ def methods(quick: bool) -> Iterator[Row]:
 
 def _problem() -> FrictionQVI:
     """Unknowns r = (p, t), σ_N = −p, σ_T = t: K = W, f = −q."""
-    normal, tangential = np.array([[-1.0, 0.0]]), np.array([[0.0, 1.0]])
+    normal, tangential = csc_array([[-1.0, 0.0]]), csc_array([[0.0, 1.0]])
     zero, one = np.zeros(1), np.ones(1)
-    return FrictionQVI(K=_W, f=-_Q, N=normal, n0=zero, T=tangential, t0=zero, mu=_MU * one, W=one)
+    return FrictionQVI(K=csc_array(_W), f=-_Q, N=normal, n0=zero, T=tangential, t0=zero, mu=_MU * one, W=one)
 
 
 def _certificate(r: FloatArray) -> Certificate:

@@ -185,11 +185,11 @@ def _qvi(
     n, rows = contacts.count, np.flatnonzero(limited)
     m = len(rows)
 
-    def selection(columns: IntArray) -> sparse.csr_array:
-        return sparse.csr_array((np.ones(m), (np.arange(m), columns)), shape=(m, 2 * n))
+    def selection(columns: IntArray) -> sparse.csc_array:
+        return sparse.csc_array((np.ones(m), (np.arange(m), columns)), shape=(m, 2 * n))
 
     return FrictionQVI(
-        K=sparse.csc_matrix(C),
+        K=sparse.csc_array(C),
         f=f,
         N=selection(rows),
         n0=np.zeros(m),
@@ -200,7 +200,7 @@ def _qvi(
         cohesion=contacts.gathered("cohesion")[rows],
         cap=contacts.gathered("shear_limit")[rows],
         bilateral=contacts.gathered("bilateral").astype(bool)[rows],
-        A=sparse.csc_matrix(A.reshape(len(b), 2 * n)),
+        A=sparse.csc_array(A.reshape(len(b), 2 * n)),
         b=b,
     )
 

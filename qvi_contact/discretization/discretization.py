@@ -295,9 +295,9 @@ def _reduce(
     return FrictionQVI(
         K=K.T,  # the same matrix, compressed by columns
         f=basis.T @ (load - (of_particular - energy.load)),
-        N=N,
+        N=sparse.csc_array(N),
         n0=n0 + joined(fixed),
-        T=T,
+        T=sparse.csc_array(T),
         t0=t0,
         mu=joined([rows.row_limits.friction for rows in limited]),
         W=joined([rows.row_weights for rows in limited]),
@@ -306,9 +306,9 @@ def _reduce(
         bilateral=joined([rows.bilateral for rows in limited]).astype(bool),
         root=energy.root(elimination),
         load=basis.T @ load,
-        A=plates.A,
+        A=sparse.csc_array(plates.A),
         b=plates.b,
-        traces=Traces(Y, interpolation),
+        traces=Traces(sparse.csc_array(Y), sparse.csc_array(interpolation)),
         edges=_edge_rows(space),
         structure=energy.structure(elimination),
     )

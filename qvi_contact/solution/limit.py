@@ -184,7 +184,7 @@ def _program(low: Discretization, high: Discretization, signs: IntArray) -> tupl
     qvi, m, width = low.qvi, low.qvi.m, _SAMPLES[1] - _SAMPLES[0]
     weights = joined([contact.row_weights for contact in low.contacts if contact.law != "tied"])
     shares = np.tile(weights / weights.max(), 2)
-    E, chosen = spanning_rows(sparse.csc_matrix(sparse.vstack([qvi.contact_rows, qvi.A])))  # of tractions they span
+    E, chosen = spanning_rows(sparse.csc_array(sparse.vstack([qvi.contact_rows, qvi.A])))  # of tractions they span
     E *= np.concatenate([shares, np.ones(len(qvi.b))])[:, None]
     E /= np.linalg.norm(E[chosen], axis=1)  # unknown are forces y: tractions grow where edges are short, forces do not
     first, second = (shares * np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (low, high))

@@ -14,7 +14,7 @@ a start only, never the answer: minimising over C is associated friction, which 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_matrix, diags, hstack, identity, triu, vstack
+from scipy.sparse import csc_array, diags_array, eye_array, hstack, triu, vstack
 
 from solvers.basics.types import BoolVector, IntVector, Sparse, Vector, load
 from solvers.basics.watch import left
@@ -71,18 +71,21 @@ class AdmissibleRows:
     @classmethod
     def of(cls, qvi: FrictionQVI) -> "AdmissibleRows":
         """Rows of a QVI."""
-        one = identity(qvi.m, format="csc")
+        one = eye_array(qvi.m, format="csc")
         normal = np.flatnonzero(~qvi.bilateral)
         law = np.flatnonzero(~qvi.bilateral | (qvi.mu == 0.0))
         capped = np.flatnonzero(np.isfinite(qvi.cap))
         blocks, limits, points = [hstack([one, 0 * one], "csr")[normal]], [np.zeros(len(normal))], [normal]
         for sign in (1.0, -1.0):
-            blocks += [hstack([diags(qvi.mu), sign * one], "csr")[law], hstack([0 * one, sign * one], "csr")[capped]]
+            blocks += [
+                hstack([diags_array(qvi.mu), sign * one], "csr")[law],
+                hstack([0 * one, sign * one], "csr")[capped],
+            ]
             limits += [qvi.cohesion[law], qvi.cap[capped]]
             points += [law, capped]
-        H, limit, point = csc_matrix(vstack(blocks)), np.concatenate(limits), np.concatenate(points)
+        H, limit, point = csc_array(vstack(blocks)), np.concatenate(limits), np.concatenate(points)
         H.eliminate_zeros()
-        G = csc_matrix(H @ qvi.contact_rows)
+        G = csc_array(H @ qvi.contact_rows)
         h = limit - H @ np.concatenate([qvi.n0, qvi.t0])
         return cls(H, limit, G, h, point, np.arange(len(point)) >= len(normal))
 
@@ -126,17 +129,17 @@ def check_feasibility(qvi: FrictionQVI) -> Feasibility:
 def _minimise(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice = slice(None)) -> Feasibility:
     """Least energy over A z = b and the chosen rows."""
     clarabel = load("clarabel")
-    G, h = csc_matrix(rows.G[chosen]), rows.h[chosen]
+    G, h = csc_array(rows.G[chosen]), rows.h[chosen]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.presolve_enable = False
     settings.tol_infeas_abs = settings.tol_infeas_rel = 1e-11
     settings.time_limit = left()
     cones = ([clarabel.ZeroConeT(qvi.p)] if qvi.p else []) + [clarabel.NonnegativeConeT(h.size)]
-    stacked = csc_matrix(vstack([qvi.A, G])) if qvi.p else G
+    stacked = csc_array(vstack([qvi.A, G])) if qvi.p else G
     try:
         solver = clarabel.DefaultSolver(
-            csc_matrix(triu(qvi.K)), -qvi.f, stacked, np.concatenate([qvi.b, h]), cones, settings
+            csc_array(triu(qvi.K)), -qvi.f, stacked, np.concatenate([qvi.b, h]), cones, settings
         )
         answer = solver.solve()
     except BaseException as error:

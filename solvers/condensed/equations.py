@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_array
 
 from solvers.basics.types import IntVector, Matrix, Vector
 from solvers.condensed.frictionless import Frictionless
@@ -101,6 +101,6 @@ def _map(size: int, free: IntVector, pivots: IntVector, tail: Matrix) -> Rows:
         M[free, np.arange(len(free))] = 1.0
         M[pivots] = tail
         return M
-    identity = csr_matrix((np.ones(len(free)), (free, np.arange(len(free)))), (size, len(free)))
-    spread = csr_matrix((np.ones(len(pivots)), (pivots, np.arange(len(pivots)))), (size, len(pivots)))
-    return csr_matrix(identity + spread @ csr_matrix(tail))
+    identity = csr_array((np.ones(len(free)), (free, np.arange(len(free)))), (size, len(free)))
+    spread = csr_array((np.ones(len(pivots)), (pivots, np.arange(len(pivots)))), (size, len(pivots)))
+    return csr_array(identity + spread @ csr_array(tail))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, diags
+from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
@@ -42,7 +42,7 @@ class Frictionless:
         if not len(points):
             none = np.zeros(0, dtype=np.int64)
             return cls(points, none, np.zeros((0, E_T.shape[1])), none, E_T[points], weights[points])
-        rows = csr_matrix(E_T[points])
+        rows = csr_array(E_T[points])
         rows.data[np.abs(rows.data) < 1e-14 * np.abs(rows.data).max(initial=0.0)] = 0.0
         rows.eliminate_zeros()
         touched = np.unique(rows.indices).astype(np.int64)
@@ -70,5 +70,5 @@ class Frictionless:
 
     def _normal_equations(self) -> tuple[Sparse, Any]:
         """G, the rows by fixed coordinates, and the factor of GᵀWG."""
-        G = csc_matrix(self._rows[:, self.fixed])
-        return G, splu(csc_matrix(G.T @ diags(self._weights) @ G))
+        G = csc_array(self._rows[:, self.fixed])
+        return G, splu(csc_array(G.T @ diags_array(self._weights) @ G))

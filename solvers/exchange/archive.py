@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_array
 
 from solvers.basics.archives import read_arrays
 from solvers.basics.files import replacing
@@ -123,7 +123,7 @@ def _matrix(arrays: Arrays, name: str) -> Sparse:
     data, indices, indptr, shape = (arrays[f"{name}_{part}"] for part in ("data", "indices", "indptr", "shape"))
     try:
         m, n = (int(size) for size in shape)
-        matrix: Sparse = csc_matrix((data, indices, indptr), (m, n))
+        matrix: Sparse = csc_array((data, indices, indptr), (m, n))
         matrix.check_format(full_check=True)
     except (ValueError, IndexError) as error:
         raise InputError(name, str(error), "give data, indices, indptr and shape that belong together") from error

@@ -25,11 +25,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
+from scipy.sparse import csc_array, csr_array
 
 from solvers.basics.archives import LARGEST as LARGEST_CONTENT
 from solvers.basics.files import replacing
-from solvers.basics.types import Matrix, Module, Sparse, Vector, load
+from solvers.basics.types import Matrix, Module, Sparse, SparseRows, Vector, load
 from solvers.errors import InputError
 from solvers.exchange.files import finite, unreadable
 from solvers.exchange.local_problem import LARGEST, ContactState, LocalProblem
@@ -155,10 +155,10 @@ def _integers(group: Any, name: str, values: Any) -> None:
 
 def _write_matrix(group: Any, matrix: Matrix) -> None:
     """By compressed columns; the stored entries are those that are not zero, and the diagonal of a zero matrix."""
-    sparse: Sparse = csc_matrix(matrix)
+    sparse = csc_array(matrix)
     if sparse.nnz == 0:  # some readers cannot take an empty array
         places = np.arange(min(matrix.shape))
-        sparse = csc_matrix((np.zeros(len(places)), (places, places)), matrix.shape)
+        sparse = csc_array((np.zeros(len(places)), (places, places)), matrix.shape)
     sparse.sort_indices()
     header = {"nzmax": sparse.nnz, "m": matrix.shape[0], "n": matrix.shape[1], "nz": -1}
     for name, value in header.items():
@@ -210,9 +210,9 @@ def _read_matrix(local: Any, name: str) -> Matrix:
     x = _vector(group, "x")
     try:
         if nz >= 0:
-            matrix: Sparse = coo_matrix((x[:nz], (i[:nz], p[:nz])), (m, n))
+            matrix: Sparse | SparseRows = csc_array((x[:nz], (i[:nz], p[:nz])), (m, n))
         elif nz in (-1, -2):
-            kind = csc_matrix if nz == -1 else csr_matrix
+            kind = csc_array if nz == -1 else csr_array
             matrix = kind((x, i, p), (m, n))
             matrix.check_format(full_check=True)
         else:

@@ -31,6 +31,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import Certificate, certify
@@ -167,8 +168,9 @@ class LocalProblem:
         K = self._stiffened + epsilon * np.eye(2 * c)
         z0 = np.zeros(2 * c) if centre is None else centre / (rho * d)
         return FrictionQVI(
-            K=(K + K.T) / 2.0, f=U @ t + epsilon * z0 - d * q / (omega * rho), N=N, n0=np.zeros(c), T=T,
-            t0=np.zeros(c), mu=self.mu, W=self.weights, A=U.T, b=t,
+            K=csc_array((K + K.T) / 2.0), f=U @ t + epsilon * z0 - d * q / (omega * rho),
+            N=csc_array(N), n0=np.zeros(c), T=csc_array(T), t0=np.zeros(c),
+            mu=self.mu, W=self.weights, A=csc_array(U.T), b=t,
         )  # fmt: skip
 
     @cached_property

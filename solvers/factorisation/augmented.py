@@ -27,7 +27,7 @@ from scipy import __version__ as scipy_version
 from scipy.linalg import blas, lapack
 from scipy.sparse import csr_array, diags_array
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, Sparse, Vector
+from solvers.basics.types import BoolVector, IntVector, Matrix, SparseRows, Vector
 from solvers.errors import InputError
 from solvers.factorisation.base import Factorisation, State
 from solvers.factorisation.errors import FactorisationError
@@ -71,7 +71,7 @@ class OrthogonalFactor(Factorisation):
 
     backend = ORTHOGONAL
 
-    def __init__(self, R: Sparse, interface: IntVector, places: Matrix) -> None:
+    def __init__(self, R: SparseRows, interface: IntVector, places: Matrix) -> None:
         """Use `factorise_root`, which checks its arguments."""
         start = perf_counter()
         self.version = f"scipy {scipy_version}"
@@ -144,7 +144,7 @@ class OrthogonalFactor(Factorisation):
             raise FactorisationError("backend", self.backend, "the factors have been released")
 
 
-def factorise_root(R: Sparse, interface: IntVector, places: Matrix) -> OrthogonalFactor:
+def factorise_root(R: SparseRows, interface: IntVector, places: Matrix) -> OrthogonalFactor:
     """Eliminate the interior of K = RᵀR by QR of R.
 
     This takes about five times as long as PARDISO's Cholesky factorisation of K, as long as SuperLU's. The fronts are
@@ -153,7 +153,7 @@ def factorise_root(R: Sparse, interface: IntVector, places: Matrix) -> Orthogona
 
     Parameters
     ----------
-    R : Sparse (m, n)
+    R : SparseRows (m, n)
         Full column rank.
     interface : IntVector (k,)
         Γ: indices of unknowns in increasing order, none twice.
@@ -171,7 +171,7 @@ def factorise_root(R: Sparse, interface: IntVector, places: Matrix) -> Orthogona
     """
     if len(R.shape) != 2:
         raise InputError("R", R.shape, "give a matrix")
-    R = csr_array(R, dtype=np.float64)
+    R = csr_array(R).astype(np.float64, copy=False)
     if not np.isfinite(R.data).all():
         raise InputError("R", "not finite", "give finite entries")
     indices = np.asarray(interface, dtype=np.int64).reshape(-1)
@@ -186,7 +186,7 @@ def factorise_root(R: Sparse, interface: IntVector, places: Matrix) -> Orthogona
 class _Tree:
     """Rows split by place, and the unknowns eliminated where the last of their rows comes in."""
 
-    def __init__(self, R: Sparse, interface: IntVector, places: Matrix) -> None:
+    def __init__(self, R: SparseRows, interface: IntVector, places: Matrix) -> None:
         self._R = R
         self._places = places
         self._entries = np.bincount(R.indices, minlength=R.shape[1])

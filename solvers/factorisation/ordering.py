@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_array
 
 from solvers.basics.types import IntVector, Sparse
 
@@ -26,7 +26,7 @@ def interface_last(K: Sparse, interface: IntVector, minimum_degree: MinimumDegre
 
 
 def _pattern(K: Sparse) -> Sparse:
-    return csc_matrix((np.ones(K.nnz, dtype=np.int8), K.indices, K.indptr), shape=K.shape)
+    return csc_array((np.ones(K.nnz, dtype=np.int8), K.indices, K.indptr), shape=K.shape)
 
 
 def _graph_of_groups(pattern: Sparse) -> tuple[Sparse, IntVector]:

@@ -4,7 +4,7 @@ import os
 from typing import Final
 
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_array
 
 from solvers.basics.types import IntVector, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
@@ -115,7 +115,7 @@ def _checked(K: Sparse, interface: IntVector) -> tuple[Sparse, IntVector]:
     if len(K.shape) != 2 or K.shape[0] != K.shape[1]:
         raise InputError("K", K.shape, "give a square matrix")
     if getattr(K, "format", "") != "csc" or K.dtype != np.float64:
-        K = csc_matrix(K, dtype=np.float64)
+        K = csc_array(K, dtype=np.float64)
     if not K.has_canonical_format:
         K = K.copy()
         K.sum_duplicates()

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from scipy.sparse import csc_matrix, diags
+from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector
@@ -133,11 +133,11 @@ def _identity_last(lower: Sparse, interior: int) -> Sparse:
     data = np.concatenate([lower.data[:end], np.ones(n - interior)])
     indices = np.concatenate([lower.indices[:end], np.arange(interior, n)])
     starts = np.concatenate([lower.indptr[:interior], end + np.arange(n - interior + 1)])
-    return csc_matrix((data, indices, starts), shape=lower.shape)
+    return csc_array((data, indices, starts), shape=lower.shape)
 
 
 def _minimum_degree(graph: Sparse) -> IntVector:
     """SuperLU's multiple minimum degree of Aᵀ + A, which SciPy gives only with a factorisation of some matrix."""
-    dominant = graph + diags(np.asarray(graph.sum(axis=0), dtype=np.float64).ravel())
-    factor = _symmetric_splu(csc_matrix(dominant, dtype=np.float64), "MMD_AT_PLUS_A")
+    dominant = graph + diags_array(np.asarray(graph.sum(axis=0), dtype=np.float64).ravel())
+    factor = _symmetric_splu(csc_array(dominant, dtype=np.float64), "MMD_AT_PLUS_A")
     return np.argsort(factor.perm_c).astype(np.int64)

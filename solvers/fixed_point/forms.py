@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
-from scipy.sparse import csc_matrix, diags, vstack
+from scipy.sparse import csc_array, diags_array, eye_array, vstack
 
 from solvers.basics.types import Matrix, Sparse, Vector
 from solvers.inequality.compliance import Compliance
@@ -76,19 +76,19 @@ class Simplified:
         """Find the rows; a problem that has none is kept as it is."""
         if qvi.bilateral.any():
             held = qvi.bilateral
-            N = csc_matrix(diags(np.where(held, 0.0, 1.0)) @ qvi.N)
+            N = csc_array(diags_array(np.where(held, 0.0, 1.0)) @ qvi.N)
             N.eliminate_zeros()
             qvi = qvi.changed(N=N, n0=np.where(held, -1.0, qvi.n0), traces=None)
         rows = np.repeat(frictionless_edges(qvi), edge_rows(qvi).count) if qvi.strict else qvi.frictionless
         if not rows.any():
             return cls(qvi, rows, np.zeros((0, 0)))
-        E, Y = independent_rows(csc_matrix(qvi.T[rows]))
+        E, Y = independent_rows(csc_array(qvi.T[rows]))
         kept = np.where(rows, 0.0, 1.0)
         problem = qvi.changed(
             traces=None,
-            T=csc_matrix(diags(kept) @ qvi.T),
+            T=csc_array(diags_array(kept) @ qvi.T),
             t0=kept * qvi.t0,
-            A=csc_matrix(vstack([qvi.A, Y])),
+            A=csc_array(vstack([qvi.A, Y])),
             b=np.concatenate([qvi.b, -np.linalg.lstsq(E, qvi.t0[rows], rcond=None)[0]]),
         )
         return cls(problem, rows, E)
@@ -145,8 +145,8 @@ class CondensedForm:
         self._V = E @ _factor(C, qvi.K)
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI(
-            K=np.eye(r), f=np.zeros(r), N=self._V[:m], n0=bonded[:m],
-            T=self._V[m:], t0=bonded[m:], mu=qvi.mu, W=qvi.W, bilateral=qvi.bilateral,
+            K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],
+            T=csc_array(self._V[m:]), t0=bonded[m:], mu=qvi.mu, W=qvi.W, bilateral=qvi.bilateral,
             edges=qvi.edges, strict=qvi.strict,
         )  # fmt: skip
         self.threshold = simplified.threshold

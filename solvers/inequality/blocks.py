@@ -3,14 +3,23 @@
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags, vstack
+from scipy.sparse import csc_array, csr_array, diags_array, vstack
 
-from solvers.basics.types import Matrix, Sparse, Vector
+from solvers.basics.types import Matrix, Sparse, SparseRows, Vector
 
-Rows: TypeAlias = Sparse | Matrix
-"""Rows (q, k), a csr matrix or a dense array."""
+Rows: TypeAlias = SparseRows | Matrix
+"""Rows (q, k), a csr array or a dense one."""
 
 _DENSE = 60_000  # entries up to which rows are kept dense
+
+
+def by_columns(matrix: Any) -> Sparse:
+    """A matrix in compressed columns, float64, with 32-bit indices where they suffice; SciPy would keep wider ones."""
+    columns = csc_array(matrix, dtype=np.float64)
+    if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
+        return columns
+    indices, starts = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
+    return csc_array((columns.data, indices, starts), columns.shape)
 
 
 def are_few(rows: int, columns: int) -> bool:
@@ -18,9 +27,9 @@ def are_few(rows: int, columns: int) -> bool:
     return rows * columns <= _DENSE
 
 
-def stored(rows: Sparse) -> Rows:
+def stored(rows: Sparse | SparseRows) -> Rows:
     """The rows as they are best kept."""
-    return rows.toarray() if are_few(*rows.shape) else csr_matrix(rows)
+    return rows.toarray() if are_few(*rows.shape) else csr_array(rows)
 
 
 def dense(rows: Rows) -> Matrix:
@@ -30,34 +39,32 @@ def dense(rows: Rows) -> Matrix:
 
 def scaled(factors: Vector, rows: Rows) -> Rows:
     """diag(factors) rows."""
-    return factors[:, None] * rows if isinstance(rows, np.ndarray) else csr_matrix(diags(factors) @ rows)
+    return factors[:, None] * rows if isinstance(rows, np.ndarray) else csr_array(diags_array(factors) @ rows)
 
 
 def scaled_columns(rows: Rows, factors: Vector) -> Rows:
     """Rows diag(factors)."""
-    return rows * factors if isinstance(rows, np.ndarray) else csr_matrix(rows @ diags(factors))
+    return rows * factors if isinstance(rows, np.ndarray) else csr_array(rows @ diags_array(factors))
 
 
 def stacked(parts: list[Rows]) -> Rows:
     """Rows on top of each other, all dense or all sparse."""
-    if isinstance(parts[0], np.ndarray):
-        return np.vstack(parts)
-    sparse: Any = parts
-    return csr_matrix(vstack(sparse))
+    sparse = [part for part in parts if not isinstance(part, np.ndarray)]
+    return csr_array(vstack(sparse)) if sparse else np.vstack([dense(part) for part in parts])
 
 
-def mapped(rows: Rows, matrix: Sparse) -> Rows:
-    """Rows times a sparse matrix (k, u)."""
-    return np.asarray(rows @ matrix) if isinstance(rows, np.ndarray) else csr_matrix(rows @ matrix)
+def mapped(rows: Rows, matrix: Rows) -> Rows:
+    """Rows times a matrix (k, u)."""
+    return np.asarray(rows @ matrix) if isinstance(rows, np.ndarray) else csr_array(rows @ matrix)
 
 
 def transposed(rows: Rows) -> Rows:
     """rowsᵀ (k, q)."""
-    return rows.T if isinstance(rows, np.ndarray) else csr_matrix(rows.T)
+    return rows.T if isinstance(rows, np.ndarray) else csr_array(rows.T)
 
 
 def absolute_product(matrix: Sparse, vector: Vector) -> Vector:
-    """|matrix| |vector| (q,) of a csc matrix (q, k): the size of the terms of matrix vector."""
+    """|matrix| |vector| (q,) of a csc array (q, k): the size of the terms of matrix vector."""
     columns = np.repeat(np.abs(vector), np.diff(matrix.indptr))
     sums = np.bincount(matrix.indices, np.abs(matrix.data) * columns, matrix.shape[0])
     return np.asarray(sums, dtype=np.float64)
@@ -68,5 +75,5 @@ def add_product(target: Matrix, left: Rows, right: Rows) -> None:
     if isinstance(left, np.ndarray):
         target += left @ right
         return
-    product: Any = csr_matrix(left @ right).tocoo()
+    product = csr_array(left @ right).tocoo()
     target[product.row, product.col] += product.data

@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, identity, kron
+from scipy.sparse import csc_array, eye_array, kron
 
 from solvers.basics.checks import real_array
 from solvers.basics.types import Matrix, Sparse, Vector
@@ -112,7 +112,7 @@ class EdgeRows:
 
     def matrix(self, map_: Matrix, edges: int) -> Sparse:
         """A map of one edge (k, q) applied to each: block diagonal (k e, q e)."""
-        return csc_matrix(kron(identity(edges), map_))
+        return csc_array(kron(eye_array(edges), map_))
 
 
 def affine_basis(t: Vector) -> Matrix:

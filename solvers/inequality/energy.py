@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from solvers.basics.types import Matrix, Sparse, Vector
+from solvers.basics.types import Matrix, Sparse, SparseRows, Vector
 
 
 class EnergyRoot(Protocol):
@@ -22,7 +22,7 @@ class EnergyRoot(Protocol):
         """Rᵀr (n,)."""
         ...
 
-    def matrix(self) -> tuple[Sparse, Matrix]:
+    def matrix(self) -> tuple[SparseRows, Matrix]:
         """(R as sparse rows, a place (2,) for each row), for factorising R where K has lost too much to rounding."""
         ...
 

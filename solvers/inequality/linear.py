@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 from scipy.linalg.lapack import dpotrs
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_array
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation, FactorisationError
@@ -42,9 +42,9 @@ class EqualitySystem:
     def on_interface(self, rows: Sparse) -> Sparse:
         """Columns Γ (j, k) of rows (j, n), the same arrays where there are no entries in others, as in contact rows."""
         if int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz:
-            return csc_matrix(rows[:, self.interface])
+            return csc_array(rows[:, self.interface])
         starts = np.append(rows.indptr[self.interface], rows.indptr[-1])
-        return csc_matrix((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface)))
+        return csc_array((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface)))
 
     @property
     def schur(self) -> Matrix:
@@ -122,5 +122,5 @@ def interface_of(contact_rows: Sparse, A: Sparse) -> IntVector:
 
 
 def _columns(matrix: Sparse) -> IntVector:
-    columns = matrix if matrix.format == "csc" else csc_matrix(matrix)
+    columns = matrix if matrix.format == "csc" else csc_array(matrix)
     return np.flatnonzero(np.diff(columns.indptr)).astype(np.int64)

@@ -8,13 +8,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, issparse
+from scipy.sparse import csc_array, issparse
 
 from solvers.basics.checks import real_array
 from solvers.basics.types import BoolVector, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.choice import Structure
-from solvers.inequality.blocks import absolute_product
+from solvers.inequality.blocks import absolute_product, by_columns
 from solvers.inequality.edges import EdgeRows
 from solvers.inequality.energy import Energy, EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
@@ -77,7 +77,7 @@ class FrictionQVI:
     t0: Vector
     mu: Vector
     W: Vector
-    A: Sparse = None  # None is replaced on construction
+    A: Sparse = None  # type: ignore[assignment]  # None is replaced on construction
     b: Vector = None  # type: ignore[assignment]
     root: EnergyRoot | None = None
     load: Vector | None = None
@@ -343,21 +343,21 @@ def _stacked(upper: Sparse, lower: Sparse) -> Sparse:
     """Rows on top of each other, both by columns; SciPy's `vstack` would go through coordinates."""
     first = np.arange(upper.nnz) + np.repeat(lower.indptr[:-1], np.diff(upper.indptr))
     second = np.arange(lower.nnz) + np.repeat(upper.indptr[1:], np.diff(lower.indptr))
-    data, indices = np.empty(upper.nnz + lower.nnz), np.empty(upper.nnz + lower.nnz, dtype=np.int64)
+    data, indices = np.empty(upper.nnz + lower.nnz), np.empty(upper.nnz + lower.nnz, dtype=upper.indices.dtype)
     data[first], data[second] = upper.data, lower.data
     indices[first], indices[second] = upper.indices, lower.indices + upper.shape[0]
-    return csc_matrix((data, indices, upper.indptr + lower.indptr), (upper.shape[0] + lower.shape[0], upper.shape[1]))
+    return csc_array((data, indices, upper.indptr + lower.indptr), (upper.shape[0] + lower.shape[0], upper.shape[1]))
 
 
 def _matrix(name: str, value: Any, columns: int) -> Sparse:
     if value is None:
         if name != "A":
             raise InputError(name, None, "give a matrix")
-        return csc_matrix((0, columns))
+        return csc_array((0, columns))
     try:
         if np.iscomplexobj(value):
             raise TypeError("complex numbers")
-        matrix = csc_matrix(value, dtype=np.float64)
+        matrix = by_columns(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(name, type(value).__name__, "give a matrix of real numbers, sparse or dense") from error
     if not issparse(value) and np.ndim(value) != 2:

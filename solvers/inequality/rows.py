@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgeqp3
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_array
 
-from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 
 _RANK = 1e-10
 """Rows, scaled to length one, that are shorter than this beside the others depend on them."""
@@ -26,8 +26,8 @@ def independent_rows(B: Sparse) -> tuple[Matrix, Sparse]:
     Q, R, order, lengths, touched = _pivoted(B)
     E = np.empty((B.shape[0], len(R)))
     E[order] = R.T
-    selection = csc_matrix((np.ones(len(touched)), (np.arange(len(touched)), touched)), (len(touched), B.shape[1]))
-    return E * lengths[:, None], csc_matrix(csc_matrix(Q.T) @ selection)
+    selection = csc_array((np.ones(len(touched)), (np.arange(len(touched)), touched)), (len(touched), B.shape[1]))
+    return E * lengths[:, None], csc_array(csc_array(Q.T) @ selection)
 
 
 def spanning_rows(B: Sparse) -> tuple[Matrix, IntVector]:
@@ -71,7 +71,7 @@ class _Pivot(NamedTuple):
     expression: dict[int, float]
 
 
-def echelon(Y: csr_matrix) -> Echelon:
+def echelon(Y: SparseRows) -> Echelon:
     """Gaussian elimination row by row, each row reduced by all pivots before it.
 
     Rows along a line touch few unknowns at a time: expressed by the unknowns at the beginning of the line they stay
@@ -100,7 +100,7 @@ def echelon(Y: csr_matrix) -> Echelon:
     return Echelon(np.sort(np.array(chosen, dtype=np.int64)), free)
 
 
-def _neighbours_together(Y: csr_matrix) -> list[int]:
+def _neighbours_together(Y: SparseRows) -> list[int]:
     """The rows in an order in which each comes right after the first one that it shares a column with."""
     rows = np.repeat(np.arange(Y.shape[0]), np.diff(Y.indptr))
     first = np.full(Y.shape[1], Y.shape[0])

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
-from scipy.sparse import csc_matrix, csr_matrix, issparse
+from scipy.sparse import csc_array, csr_array, issparse
 from scipy.sparse.linalg import splu
 
-from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
-from solvers.inequality.blocks import Rows, absolute_product, are_few, stored
+from solvers.inequality.blocks import Rows, absolute_product, are_few, by_columns, stored
 from solvers.inequality.rows import basis_rows, echelon, spanning_rows
 
 _MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|
@@ -46,7 +46,7 @@ class Traces:
             matrix: Any = value
             if np.iscomplexobj(matrix):
                 raise InputError(f"traces.{name}", "complex numbers", "give real ones")
-            object.__setattr__(self, name, csc_matrix(matrix, dtype=np.float64))
+            object.__setattr__(self, name, by_columns(matrix))
 
     def check(self, contact_rows: Sparse) -> None:
         """`InputError` unless E Y is [N; T] (2m, n), tried on a random vector."""
@@ -110,20 +110,20 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
     """
     if traces is None:
         spanned, chosen = spanning_rows(contact_rows)
-        traces = Traces(contact_rows[chosen], csc_matrix(spanned))
-    Y, k = traces.rows[:, interface], len(interface)
-    if are_few(*Y.shape) and are_few(traces.interpolation.shape[0], k):
-        return _few_coordinates(Y.toarray(), traces.interpolation.toarray())
-    Y = csr_matrix(Y)
+        traces = Traces(contact_rows[chosen], csc_array(spanned))
+    columns, k = traces.rows[:, interface], len(interface)
+    if are_few(*columns.shape) and are_few(traces.interpolation.shape[0], k):
+        return _few_coordinates(columns.toarray(), traces.interpolation.toarray())
+    Y = csr_array(columns)
     found = echelon(Y)
     P = stored(_completed(Y[found.rows], found.free))
     factor = _factor(P)
-    E: Any = _completed_columns(traces.interpolation, found.rows, k)
+    E = _completed_columns(traces.interpolation, found.rows, k)
     dependent = np.setdiff1d(np.arange(Y.shape[0]), found.rows)
     dependent = dependent[np.diff(Y.indptr)[dependent] > 0]
     if len(dependent):
         combination = factor.solve(Y[dependent].toarray().T, "T").T
-        E = E + traces.interpolation[:, dependent] @ csc_matrix(combination)
+        E = E + traces.interpolation[:, dependent] @ csc_array(combination)
     return TraceCoordinates(stored(E), P, factor, False)
 
 
@@ -158,18 +158,19 @@ class _DenseFactor:
 
 
 def _factor(matrix: Rows) -> Any:
-    return _DenseFactor(matrix) if isinstance(matrix, np.ndarray) else splu(csc_matrix(matrix))
+    return _DenseFactor(matrix) if isinstance(matrix, np.ndarray) else splu(csc_array(matrix))
 
 
-def _completed(rows: csr_matrix, free: IntVector) -> csr_matrix:
+def _completed(rows: SparseRows, free: IntVector) -> SparseRows:
     """Rows (r, k), and below them the unit vectors of the columns that they leave free (k − r,)."""
-    ends = rows.indptr[-1] + np.arange(1, len(free) + 1)
-    arrays: Any = np.append(rows.data, np.ones(len(free))), np.append(rows.indices, free), np.append(rows.indptr, ends)
-    return csr_matrix(arrays, (rows.shape[1],) * 2)
+    ends = rows.indptr[-1] + np.arange(1, len(free) + 1, dtype=rows.indptr.dtype)
+    indices, starts = np.append(rows.indices, free.astype(rows.indices.dtype)), np.append(rows.indptr, ends)
+    k = rows.shape[1]
+    return csr_array((np.append(rows.data, np.ones(len(free))), indices, starts), (k, k))
 
 
-def _completed_columns(E: Sparse, chosen: IntVector, k: int) -> csc_matrix:
+def _completed_columns(E: Sparse, chosen: IntVector, k: int) -> Sparse:
     """The chosen columns of E (2m, r), and behind them zeros up to k."""
-    part: Any = csc_matrix(E[:, chosen])
-    starts = np.append(part.indptr, np.full(k - len(chosen), part.nnz))
-    return csc_matrix((part.data, part.indices, starts), (E.shape[0], k))
+    part = csc_array(E[:, chosen])
+    starts = np.append(part.indptr, np.full(k - len(chosen), part.nnz, dtype=part.indptr.dtype))
+    return csc_array((part.data, part.indices, starts), (E.shape[0], k))

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, triu, vstack
+from scipy.sparse import csc_array, triu, vstack
 
 from solvers.basics.status import Status
 from solvers.basics.types import Module, Vector, load
@@ -33,9 +33,9 @@ class DirectClarabel:
         self._inner = InnerProblem(qvi)
         cones = [clarabel.ZeroConeT(qvi.p)] if qvi.p else []
         cones.append(clarabel.NonnegativeConeT(3 * qvi.m))
-        rows = csc_matrix(vstack([qvi.A, self._inner.G])) if qvi.p else self._inner.G
+        rows = csc_array(vstack([qvi.A, self._inner.G])) if qvi.p else self._inner.G
         right = np.ones(qvi.p + 3 * qvi.m)  # of no meaning: every solve sets its own
-        upper = csc_matrix(triu(qvi.K))
+        upper = csc_array(triu(qvi.K))
         settings = self._settings(clarabel, tolerance, options)
         self._solver = clarabel.DefaultSolver(upper, np.zeros(qvi.n), rows, right, cones, settings)
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix, vstack
+from scipy.sparse import csc_array, vstack
 
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector
@@ -55,7 +55,7 @@ class InnerProblem:
     @cached_property
     def G(self) -> Sparse:  # noqa: N802
         """[N; T; −T] (3m, n)."""
-        return csc_matrix(vstack([self.qvi.N, self.qvi.T, -self.qvi.T]))
+        return csc_array(vstack([self.qvi.N, self.qvi.T, -self.qvi.T]))
 
     def multipliers(self, y: Vector) -> tuple[Vector, Vector]:
         """(m_N, m_T) of the multipliers y ≥ 0 (3m,) of G z ≤ h."""

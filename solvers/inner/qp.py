@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_matrix
 
 from solvers.basics.status import Status
 from solvers.basics.types import Vector, load
@@ -29,9 +30,8 @@ class QPSolver:
         self.packages: tuple[str, ...] = ("qpsolvers", self.backend.package or self.backend.module)
         self._inner = InnerProblem(qvi)
         self._settings = self.backend.settings(tolerance) if options is None else dict(options)
-        self._matrices: list[Any] = [self._inner.P, self._inner.G, qvi.A]
-        if self.backend.dense:
-            self._matrices = [matrix.toarray() for matrix in self._matrices]
+        matrices = (self._inner.P, self._inner.G, qvi.A)  # for qpsolvers sparse means csc_matrix, no sparse array
+        self._matrices = [matrix.toarray() if self.backend.dense else csc_matrix(matrix) for matrix in matrices]
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
         """Solve for the bound threshold (m,); warnings end in the message."""

@@ -1,7 +1,7 @@
 """A square root of a sparse positive definite matrix: RᵀR = K."""
 
 import numpy as np
-from scipy.sparse import csc_matrix, diags
+from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from solvers.basics.types import Sparse
@@ -22,5 +22,5 @@ def square_root(K: Sparse) -> Sparse:
         raise InputError("K", "not positive definite", "give a positive definite K, or a 'qp:' inner solver")
     n = K.shape[0]
     order = np.argsort(factor.perm_c)  # row i of P K Pᵀ is row order[i] of K
-    P = csc_matrix((np.ones(n), (np.arange(n), order)), shape=(n, n))
-    return csc_matrix(diags(np.sqrt(pivots)) @ factor.L.T @ P)
+    P = csc_array((np.ones(n), (np.arange(n), order)), shape=(n, n))
+    return csc_array(diags_array(np.sqrt(pivots)) @ factor.L.T @ P)

@@ -18,7 +18,7 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-from scipy.sparse import csc_matrix, vstack
+from scipy.sparse import csc_array, vstack
 
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, Matrix, Sparse, Vector
@@ -66,15 +66,15 @@ class ConeProblem:
         self.count = qvi.m // self._edges.count
         self._unilateral = np.flatnonzero(~bilateral_edges(qvi))
         rows = (2 * self._unilateral[:, None] + np.arange(2)).ravel()
-        self.N: Sparse = csc_matrix((self._edges.matrix(self._edges.to_ends, self.count) @ qvi.N)[rows])
-        T = csc_matrix(self._edges.matrix(self._edges.to_bernstein, self.count) @ qvi.T).tocsr()
-        self.T: tuple[Sparse, Sparse, Sparse] = (csc_matrix(T[0::3]), csc_matrix(T[1::3]), csc_matrix(T[2::3]))
+        self.N: Sparse = csc_array((self._edges.matrix(self._edges.to_ends, self.count) @ qvi.N)[rows])
+        T = csc_array(self._edges.matrix(self._edges.to_bernstein, self.count) @ qvi.T).tocsr()
+        self.T: tuple[Sparse, Sparse, Sparse] = (csc_array(T[0::3]), csc_array(T[1::3]), csc_array(T[2::3]))
 
     @cached_property
     def cone_rows(self) -> Sparse:
         """Rows (3e, n) of (τ₀ + τ₂, τ₀ − τ₂, 2τ₁), all first entries, then all second, then all third."""
         first, middle, last = self.T
-        return csc_matrix(vstack([first + last, first - last, 2.0 * middle]))
+        return csc_array(vstack([first + last, first - last, 2.0 * middle]))
 
     def ends(self, centre: Centre) -> Vector:
         """End values of σ_N at the centre (2k,)."""

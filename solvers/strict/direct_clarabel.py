@@ -6,7 +6,7 @@ Unknowns (x, β₊, β₋). Settings and citation as in `inner.direct_clarabel`.
 import time
 
 import numpy as np
-from scipy.sparse import block_diag, csc_matrix, hstack, identity, triu, vstack
+from scipy.sparse import block_diag, csc_array, eye_array, hstack, triu, vstack
 
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
@@ -31,7 +31,7 @@ class DirectStrictClarabel:
         zeros = [clarabel.ZeroConeT(qvi.p)] if qvi.p else []
         kinds = [*zeros, clarabel.NonnegativeConeT(self._linear + 2 * e), *([clarabel.SecondOrderConeT(3)] * (2 * e))]
         rows = self._rows(qvi, cones)
-        upper = csc_matrix(block_diag([triu(qvi.K), csc_matrix((2 * e, 2 * e))], format="csc"))
+        upper = csc_array(block_diag([triu(qvi.K), csc_array((2 * e, 2 * e))], format="csc"))
         settings = DirectClarabel._settings(clarabel, tolerance)
         for name, value in CLARABEL_SETTINGS.items():
             setattr(settings, name, value)
@@ -42,20 +42,20 @@ class DirectStrictClarabel:
     def _rows(qvi: FrictionQVI, cones: ConeProblem) -> Sparse:
         """Equations, ends, −β, and the cones' rows ±(τ) + (0, 0, 2β), three together."""
         e, n = cones.count, qvi.n
-        slack = csc_matrix((np.full(e, 2.0), (np.arange(2 * e, 3 * e), np.arange(e))), (3 * e, e))
-        nothing = csc_matrix((3 * e, e))
+        slack = csc_array((np.full(e, 2.0), (np.arange(2 * e, 3 * e), np.arange(e))), (3 * e, e))
+        nothing = csc_array((3 * e, e))
         interleaved = np.arange(3 * e).reshape(3, e).T.ravel()
         bounds = [
             hstack([cones.cone_rows, slack, nothing], "csr")[interleaved],
             hstack([-cones.cone_rows, nothing, slack], "csr")[interleaved],
         ]
         blocks = [
-            hstack([qvi.A, csc_matrix((qvi.p, 2 * e))]),
-            hstack([cones.N, csc_matrix((cones.N.shape[0], 2 * e))]),
-            hstack([csc_matrix((2 * e, n)), -identity(2 * e)]),
+            hstack([qvi.A, csc_array((qvi.p, 2 * e))]),
+            hstack([cones.N, csc_array((cones.N.shape[0], 2 * e))]),
+            hstack([csc_array((2 * e, n)), -eye_array(2 * e)]),
             *bounds,
         ]
-        return csc_matrix(vstack(blocks))
+        return csc_array(vstack(blocks))
 
     def _right(self, threshold: Vector, centre: Centre) -> Vector:
         theta, shear = threshold.reshape(-1, 3), self._cones.shear(centre)
