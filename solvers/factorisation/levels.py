@@ -64,8 +64,9 @@ class Levels:
         self._number[interface] = 0
         self.members = [interface]
         found, front = interface.size, interface
+        starts = K.indptr.astype(np.int64)
         while found < n:
-            near = K.indices[_ranges(K.indptr[front], K.indptr[front + 1])]
+            near = K.indices[_ranges(starts[front], starts[front + 1])]
             near = near[self._number[near] < 0]
             self._number[near if near.size else int(np.argmin(self._number))] = len(self.members)
             front = np.flatnonzero(self._number == len(self.members))
