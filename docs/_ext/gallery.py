@@ -1,8 +1,8 @@
-"""The gallery: every problem file of `examples`, checked, solved and drawn by the command line when the site is built.
+"""The gallery: problem files of `examples`, checked, solved and drawn by the command line, and scripts beside them.
 
-The page holds a line ``% gallery``, which is replaced by a section for each file. Everything shown comes from the file
-and from what the program printed and drew. The setting ``gallery_examples`` (-D gallery_examples=punch,bracket) keeps
-only those named.
+Made when the site is built. The page holds a line ``% gallery``, which is replaced by a section for each file.
+Everything shown comes from the file and from what the programs printed and drew. The setting ``gallery_examples`` (-D
+gallery_examples=punch,bracket) keeps only those named.
 """
 
 import os
@@ -24,7 +24,10 @@ _AT_ONCE = 2
 
 @dataclass(frozen=True)
 class Shown:
-    """What is shown of a problem file: title, words, commands in it, output and exit status, pictures drawn."""
+    """What is shown of a problem file: title, words, commands in it, output and exit status, pictures drawn.
+
+    A script of the same name has its output in ``script``, "" if there is none.
+    """
 
     name: str
     title: str
@@ -33,6 +36,7 @@ class Shown:
     output: str
     status: int | None
     pictures: tuple[Path, ...]
+    script: str
 
 
 def comments(text: str) -> tuple[str, list[str]]:
@@ -51,26 +55,36 @@ def shown(path: Path, folder: Path) -> Shown:
     text = path.read_text(encoding="utf-8")
     words, commands = comments(text)
     problem, answer = folder / f"{path.stem}_problem.png", folder / f"{path.stem}.png"
-    _run("check", path, problem)
-    status, output = _run("solve", path, answer)
+    _run(path, "-m", "qvi_contact", "check", str(path), "--plot", str(problem))
+    status, output = _run(path, "-m", "qvi_contact", "solve", str(path), "--plot", str(answer))
+    script = path.with_suffix(".py")
+    printed = _run(script, str(script))[1] if script.exists() else ""
     pictures = tuple(picture for picture in (problem, answer) if picture.exists())
     title = tomllib.loads(text)["title"]
     return Shown(
-        path.stem, title, (words, *commands), f"qvi-contact solve examples/{path.name}", output, status, pictures
+        path.stem,
+        title,
+        (words, *commands),
+        f"qvi-contact solve examples/{path.name}",
+        output,
+        status,
+        pictures,
+        printed,
     )
 
 
-def _run(command: str, path: Path, picture: Path) -> tuple[int | None, str]:
-    """Exit status and output of the program; no status if it took too long."""
-    line = [sys.executable, "-m", "qvi_contact", command, str(path), "--plot", str(picture)]
+def _run(path: Path, *words: str) -> tuple[int | None, str]:
+    """Exit status and output of Python with these words, for a file; no status if it took too long."""
     threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     environment = {**os.environ, **threads, "PYTHONIOENCODING": "utf-8"}
     try:
-        done = subprocess.run(line, capture_output=True, timeout=_SECONDS, env=environment, check=False)
+        done = subprocess.run(
+            [sys.executable, *words], capture_output=True, timeout=_SECONDS, env=environment, check=False
+        )
     except subprocess.TimeoutExpired:
         return None, f"given up after {_SECONDS:.0f} s"
     output = done.stdout.decode() + done.stderr.decode()
-    if done.returncode == 2:
+    if done.returncode == 2 or (path.suffix == ".py" and done.returncode):
         raise ExtensionError(f"{path.name}: {output}")
     return done.returncode, output.rstrip()
 
@@ -84,11 +98,14 @@ def section(example: Shown, folder: str) -> str:
         for picture, what in zip(example.pictures, alternatives, strict=False)
     ]
     ended = "was given up" if example.status is None else f"ends with exit status {example.status}"
+    script = f"examples/{example.name}.py"
+    beside = [f"`python {script}` prints", f"```text\n{example.script}\n```", f"The script: [{script}](../{script})"]
     return "\n\n".join([
         f"## {example.title}", words.replace("<", "\\<").replace("_", "\\_"), *pictures,
         "```console\n" + "\n".join(f"$ {command}" for command in commands or [example.command]) + "\n```",
         f"`{example.command}` {ended} and prints", f"```text\n{example.output}\n```",
         f"The file: [examples/{example.name}.toml](../examples/{example.name}.toml)",
+        *(beside if example.script else ()),
     ])  # fmt: skip
 
 
