@@ -40,7 +40,7 @@ def gravity_dam() -> TriangleMesh:
 
 def wedge() -> TriangleMesh:
     """A block of 4 m with a flat top on a slope of 1 : 10 [m]."""
-    corners = [Corner((0.0, 0.0), "slope"), Corner((4.0, 0.4), "right"), Corner((4.0, 2.0), "top")]
+    corners = [Corner((0.0, 0.0), "slope"), Corner((4.0, 0.4), "right", size=0.05), Corner((4.0, 2.0), "top")]
     return TriangleMesh.outline([*corners, Corner((0.0, 2.0), "left")], 0.5)
 
 
