@@ -19,14 +19,11 @@ def stress_error(result: ContactResult, state: ExactState) -> float:
 
 def scattered(result: ContactResult, count: int = _POINTS) -> tuple[FloatArray, FloatArray]:
     """Points of the rectangle around the body, the same in every run."""
-    mesh = result.problem.grid
-    points = np.random.default_rng(7).uniform(0.02, 0.98, size=(2, count))
-    x, y = (low + share * (high - low) for share, low, high in _spans(points, mesh.x, mesh.y))
+    vertices = result.problem.mesh.vertices
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    shares = np.random.default_rng(7).uniform(0.02, 0.98, size=(2, count))
+    x, y = low[:, None] + shares * (high - low)[:, None]
     return x, y
-
-
-def _spans(points: FloatArray, x: FloatArray, y: FloatArray) -> list[tuple[FloatArray, float, float]]:
-    return [(points[0], float(x[0]), float(x[-1])), (points[1], float(y[0]), float(y[-1]))]
 
 
 def traction_difference(ours: ContactLine, theirs: ContactLine, unit: float) -> float:
@@ -40,15 +37,16 @@ def mean_pressure(line: ContactLine) -> float:
     return float(line.normal_force / line.weights.sum())
 
 
-def value_at(line: ContactLine, values: FloatArray, x: float, degree: int) -> float:
-    """Value at x of a quantity on a horizontal contact that is a polynomial of this degree on every edge.
+def value_at(line: ContactLine, values: FloatArray, x: float) -> float:
+    """Value at x of a quantity on a horizontal contact, by the polynomial through the points of an edge.
 
-    Edges have four points each; the one whose middle is nearest counts, whose polynomial is carried on to its ends.
+    The edge whose middle is nearest counts; its polynomial is carried on to its ends.
     """
-    middles = line.x.reshape(-1, 4).mean(axis=1)
+    count = line.points_per_edge
+    middles = line.x.reshape(-1, count).mean(axis=1)
     edge = int(np.argmin(np.abs(middles - x)))
-    points = slice(4 * edge, 4 * edge + 4)
-    return float(np.polynomial.Polynomial.fit(line.x[points], values[points], degree)(x))
+    points = slice(count * edge, count * edge + count)
+    return float(np.polynomial.Polynomial.fit(line.x[points], values[points], count - 1)(x))
 
 
 def runs(states: IntArray) -> str:
@@ -57,29 +55,34 @@ def runs(states: IntArray) -> str:
     return ", ".join(ContactState(state).name.lower() for state in states[first])
 
 
+def point_states(line: ContactLine) -> IntArray:
+    """States of the points in order along the contact, from its left end or, if it is vertical, from below."""
+    return np.asarray(line.state[line.path.points(line.points_per_edge).ravel()])
+
+
 def edge_states(line: ContactLine) -> IntArray:
-    """State of each edge: that of most of its four points, in a tie that of the first of them.
+    """State of each edge along the contact: that of most of its points, in a tie that of the first of them.
 
     Gap and slip are projections, so that points of the edge where a zone ends may be in either state.
     """
-    points = line.state.reshape(-1, 4)
+    points = point_states(line).reshape(-1, line.points_per_edge)
     counts = np.stack([(points == state).sum(axis=1) for state in ContactState], axis=1)
     first = points[:, 0]
     tied = counts[np.arange(len(points)), first] == counts.max(axis=1)
     return np.where(tied, first, counts.argmax(axis=1))
 
 
-def zone_ends(line: ContactLine, lines: FloatArray) -> FloatArray:
-    """Grid lines between edges of different states [length]."""
-    return np.asarray(lines[1 + np.flatnonzero(np.diff(edge_states(line)))])
+def zone_ends(line: ContactLine) -> FloatArray:
+    """Lengths along the contact at which edges of different states meet [length]."""
+    return np.asarray(line.path.starts[1 + np.flatnonzero(np.diff(edge_states(line)))])
 
 
-def between_points(values: FloatArray, degree: int, count: int = 1000) -> FloatArray:
-    """Values at points of every edge, ends included, of a polynomial given at four Gauss points, (edges, count).
+def between_points(values: FloatArray, points: int, count: int = 1000) -> FloatArray:
+    """Values at places on every edge, ends included, of a polynomial given at its Gauss points, (edges, count).
 
-    `values` has the shape (4 edges,); the polynomial through them has this degree on every edge.
+    `values` has the shape (points edges,); the polynomial goes through those of an edge.
     """
-    gauss = gauss_legendre(4)[0]
+    gauss = gauss_legendre(points)[0]
     t = np.linspace(0.0, 1.0, count)
-    coefficients = np.polynomial.polynomial.polyfit(gauss, values.reshape(-1, 4).T, degree)
+    coefficients = np.polynomial.polynomial.polyfit(gauss, values.reshape(-1, points).T, points - 1)
     return np.asarray(np.polynomial.polynomial.polyval(t, coefficients))

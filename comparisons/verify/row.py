@@ -65,6 +65,8 @@ class Row:
         Whether the results behind the number are certified.
     problem : str
         Name of the problem.
+    element : str
+        The element it was solved with; empty where there is none, or only the one that the problem is about.
 
     """
 
@@ -78,6 +80,7 @@ class Row:
     tolerance: float
     proof: Proof
     problem: str = ""
+    element: str = ""
 
     @property
     def passed(self) -> bool:

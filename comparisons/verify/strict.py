@@ -6,10 +6,11 @@ from typing import Final
 import numpy as np
 
 from comparisons.verify.chapter import Chapter
+from comparisons.verify.elements import BOTH, QUINTIC, RECTANGLES, TRIANGLES, Element, on
 from comparisons.verify.measures import between_points, mean_pressure
 from comparisons.verify.proof import both, certified, certified_algebra
 from comparisons.verify.row import Kind, Row, absolute, at_most, relative
-from qvi_contact import ContactResult, solve
+from qvi_contact import ContactProblem, ContactResult
 from qvi_contact.gallery import compressed_plate
 from solvers import solve_qvi
 
@@ -19,35 +20,41 @@ _CONES: Final = ("strict:clarabel", "strict-direct:clarabel")
 _MESHES: Final = {"16² cells graded by 0.8": ((16, 16), 0.8), "16² equal cells": ((16, 16), 1.0)}
 
 
-def whole_edges(quick: bool) -> Iterator[Row]:
+@on(RECTANGLES)
+def whole_edges(element: Element, quick: bool) -> Iterator[Row]:
     """σ_T at 1000 points of every edge against μ|σ_N| there, and σ_N against zero, on the paper's plate."""
     for name, inner, friction in _cases(quick):
-        result = _strict(name, inner, friction)
-        excess, pull = (value / mean_pressure(result.contacts["plate"]) for value in _sampled(result))
-        source, proof = f"|σ_T| ≤ μ|σ_N|; μ = {friction:g}, {name}, {inner}", certified(result)
-        yield at_most(
-            "largest |σ_T| − bound over the mean pressure", excess, 0.0, _EXCESS, Kind.ANALYTIC, source, proof
-        )
-        source = f"σ_N ≤ 0; μ = {friction:g}, {name}, {inner}"
-        yield at_most("largest σ_N over the mean pressure", pull, 0.0, _EXCESS, Kind.ANALYTIC, source, proof)
+        result = _strict(element, name, inner, friction)
+        yield from _kept(result, f"μ = {friction:g}, {name}, {inner}")
 
 
-def reported_excess(quick: bool) -> Iterator[Row]:
+@on(TRIANGLES, QUINTIC)
+def whole_edges_by_coefficients(element: Element, quick: bool) -> Iterator[Row]:
+    """The same on triangles, where Bernstein coefficients of tractions hold the law on whole edges without cones."""
+    for name, (cells, grading) in list(_MESHES.items())[: 1 if quick else 2]:
+        for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
+            result = element.solve(compressed_plate(friction, cells, grading=grading), tolerance=_TOLERANCE)
+            yield from _kept(result, f"μ = {friction:g}, {name}")
+
+
+@on(*BOTH)
+def reported_excess(element: Element, quick: bool) -> Iterator[Row]:
     """What a collocated result says about its own violation between the points, against 1000 points of every edge."""
     for name, (cells, grading) in list(_MESHES.items())[: 1 if quick else 2]:
-        result = solve(compressed_plate(0.1, cells, grading=grading))
+        result = element.solve(compressed_plate(0.1, cells, grading=grading), contact_rows="gauss")
         line = result.contacts["plate"]
         sampled, _ = _sampled(result)
         quantity = "largest |σ_T| − bound between the points [MPa]"
-        source, proof = f"polynomials through the four points, sampled; {name}", certified(result)
+        source, proof = f"polynomials through the points of each edge, sampled; {name}", certified(result)
         yield relative(quantity, line.excess_between_points, sampled, 1e-4, Kind.ANALYTIC, source, proof)
 
 
-def energy_of_the_smaller_set(quick: bool) -> Iterator[Row]:
+@on(RECTANGLES)
+def energy_of_the_smaller_set(element: Element, quick: bool) -> Iterator[Row]:
     """For one fixed bound the strict complementary energy is not below the collocated one: K strict ⊂ K collocated."""
     for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
         cells, grading = _MESHES["16² cells graded by 0.8"]
-        qvi = solve(compressed_plate(friction, cells, grading=grading)).solution.problem
+        qvi = element.solve(compressed_plate(friction, cells, grading=grading)).solution.problem
         start = solve_qvi(qvi, tolerance=_TOLERANCE)
         bound = qvi.threshold(qvi.pressure(start.z))
         given = qvi.changed(mu=0.0 * qvi.mu, cohesion=bound, cap=np.full(qvi.m, np.inf))
@@ -61,24 +68,26 @@ def energy_of_the_smaller_set(quick: bool) -> Iterator[Row]:
         yield at_most(quantity, difference, 0.0, 1e-9, Kind.ANALYTIC, source, proof)
 
 
-def two_cone_solvers(quick: bool) -> Iterator[Row]:
+@on(RECTANGLES)
+def two_cone_solvers(element: Element, quick: bool) -> Iterator[Row]:
     """Cones through cvxpy against Clarabel itself, and both against the collocated problem where nothing slips."""
     name = "16² cells graded by 0.8"
     for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
-        through, direct = (_strict(name, inner, friction) for inner in _CONES)
+        through, direct = (_strict(element, name, inner, friction) for inner in _CONES)
         source, proof = f"cvxpy; {name}", certified(through, direct)
         quantity = f"P/2, μ = {friction:g} [MPa length]"
         yield relative(quantity, _force(direct), _force(through), 1e-7, Kind.METHODS, source, proof)
-    stuck = solve(compressed_plate(0.5, *_MESHES[name][:1], grading=_MESHES[name][1]))
-    strict = _strict(name, _CONES[1], 0.5)
+    stuck = element.solve(compressed_plate(0.5, *_MESHES[name][:1], grading=_MESHES[name][1]))
+    strict = _strict(element, name, _CONES[1], 0.5)
     source, proof = f"collocated, full stick; {name}", certified(stuck, strict)
     yield relative("P/2, μ = 0.5 [MPa length]", _force(strict), _force(stuck), 1e-9, Kind.METHODS, source, proof)
 
 
-def refinement(quick: bool) -> Iterator[Row]:
+@on(*BOTH)
+def refinement(element: Element, quick: bool) -> Iterator[Row]:
     """Strict and collocated forces approach each other under refinement."""
     counts = (8, 16) if quick else (8, 16, 32)
-    pairs = [(solve(compressed_plate(0.1, (n, n))), _plate(n, 0.1)) for n in counts]
+    pairs = [(element.solve(_plate(n), contact_rows="gauss"), _strictly(element, _plate(n))) for n in counts]
     apart = [abs(_force(strict) / _force(loose) - 1.0) for loose, strict in pairs]
     proof = certified(*[result for pair in pairs for result in pair])
     for first, second, n in zip(apart[:-1], apart[1:], counts[1:], strict=True):
@@ -95,13 +104,33 @@ def _cases(quick: bool) -> Iterator[tuple[str, str, float]]:
                 yield name, inner, friction
 
 
-def _strict(name: str, inner: str, friction: float) -> ContactResult:
+def _strict(element: Element, name: str, inner: str, friction: float) -> ContactResult:
     cells, grading = _MESHES[name]
-    return solve(compressed_plate(friction, cells, grading=grading), inner=inner, tolerance=_TOLERANCE)
+    return element.solve(compressed_plate(friction, cells, grading=grading), inner=inner, tolerance=_TOLERANCE)
 
 
-def _plate(cells: int, friction: float) -> ContactResult:
-    return solve(compressed_plate(friction, (cells, cells)), inner=_CONES[1], tolerance=_TOLERANCE)
+def _plate(cells: int) -> ContactProblem:
+    return compressed_plate(0.1, (cells, cells))
+
+
+def _strictly(element: Element, problem: ContactProblem) -> ContactResult:
+    """With the law on whole edges: by Bernstein coefficients on triangles, by cones on rectangles."""
+    if element.has_triangles:
+        return element.solve(problem, tolerance=_TOLERANCE)
+    return element.solve(problem, inner=_CONES[1], tolerance=_TOLERANCE)
+
+
+def _kept(result: ContactResult, where: str) -> Iterator[Row]:
+    """Rows on the law between the points."""
+    excess, pull = (value / mean_pressure(result.contacts["plate"]) for value in _sampled(result))
+    quantity, source, proof = (
+        "largest |σ_T| − bound over the mean pressure",
+        f"|σ_T| ≤ μ|σ_N|; {where}",
+        certified(result),
+    )
+    yield at_most(quantity, excess, 0.0, _EXCESS, Kind.ANALYTIC, source, proof)
+    quantity, source = "largest σ_N over the mean pressure", f"σ_N ≤ 0; {where}"
+    yield at_most(quantity, pull, 0.0, _EXCESS, Kind.ANALYTIC, source, proof)
 
 
 def _force(result: ContactResult) -> float:
@@ -111,8 +140,9 @@ def _force(result: ContactResult) -> float:
 def _sampled(result: ContactResult) -> tuple[float, float]:
     """Largest |σ_T| − μ|σ_N| and σ_N at 1000 points of every edge of the plate, ≥ 0 [stress]."""
     line = result.contacts["plate"]
-    normal, tangential = between_points(line.normal_stress, 1), between_points(line.tangential_stress, 2)
-    friction = line.friction.reshape(-1, 4)[:, :1]
+    count = line.points_per_edge
+    normal, tangential = (between_points(values, count) for values in (line.normal_stress, line.tangential_stress))
+    friction = line.friction.reshape(-1, count)[:, :1]
     excess = np.abs(tangential) - friction * np.abs(normal)
     return float(max(excess.max(), 0.0)), float(max(normal.max(), 0.0))
 
@@ -120,11 +150,13 @@ def _sampled(result: ContactResult) -> tuple[float, float]:
 CHAPTER = Chapter(
     "strict",
     "Strict admissibility",
-    "With second-order cones the friction law holds everywhere on the contact, so that the stresses are admissible.",
-    "Tractions are sampled at 1000 points of every edge, independently of the cones.",
+    "With second-order cones on rectangles, and with Bernstein coefficients on triangles, the friction law holds "
+    "everywhere on the contact, so that the stresses are admissible.",
+    "Tractions are sampled at 1000 points of every edge, independently of cones and coefficients.",
     f"An excess above {_EXCESS:.0e} of the mean pressure, an energy below the larger set's, or solvers that differ.",
     {
         "whole-edges": whole_edges,
+        "whole-edges-triangles": whole_edges_by_coefficients,
         "reported-excess": reported_excess,
         "strict-energy": energy_of_the_smaller_set,
         "strict-solvers": two_cone_solvers,

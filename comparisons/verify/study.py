@@ -69,6 +69,7 @@ def as_record(row: Row) -> Document:
     """A row as plain data."""
     return {
         "quantity": row.quantity,
+        "element": row.element,
         "reference": _plain(row.reference),
         "kind": None if row.kind is None else row.kind.value,
         "source": row.source,

@@ -9,7 +9,7 @@ from comparisons.verify.row import EQUAL, EXCESS, RELATIVE, SHORTFALL, Kind, mea
 Document = dict[str, Any]
 
 HEADINGS: Final = (
-    "quantity", "reference", "kind", "source", "ours", "error", "tolerance", "certificate", "result",
+    "quantity", "element", "reference", "kind", "source", "ours", "error", "tolerance", "certificate", "result",
 )  # fmt: skip
 PASSED, FAILED = "passed", "FAILED"
 
@@ -31,7 +31,8 @@ def cells(row: Document) -> tuple[str, ...]:
     tolerance, kind = _tolerance(row), row["kind"] or _NOTHING
     result = PASSED if row["passed"] else FAILED
     source = row["source"] or _NOTHING
-    return row["quantity"], reference, kind, source, ours, _error(row), tolerance, row["proof"], result
+    quantity, element = row["quantity"], row["element"] or _NOTHING
+    return quantity, element, reference, kind, source, ours, _error(row), tolerance, row["proof"], result
 
 
 def number(value: float | str | None, resolution: float = 0.0) -> str:
@@ -59,7 +60,7 @@ def verdict(document: Document) -> str:
 def failed(document: Document) -> list[str]:
     """Every failed row in a sentence."""
     return [
-        f"{problem['name']}: {row['quantity']}: {number(row['ours'])}, reference {_reference(row)}, "
+        f"{problem['name']}: {_subject(row)}: {number(row['ours'])}, reference {_reference(row)}, "
         f"error {_error(row)}, tolerance {_tolerance(row)}, certificate: {row['proof']}"
         for chapter in document["chapters"]
         for problem in chapter["problems"]
@@ -73,6 +74,11 @@ def reading() -> list[tuple[str, str]]:
     kinds = "; ".join(f"{kind.value}: {meaning(kind)}" for kind in Kind)
     return [
         ("quantity", "what is compared, with its unit"),
+        (
+            "element",
+            "what the stress function is made of: Bogner-Fox-Schmit on rectangles, or Hsieh-Clough-Tocher on "
+            "triangles, into which the same rectangles are cut; - where the row is about one of them, or about none",
+        ),
         ("reference", "what it should be, known without this computation"),
         ("kind", kinds),
         ("source", "equation, test case or code the reference comes from, with its uncertainty where it has one"),
@@ -101,6 +107,11 @@ def machine_lines(document: Document) -> list[str]:
         f"Versions: {machine['python']}, {packages}",
         f"Command: {' '.join(['python -m comparisons verify', *options])}",
     ]
+
+
+def _subject(row: Document) -> str:
+    """The quantity, with the element it was computed on."""
+    return f"{row['quantity']}, {row['element']}" if row["element"] else str(row["quantity"])
 
 
 def _reference(row: Document) -> str:

@@ -189,7 +189,7 @@ def test_a_crash_is_a_failed_row_with_the_reason(monkeypatch, capfd, tmp_path):
     reason = "ZeroDivisionError: the mesh has no <cells> | none"
     assert reason in out
     table = markdown_rows((tmp_path / report.MARKDOWN).read_text(encoding="utf-8"))
-    assert table[1][4] == reason
+    assert table[1][5] == reason
     page = Page((tmp_path / report.PAGE).read_text(encoding="utf-8"))
     assert [cells for cells in page.rows if cells] == table
     assert "cells" not in page.tags

@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from comparisons.verify import texts
-from comparisons.verify.measures import between_points, edge_states, runs, value_at, zone_ends
+from comparisons.verify.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, on
+from comparisons.verify.measures import between_points, edge_states, point_states, runs, value_at, zone_ends
 from comparisons.verify.not_unique import STATES, _violation
 from comparisons.verify.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
 from comparisons.verify.row import Kind, absolute, at_least, at_most, relative, word
 from comparisons.verify.study import as_record
-from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Symmetry, Traction, solve
+from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Symmetry, Traction, TriangleMesh, solve
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.solution.limit import LimitLoad
@@ -129,40 +130,84 @@ class TestTexts:
     def test_noise_is_not_shown(self):
         one, other = (absolute("q", ours, 0.0, 1e-9, *REST) for ours in (3.1e-15, -2.2e-14))
         assert texts.cells(as_record(one)) == texts.cells(as_record(other))
-        assert texts.cells(as_record(one))[4:6] == ("0", "< 1e-10 (absolute)")
+        assert texts.cells(as_record(one))[5:7] == ("0", "< 1e-10 (absolute)")
 
     def test_errors_say_how_they_are_measured(self):
         row = relative("q", 1.01, 1.0, 1e-3, *REST)
-        assert texts.cells(as_record(row))[5:9] == ("1.0e-02 (relative)", "1e-03", "by hand", "FAILED")
-        assert texts.cells(as_record(at_most("q", 1.0, 2.0, 1e-3, *REST)))[1] == "≤ 2"
-        assert texts.cells(as_record(at_least("q", 1.0, 2.0, 1e-3, *REST)))[1] == "≥ 2"
-        assert texts.cells(as_record(word("q", "a", "b", *REST)))[5:7] == ("not equal", "-")
+        assert texts.cells(as_record(row))[6:10] == ("1.0e-02 (relative)", "1e-03", "by hand", "FAILED")
+        assert texts.cells(as_record(at_most("q", 1.0, 2.0, 1e-3, *REST)))[2] == "≤ 2"
+        assert texts.cells(as_record(at_least("q", 1.0, 2.0, 1e-3, *REST)))[2] == "≥ 2"
+        assert texts.cells(as_record(word("q", "a", "b", *REST)))[6:8] == ("not equal", "-")
+
+
+def backwards(problem):
+    """On triangles whose vertices, and so whose edges, are numbered from the right."""
+    mesh = problem.triangulated().mesh
+    last = len(mesh.vertices) - 1
+    sets = {name: last - pairs for name, pairs in mesh.edge_sets.items()}
+    return replace(problem, mesh=TriangleMesh(mesh.vertices[::-1], last - mesh.cells, sets))
 
 
 class TestMeasures:
     """Polynomials on edges are evaluated exactly; zones follow the edges."""
 
     RESULT = solve(compressed_plate(0.1, (5, 3), grading=0.7))
+    TURNED = solve(backwards(compressed_plate(0.1, (4, 2))), degree=4).contacts["plate"]
 
     @given(st.lists(st.floats(-5, 5), min_size=3, max_size=3), st.floats(0, 1))
     def test_value_at_a_point(self, coefficients, x):
         line = self.RESULT.contacts["plate"]
         polynomial = np.polynomial.Polynomial(coefficients)
-        assert value_at(line, polynomial(line.x), x, 2) == pytest.approx(polynomial(x), abs=1e-11)
+        assert value_at(line, polynomial(line.x), x) == pytest.approx(polynomial(x), abs=1e-11)
 
     def test_between_points(self):
         gauss = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
         t = np.linspace(0.0, 1.0, 11)
-        found = between_points(np.concatenate([3 * gauss - gauss**2, 1 - gauss]), 2, 11)
+        found = between_points(np.concatenate([3 * gauss - gauss**2, 1 - gauss]), 4, 11)
         np.testing.assert_allclose(found, [3 * t - t**2, 1 - t], atol=1e-13)
 
     def test_zones(self):
         points = np.array([0, 2, 2, 2, 2, 2, 1, 1, 2, 1, 1, 1])
-        line = replace(self.RESULT.contacts["plate"], state=points)
+        line = replace(solve(compressed_plate(0.1, (3, 1), grading=0.5)).contacts["plate"], state=points)
         assert edge_states(line).tolist() == [2, 2, 1]
         assert runs(edge_states(line)) == "slip, stick"
         assert runs(points) == "open, slip, stick, slip, stick"
-        assert zone_ends(line, np.array([0.0, 0.1, 0.4, 1.0])).tolist() == [0.4]
+        assert zone_ends(line).tolist() == pytest.approx([6.0 / 7.0])
+
+    @given(st.lists(st.floats(-5, 5), min_size=3, max_size=3), st.floats(0, 1))
+    def test_edges_of_triangles_may_have_any_order(self, coefficients, x):
+        line = self.TURNED
+        polynomial = np.polynomial.Polynomial(coefficients)
+        assert value_at(line, polynomial(line.x), x) == pytest.approx(polynomial(x), abs=1e-11)
+        where = np.linspace(*line.ends[:, :, 0].T, 11).T
+        np.testing.assert_allclose(between_points(polynomial(line.x), 3, 11), polynomial(where), atol=1e-11)
+
+    def test_zones_follow_the_contact(self):
+        line = replace(self.TURNED, state=np.where(self.TURNED.x < 0.5, 0, 1))
+        assert runs(edge_states(line)) == runs(point_states(line)) == "open, stick"
+        assert zone_ends(line).tolist() == pytest.approx([0.5])
+
+
+class TestElements:
+    """A problem runs on each of its elements, and its rows say so."""
+
+    @staticmethod
+    def names(quick):
+        @on(RECTANGLES, TRIANGLES, QUINTIC)
+        def problem(element, _):
+            yield absolute("degree", element.degree, 3.0, 1.0, *REST)
+
+        return [as_record(row)["element"] for row in problem(quick)]
+
+    def test_rows_name_them(self):
+        assert self.names(quick=False) == [element.name for element in EVERY]
+        assert self.names(quick=True) == [element.name for element in BOTH]
+
+    @pytest.mark.parametrize("element", EVERY)
+    def test_what_is_solved(self, element):
+        space = element.solve(compressed_plate(0.1)).discretization.space
+        assert space.degree == element.degree
+        assert isinstance(space.mesh, TriangleMesh) == element.has_triangles
 
 
 def test_the_contact_law_by_hand_knows_the_three_states():
