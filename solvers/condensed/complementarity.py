@@ -114,15 +114,14 @@ class Complementarity:
 
     def _lay_out_rows(self) -> None:
         """Rows of tractions and bounds in the coordinates that are free."""
-        E_N, E_T, count = self._reduction.E_N, self._reduction.E_T, int((self._sign == 0.0).sum())
+        E, m, count = self._reduction.E, self._qvi.m, int((self._sign == 0.0).sum())
         whole = len(self._equations.free) == self._reduction.size
-        self._all_N: Rows = E_N if whole else mapped(E_N, self._equations.map)
-        self._all_T: Rows = E_T if whole else mapped(E_T, self._equations.map)
-        self._size_N, self._size_T = abs(self._all_N), abs(self._all_T)
-        tangential = scaled(self._sign[count:], self._all_T[self._points[count:]])
-        self.B: Rows = stacked([self._all_N[self._points[:count]], tangential])
+        self._all: Rows = E if whole else mapped(E, self._equations.map)
+        self._all_sizes: Rows = abs(self._all)
+        tangential = scaled(self._sign[count:], self._all[m + self._points[count:]])
+        self.B: Rows = stacked([self._all[self._points[:count]], tangential])
         self._B_transposed: Rows = transposed(self.B)
-        self._split_rows: Rows = self._all_N[self.split]
+        self._split_rows: Rows = self._all[self.split]
         self._constant: Rows | None = None  # C where it is the same everywhere
         if not len(self.split):
             self._constant = self.slack_rows(np.zeros(0))
@@ -150,7 +149,8 @@ class Complementarity:
 
     def tractions(self, y: Vector) -> tuple[Vector, Vector]:
         """(σ_N, σ_T) (m,) each."""
-        return self._normal + self._all_N @ y, self._tangential + self._all_T @ y
+        change, m = self._all @ y, len(self._normal)
+        return self._normal + change[:m], self._tangential + change[m:]
 
     def contradiction(self) -> float:
         """Largest shear at points without friction, over the scale of stress: what equations cannot make zero."""
@@ -205,10 +205,10 @@ class Complementarity:
 
     def _rounding(self, y: Vector) -> tuple[Vector, Vector]:
         """What the rounding of y and of sums may change of σ_N and σ_T (m,) each."""
-        size = np.abs(y)
+        sums, m = self._all_sizes @ np.abs(y), len(self._normal)
         return (
-            _TERMS * _EPSILON * (np.abs(self._normal) + self._size_N @ size),
-            _TERMS * _EPSILON * (np.abs(self._tangential) + self._size_T @ size),
+            _TERMS * _EPSILON * (np.abs(self._normal) + sums[:m]),
+            _TERMS * _EPSILON * (np.abs(self._tangential) + sums[m:]),
         )
 
     def split_normal(self, y: Vector) -> Vector:
@@ -231,7 +231,7 @@ class Complementarity:
             return self._constant
         change = np.full(self._qvi.m, -1.0)  # of the pressure
         change[self.split] = slope
-        return scaled(-self.friction * change[self._points], self._all_N[self._points]) + self.B
+        return scaled(-self.friction * change[self._points], self._all[self._points]) + self.B
 
     def energy(self, y: Vector) -> float:
         """Of (D2), with what the base lacks in accuracy."""
@@ -247,6 +247,12 @@ class Complementarity:
     def traction_rows(self) -> Matrix:
         """The rows of B of the tractions themselves, dense."""
         return dense(self.B[: len(self.bounds)])
+
+    @cached_property
+    def traction_sizes(self) -> Vector:
+        """W |T|² of the rows T of the tractions."""
+        rows = self.traction_rows
+        return np.asarray(self.weights[: len(rows)] * (rows * rows).sum(axis=1))
 
     @cached_property
     def _cholesky(self) -> tuple[Matrix, bool] | None:

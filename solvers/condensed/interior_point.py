@@ -75,11 +75,15 @@ class Step(NamedTuple):
 
 
 class Residuals(NamedTuple):
-    """What is left of S y + c + BᵀWλ = 0 (k,), s = slack (q,) and σ_N = pull − push (b,)."""
+    """What is left of S y + c + BᵀWλ = 0 (k,), s = slack (q,) and σ_N = pull − push (b,).
+
+    `largest` is the largest of the terms that make up `force`.
+    """
 
     force: Vector
     slack: Vector
     split: Vector
+    largest: float
 
 
 @dataclass(frozen=True)
@@ -139,10 +143,10 @@ class InteriorPoint:
     def residuals(self) -> Residuals:
         """At the current point."""
         problem, point = self.problem, self.point
-        force = problem.S @ point.y + problem.c + problem.force(point.lam)
+        terms = (problem.S @ point.y, problem.c, problem.force(point.lam))
         slack = problem.slack_residual(point.y, point.s, point.pull + point.push)
         split = problem.split_residual(point.y, point.pull - point.push)
-        return Residuals(force, slack, split)
+        return Residuals(terms[0] + terms[1] + terms[2], slack, split, max(_largest(term) for term in terms))
 
     def sharpen(self) -> None:
         """Aim at smaller pull push: where both vanish they would else fall like √τ each."""
@@ -156,8 +160,7 @@ class InteriorPoint:
         gap = float(problem.weights @ (self.point.s * self.point.lam)) / max(unit, _LEAST)
         slack = max(_largest(residuals.slack / problem.sizes), _largest(residuals.split)) / stress
         kink = 2.0 * _largest(np.minimum(self.point.pull, self.point.push)) / stress
-        terms = (problem.S @ self.point.y, problem.c, problem.force(self.point.lam))
-        size = max(self._force_scale, *(float(np.abs(term).max(initial=0.0)) for term in terms), _LEAST)
+        size = max(self._force_scale, residuals.largest, _LEAST)
         self.least = _FINEST * unit / max(float(problem.weights @ problem.shares), _LEAST)
         return Measures(gap, slack, kink, _largest(residuals.force) / size)
 
@@ -238,10 +241,9 @@ class Newton:
 
     def step(self, comp: Vector, *, only: bool = False) -> Step:
         """The change that makes the products grow by comp (q + b,); `only`: without reducing the residuals."""
-        residuals, point, problem = self.residuals, self.point, self.problem
+        (force, slack, split, _), point, problem = self.residuals, self.point, self.problem
         if only:
-            residuals = Residuals(*(0.0 * residual for residual in residuals))
-        force, slack, split = residuals
+            force, slack, split = 0.0 * force, 0.0 * slack, 0.0 * split
         work, kink = comp[: len(point.s)], comp[len(point.s) :]
         # |σ_N| changes by this much, and by its slope times the change of σ_N.
         size = (2.0 * kink + (point.pull - point.push) * split) / (point.pull + point.push)

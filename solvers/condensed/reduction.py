@@ -53,7 +53,8 @@ class Reduction:
     Attributes
     ----------
     stiffness : S_y (k, k)
-    E_N, E_T : (m, k) rows, tractions by trace coordinates
+    E : (2m, k) rows, tractions by trace coordinates
+    E_N, E_T : (m, k) its halves
     A : A_y (p, k)
 
     """
@@ -65,9 +66,9 @@ class Reduction:
         diagonal = S.diagonal()
         self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         self.stiffness: Matrix = S * self._scale * self._scale[:, None]
-        E = scaled_columns(self._coordinates.interpolation, self._scale)
-        self.E_N: Rows = E[: qvi.m]
-        self.E_T: Rows = E[qvi.m :]
+        self.E: Rows = scaled_columns(self._coordinates.interpolation, self._scale)
+        self.E_N: Rows = self.E[: qvi.m]
+        self.E_T: Rows = self.E[qvi.m :]
         A = self._coordinates.from_unknowns(self._system.A_interface.T)
         self.A: Matrix = np.asarray(A).T.reshape(qvi.p, len(self._scale)) * self._scale
 

@@ -29,6 +29,7 @@ from solvers.condensed.complementarity import SLOTS, Complementarity
 from solvers.inequality.blocks import Rows, dense, scaled
 
 _SIDES = np.array(SLOTS)
+_SAME_SIDE = np.outer(_SIDES, _SIDES)
 _REFINEMENTS = 2
 _STIFFEST = 1e15  # W D |T|² as it is factorised: of dependent rows no pivot vanishes; refinement knows the true one
 
@@ -55,9 +56,9 @@ class Saddle:
     def at(cls, problem: Complementarity, s: Vector, lam: Vector, rows: Rows) -> "Saddle":
         """Assemble and factorise."""
         k, ratio = problem.S.shape[0], lam / s
-        D = np.bincount(problem.traction, ratio)
+        D: Vector = np.asarray(np.bincount(problem.traction, ratio), dtype=np.float64)
         T, W = problem.traction_rows, problem.weights[: len(D)]
-        size = W * np.einsum("ij,ij->i", T, T)
+        size = problem.traction_sizes
         stiff = size * D > 1.0
         bounds = problem.bounds[stiff]
         by_slot = _gathered(ratio, bounds)
@@ -107,15 +108,15 @@ class Saddle:
     def _by_forces(self, s: Vector, free: Vector, net: Vector) -> None:
         """Put ds_j of the module's docstring in place of that of stiff tractions; `free` are g (q,), net f − Σ ±a."""
         g = _gathered(free, self.bounds)
-        pairs = g[:, :, None] - np.outer(_SIDES, _SIDES) * g[:, None, :]  # exactly zero for a bound with itself
-        changes = ((pairs @ self.ratio[:, :, None])[:, :, 0] - np.outer(net, _SIDES)) / self.total[:, None]
+        pairs = g[:, :, None] - _SAME_SIDE * g[:, None, :]  # exactly zero for a bound with itself
+        changes = ((pairs * self.ratio[:, None, :]).sum(axis=2) - net[:, None] * _SIDES) / self.total[:, None]
         there = self.bounds >= 0
         s[self.bounds[there]] = changes[there]
 
 
 def _gathered(values: Vector, bounds: IntVector) -> Matrix:
     """Values (q,) of bounds by traction and slot, 0 where there is no bound."""
-    return np.append(values, 0.0)[bounds]
+    return np.where(bounds >= 0, values[bounds], 0.0)
 
 
 def _summed(factors: Matrix, rows: Rows, bounds: IntVector) -> Matrix:

@@ -1,6 +1,7 @@
 """The energy ½ zᵀKz − fᵀz of (D2), evaluated through its root where there is one."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -59,6 +60,16 @@ class Energy:
 
     def state(self, z: Vector) -> tuple[float, Vector]:
         """`strain` and `gradient` at once."""
+        return self._state(z) if z.any() else self._at_zero
+
+    @cached_property
+    def _at_zero(self) -> tuple[float, Vector]:
+        """Where every solve begins, more than once."""
+        strain, gradient = self._state(np.zeros(self.K.shape[0]))
+        gradient.setflags(write=False)
+        return strain, gradient
+
+    def _state(self, z: Vector) -> tuple[float, Vector]:
         if self.root is None or self.load is None:
             return self.strain(z), self.gradient(z)
         r = self.root.apply(z)

@@ -9,7 +9,7 @@ from scipy.sparse import csc_matrix, identity, random_array
 
 from solvers import FrictionQVI, Status, solve_qvi
 from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
-from solvers.condensed.interior_point import InteriorPoint, Newton, Residuals
+from solvers.condensed.interior_point import InteriorPoint, Newton
 from solvers.condensed.reduction import Reduction
 from solvers.inequality.traces import Traces
 from tests.covering import every_pair
@@ -400,7 +400,7 @@ def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
     newton = Newton.at(problem, point, residuals, accurate=accurate)
     for only in (False, True):
         step = newton.step(comp, only=only)
-        force, slack, split = Residuals(*(0.0 * r for r in residuals)) if only else residuals
+        force, slack, split, _ = (0.0 * r for r in residuals) if only else residuals
         size = np.abs(problem.force(np.abs(step.lam))).max(initial=1.0)
         assert problem.S @ step.y + problem.force(step.lam) == pytest.approx(-force, abs=1e-10 * size)
         tangential = problem.slack_rows(np.zeros(len(problem.split)))
@@ -420,7 +420,7 @@ def test_newton_steps_have_errors_of_second_order(name):
 
     def equations(point):
         method.point = point
-        return np.concatenate([*method.residuals(), point.products])
+        return np.concatenate([*method.residuals()[:3], point.products])
 
     at_start = equations(start)
     left = [np.abs(equations(start.moved(step, t)) - (1.0 - t) * at_start).max() for t in (1e-2, 1e-3)]

@@ -272,8 +272,8 @@ class TriangleRoot:
         return np.asarray(np.sqrt(2.0 * self.condensed.rests))
 
     @cached_property
-    def _transposed(self) -> sparse.csr_array:
-        return sparse.csr_array(self.basis.T)
+    def _transposed(self) -> sparse.csc_array:
+        return self.basis.T
 
     @cached_property
     def _magnitudes(self) -> sparse.csr_array:
