@@ -10,7 +10,8 @@ against it. Without a cap this is c |[v]_T| if w ≥ μ |[v]_T|, and infinite if
 rigid bodies is constant and w linear, so that conditions at the ends of the line are enough where μ is constant.
 
 Where μ is a function it is replaced on short pieces of edges by the least affine function that is not below its samples
-there and has the slope of the chord: π becomes larger, and what it proves stays proved.
+there and has the slope of the chord: π becomes larger, and what it proves stays proved. So are c and t_max where they
+jump or have kinks inside edges, as far as samples show it.
 
 | law                            | condition                    | ∫ π ds                                     |
 |--------------------------------|------------------------------|--------------------------------------------|
@@ -40,6 +41,7 @@ from qvi_contact.problem.problem import ContactProblem
 _PIECES: Final = 8  # of an edge, where friction is a function
 _SAMPLES: Final = 8  # steps in each of them
 _POINTS: Final = 8  # Gauss points where cohesion and cap are integrated
+_SMOOTH: Final = 1e-10  # share of the values, difference of two quadratures that is rounding, or next to it
 _ROUNDING: Final = 16.0 * np.finfo(float).eps
 _SAME: Final = 1e-9  # share of a line within which two places are one
 _CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
@@ -121,31 +123,67 @@ class Line:
 
     def relief(self) -> FloatArray:
         """∫ (t_max − c)⁺ N_i ds of the hat functions N_i of the places (p,): what dilatant slip saves."""
-        found = np.zeros(len(self.places))
-        for i, (a, b) in enumerate(zip(self.places[:-1], self.places[1:], strict=True)):
-            low, high = np.maximum(self.edges[:, 0], a), np.minimum(self.edges[:, 1], b)
-            inside = low < high
-            pieces = np.column_stack([low, high])[inside]
-            _, saved, s = self._integrated(pieces)
-            share = (s - a) / (b - a)
-            found[i] += (saved * (1.0 - share)).sum()
-            found[i + 1] += (saved * share).sum()
-        return found
+        count, middle = len(self.places), _POINTS // 2
+        low = np.maximum(self.edges[:, 0], self.places[:-1, None])
+        high = np.minimum(self.edges[:, 1], self.places[1:, None])
+        _, saved, s = self._integrated(np.stack([low, high], axis=-1)[low < high])
+        at = np.searchsorted(self.places, s[:, middle]) - 1  # every piece lies between two places
+        share = (s - self.places[at, None]) / np.diff(self.places)[at, None]
+        first, second = (saved * (1.0 - share)).sum(axis=1), (saved * share).sum(axis=1)
+        return np.asarray(np.bincount(at, first, count) + np.bincount(at + 1, second, count))
 
     def _integrated(self, pieces: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Bound of shear, (t_max − c)⁺, both times weights, and places (n, q) of Gauss points in pieces (n, 2)."""
+        """Bound of shear, (t_max − c)⁺, both times weights, and places (n, q) of Gauss points in pieces (n, 2).
+
+        Where a rule on the piece and on its parts differ, the functions are replaced by affine ones on small parts: the
+        bound of shear by one that is not below its samples, what is saved by one that is not above them.
+        """
         t, weights = gauss_legendre(_POINTS)
-        length = np.diff(pieces, axis=1)
-        s = pieces[:, :1] + length * t
-        points = self.points(s.ravel())
-        x, y = points[:, 0].reshape(s.shape), points[:, 1].reshape(s.shape)
+        uneven = self._uneven(pieces)
+        bound, saved = self._limits(pieces, t)
+        if uneven.any():
+            parts = _parts(pieces[uneven], _PIECES**2)
+            samples = self._limits(parts, np.linspace(0.0, 1.0, _SAMPLES + 1))
+            above, below = _along(_above(samples[0], False), t), -_along(_above(-samples[1], False), t)
+            pieces = np.concatenate([pieces[~uneven], parts])
+            bound = np.concatenate([bound[~uneven], above])
+            saved = np.concatenate([saved[~uneven], np.maximum(below, 0.0)])
+        scaled = weights * np.diff(pieces, axis=1)
+        return bound * scaled, saved * scaled, _along(pieces, t)
+
+    def _uneven(self, pieces: FloatArray) -> BoolArray:
+        """Pieces (n, 2) along which cohesion or cap are functions with jumps or kinks."""
+        if not (callable(self.contact.cohesion) or callable(self.contact.shear_limit)):
+            return np.zeros(len(pieces), dtype=bool)
+        t, weights = gauss_legendre(_POINTS)
+        found = np.zeros(len(pieces), dtype=bool)
+        whole, divided = self._limits(pieces, t), self._limits(_parts(pieces, _PIECES), t)
+        for values, finer in zip(whole, divided, strict=True):
+            mean = (finer @ weights).reshape(-1, _PIECES).mean(axis=1)
+            found |= np.abs(values @ weights - mean) > _SMOOTH * np.abs(finer).max(initial=0.0)
+        return found
+
+    def _limits(self, pieces: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Bound of shear without opening, and (t_max − c)⁺, at the points t (q,) of pieces: (n, q) each."""
+        s = _along(pieces, t)
+        x, y = np.moveaxis(self.start + s[..., None] * self.tangent, -1, 0)
         cohesion = evaluate("Contact.cohesion", self.contact.cohesion, x, y, minimum=0.0)
-        limit = self.contact.shear_limit
-        if limit is None:
-            return cohesion * weights * length, np.zeros(s.shape), s
-        cap = evaluate("Contact.shear_limit", limit, x, y, minimum=0.0)
+        if self.contact.shear_limit is None:
+            return cohesion, np.zeros(s.shape)
+        cap = evaluate("Contact.shear_limit", self.contact.shear_limit, x, y, minimum=0.0)
         bound = cap if (self.friction > 0.0).any() else np.minimum(cohesion, cap)
-        return bound * weights * length, np.maximum(cap - cohesion, 0.0) * weights * length, s
+        return bound, np.maximum(cap - cohesion, 0.0)
+
+
+def _along(ends: FloatArray, t: FloatArray) -> FloatArray:
+    """Affine functions (n, q) at points t from their values at both ends (n, 2)."""
+    return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * t)
+
+
+def _parts(pieces: FloatArray, count: int) -> FloatArray:
+    """Pieces (n, 2) divided into equal parts, (n · count, 2)."""
+    marks = _along(pieces, np.linspace(0.0, 1.0, count + 1))
+    return np.stack([marks[:, :-1].ravel(), marks[:, 1:].ravel()], axis=1)
 
 
 def lines(problem: ContactProblem, bodies: Bodies) -> tuple[Line, ...]:
@@ -205,10 +243,8 @@ def _conditions(line: Line) -> tuple[FloatArray, FloatArray]:
         count = _CAPPED_PIECES if contact.shear_limit is not None and contact.friction > 0.0 else 1
         places = np.linspace(low, high, count + 1)
         return places, np.full(len(places), float(contact.friction))
-    t = np.linspace(0.0, 1.0, _PIECES + 1)
-    marks = line.edges[:, :1] + np.diff(line.edges, axis=1) * t
-    pieces = np.stack([marks[:, :-1].ravel(), marks[:, 1:].ravel()], axis=1)
-    s = pieces[:, :1] + np.diff(pieces, axis=1) * np.linspace(0.0, 1.0, _SAMPLES + 1)
+    pieces = _parts(line.edges, _PIECES)
+    s = _along(pieces, np.linspace(0.0, 1.0, _SAMPLES + 1))
     points = line.points(s.ravel())
     values = evaluate("Contact.friction", contact.friction, *points.T, minimum=0.0).reshape(s.shape)
     above = _above(values, bool(contact.shear_limit is not None))

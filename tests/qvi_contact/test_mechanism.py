@@ -421,3 +421,40 @@ def test_a_program_that_fails_decides_nothing(monkeypatch):
 
     monkeypatch.setattr(program, "solved", failing)
     assert solve(wall(WALLS["one cell"], 10.0)).status is Status.INFEASIBLE_ON_MESH
+
+
+class TestJumpsInsideEdges:
+    """Cohesion and cap that jump or bend where the mesh has no vertex: what is proved holds on meshes that have one."""
+
+    @staticmethod
+    def pushed(contact, at, push=1.0):
+        """A block 1 × 1 under the pressure 1, its mesh divided at x = at, pushed from the left."""
+        mesh = TriangleMesh.of_rectangles(RectilinearMesh(np.array([0.0, at, 1.0]), np.array([0.0, 1.0])))
+        loads = [Traction("left", push, 0.0, name="push"), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)]
+        return ContactProblem(mesh, STEEL, [contact, *loads])
+
+    @pytest.mark.parametrize("at", [0.3, 0.5, 0.77])
+    @pytest.mark.parametrize(
+        ("cohesion", "carried"),
+        [
+            (lambda x, _: np.where(x < 0.37, 1.0, 0.0), 0.37),
+            (lambda x, _: np.where(x < 0.37, 0.0, 1.0), 0.63),
+            (lambda x, _: np.abs(x - 0.37), (0.37**2 + 0.63**2) / 2.0),
+        ],
+    )
+    def test_no_less_than_the_integral(self, cohesion, carried, at):
+        upper, _ = upper_bound(self.pushed(Contact.tresca("bottom", cohesion), at), ["push"])
+        assert carried * (1.0 - EXACT) <= upper <= 1.02 * carried
+
+    def test_what_is_carried_is_not_called_impossible(self):
+        contact = Contact.tresca("bottom", lambda x, _: np.where(x < 0.37, 1.0, 0.0))
+        assert find_mechanism(self.pushed(contact, 0.999, 0.365)) is None
+        assert solve(self.pushed(contact, 0.37, 0.365), degree=5).status is Status.SOLVED
+
+    @pytest.mark.parametrize("at", [0.3, 0.77])
+    def test_what_slip_saves_by_dilating_is_not_overrated(self, at):
+        """A cap over a cohesion that jumps: the bound of a mesh with a vertex at the jump is the sharper one."""
+        contact = Contact("bottom", 0.4, cohesion=lambda x, _: np.where(x < 0.37, 0.0, 0.5), shear_limit=0.6)
+        sharp, _ = upper_bound(self.pushed(contact, 0.37), ["push"])
+        upper, _ = upper_bound(self.pushed(contact, at), ["push"])
+        assert sharp * (1.0 - EXACT) <= upper <= 1.02 * sharp
