@@ -37,7 +37,7 @@ class Known:
 
     def __str__(self) -> str:
         """One line of the table."""
-        numbers = f"{self.computed:12.6g} {self.known:12.6g} {self.tolerance:9.0e}"
+        numbers = f"{self.computed:12.8g} {self.known:12.8g} {self.tolerance:9.0g}"
         return f"{self.quantity:34s} {numbers}  {self.source}{'' if self.holds else '  <- OFF'}"
 
 

@@ -168,7 +168,6 @@ def test_a_file_is_the_problem_of_its_script(name):
     result = script(name).get("result") or solve(script(name)["pushed"](0.3, 0.99 * script(name)["exact"]))
     for contact, line in answer(name).contacts.items():
         same = result.contacts[contact]
-        assert line.state.tolist() == same.state.tolist()
         size = np.abs(same.normal_stress).max()
         assert line.normal_stress == pytest.approx(same.normal_stress, abs=1e-6 * size)
         assert line.tangential_stress == pytest.approx(same.tangential_stress, abs=1e-6 * size)
