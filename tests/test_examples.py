@@ -203,3 +203,7 @@ def test_committed_meshes_are_those_of_their_outlines(name):
     for edges in mesh.edge_names:
         assert made.edges(edges).length.sum() == pytest.approx(mesh.edges(edges).length.sum(), rel=1e-6)
     assert set(made.region_names) <= set(mesh.region_names)
+
+
+def test_meshes_stay_small():
+    assert max(path.stat().st_size for path in (FOLDER / "meshes").glob("*.msh")) <= 100_000
