@@ -207,3 +207,33 @@ def test_committed_meshes_are_those_of_their_outlines(name):
 
 def test_meshes_stay_small():
     assert max(path.stat().st_size for path in (FOLDER / "meshes").glob("*.msh")) <= 100_000
+
+
+def test_the_known_force_of_the_trapezoid_is_that_of_displacements_of_high_degree():
+    """NGSolve on triangles graded to the corners by 0.2; the energy of displacements bounds the force from above."""
+    pytest.importorskip("ngsolve")
+    from netgen.geom2d import SplineGeometry
+    from ngsolve import BilinearForm, Grad, GridFunction, Id, InnerProduct, Mesh, Sym, Trace, VectorH1, dx
+
+    geometry, pushed = SplineGeometry(), 1e-3
+    corners = [geometry.AppendPoint(*at, hpref=1) for at in ((0.0, 0.0), (2.0, 0.0), (1.5, 1.0), (0.5, 1.0))]
+    for k, name in enumerate(("base", "right", "top", "left")):
+        geometry.Append(["line", corners[k], corners[(k + 1) % 4]], bc=name)
+    mesh = Mesh(geometry.GenerateMesh(maxh=0.4))
+    mesh.RefineHP(12, factor=0.2)
+    space = VectorH1(mesh, order=8, dirichlet="base|top")
+    u, v = space.TnT()
+    shear, lame = 1e4 / 2.4, 1e4 * 0.2 / (1.2 * 0.6)
+    strain = Sym(Grad(u))
+    stress = 2.0 * shear * strain + lame * Trace(strain) * Id(2)
+    energy = BilinearForm(InnerProduct(stress, Sym(Grad(v))) * dx).Assemble()
+    moved = GridFunction(space)
+    moved.Set((0.0, pushed), definedon=mesh.Boundaries("base"))
+    residual = moved.vec.CreateVector()
+    residual.data = energy.mat * moved.vec
+    moved.vec.data -= energy.mat.Inverse(space.FreeDofs(), "sparsecholesky") * residual
+    residual.data = energy.mat * moved.vec
+    force = InnerProduct(residual, moved.vec) / pushed**2 * pushed
+    known = script("trapezoid")["KNOWN"]
+    assert force == pytest.approx(known, rel=1e-8)
+    assert force >= known
