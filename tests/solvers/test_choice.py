@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_array
 
 from qvi_contact import (
     Contact,
@@ -168,7 +168,7 @@ def test_problems_do_not_ask_for_each_other():
 def singular():
     """K with a null vector that no equation holds; its diagonal is positive."""
     return FrictionQVI(
-        K=csc_matrix([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), f=np.ones(3), N=[[0.0, 0.0, -1.0]],
+        K=csc_array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), f=np.ones(3), N=[[0.0, 0.0, -1.0]],
         n0=[0.0], T=[[0.0, 0.0, 1.0]], t0=[0.0], mu=[0.3], W=[1.0],
     )  # fmt: skip
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.linalg import LinAlgError
-from scipy.sparse import csc_matrix, identity, random_array
+from scipy.sparse import csc_array, eye_array, random_array
 
 from solvers import FrictionQVI, Status, solve_qvi
 from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
@@ -45,7 +45,7 @@ def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equ
         E[points + 4 * e : points + 4 * e + 4, 2 * EDGES + 2 * e : 2 * EDGES + 2 * e + 3] = quadratic
     r = E.shape[1]
     n = 3 * r
-    Y = (random_array((r, n), density=0.05, rng=random) + identity(n).tocsr()[:r]).toarray()
+    Y = (random_array((r, n), density=0.05, rng=random) + eye_array(n).tocsr()[:r]).toarray()
     root = random_array((n, n), density=0.1, rng=random).toarray() + 2.0 * np.eye(n)
     start = np.concatenate([np.linspace(-1.0, pull - 1.0, 2 * EDGES), 0.1 * random.normal(size=2 * EDGES + 1)])
     rows, shift = E @ Y, E @ start
@@ -187,7 +187,7 @@ class Root:
         return self.R.T @ r
 
     def matrix(self):
-        return csc_matrix(self.R), np.zeros((len(self.R), 1))
+        return csc_array(self.R), np.zeros((len(self.R), 1))
 
     def rounding(self, z):
         return float(np.finfo(float).eps * (np.abs(self.R) @ np.abs(z)).max())
@@ -202,7 +202,7 @@ def rooted(seed, spoilt, **law):
     error = np.triu(random.uniform(-spoilt, spoilt, R.shape))
     wrong = qvi.K.toarray() * (1.0 + error + np.triu(error, 1).T)
     f = qvi.f * (1.0 + random.uniform(-spoilt, spoilt, len(qvi.f)))
-    return replace(qvi, K=csc_matrix(wrong), f=f, root=Root(R, r0), load=qvi.f + R.T @ r0)
+    return replace(qvi, K=csc_array(wrong), f=f, root=Root(R, r0), load=qvi.f + R.T @ r0)
 
 
 @pytest.mark.parametrize("law", ["coulomb", "opening", "cap", "bilateral", "equations"])
@@ -253,7 +253,7 @@ def close_rows(seed, close, groups=4):
     f[1::5] = random.choice([-2.0, 2.0], groups)
     return FrictionQVI(
         K=root.T @ root, f=f, N=N, n0=np.zeros(m), T=T, t0=np.zeros(m), mu=np.full(m, 0.3), W=np.full(m, 1.0 / m),
-        traces=Traces(csc_matrix(np.vstack([N, T])), csc_matrix(np.eye(2 * m))),
+        traces=Traces(csc_array(np.vstack([N, T])), csc_array(np.eye(2 * m))),
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_array, csc_matrix, csr_array
 
 from solvers import FrictionQVI, InputError, Status, solve_qvi
 from solvers.factorisation import FactorisationError
@@ -31,6 +31,23 @@ def test_good_data_is_accepted():
     qvi = FrictionQVI(**data())
     assert (qvi.n, qvi.m, qvi.p) == (3, 2, 1)
     assert FrictionQVI(**data(A=None, b=None)).p == 0
+
+
+@pytest.mark.parametrize("kind", [csc_array, csr_array, csc_matrix])
+def test_sparse_data_of_any_kind_become_columns_with_narrow_indices(kind):
+    """Wide indices would go on into every product and back end; what was given stays as it is."""
+    given = data(traces=None)
+    wide = {name: kind(given[name]) for name in "KNTA"}
+    for matrix in wide.values():
+        for part in ("indices", "indptr"):
+            setattr(matrix, part, getattr(matrix, part).astype(np.int64))
+    qvi = FrictionQVI(**{**given, **wide})
+    for matrix in (qvi.K, qvi.N, qvi.T, qvi.A, qvi.contact_rows):
+        assert isinstance(matrix, csc_array)
+        assert matrix.indices.dtype == matrix.indptr.dtype == np.int32
+    for name, matrix in wide.items():
+        assert (getattr(qvi, name).toarray() == given[name]).all()
+        assert matrix.indices.dtype == np.int64
 
 
 @given(st.sampled_from(sorted(data())), st.sampled_from([np.nan, np.inf, -np.inf]))
@@ -114,7 +131,7 @@ class TestOperator:
 
     def test_is_made_anew_for_unknowns_that_were_eliminated(self):
         qvi = random_problem(3)
-        few = qvi.changed(N=csc_matrix(qvi.N.shape), T=csc_matrix(qvi.T.shape), traces=None)
+        few = qvi.changed(N=csc_array(qvi.N.shape), T=csc_array(qvi.T.shape), traces=None)
         eliminated = few.equality_system
         assert len(eliminated.interface) < len(qvi.equality_system.interface)
         assert few.equality_system is eliminated

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_array
 
 from solvers.inequality.rows import independent_rows, spanning_rows
 
@@ -15,7 +15,7 @@ def rows_of_rank(rank, count, columns, spread, seed=0):
     B = random.normal(size=(count, rank)) @ random.normal(size=(rank, columns))
     if columns > rank + 2:
         B[:, ::9] = 0.0
-    return csc_matrix(B * np.geomspace(1.0 / spread, spread, count)[:, None])
+    return csc_array(B * np.geomspace(1.0 / spread, spread, count)[:, None])
 
 
 def row_error(B, product):
@@ -48,7 +48,7 @@ class TestRank:
 
 @pytest.mark.parametrize("function", [independent_rows, spanning_rows])
 def test_rows_that_are_zero(function):
-    B = csc_matrix(np.array([[0.0, 0.0], [0.0, 2.0], [0.0, 0.0]]))
+    B = csc_array(np.array([[0.0, 0.0], [0.0, 2.0], [0.0, 0.0]]))
     E, which = function(B)
     assert E.shape == (3, 1)
     assert E @ (which if function is independent_rows else B[which]) == pytest.approx(B.toarray())
@@ -57,5 +57,5 @@ def test_rows_that_are_zero(function):
 @pytest.mark.parametrize("function", [independent_rows, spanning_rows])
 @pytest.mark.parametrize("shape", [(0, 3), (2, 3)])
 def test_nothing_spans_nothing(function, shape):
-    E, _ = function(csc_matrix(shape))
+    E, _ = function(csc_array(shape))
     assert E.shape == (shape[0], 0)

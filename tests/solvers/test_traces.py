@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.sparse import csc_matrix, csr_matrix, random_array
+from scipy.sparse import csc_array, csr_array, random_array
 
 from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate
@@ -29,7 +29,7 @@ def planted(draw):
     more = draw(st.integers(0, 8))
     mixing = random.integers(-2, 3, size=(more, rank)).astype(float)
     rows = np.vstack([independent, mixing @ independent])[random.permutation(rank + more)]
-    return csr_matrix(rows * 10.0 ** random.uniform(-3, 3, len(rows))[:, None])
+    return csr_array(rows * 10.0 ** random.uniform(-3, 3, len(rows))[:, None])
 
 
 @settings(max_examples=150, deadline=None)
@@ -52,13 +52,13 @@ def test_echelon_finds_the_rank_and_a_basis(Y):
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 4), (3, 4), (3, 0)])
 def test_echelon_of_nothing(shape):
-    found = echelon(csr_matrix(shape))
+    found = echelon(csr_array(shape))
     assert len(found.rows) == 0
     assert found.free.tolist() == list(range(shape[1]))
 
 
 def test_echelon_takes_the_first_of_equal_rows_and_ignores_stored_zeros():
-    Y = csr_matrix((np.array([0.0, 1.0, 2.0, 1.0]), np.array([0, 1, 1, 2]), np.array([0, 2, 3, 4])), shape=(3, 3))
+    Y = csr_array((np.array([0.0, 1.0, 2.0, 1.0]), np.array([0, 1, 1, 2]), np.array([0, 2, 3, 4])), shape=(3, 3))
     found = echelon(Y)
     assert found.rows.tolist() == [0, 2]
     assert found.free.tolist() == [0]
@@ -67,10 +67,10 @@ def test_echelon_takes_the_first_of_equal_rows_and_ignores_stored_zeros():
 def test_echelon_on_a_long_line_stays_sparse_and_quick():
     """Rows of neighbouring differences, closed to a ring: the last one depends on all others."""
     n = 4000
-    rows = csr_matrix(np.eye(1, n)) * 0.0
+    rows = csr_array(np.eye(1, n)) * 0.0
     data = np.tile([1.0, -1.0], n)
     columns = np.column_stack([np.arange(n), (np.arange(n) + 1) % n]).ravel()
-    rows = csr_matrix((data, columns, 2 * np.arange(n + 1)), shape=(n, n))
+    rows = csr_array((data, columns, 2 * np.arange(n + 1)), shape=(n, n))
     found = echelon(rows)
     assert len(found.rows) == n - 1
     assert len(found.free) == 1
@@ -90,7 +90,7 @@ def closed_rim(count):
         rows[2 * edge, [a, b], 1:] = -t, t
         rows[2 * edge + 1, [a, b]] = [-1.0, *(-t / 2.0)], [1.0, *(-t / 2.0)]
         rows[2 * count + edge, [a, b], 1:] = (-t[1], t[0]), (t[1], -t[0])
-    return csr_matrix(rows.reshape(3 * count, 3 * count))
+    return csr_array(rows.reshape(3 * count, 3 * count))
 
 
 def test_echelon_on_a_closed_rim_takes_no_longer_than_on_a_line():
@@ -110,7 +110,7 @@ def random_traces(seed, dependent=0, zero=0):
     Y = random_array((7, 30), density=0.15, rng=random).toarray() + np.eye(7, 30)
     Y = np.vstack([Y, random.normal(size=(dependent, 7)) @ Y, np.zeros((zero, 30))])
     E = random_array((18, len(Y)), density=0.5, rng=random).toarray()
-    return Traces(csc_matrix(Y), csc_matrix(E)), csc_matrix(E @ Y)
+    return Traces(csc_array(Y), csc_array(E)), csc_array(E @ Y)
 
 
 COORDINATES = pytest.mark.parametrize(
@@ -122,7 +122,7 @@ COORDINATES = pytest.mark.parametrize(
 @pytest.mark.parametrize("seed", range(3))
 def test_coordinates_reproduce_the_tractions(seed, dependent, zero, given):
     traces, rows = random_traces(seed, dependent, zero)
-    interface = np.union1d(interface_of(rows, csc_matrix((0, 30))), [29])
+    interface = np.union1d(interface_of(rows, csc_array((0, 30))), [29])
     coordinates = trace_coordinates(rows, traces if given else None, interface)
     k = len(interface)
     assert coordinates.interpolation.shape == (18, k)
@@ -141,10 +141,10 @@ def test_energy_in_trace_coordinates_by_both_factorisations():
     traces, rows = random_traces(4, dependent=1)
     random = np.random.default_rng(5)
     R = random.normal(size=(45, 30))
-    interface = interface_of(rows, csc_matrix((0, 30)))
+    interface = interface_of(rows, csc_array((0, 30)))
     coordinates = trace_coordinates(rows, traces, interface)
-    plain = factorise(csc_matrix(R.T @ R), interface)
-    rooted = factorise_root(csc_matrix(R), interface, np.zeros((45, 1)))
+    plain = factorise(csc_array(R.T @ R), interface)
+    rooted = factorise_root(csc_array(R), interface, np.zeros((45, 1)))
     found = coordinates.quadratic(plain)
     assert np.array_equal(found, found.T)
     assert coordinates.quadratic(rooted) == pytest.approx(found, abs=1e-9 * np.abs(found).max())
@@ -154,7 +154,7 @@ def test_energy_in_trace_coordinates_by_both_factorisations():
 
 
 def test_nothing_touches_the_contact():
-    coordinates = trace_coordinates(csc_matrix((4, 6)), None, np.zeros(0, dtype=np.int64))
+    coordinates = trace_coordinates(csc_array((4, 6)), None, np.zeros(0, dtype=np.int64))
     assert coordinates.interpolation.shape == (4, 0)
     assert coordinates.to_unknowns(np.zeros(0)).shape == (0,)
 
@@ -165,11 +165,11 @@ def test_wrong_traces_are_refused():
     wrong = rows.toarray()
     wrong[3, 5] += 1e-5
     with pytest.raises(InputError, match="E Y"):
-        traces.check(csc_matrix(wrong))
+        traces.check(csc_array(wrong))
     with pytest.raises(InputError, match="shapes"):
-        traces.check(csc_matrix(wrong[:-2]))
+        traces.check(csc_array(wrong[:-2]))
     with pytest.raises(InputError, match="sparse"):
-        Traces(np.eye(3), csc_matrix(np.eye(3)))
+        Traces(np.eye(3), csc_array(np.eye(3)))
 
 
 @pytest.mark.parametrize("cells", [(1, 1), (3, 2), (8, 8)])
