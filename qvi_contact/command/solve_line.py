@@ -3,13 +3,14 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Lock, Timer
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from qvi_contact.basics import terminal
 from qvi_contact.basics.terminal import Advance
 from solvers.basics.watch import Progress, watched
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress as Bar
 
 _PATIENCE = 2.0  # seconds of silence
@@ -83,7 +84,7 @@ class _Line:
                 self._bar.update(self._bar.task_ids[0], completed=self._done, state=self._state)
 
 
-def _bar(console: Any, several: bool) -> "Bar":
+def _bar(console: "Console", several: bool) -> "Bar":
     """Rich's own line, with a bar where there are several steps."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar

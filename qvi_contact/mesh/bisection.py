@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from qvi_contact.basics.checks import IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology
@@ -41,7 +41,7 @@ def _numbers(marked: ArrayLike, count: int) -> IntArray:
     return np.asarray(chosen, dtype=np.int64)
 
 
-def _split_edges(coarse: MeshParts, vertices: Any, ends: IntArray) -> dict[str, IntArray]:
+def _split_edges(coarse: MeshParts, vertices: FloatArray, ends: IntArray) -> dict[str, IntArray]:
     """The named edges of the coarser mesh by the finer edges (e, 2) that they are made of."""
     old = len(coarse.vertices)
     topology = Topology.of(np.sort(coarse.cells, axis=1), old)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -496,7 +496,7 @@ def _points_back(vectors: FloatArray) -> BoolArray:
     return np.asarray(np.where(upright, vectors[:, 1], vectors[:, 0]) < 0.0)
 
 
-def _selected(name: str, where: Callable[[FloatArray, FloatArray], Any], points: FloatArray) -> IntArray:
+def _selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], points: FloatArray) -> IntArray:
     """Indices of the points (k, 2) that a function of (x, y) chooses."""
     try:
         mask = np.broadcast_to(np.asarray(where(*points.T)), len(points))

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -101,7 +102,7 @@ def _certified(qvi: FrictionQVI, result: ContactResult, tolerance: float) -> Cer
         return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
 
 
-def difference(claimed: Any, computed: Any, unit: float = 0.0, rounding: float = 0.0) -> float:
+def difference(claimed: ArrayLike, computed: ArrayLike, unit: float = 0.0, rounding: float = 0.0) -> float:
     """Largest difference of two arrays, each relative to its own entry and 1e-4 of the largest, or of the `unit`.
 
     Differences below `rounding` are none. What is infinite or NaN has to be so in both. Of integers, flags and texts

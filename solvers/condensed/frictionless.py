@@ -5,11 +5,10 @@ without friction, those coordinates are known; otherwise independent ones of the
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.inequality.blocks import Rows
@@ -68,7 +67,7 @@ class Frictionless:
             m_T[self.points] = -self._weights * (G @ factor.solve(residual[self.fixed]))
         return m_T
 
-    def _normal_equations(self) -> tuple[Sparse, Any]:
+    def _normal_equations(self) -> tuple[Sparse, SuperLU]:
         """G, the rows by fixed coordinates, and the factor of GᵀWG."""
         G = csc_array(self._rows[:, self.fixed])
         return G, splu(csc_array(G.T @ diags_array(self._weights) @ G))

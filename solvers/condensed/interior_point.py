@@ -14,10 +14,11 @@ In `docs/theory.md`: (D6).
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.linalg import LinAlgError
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from solvers.basics.types import Matrix, Vector
@@ -218,7 +219,7 @@ class Newton:
     rows: Rows
     scale: Vector
     factor: Matrix
-    pivots: Any
+    pivots: NDArray[np.int32]
     saddle: Saddle | None = None
 
     @classmethod
@@ -226,9 +227,9 @@ class Newton:
         """Assemble and factorise, scaled to a diagonal of 1; `accurate`: as in `saddle`."""
         rows = problem.slack_rows((point.pull - point.push) / (point.pull + point.push))
         if accurate:
-            nothing = np.zeros(0)
+            factor, pivots = np.zeros((0, 0)), np.zeros(0, dtype=np.int32)
             saddle = Saddle.at(problem, point.s, point.lam, rows)
-            return cls(point, problem, residuals, rows, nothing, np.zeros((0, 0)), nothing, saddle)
+            return cls(point, problem, residuals, rows, np.zeros(0), factor, pivots, saddle)
         H = np.array(problem.S, order="F")
         problem.add_stiffness(H, point.lam / point.s, rows)
         scale = 1.0 / np.sqrt(np.maximum(H.diagonal(), 1.0))

@@ -25,13 +25,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from solvers.basics.checks import finite_number, one_of, real_array, whole_number
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate.certificate import certify, scales_at
-from solvers.certificate.feasibility import check_feasibility
+from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.errors import InputError
 from solvers.fixed_point.anderson import Anderson
 from solvers.fixed_point.forms import Form, ProblemForm, make_form
@@ -85,7 +86,7 @@ class FixedPointOptions:
     damping: float = 0.5
     memory: int = 5
     max_iterations: int = 100
-    initial: Any = None
+    initial: ArrayLike | None = None
     inner_tolerance: float | None = None
     patience: int = 15
     form: Form = "auto"
@@ -122,7 +123,7 @@ class _State:
     close: float = _CLOSE  # residual at which Newton's method is tried next
     recoveries: int = 0
     breaks: int = 0
-    feasibility: Any = None
+    feasibility: Feasibility | None = None
     reason: Status | None = None
     message: str = ""
 
@@ -387,10 +388,9 @@ def _recover(qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, state: _S
             return
     if state.feasibility is None:
         state.feasibility = check_feasibility(qvi)
-    feasible = state.feasibility.feasible
-    start = state.feasibility.z
-    curable = result.status in (Status.INFEASIBLE, Status.BACKEND_FAILED) and feasible is True
-    if not curable or state.recoveries > _RECOVERIES:
+    start = state.feasibility.z  # None unless the load can be carried
+    curable = result.status in (Status.INFEASIBLE, Status.BACKEND_FAILED)
+    if start is None or not curable or state.recoveries > _RECOVERIES:
         state.reason, state.message = result.status, f"inner problem: {result.message}"
     elif state.feasible is None:
         state.s = state.feasible = _pressure(qvi, start)

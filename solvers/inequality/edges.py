@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array, eye_array, kron
@@ -74,7 +73,7 @@ class EdgeRows:
         """(3, q), Bernstein coefficients of the quadratic nearest to values at the points, in least squares."""
         return np.asarray(np.linalg.pinv(self.quadratic))
 
-    def grouped(self, values: Any) -> Matrix:
+    def grouped(self, values: object) -> Matrix:
         """Values at the points (m,) edge by edge (e, q); `InputError` if they are no whole number of edges."""
         array = real_array("values", values)
         if array.ndim != 1 or array.size % self.count:

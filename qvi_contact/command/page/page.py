@@ -32,6 +32,9 @@ from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult
 
 if TYPE_CHECKING:
+    from jinja2 import Template
+    from matplotlib.figure import Figure
+
     from qvi_contact.bracket import Bracket
 
 _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
@@ -104,7 +107,7 @@ def result_page(request: Request, steps: Sequence[ContactResult], time_limit: fl
     return text
 
 
-def _template() -> Any:
+def _template() -> "Template":
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -161,7 +164,7 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
     }
 
 
-def _picture(figure: Any, name: str, label: str) -> Markup:
+def _picture(figure: "Figure", name: str, label: str) -> Markup:
     return Markup(inline_svg(svg_text(figure, name), name, label))
 
 
