@@ -2,22 +2,28 @@
 
 The algebraic problem of a mesh may be infeasible although the body carries the load: its stresses cannot follow the
 tractions, which crowd in corners shortly before a body slides or tips. So the status is decided anew, see `mechanism`.
+
+The other way round an answer of a mesh may keep a contact law at its points, or by its coefficients, and exceed it
+between them. Where μ and c are constant and there is no cap, the rows of an edge integrate the work of the contact
+against rigid motions, which stays what the law allows. Else a load beyond the limit of the body may look carried.
 """
 
 from contextlib import suppress
 from dataclasses import replace
 
-from qvi_contact.errors import SolveError
+from qvi_contact.errors import InputError, SolveError
 from qvi_contact.mechanism import Mechanism, find_mechanism
+from qvi_contact.problem.conditions import Contact
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 
 _ANSWERED = (Status.SOLVED, Status.INACCURATE)
+_EXCEEDED = 1e-7  # of the unit of stress: excess between the points that is more than the tolerance of solves
 
 
 def judged(result: ContactResult) -> ContactResult:
     """The result with the status "infeasible" if a mechanism proves it, "infeasible_on_mesh" if only the mesh does."""
-    if result.status in _ANSWERED:
+    if result.status in _ANSWERED and not _exceeds(result):
         return result
     mechanism = _mechanism(result)
     if mechanism is not None:
@@ -32,9 +38,21 @@ def judged(result: ContactResult) -> ContactResult:
     )
 
 
+def _exceeds(result: ContactResult) -> bool:
+    """Whether an answer exceeds, between the points, a contact law whose rows do not bound its work."""
+    largest = _EXCEEDED * result.discretization.scales.stress
+    uneven = [contact.name for contact in result.problem.contacts if _is_uneven(contact)]
+    return any(result.contacts[name].excess_between_points > largest for name in uneven)
+
+
+def _is_uneven(contact: Contact) -> bool:
+    varies = callable(contact.friction) or callable(contact.cohesion)
+    return contact.law != "tied" and (varies or contact.shear_limit is not None)
+
+
 def _mechanism(result: ContactResult) -> Mechanism | None:
-    """The mechanism that proves it; none where its linear program fails."""
-    with suppress(SolveError):
+    """The mechanism that proves it; none where its linear program fails, or functions have no values at its places."""
+    with suppress(SolveError, InputError):
         return find_mechanism(result.problem)
     return None
 

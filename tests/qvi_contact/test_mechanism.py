@@ -458,3 +458,24 @@ class TestJumpsInsideEdges:
         sharp, _ = upper_bound(self.pushed(contact, 0.37), ["push"])
         upper, _ = upper_bound(self.pushed(contact, at), ["push"])
         assert sharp * (1.0 - EXACT) <= upper <= 1.02 * sharp
+
+
+class TestSolvedBeyondTheLimit:
+    """Bernstein rows of a friction that grows along the contact carry more than it does: 0.294 is the limit."""
+
+    @staticmethod
+    def pushed(push):
+        loads = [Traction("left", push, 0.0), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)]
+        contact = Contact("bottom", lambda x, _: 0.1 + 0.3 * x)
+        return ContactProblem(TriangleMesh.rectangle((1, 1)), STEEL, [contact, *loads])
+
+    @pytest.mark.parametrize("share", [1.0 + 1e-5, 1.01, 1.05])
+    def test_is_not_solved(self, share):
+        result = solve(self.pushed(share * 0.2941176470588236), degree=3, contact_rows="bernstein")
+        assert result.status is Status.INFEASIBLE
+        assert result.solution.certificate.passed
+
+    def test_below_it_is(self):
+        result = solve(self.pushed(0.29), degree=3, contact_rows="bernstein")
+        assert result.status is Status.SOLVED
+        assert result.contacts["bottom"].excess_between_points > 0.01
