@@ -389,6 +389,13 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
         points = real_array("points", points).reshape(-1, 2)
+        found = np.full(len(points), -1)
+        finite = np.isfinite(points).all(axis=1)
+        found[finite] = self._located(points[finite])
+        return found
+
+    def _located(self, points: FloatArray) -> IntArray:
+        """The same for points that are finite."""
         count = min(_NEIGHBOURS, len(self.cells))
         near = np.sort(self._centres.query(points, count)[1].reshape(-1, count), axis=1)
         found = self._holding(points, near)

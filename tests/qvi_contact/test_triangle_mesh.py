@@ -152,6 +152,7 @@ class TestLocate:
         cells = mesh.locate(points)
         assert (mesh.barycentric(cells, points) >= -1e-9).all()
         assert (mesh.locate([(1.1, 0.5), (-1e-6, 0.5)]) == -1).all()
+        assert mesh.locate([(np.nan, 0.5), (0.5, np.inf), *points[:1]]).tolist() == [-1, -1, cells[0]]
 
     def test_points_on_edges_belong_to_the_triangle_of_lowest_number(self):
         mesh = TriangleMesh.rectangle((5, 4))
