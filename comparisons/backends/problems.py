@@ -168,7 +168,7 @@ def instance(name: str) -> Instance:
 
 
 def _algebra(problem: ContactProblem) -> FrictionQVI:
-    return discretize(problem).fitted().qvi
+    return discretize(problem, element="bfs").fitted().qvi
 
 
 def _plate(cells: int, friction: float = 0.2, grading: float = 1.0) -> Callable[[], FrictionQVI]:

@@ -126,7 +126,7 @@ def body(problem: str, cells: int, friction: float) -> Body:
     """Build a problem by its name; `cells` a side (height), 0 where there is no mesh."""
     if problem in _ALGEBRA:
         return Body(_ALGEBRA[problem](friction))
-    discretization = discretize(_MECHANICS[problem](friction, (cells, cells)))
+    discretization = discretize(_MECHANICS[problem](friction, (cells, cells)), element="bfs")
     scales = discretization.scales
     return Body(discretization.qvi, scales.stress * scales.length, scales.displacement, scales.stress)
 

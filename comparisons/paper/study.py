@@ -144,7 +144,8 @@ def _problem(reference: Reference, friction: float) -> Discretization:
             young=reference.young,
             poisson=reference.poisson,
             displacement=reference.displacement,
-        )
+        ),
+        element="bfs",
     )
 
 

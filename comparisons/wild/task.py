@@ -67,7 +67,7 @@ def _outcome(family: str, number: int) -> dict[str, Any]:
     began = time.perf_counter()
     try:
         wild = wild_problem(family, number)
-        result = solve(wild.problem, **wild.settings)
+        result = solve(wild.problem, **{"element": "bfs", **wild.settings})
         seconds = time.perf_counter() - began
         return {"seconds": seconds, **_judged(wild, result)}
     except InputError as error:

@@ -56,7 +56,7 @@ def _on_one_mesh(problem: Problem, stated: ContactProblem, model: str) -> Record
     if model == "companion":
         return _displacements(problem, stated)
     began = time.perf_counter()
-    result = solve(stated, inner=STRICT if model == "strict" else None, tolerance=TOLERANCE)
+    result = solve(stated, inner=STRICT if model == "strict" else None, tolerance=TOLERANCE, element="bfs")
     record = equilibrium(problem, result, time.perf_counter() - began)
     return record | _bounds(problem, result) if model == "bracket" else record
 
@@ -82,7 +82,9 @@ def _refined(problem: Problem, most: int, goal: str) -> tuple[list[Record], Cont
         records.append({**equilibrium(problem, result, seconds), "estimate": _finite(record.estimate)})
 
     start = problem.uniform(problem.start)
-    refined = refine(start, None, _OUT_OF_REACH, value, max_unknowns=most, callback=keep, tolerance=TOLERANCE)
+    refined = refine(
+        start, None, _OUT_OF_REACH, value, max_unknowns=most, callback=keep, tolerance=TOLERANCE, element="bfs"
+    )
     if not records:
         records.append(equilibrium(problem, refined.result, time.perf_counter() - began))
     elif refined.status not in _INTENDED and records[-1]["unknowns"] < most:
@@ -110,7 +112,7 @@ def _where_apart(problem: Problem, most: int) -> Iterator[Record]:
     stated = problem.uniform(problem.start)
     began = time.perf_counter()
     while True:
-        result = solve(stated, tolerance=TOLERANCE)
+        result = solve(stated, tolerance=TOLERANCE, element="bfs")
         record = equilibrium(problem, result, 0.0)
         if result.status is not Status.SOLVED:
             yield record | {"seconds": time.perf_counter() - began}

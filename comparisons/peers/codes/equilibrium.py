@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from qvi_contact import ContactProblem, ContactResult
+    from qvi_contact.discretization.families import ElementName
 
 MODULE: Final = "qvi_contact"
 
@@ -22,7 +23,7 @@ def build(case: dict[str, Any], degree: int | None = None, bracket: int | None =
 
     `degree` is that of the stress function on triangles, `bracket` that of the displacements it is bracketed with.
     """
-    return EquilibriumPlate(problem(case), degree, bracket)
+    return EquilibriumPlate(problem(case), "hct" if case["lines"] is None else "bfs", degree, bracket)
 
 
 def problem(case: dict[str, Any]) -> "ContactProblem":
@@ -47,8 +48,11 @@ def _plate(friction: float) -> "ContactProblem":
 class EquilibriumPlate:
     """A problem; `solve` discretises, factorises and certifies each time."""
 
-    def __init__(self, posed: "ContactProblem", degree: int | None, bracket: int | None) -> None:
+    def __init__(
+        self, posed: "ContactProblem", element: "ElementName", degree: int | None, bracket: int | None
+    ) -> None:
         self._problem = posed
+        self._element = element
         self._degree = degree
         self._bracket = bracket
 
@@ -56,7 +60,8 @@ class EquilibriumPlate:
         """As `qvi_contact.solve` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
         from qvi_contact import solve
 
-        result = solve(self._problem, degree=self._degree, method="condensed", tolerance=TOLERANCE, threads=1)
+        options: dict[str, Any] = {"method": "condensed", "tolerance": TOLERANCE, "threads": 1}
+        result = solve(self._problem, element=self._element, degree=self._degree, **options)
         answer: dict[str, Any] = {
             "status": result.status.value,
             "message": "" if result.certificate.passed else result.message,
