@@ -33,7 +33,7 @@ from solvers.certificate import body_scales
 from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
 from solvers.condensed.reduction import Base, Reduction
-from solvers.inequality.blocks import Rows, add_product, dense, mapped, scaled, stacked, transposed
+from solvers.inequality.blocks import Rows, add_product, dense, magnitudes, mapped, scaled, stacked, transposed
 from solvers.inequality.problem import FrictionQVI
 
 FRICTION_SHARES = (1000.0, 100.0, 1e4, 10.0)
@@ -117,7 +117,7 @@ class Complementarity:
         E, m, count = self._reduction.E, self._qvi.m, int((self._sign == 0.0).sum())
         whole = len(self._equations.free) == self._reduction.size
         self._all: Rows = E if whole else mapped(E, self._equations.map)
-        self._all_sizes: Rows = abs(self._all)
+        self._all_sizes: Rows = magnitudes(self._all)
         tangential = scaled(self._sign[count:], self._all[m + self._points[count:]])
         self.B: Rows = stacked([self._all[self._points[:count]], tangential])
         self._B_transposed: Rows = transposed(self.B)

@@ -47,6 +47,11 @@ def scaled_columns(rows: Rows, factors: Vector) -> Rows:
     return rows * factors if isinstance(rows, np.ndarray) else csr_array(rows @ diags_array(factors))
 
 
+def magnitudes(rows: Rows) -> Rows:
+    """Absolute values of all entries."""
+    return np.abs(rows) if isinstance(rows, np.ndarray) else csr_array(abs(rows))
+
+
 def stacked(parts: list[Rows]) -> Rows:
     """Rows on top of each other, all dense or all sparse."""
     sparse = [part for part in parts if not isinstance(part, np.ndarray)]
