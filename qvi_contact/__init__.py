@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from qvi_contact.problem.fields import Expression, Polynomial
     from qvi_contact.problem.material import Material, Region
     from qvi_contact.problem.problem import ContactProblem
-    from qvi_contact.refinement import Refinement, RefinementStatus, refine
+    from qvi_contact.refinement import LimitFactor, LimitRefinement, Refinement, RefinementStatus, refine
     from qvi_contact.solution.contact_line import ContactLine, ContactState
     from qvi_contact.solution.history import History, loop_area, solve_history
     from qvi_contact.solution.limit import LimitLoad, limit_load_factor
@@ -48,7 +48,9 @@ _HOME = {
     "Expression": "problem.fields",
     "History": "solution.history",
     "InputError": "errors",
+    "LimitFactor": "refinement",
     "LimitLoad": "solution.limit",
+    "LimitRefinement": "refinement",
     "Material": "problem.material",
     "Mechanism": "mechanism",
     "Polynomial": "problem.fields",
@@ -92,7 +94,9 @@ __all__ = [
     "Expression",
     "History",
     "InputError",
+    "LimitFactor",
     "LimitLoad",
+    "LimitRefinement",
     "Material",
     "Mechanism",
     "Polynomial",

@@ -19,13 +19,11 @@ from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, str
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.scope import check_scope
 from qvi_contact.errors import InputError
+from qvi_contact.solution.followed import allowed_misfit
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
 from solvers.basics.watch import watched
 
-_MISFIT = 1e-9  # prescribed tractions missed beyond rounding, relative to the unit of stress, that count
-_ROUNDED = 1e-6  # the same that rounding in the smallest cells may explain
-_ULPS = 8.0  # times each degree of freedom may be rounded, solved along the boundary
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
 _MOST = 4  # degree of the displacements by default: more gain little
@@ -190,7 +188,7 @@ def _reasons(
     if not companion.has_state:
         found.append(f"No admissible displacement was found: {companion.message}")
     misfit, unit = stress.result.traction_misfit, given.discretization.scales.stress
-    if misfit > _MISFIT * unit + min(_ULPS * stress.result.stress_rounding, _ROUNDED * unit):
+    if misfit > allowed_misfit(unit, stress.result.stress_rounding):
         found.append(f"Prescribed tractions are met in resultants only, up to {misfit:.3g} [stress] off at points.")
     elif balance > _BALANCE:
         found.append(f"The two energies and the parts of their gap differ by {balance:.1e} of the energy.")

@@ -8,14 +8,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, evaluate
+from qvi_contact.basics.checks import Field, evaluate
 from qvi_contact.companion.cells import kind_of
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
-from qvi_contact.element import bernstein, legendre
+from qvi_contact.discretization.polynomials import is_polynomial, spanned
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
-from qvi_contact.problem.problem import ContactProblem
 
 _DIVISIONS = 13  # of each side of a cell; φ is looked at in the middle of the parts
 _CELL_DEGREE = 5  # of φ, on rectangles in x and in y: the work of its stresses is then integrated exactly
@@ -27,7 +26,6 @@ _SPOKEN = {
     "Contact.offset": "The offset",
     "ContactProblem.body_potential": "The body potential",
 }
-_ROUNDING = 1e-9  # of the largest value
 
 
 def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]:
@@ -41,7 +39,7 @@ def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]
     found = [
         f"{_SPOKEN.get(name, name)} on {place!r} is no polynomial of degree {most} on every edge."
         for name, place, edges, field, most in _on_edges(discretization, degree)
-        if callable(field) and not _is_polynomial(problem, edges, name, field, most)
+        if callable(field) and not is_polynomial(problem, edges, name, field, most)
     ]
     if callable(problem.body_potential) and not _cells_hold(discretization, problem.body_potential):
         found.append(f"The body potential is no polynomial of degree {_CELL_DEGREE} on every cell.")
@@ -69,11 +67,6 @@ def _on_edges(discretization: Discretization, degree: int) -> Iterator[tuple[str
                 yield "Contact.shear_limit", condition.name, edges, condition.shear_limit, space.shear_degree
 
 
-def _is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:
-    """Whether a field is a polynomial of that degree along each edge."""
-    return _fits(evaluate(name, field, *problem.mesh.points_along(edges, bernstein.SAMPLES)), bernstein.SAMPLES, most)
-
-
 def _cells_hold(discretization: Discretization, field: Field) -> bool:
     """Whether a field is a polynomial of degree 5 on each triangle, or of degree 5 in x and in y on each rectangle."""
     problem, space = discretization.problem, discretization.space
@@ -81,15 +74,4 @@ def _cells_hold(discretization: Discretization, field: Field) -> bool:
     t = corners[parts].mean(axis=1)
     places = space.points(np.arange(problem.mesh.cell_count), t)
     values = evaluate("ContactProblem.body_potential", field, *physical(problem, discretization.scales, places))
-    return _spanned(values, kind_of(problem.mesh)(_CELL_DEGREE).values(t[:, -2:]))
-
-
-def _fits(values: FloatArray, t: FloatArray, degree: int) -> bool:
-    """Whether rows of values (n, k) at points t (k,) are polynomials of that degree."""
-    return _spanned(values, legendre.basis(degree, t))
-
-
-def _spanned(values: FloatArray, functions: FloatArray) -> bool:
-    """Whether rows of values (n, k) are combinations of the columns of functions (k, c)."""
-    basis = np.linalg.qr(functions)[0]
-    return bool(np.abs(values - values @ basis @ basis.T).max() <= _ROUNDING * np.abs(values).max())
+    return spanned(values, kind_of(problem.mesh)(_CELL_DEGREE).values(t[:, -2:]))

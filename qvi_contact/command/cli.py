@@ -282,6 +282,7 @@ def bracket(
 @group.command()
 @_FILE
 @click.option("--load", "loads", metavar="NAME", multiple=True, required=True, help="A load to multiply; repeatable.")
+@click.option("--target", type=float, help="Refine the mesh until both sides agree to this, such as 1e-4.")
 @_ELEMENT
 @_DEGREE
 @_ROWS
@@ -290,6 +291,7 @@ def bracket(
 def limit(
     file: str,
     loads: tuple[str, ...],
+    target: float | None,
     element: str | None,
     degree: int | None,
     contact_rows: str | None,
@@ -299,29 +301,32 @@ def limit(
     """Largest multiple of the named loads that the contacts can carry while the others stay, from both sides.
 
     This mesh carries the first number, with stresses that keep the contact laws; no stress of the body carries more
-    than the second, which a mechanism of rigid blocks proves. Refine the mesh where they are apart. Coulomb friction
-    may give way before, which only solve can tell. Loads of one name are multiplied together. NAME is the name of a
-    traction (its edge set if it has none), of a contact whose plate is driven by force, or "body" for the body force.
-    With a [history] the problem at its first time is taken. The exit status is 1 if the mesh carries no multiple.
+    than the second, which a mechanism of rigid blocks proves. With --target the mesh is refined until the difference
+    is within this share of the second number. Coulomb friction may give way before, which only solve can tell. Loads
+    of one name are multiplied together. NAME is the name of a traction (its edge set if it has none), of a contact
+    whose plate is driven by force, or "body" for the body force. With a [history] the problem at its first time is
+    taken. The exit status is 1 if the mesh carries no multiple, or if the target was not reached.
 
     \b
-    Example:
+    Examples:
         qvi-contact limit examples/dragged_block_holds.toml --load drag
+        qvi-contact limit examples/dragged_block_holds.toml --load drag --target 1e-4
     """  # noqa: D301
-    from qvi_contact.command.limit_line import document, sentence
+    from qvi_contact.command.limit_line import computed, document, lines
     from qvi_contact.command.solve_line import solving
     from qvi_contact.files.problem_file import load_problem
-    from qvi_contact.solution.limit import limit_load_factor
 
     problem_file = load_problem(file)
     with problem_file.named_errors(), solving(problem_file.title or "limit"):
         space = problem_file.element | _given(element=element, degree=degree, contact_rows=contact_rows)
-        found = limit_load_factor(problem_file.problem, loads=list(loads), time_limit=time_limit, **space)
+        found, refinement = computed(problem_file.problem, loads, target, time_limit, **space)
     if as_json:
-        click.echo(_json({"loads": list(loads), **document(found)}))
+        click.echo(_json({"loads": list(loads), **document(found, refinement)}))
     else:
-        click.echo(f"{', '.join(loads)}: {sentence(found)}")
-    return 1 if found == -float("inf") else 0
+        for line in lines(loads, found, refinement):
+            click.echo(line)
+    missed = refinement is not None and refinement.status != "reached"
+    return 1 if missed or found == -float("inf") else 0
 
 
 @group.command()

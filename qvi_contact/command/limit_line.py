@@ -1,9 +1,32 @@
 """What the command line says of a limit load."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
-from qvi_contact.solution.limit import LimitLoad
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.refinement import LimitFactor, LimitRefinement, refine
+from qvi_contact.solution.limit import LimitLoad, limit_load_factor
+
+
+def computed(
+    problem: ContactProblem, loads: Sequence[str], target: float | None, time_limit: float | None, **space: Any
+) -> tuple[LimitLoad, LimitRefinement | None]:
+    """The limit load of the mesh, or of one refined until it is as accurate as the target asks for."""
+    if target is None:
+        return limit_load_factor(problem, loads=list(loads), time_limit=time_limit, **space), None
+    found = refine(problem, target=target, quantity=LimitFactor(list(loads)), time_limit=time_limit, **space)
+    return found.limit, found
+
+
+def lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:
+    """What people read."""
+    found = [f"{', '.join(loads)}: {sentence(limit)}"]
+    if refinement is not None:
+        found.append(refinement.message)
+        if refinement.status != "reached":
+            found.append(refinement.status.advice)
+    return found
 
 
 def sentence(limit: LimitLoad) -> str:
@@ -17,11 +40,22 @@ def sentence(limit: LimitLoad) -> str:
     return f"{mesh} these loads; {body if limit.upper < math.inf else 'for the body there is no upper limit'}"
 
 
-def document(limit: LimitLoad) -> dict[str, Any]:
+def document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
     """The same for programs: factors that are not finite are None, `outcome` says what they stand for."""
     outcome = "none" if limit.upper == -math.inf else "unbounded" if limit.upper == math.inf else "bounded"
     lower, upper = (value + 0.0 if math.isfinite(value) else None for value in (limit.lower, limit.upper))
-    return {"outcome": outcome, "factor": lower, "upper": upper, "message": sentence(limit)}
+    known: dict[str, Any] = {"outcome": outcome, "factor": lower, "upper": upper, "message": sentence(limit)}
+    if refinement is not None:
+        known["refinement"] = {
+            "status": refinement.status.value,
+            "target": refinement.target,
+            "estimate": refinement.estimate if math.isfinite(refinement.estimate) else None,
+            "guaranteed": refinement.guaranteed,
+            "unknowns": refinement.rounds[-1].unknowns,
+            "rounds": len(refinement.rounds),
+            "message": refinement.message,
+        }
+    return known
 
 
 def _multiple(factor: float) -> str:

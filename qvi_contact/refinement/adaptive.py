@@ -1,23 +1,28 @@
 """Refine a mesh until a quantity is as accurate as asked for."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Generic
+from collections.abc import Callable
+from typing import Any, overload
+
+import numpy as np
 
 from qvi_contact.basics.checks import positive_number
 from qvi_contact.discretization.families import with_element
-from qvi_contact.errors import InputError, QVIError
+from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.refinement.limits import limit_strategy
 from qvi_contact.refinement.lines import LineRefinement
-from qvi_contact.refinement.outcome import Refinement, RefinementRound, RefinementStatus
-from qvi_contact.refinement.quantity import Measure, Quantity
-from qvi_contact.refinement.rounds import R, Settings, StopError, Strategy, TooLargeError, check_solved
+from qvi_contact.refinement.loop import Loop
+from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound
+from qvi_contact.refinement.quantity import LimitFactor, Measure, Quantity
+from qvi_contact.refinement.rounds import K, Settings, Strategy
 from qvi_contact.refinement.triangles import TriangleRefinement
+from qvi_contact.solution.limit import checked_loads
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.watch import expired, watched
+from solvers.basics.watch import watched
 
 
+@overload
 def refine(
     problem: ContactProblem,
     result: ContactResult | None = None,
@@ -29,8 +34,39 @@ def refine(
     thinnest: float | None = None,
     time_limit: float | None = None,
     callback: Callable[[RefinementRound], object] | None = None,
+    **options: Any,
+) -> Refinement: ...
+
+
+@overload
+def refine(
+    problem: ContactProblem,
+    result: ContactResult | None = None,
+    target: float = 1e-3,
+    *,
+    quantity: LimitFactor,
+    max_unknowns: int = 20_000,
+    max_rounds: int | None = None,
+    thinnest: float | None = None,
+    time_limit: float | None = None,
+    callback: Callable[[RefinementRound], object] | None = None,
+    **options: Any,
+) -> LimitRefinement: ...
+
+
+def refine(
+    problem: ContactProblem,
+    result: ContactResult | None = None,
+    target: float = 1e-3,
+    quantity: Quantity | LimitFactor = "energy",
+    *,
+    max_unknowns: int = 20_000,
+    max_rounds: int | None = None,
+    thinnest: float | None = None,
+    time_limit: float | None = None,
+    callback: Callable[[RefinementRound], object] | None = None,
     **options: Any,  # checked by solve
-) -> Refinement:
+) -> Refinement | LimitRefinement:
     """Solve a problem on meshes refined where it pays until the error of a quantity is within a target.
 
     On triangles, into which ``element="hct"`` cuts rectangles, each round solves the problem on a mesh, which gives the
@@ -45,6 +81,11 @@ def refine(
     (see `estimate`), and lines are inserted across the body where they remove most of the error for the unknowns they
     cost (see `marking`).
 
+    With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, on triangles and on grids, until
+    upper − lower is within the target of upper. That is a guaranteed error of either side wherever the mesh can follow
+    the tractions. Contact edges are bisected on which the mesh gives way in another manner than the body would: where a
+    block turns about an edge, or slip ends.
+
     Parameters
     ----------
     problem : ContactProblem
@@ -55,7 +96,7 @@ def refine(
         about every second line of it, so that the first answer is about as fine.
     target : float
         Relative error asked for.
-    quantity : str or function of a ContactResult
+    quantity : str, function of a ContactResult, or LimitFactor
         "energy": the complementary energy, its error relative to the strain energy (½∫cσ:σ; this is the squared
         relative error of the stresses in the energy norm, if there is no friction). "NAME.normal_force" or
         "NAME.tangential_force": the resultant of the contact called NAME, relative to itself. Or any function that
@@ -74,18 +115,22 @@ def refine(
         Called with the record of each round.
     **options
         As for `solve`: method, inner, tolerance and the method's own, ``element``. On triangles ``degree``, 5 by
-        default, at most 11, and ``contact_rows``.
+        default, at most 11, and ``contact_rows``. For a limit load only ``element``, ``degree``, 4 by default, and
+        ``contact_rows``.
 
     Returns
     -------
-    Refinement
+    Refinement or LimitRefinement
         The last answer, the estimate with its status, and the error indicator of every cell; `Refinement.guaranteed`
-        says whether the estimate is a bound. A failure does not raise.
+        says whether the estimate is a bound. A failure does not raise. For a `LimitFactor` the answer is a limit load,
+        `LimitRefinement.limit`.
 
     Raises
     ------
     InputError
         If an argument is wrong, or the problem on its first mesh.
+    SolveError
+        If a linear program of a limit load is not solved on the first mesh.
 
     Notes
     -----
@@ -107,7 +152,6 @@ def refine(
     on_triangles = isinstance(problem.mesh, TriangleMesh)
     kind: type[TriangleRefinement] | type[LineRefinement] = TriangleRefinement if on_triangles else LineRefinement
     settings = Settings(
-        Measure.of(problem, quantity),
         positive_number("target", target),
         positive_number("max_unknowns", max_unknowns),
         int(positive_number("max_rounds", kind.rounds if max_rounds is None else max_rounds)),
@@ -115,9 +159,12 @@ def refine(
         options,
     )
     with watched(time_limit):
+        if isinstance(quantity, LimitFactor):
+            return _limit_refined(problem, result, quantity, settings, callback)
+        measure = Measure.of(problem, quantity)
         if on_triangles:
-            return _Loop(TriangleRefinement(settings), settings, callback).run(problem, result)
-        return _Loop(LineRefinement(settings), settings, callback).run(problem, result)
+            return _refined(TriangleRefinement(settings, measure), problem, result, measure, callback)
+        return _refined(LineRefinement(settings, measure), problem, result, measure, callback)
 
 
 def _posed_on(problem: ContactProblem, result: ContactResult | None, options: dict[str, Any]) -> ContactProblem:
@@ -139,78 +186,54 @@ def _posed_on(problem: ContactProblem, result: ContactResult | None, options: di
     return problem
 
 
-@dataclass(frozen=True, eq=False)
-class _Loop(Generic[R]):
-    """The rounds of one refinement."""
+def _refined(
+    strategy: Strategy[ContactResult, K],
+    problem: ContactProblem,
+    result: ContactResult | None,
+    measure: Measure,
+    callback: Callable[[RefinementRound], object] | None,
+) -> Refinement:
+    """The refinement for a quantity of results."""
+    ended = Loop(strategy, callback).run(problem, result)
+    last = ended.rounds[-1] if ended.rounds else None
+    known = ended.first if last is None else last.result
+    return Refinement(
+        result=known,
+        status=ended.stop.status,
+        quantity=measure.name,
+        target=strategy.settings.target,
+        value=float("nan") if last is None else last.value,
+        estimate=float("inf") if last is None else last.estimate,
+        unit=float("nan") if last is None else last.unit,
+        indicator=known.problem.mesh.arranged(np.zeros(known.problem.mesh.cell_count))
+        if last is None
+        else last.indicator,
+        rounds=tuple(each.record for each in ended.rounds),
+        reason=ended.stop.reason,
+    )
 
-    strategy: Strategy[R]
-    settings: Settings
-    callback: Callable[[RefinementRound], object] | None
 
-    def run(self, problem: ContactProblem, earlier: ContactResult | None) -> Refinement:
-        """Solve, estimate, refine, until the target or a limit is reached."""
-        rounds: list[R] = []
-        if earlier is not None:
-            problem = self.strategy.start(problem, earlier)
-        first = result = self._first(problem)
-        try:
-            check_solved(first)
-            while True:
-                rounds.append(self.strategy.assessed(problem, result, rounds))
-                if self.callback is not None:
-                    self.callback(rounds[-1].record)
-                self._check_limits(rounds)
-                problem = self.strategy.next(rounds)
-                result = self._solved(problem)
-        except StopError as stop:
-            return self._outcome(rounds, first, stop)
-
-    def _first(self, problem: ContactProblem) -> ContactResult:
-        """The result on the first mesh, which may raise."""
-        try:
-            return self.strategy.answer(problem)
-        except TooLargeError as error:
-            remedy = (
-                f"the first mesh has about {error.unknowns} unknowns{self.strategy.counting}: allow more, or start "
-                "coarser"
-            )
-            raise InputError("max_unknowns", self.settings.max_unknowns, remedy) from error
-
-    def _solved(self, problem: ContactProblem) -> ContactResult:
-        """The result on a later mesh."""
-        try:
-            result = self.strategy.answer(problem)
-        except TooLargeError as error:
-            raise StopError(RefinementStatus.UNKNOWNS) from error
-        except QVIError as error:  # the same data were taken on the mesh before
-            raise StopError(RefinementStatus.THIN_CELLS, str(error)) from error
-        check_solved(result)
-        return result
-
-    def _check_limits(self, rounds: Sequence[R]) -> None:
-        """`StopError` where the target or a limit is reached."""
-        if rounds[-1].estimate <= self.settings.target:
-            raise StopError(RefinementStatus.REACHED)
-        if expired():
-            raise StopError(RefinementStatus.TIME_LIMIT)
-        if len(rounds) >= self.settings.max_rounds:
-            raise StopError(RefinementStatus.ROUNDS)
-
-    def _outcome(self, rounds: Sequence[R], first: ContactResult, stop: StopError) -> Refinement:
-        name, target = self.settings.measure.name, self.settings.target
-        if not rounds:
-            nothing = (float("nan"), float("inf"), float("nan"), self.strategy.blank(first), ())
-            return Refinement(first, stop.status, name, target, *nothing, stop.reason)
-        last = rounds[-1]
-        return Refinement(
-            last.result,
-            stop.status,
-            name,
-            target,
-            last.value,
-            last.estimate,
-            last.unit,
-            last.indicator,
-            tuple(each.record for each in rounds),
-            stop.reason,
-        )
+def _limit_refined(
+    problem: ContactProblem,
+    result: ContactResult | None,
+    quantity: LimitFactor,
+    settings: Settings,
+    callback: Callable[[RefinementRound], object] | None,
+) -> LimitRefinement:
+    """The refinement for a limit load."""
+    strategy = limit_strategy(problem, settings, checked_loads(problem, quantity.loads))
+    ended = Loop(strategy, callback).run(problem, result)
+    last = ended.rounds[-1]  # a limit load that fails on the first mesh raises
+    return LimitRefinement(
+        limit=last.limit,
+        problem=last.problem,
+        status=ended.stop.status,
+        quantity=f"limit load factor of {', '.join(strategy.names)}",
+        target=settings.target,
+        value=last.value,
+        estimate=last.estimate,
+        unit=last.unit,
+        indicator=last.indicator,
+        rounds=tuple(each.record for each in ended.rounds),
+        reason=ended.stop.reason,
+    )

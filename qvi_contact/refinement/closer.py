@@ -61,7 +61,7 @@ def closer_problem(problem: ContactProblem, mesh: TriangleMesh, at: Places) -> C
     """The problem on the mesh bisected for a closer look."""
     fine = mesh
     for level in range(_IN_CORNERS):
-        chosen = _descendants(problem, mesh, fine, at.cells if level < _AT_CHANGES else at.cells[:0])
+        chosen = at_contacts(problem, mesh, fine, at.cells if level < _AT_CHANGES else at.cells[:0])
         near = np.isin(fine.cells, at.corners).any(axis=1)  # old vertices keep their numbers
         if len(fine.cells) + 2 * near.sum() <= _MOST * len(mesh.cells) + _FREE:
             chosen |= near
@@ -70,7 +70,7 @@ def closer_problem(problem: ContactProblem, mesh: TriangleMesh, at: Places) -> C
     return replace(problem, mesh=fine)
 
 
-def _descendants(problem: ContactProblem, mesh: TriangleMesh, fine: TriangleMesh, cells: IntArray) -> BoolArray:
+def at_contacts(problem: ContactProblem, mesh: TriangleMesh, fine: TriangleMesh, cells: IntArray) -> BoolArray:
     """Triangles (m,) of a finer mesh at contacts that lie in those cells."""
     found = np.zeros(len(fine.cells), dtype=bool)
     if len(cells):

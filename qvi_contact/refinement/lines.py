@@ -16,7 +16,8 @@ from qvi_contact.refinement.estimate import CellErrors, cell_errors
 from qvi_contact.refinement.grids import coarser, finer
 from qvi_contact.refinement.marking import marked_lines
 from qvi_contact.refinement.outcome import RefinementStatus
-from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError
+from qvi_contact.refinement.quantity import Measure
+from qvi_contact.refinement.rounds import ResultRound, Settings, StopError, TooLargeError, check_solved, unknowns_of
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import solve
 from solvers import Status
@@ -30,7 +31,7 @@ _APART: Final = 8.0  # how far the two estimates may be apart
 
 
 @dataclass(frozen=True, eq=False)
-class LineRound(Round):
+class LineRound(ResultRound):
     """A round on grids; `problem` is that on the middle one.
 
     Attributes
@@ -51,6 +52,7 @@ class LineRefinement:
     """Grid lines inserted where they pay; see `rounds.Strategy`."""
 
     settings: Settings
+    measure: Measure
 
     counting: ClassVar[str] = " with every interval bisected"
     rounds: ClassVar[int] = 20
@@ -68,13 +70,10 @@ class LineRefinement:
             raise TooLargeError(unknowns)
         return solve(finer(problem), **self.settings.options)
 
-    def blank(self, result: ContactResult) -> FloatArray:
-        """Zero for each cell."""
-        return np.zeros(result.problem.grid.shape)
-
     def assessed(self, problem: ContactProblem, result: ContactResult, earlier: Sequence[LineRound]) -> LineRound:
         """What the results on three meshes say about the finest one."""
-        measure, mesh = self.settings.measure, result.problem.grid
+        check_solved(result)
+        measure, mesh = self.measure, result.problem.grid
         value, unit = measure.value(result), measure.unit(result)
         middle = self._companion(problem)
         if middle is None and earlier and expired():  # nobody could say how accurate the result is
@@ -86,9 +85,10 @@ class LineRefinement:
             sensitivity = abs(value - measure.value(middle)) / gained if gained > 0.0 else 0.0
             error = _estimate(value, errors.total, sensitivity, earlier[-1] if earlier else None)
             estimate = error / unit if unit > 0.0 else 0.0
-        indicator = _shared(errors, estimate) if errors is not None else self.blank(result)
+        indicator = _shared(errors, estimate) if errors is not None else np.zeros(mesh.shape)
         cells = mesh.shape[::-1]
-        return LineRound(problem, result, value, unit, estimate, False, cells, indicator, errors, sensitivity)
+        size = unknowns_of(result)
+        return LineRound(problem, size, value, unit, estimate, False, cells, indicator, result, errors, sensitivity)
 
     def next(self, rounds: Sequence[LineRound]) -> ContactProblem:
         """The next mesh, of which all intervals will be bisected."""

@@ -5,6 +5,7 @@ from enum import StrEnum
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.limit import LimitLoad
 from qvi_contact.solution.result import ContactResult
 
 
@@ -64,14 +65,12 @@ class RefinementRound:
     guaranteed: bool = False
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Refinement:
-    """A problem solved on a mesh refined for one quantity, with an estimate of the quantity's error.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Outcome:
+    """What a refinement says of its quantity, whatever that is.
 
     Attributes
     ----------
-    result : ContactResult
-        On the last mesh that was solved; if there is none, the failed one on the first.
     status : RefinementStatus
         Only `RefinementStatus.REACHED` means that the estimate is within the target.
     quantity : str
@@ -79,7 +78,7 @@ class Refinement:
     target : float
         Relative error asked for.
     value : float
-        The quantity, from `result`; NaN if that failed.
+        The quantity on the last mesh; NaN if that failed.
     estimate : float
         Estimated relative error of the value, or its bound if `guaranteed`; infinity if there is none.
     unit : float
@@ -93,7 +92,6 @@ class Refinement:
 
     """
 
-    result: ContactResult
     status: RefinementStatus
     quantity: str
     target: float
@@ -105,12 +103,7 @@ class Refinement:
     reason: str = ""
 
     def __repr__(self) -> str:
-        return f"<Refinement {self.message}>"
-
-    @property
-    def problem(self) -> ContactProblem:
-        """The problem on the last mesh."""
-        return self.result.problem
+        return f"<{type(self).__name__} {self.message}>"
 
     @property
     def error(self) -> float:
@@ -119,18 +112,12 @@ class Refinement:
 
     @property
     def guaranteed(self) -> bool:
-        """Whether `estimate` is a bound of the error, up to rounding; see `Bracket.guaranteed`.
-
-        Where contacts have Coulomb friction it is one of the problem with these contacts tied: they stick in the
-        answer, and in a closer look at it.
-        """
+        """Whether `estimate` is a bound of the error, up to rounding."""
         return bool(self.rounds) and self.rounds[-1].guaranteed
 
     @property
     def message(self) -> str:
         """One sentence about the outcome."""
-        if not self.rounds:
-            return f"{self.status.value}: no mesh was solved; {self.reason or self.result.message}"
         last = self.rounds[-1]
         cells = " × ".join(str(count) for count in last.cells)
         kind = "cells" if len(last.cells) > 1 else "triangles"
@@ -142,3 +129,64 @@ class Refinement:
             f"{len(self.rounds)} {'round' if len(self.rounds) == 1 else 'rounds'}"
         )
         return f"{text}; {self.reason}" if self.reason else text
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Refinement(Outcome):
+    """A problem solved on a mesh refined for one quantity, with an estimate of the quantity's error.
+
+    Attributes
+    ----------
+    result : ContactResult
+        On the last mesh that was solved; if there is none, the failed one on the first.
+
+    """
+
+    result: ContactResult
+
+    @property
+    def problem(self) -> ContactProblem:
+        """The problem on the last mesh."""
+        return self.result.problem
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether `estimate` is a bound of the error, up to rounding; see `Bracket.guaranteed`.
+
+        Where contacts have Coulomb friction it is one of the problem with these contacts tied: they stick in the
+        answer, and in a closer look at it.
+        """
+        return super().guaranteed
+
+    @property
+    def message(self) -> str:
+        """One sentence about the outcome."""
+        if not self.rounds:
+            return f"{self.status.value}: no mesh was solved; {self.reason or self.result.message}"
+        return super().message
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class LimitRefinement(Outcome):
+    """A limit load on a mesh refined until both of its sides are as near as asked for.
+
+    Attributes
+    ----------
+    limit : LimitLoad
+        Both sides on the last mesh. `Outcome.value` is the lower one, `Outcome.estimate` is (upper − lower)/upper.
+    problem : ContactProblem
+        The problem on the last mesh.
+
+    """
+
+    limit: LimitLoad
+    problem: ContactProblem
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether stresses in equilibrium carry the lower side at every point, up to rounding.
+
+        False where tractions, or what enters them along contacts, are no polynomials that the mesh can follow: loads
+        are then met in their resultants on every edge.
+        """
+        return super().guaranteed

@@ -1,6 +1,6 @@
 """The number that a refinement is for, and what its error is relative to."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -9,6 +9,21 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
+
+
+@dataclass(frozen=True)
+class LimitFactor:
+    """The quantity of a limit analysis: the largest multiple of loads that the contacts can carry.
+
+    Attributes
+    ----------
+    loads : sequence of str
+        Names of the loads to multiply, see `limit_load_factor`.
+
+    """
+
+    loads: Sequence[str]
+
 
 _FORCES: Final = ("normal_force", "tangential_force")
 _SMALL_FORCE: Final = 1e-6  # of the problem's unit: forces below count as this for relative errors

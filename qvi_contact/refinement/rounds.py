@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Final, Protocol, TypeVar
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
-from qvi_contact.refinement.quantity import Measure
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 
@@ -19,12 +18,10 @@ _STOPS: Final = {
 
 @dataclass(frozen=True)
 class Settings:
-    """What is asked for: the quantity and its target, what must not be exceeded, options of all solves.
+    """What is asked for: the target, what must not be exceeded, options of all solves.
 
     Attributes
     ----------
-    measure : Measure
-        The quantity.
     target : float
         Relative error.
     max_unknowns : float
@@ -38,7 +35,6 @@ class Settings:
 
     """
 
-    measure: Measure
     target: float
     max_unknowns: float
     max_rounds: int
@@ -54,8 +50,8 @@ class Round:
     ----------
     problem : ContactProblem
         What the next round's mesh is made from.
-    result : ContactResult
-        The answer.
+    unknowns : int
+        Unknowns of the answer.
     value, unit : float
         The quantity, and what its error is relative to.
     estimate : float
@@ -70,7 +66,7 @@ class Round:
     """
 
     problem: ContactProblem
-    result: ContactResult
+    unknowns: int
     value: float
     unit: float
     estimate: float
@@ -79,24 +75,37 @@ class Round:
     indicator: FloatArray
 
     @property
-    def unknowns(self) -> int:
-        """Unknowns of the answer."""
-        return unknowns_of(self.result)
-
-    @property
     def record(self) -> RefinementRound:
         """What is kept of the round."""
         return RefinementRound(self.cells, self.unknowns, self.value, self.estimate, self.guaranteed)
 
 
+@dataclass(frozen=True, eq=False)
+class ResultRound(Round):
+    """A round that solves the problem.
+
+    Attributes
+    ----------
+    result : ContactResult
+        The answer.
+
+    """
+
+    result: ContactResult
+
+
+A = TypeVar("A")
 R = TypeVar("R", bound=Round)
+K = TypeVar("K", bound=ResultRound)
 
 
-class Strategy(Protocol[R]):
+class Strategy(Protocol[A, R]):
     """How meshes of one kind are refined.
 
     Attributes
     ----------
+    settings : Settings
+        What is asked for.
     counting : str
         How unknowns are counted before a solve, for messages; empty where they are those of the problem as it stands.
     rounds : int
@@ -106,6 +115,11 @@ class Strategy(Protocol[R]):
 
     """
 
+    @property
+    def settings(self) -> Settings:
+        """What is asked for."""
+        ...
+
     counting: ClassVar[str]
     rounds: ClassVar[int]
     thinnest: ClassVar[float]
@@ -114,16 +128,12 @@ class Strategy(Protocol[R]):
         """The problem on the mesh that goes on from an earlier result, which is on a mesh of the same kind."""
         ...
 
-    def answer(self, problem: ContactProblem) -> ContactResult:
+    def answer(self, problem: ContactProblem) -> A:
         """The answer of a round; `TooLargeError` if it would have more unknowns than allowed, else as `solve`."""
         ...
 
-    def blank(self, result: ContactResult) -> FloatArray:
-        """Zero for each cell of an answer."""
-        ...
-
-    def assessed(self, problem: ContactProblem, result: ContactResult, earlier: Sequence[R]) -> R:
-        """How far off an answer is that was solved; `StopError` if the time is over before that is known."""
+    def assessed(self, problem: ContactProblem, answer: A, earlier: Sequence[R], /) -> R:
+        """How far off an answer is; `StopError` if it was not solved, or the time is over before that is known."""
         ...
 
     def next(self, rounds: Sequence[R]) -> ContactProblem:

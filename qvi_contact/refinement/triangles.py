@@ -16,8 +16,10 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.closer import Places, closer_problem, differences, places
 from qvi_contact.refinement.comparison import Comparison, bounded, coulomb_contacts, sticks
+from qvi_contact.refinement.doerfler import bulk
 from qvi_contact.refinement.outcome import RefinementStatus
-from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError, unknowns_of
+from qvi_contact.refinement.quantity import Measure
+from qvi_contact.refinement.rounds import ResultRound, Settings, StopError, TooLargeError, check_solved, unknowns_of
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import posed, solve
 from solvers import Status
@@ -27,7 +29,6 @@ DEGREE: Final = 5
 """Degree where none is given."""
 
 _HIGHEST: Final = 11  # degree that leaves one more for the closer look
-_BULK: Final = 0.6  # Dörfler's share of the difference that is marked
 _FACTOR: Final = 0.4  # by which a bisection reduces what a corner holds, 2^(−2λ): λ is 0.66 or less where it matters
 _MARGIN: Final = 0.9  # share of the target below which a corner need not be bisected again
 _DEEPEST: Final = 3  # bisections in a corner in one round
@@ -37,7 +38,7 @@ _POSING: Final = ("degree", "contact_rows")  # options of the discretisation, no
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleRound(Round):
+class TriangleRound(ResultRound):
     """A round on triangles.
 
     Attributes
@@ -61,6 +62,7 @@ class TriangleRefinement:
     """Triangles bisected where the answer is off; see `rounds.Strategy`."""
 
     settings: Settings
+    measure: Measure
     counting: ClassVar[str] = ""
     rounds: ClassVar[int] = 60
     thinnest: ClassVar[float] = 1e-9
@@ -84,15 +86,12 @@ class TriangleRefinement:
         """The result on the mesh."""
         return self._solved(problem, self.degree, self.settings.max_unknowns)
 
-    def blank(self, result: ContactResult) -> FloatArray:
-        """Zero for each triangle."""
-        return np.zeros(result.problem.mesh.cell_count)
-
     def assessed(
         self, problem: ContactProblem, result: ContactResult, earlier: Sequence[TriangleRound]
     ) -> TriangleRound:
         """What bounds say about an answer, where there are any, else a closer look."""
-        mesh, measure = _mesh(problem), self.settings.measure
+        check_solved(result)
+        mesh, measure = _mesh(problem), self.measure
         value, unit = measure.value(result), measure.unit(result)
         at = places(problem, mesh, result)
         hopeless = any(each.tried and not each.guaranteed for each in earlier)
@@ -109,8 +108,9 @@ class TriangleRefinement:
         count = (len(mesh.cells),)
         shares = _shared(found.parts, estimate)
         marked, deeper = self._marked(mesh, at, found, estimate)
+        size = unknowns_of(result)
         return TriangleRound(
-            problem, result, value, unit, estimate, found.guaranteed, count, shares, marked, deeper, tried
+            problem, size, value, unit, estimate, found.guaranteed, count, shares, result, marked, deeper, tried
         )
 
     def _marked(
@@ -119,7 +119,7 @@ class TriangleRefinement:
         """Triangles to bisect, and vertices where to go on."""
         if not np.isfinite(estimate):
             return np.ones(len(mesh.cells), dtype=bool), ()
-        marked = _bulk(found.parts)
+        marked = bulk(found.parts)
         if found.guaranteed or not len(at.cells):
             return marked, _deeper(mesh, at.corners, found.parts, self.settings.target / (estimate or 1.0))
         marked[at.cells] = True  # changes of state matter more for a force than their share says
@@ -147,7 +147,7 @@ class TriangleRefinement:
 
         A bound of the tied problem stays what it is if the contacts stick in the closer look too.
         """
-        mesh, measure, options = _mesh(problem), self.settings.measure, self.settings.options
+        mesh, measure, options = _mesh(problem), self.measure, self.settings.options
         by_default = options.get("method") is None and options.get("inner") is None
         for closer, more in ((closer_problem(problem, mesh, at), _QUICK if by_default else {}), (problem, {})):
             try:
@@ -181,15 +181,6 @@ def _usable(look: ContactResult, error: float, unit: float) -> bool:
     """Whether an error may be told from a look: solved, or nearer to that than the error is large."""
     near = look.status is Status.INACCURATE and look.certificate.accuracy * unit <= _NEAR * error
     return bool(np.isfinite(error)) and (look.status is Status.SOLVED or near)
-
-
-def _bulk(parts: FloatArray) -> BoolArray:
-    """The fewest entries that hold Dörfler's share of the sum."""
-    order: IntArray = np.argsort(-parts, kind="stable")
-    enough = int(np.searchsorted(np.cumsum(parts[order]), _BULK * parts.sum() * (1.0 - 1e-12))) + 1
-    found = np.zeros(len(parts), dtype=bool)
-    found[order[:enough]] = True
-    return found
 
 
 def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:

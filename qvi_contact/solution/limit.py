@@ -146,12 +146,83 @@ def limit_load(
     """Both sides of `limit_load_factor` without the check of the mesh's program; `space` is for `discretize`."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    names = _checked_names(problem, loads)
-    problem = with_element(problem, element)
-    low, high = _sampled(problem, names, space)
-    upper, mechanism = upper_bound(problem, names)
-    carried = _carried(low, high)
-    return LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
+    return LimitProblem.of(with_element(problem, element), checked_loads(problem, loads), **space).solved().limit
+
+
+@dataclass(frozen=True, eq=False)
+class LimitProblem:
+    """A limit analysis on one mesh: the problem with the named loads times 1 and times 2.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        The problem.
+    names : tuple of str
+        The loads that are multiplied.
+    low, high : Discretization
+        The problem at both factors, in the same units and degrees of freedom.
+
+    """
+
+    problem: ContactProblem
+    names: tuple[str, ...]
+    low: Discretization
+    high: Discretization
+
+    @classmethod
+    def of(cls, problem: ContactProblem, names: tuple[str, ...], **space: Any) -> "LimitProblem":
+        """The analysis of checked loads; `space` is for `discretize`."""
+        return cls(problem, names, *_sampled(problem, names, space))
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns of the algebraic problem."""
+        return int(self.low.qvi.n)
+
+    def solved(self) -> "LimitAnalysis":
+        """Both sides."""
+        upper, mechanism = upper_bound(self.problem, self.names)
+        carried, state = _carried(self.low, self.high)
+        limit = LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
+        return LimitAnalysis(self, limit, state)
+
+
+@dataclass(frozen=True, eq=False)
+class LimitAnalysis:
+    """A limit load with the tractions that carry it.
+
+    Attributes
+    ----------
+    posed : LimitProblem
+        What was asked for.
+    limit : LimitLoad
+        Both sides.
+    state : LimitState or None
+        What carries `LimitLoad.lower`; None if that is not finite.
+
+    """
+
+    posed: LimitProblem
+    limit: LimitLoad
+    state: "LimitState | None"
+
+
+@dataclass(frozen=True, eq=False)
+class LimitState:
+    """The answer of the mesh's program, dimensionless.
+
+    Attributes
+    ----------
+    tractions : (2 m,) array
+        Rows [σ_N; σ_T].
+    motion : (2 m,) array
+        Multipliers of these rows: moments of the opening w and of the slip −[v]_T in the motion with which the mesh
+        gives way, on which the loads do the work 1.
+
+    """
+
+    tractions: FloatArray
+    motion: FloatArray
 
 
 @dataclass(frozen=True)
@@ -163,21 +234,25 @@ class _Carried:
     violation: float
 
 
-def _carried(low: Discretization, high: Discretization) -> _Carried:
-    """What the mesh carries, with signs of bilateral pressure that a first program without friction there suggests."""
+def _carried(low: Discretization, high: Discretization) -> tuple[_Carried, LimitState | None]:
+    """What the mesh carries, with signs of bilateral pressure that a first program without friction there suggests.
+
+    With the state, if it is finite.
+    """
     undecided = both_signs(low)
     signs = np.full(len(undecided), EITHER)
-    found, tractions = _program(low, high, signs)
-    if not undecided.any():
-        return found
-    trials = [np.where(undecided, PRESSURE, EITHER)]
-    if tractions is not None:
-        trials.append(np.where(mean_normal(low, tractions) > 0.0, TENSION, PRESSURE))
-    return max([found, *(_program(low, high, trial)[0] for trial in trials)], key=lambda carried: carried.factor)
+    found = [_program(low, high, signs)]
+    if undecided.any():
+        state = found[0][1]
+        trials = [np.where(undecided, PRESSURE, EITHER)]
+        if state is not None:
+            trials.append(np.where(mean_normal(low, state.tractions) > 0.0, TENSION, PRESSURE))
+        found += [_program(low, high, trial) for trial in trials]
+    return max(found, key=lambda each: each[0].factor)
 
 
-def _program(low: Discretization, high: Discretization, signs: IntArray) -> tuple[_Carried, FloatArray | None]:
-    """The linear program, and the tractions [σ_N; σ_T] of the rows at its answer."""
+def _program(low: Discretization, high: Discretization, signs: IntArray) -> tuple[_Carried, LimitState | None]:
+    """The linear program, and the state at its answer."""
     rows = WholeEdgeRows.of(low, signs)
     if not len(rows.limit):
         return _Carried(np.inf, np.inf, 0.0), None
@@ -192,11 +267,15 @@ def _program(low: Discretization, high: Discretization, signs: IntArray) -> tupl
     zero, b = first - _SAMPLES[0] * slope, qvi.b - _SAMPLES[0] * b_slope
     H, limit = rows.of_forces(shares)
     program = _Program(H @ E[: 2 * m], limit - H @ zero, -(H @ slope), E[2 * m :], b, b_slope)
-    carried, y = program.solve()
-    return carried, None if y is None else (E[: 2 * m] @ y + zero + carried.factor * slope) / shares
+    carried, answer = program.solve()
+    if answer is None:
+        return carried, None
+    tractions = (E[: 2 * m] @ answer.x[:-1] + zero + carried.factor * slope) / shares
+    return carried, LimitState(tractions, shares * (H.T @ np.maximum(-answer.ineqlin.marginals, 0.0)))
 
 
-def _checked_names(problem: ContactProblem, loads: Sequence[str]) -> tuple[str, ...]:
+def checked_loads(problem: ContactProblem, loads: Sequence[str]) -> tuple[str, ...]:
+    """The names of loads that can be multiplied; `InputError` lists those there are."""
     known = [BODY]
     known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
     known += [contact.name for contact in problem.contacts if contact.plate is not None]
@@ -258,8 +337,8 @@ class _Program:
     b: FloatArray
     b_slope: FloatArray
 
-    def solve(self) -> tuple[_Carried, FloatArray | None]:
-        """Simplex, and a bound from its multipliers; y too if there is a finite answer."""
+    def solve(self) -> tuple[_Carried, Any]:
+        """Simplex, and a bound from its multipliers; its answer (y, α) too, or None if that is not finite."""
         answer = self._linprog(np.append(np.zeros(self.G.shape[1]), -1.0))
         if answer.status == UNBOUNDED:
             return _Carried(np.inf, np.inf, 0.0), None
@@ -273,7 +352,7 @@ class _Program:
         right = self.h + factor * self.h_slope
         size = max(float(np.abs(self.h).max()), abs(factor) * float(np.abs(self.h_slope).max()), 1e-300)
         violation = float(np.maximum(self.G @ y - right, 0.0).max()) / size
-        return _Carried(factor, self._bound(answer, y), violation), y
+        return _Carried(factor, self._bound(answer, y), violation), answer
 
     def _linprog(self, cost: FloatArray, relaxed: bool = False) -> Any:
         """Minimise over (y, α), or over (y, α, t ≥ 0) with G y ≤ h + α h' + t."""

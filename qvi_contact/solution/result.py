@@ -13,15 +13,15 @@ from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.edge_points import EdgePoints
-from qvi_contact.discretization.loads import LOAD_POINTS, physical, prescribed_at_points
+from qvi_contact.discretization.loads import LOAD_POINTS, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism import Mechanism, find_mechanism
-from qvi_contact.problem.conditions import RigidPlate, Traction
+from qvi_contact.problem.conditions import RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
-from qvi_contact.solution.work import component, normal_and_shear, support_work, traction
+from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.pickles import Stated
 from solvers.basics.types import load
@@ -242,12 +242,7 @@ class ContactResult(Stated):
         continuous and quadratic, on triangles of degree p polynomials of degree p − 2. Other data are met in resultant
         force and moment of every edge; this is what is left pointwise.
         """
-        known = self.discretization
-        differences = [
-            np.abs(component(traction(known, self.dofs, points), points, direction) - wanted).max()
-            for direction, points, wanted in prescribed_at_points(self.problem, known.space, Traction, known.scales)
-        ]
-        return float(max(differences, default=0.0))
+        return misfit_of_tractions(self.discretization, self.dofs)
 
     @property
     def certificate(self) -> Certificate:

@@ -6,7 +6,7 @@ from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.edge_points import EdgePoints
 from qvi_contact.discretization.loads import LOAD_POINTS, physical, potential_at, prescribed_at_points
-from qvi_contact.problem.conditions import Contact, Displacement
+from qvi_contact.problem.conditions import Contact, Displacement, Traction
 
 
 def support_work(discretization: Discretization, u: FloatArray) -> float:
@@ -63,6 +63,16 @@ def traction(discretization: Discretization, u: FloatArray, points: EdgePoints) 
     """Traction τn at points of edges, shape (2, points) [stress]."""
     normal, shear = normal_and_shear(discretization, u, points)
     return np.asarray(discretization.scales.stress * (normal * points.normals.T + shear * points.tangents.T))
+
+
+def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
+    """Largest difference between prescribed tractions and those of degrees of freedom u of Φ at points [stress]."""
+    problem, space, scales = discretization.problem, discretization.space, discretization.scales
+    differences = [
+        np.abs(component(traction(discretization, u, points), points, direction) - wanted).max()
+        for direction, points, wanted in prescribed_at_points(problem, space, Traction, scales)
+    ]
+    return float(max(differences, default=0.0))
 
 
 def component(vectors: FloatArray, points: EdgePoints, direction: FloatArray) -> FloatArray:

@@ -574,6 +574,18 @@ def test_limit(shell, sliding):
     assert "drag" in err
 
 
+def test_limit_to_a_target(shell, sliding):
+    loads = [part for name in ("drag", "right", "left") for part in ("--load", name)]
+    status, out, err = shell("limit", sliding, *loads, "--target", "1e-4", "--element", "hct", "--json")
+    assert (status, err) == (0, "")
+    refinement = json.loads(out)["refinement"]
+    assert (refinement["status"], refinement["guaranteed"], refinement["rounds"]) == ("reached", True, 1)
+    assert 0.0 <= refinement["estimate"] <= 1e-4
+    status, out, err = shell("limit", sliding, *loads, "--target", "-1")
+    assert (status, out) == (2, "")
+    assert err.startswith("qvi-contact: target: -1.0")
+
+
 @pytest.mark.parametrize("name", ["solve", "check", "limit"])
 def test_a_missing_file_is_one_line(shell, name):
     status, out, err = shell(name, "missing.toml", *(["--load", "a"] if name == "limit" else []))

@@ -1,0 +1,208 @@
+"""Refinement for limit loads: edges are bisected on which the mesh gives way in another manner than the body would.
+
+What they fall short of, see `law_gap`, is where a block turns about an edge, or where slip ends. The mechanism of the
+body alone does not say where to refine: where another one is near its limit too, the mesh may lack stresses for both.
+
+In `docs/theory.md`: (D25).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.refinement.closer import at_contacts
+from qvi_contact.refinement.doerfler import bulk
+from qvi_contact.refinement.law_gap import law_gap
+from qvi_contact.refinement.outcome import RefinementStatus
+from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError
+from qvi_contact.solution.followed import loads_followed
+from qvi_contact.solution.limit import LimitAnalysis, LimitLoad, LimitProblem
+from qvi_contact.solution.result import ContactResult
+
+_SPACE: Final = ("degree", "contact_rows")  # options of a limit load
+_SMALL: Final = 1e-6  # factors below count as this for relative errors
+_TWICE: Final = 2  # bisections of a triangle that halve all its edges
+_VIOLATED: Final = 1e-7  # of the largest limit of tractions: violation that counts as rounding
+
+
+@dataclass(frozen=True, eq=False)
+class LimitRound(Round):
+    """A limit load on one mesh.
+
+    Attributes
+    ----------
+    limit : LimitLoad
+        Both sides.
+    parts : tuple of (n,) arrays
+        What each edge of each contact that limits tractions falls short of; 1 if that is not known.
+
+    """
+
+    limit: LimitLoad
+    parts: tuple[FloatArray, ...]
+
+
+def limit_strategy(
+    problem: ContactProblem, settings: Settings, names: tuple[str, ...]
+) -> "LimitOnTriangles | LimitOnGrids":
+    """How meshes of the problem's kind are refined; `InputError` for options that a limit load does not have."""
+    for name, value in settings.options.items():
+        if name not in _SPACE:
+            raise InputError(name, value, "is not for limit loads: give element, degree or contact_rows")
+    return (LimitOnTriangles if isinstance(problem.mesh, TriangleMesh) else LimitOnGrids)(settings, names)
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """What both kinds of meshes have in common; see `rounds.Strategy`."""
+
+    settings: Settings
+    names: tuple[str, ...]
+    counting: ClassVar[str] = ""
+
+    def answer(self, problem: ContactProblem) -> LimitAnalysis:
+        """Both sides on the mesh."""
+        posed = LimitProblem.of(problem, self.names, **self.settings.options)
+        if posed.unknowns > self.settings.max_unknowns:
+            raise TooLargeError(posed.unknowns)
+        return posed.solved()
+
+    def assessed(self, problem: ContactProblem, answer: LimitAnalysis, _earlier: Sequence[LimitRound], /) -> LimitRound:
+        """How far apart both sides are, and on which edges."""
+        limit, mesh = answer.limit, problem.mesh
+        if limit.violation > _VIOLATED:
+            text = f"the stresses of the mesh miss the contact laws by {limit.violation:.1e}"
+            raise StopError(RefinementStatus.THIN_CELLS, text)
+        same = limit.lower == limit.upper  # both may be infinite
+        unit = max(abs(limit.upper), _SMALL) if np.isfinite(limit.upper) else 1.0
+        estimate = 0.0 if same else max(limit.upper - limit.lower, 0.0) / unit
+        parts = tuple(_edge_gaps(answer))
+        cells = self._cells(problem)
+        shares = _by_cell(problem, parts)
+        total = float(shares.sum())
+        known = total > 0.0 and np.isfinite(estimate)
+        indicator = mesh.arranged(shares * (estimate / total) if known else np.zeros(mesh.cell_count))
+        exact = np.isfinite(estimate) and loads_followed(answer.posed.low) and loads_followed(answer.posed.high)
+        return LimitRound(
+            problem, answer.posed.unknowns, limit.lower, unit, estimate, exact, cells, indicator, limit, parts
+        )
+
+    def next(self, rounds: Sequence[LimitRound]) -> ContactProblem:
+        """The problem with the edges bisected that have most of the distance."""
+        last = rounds[-1]
+        joined = np.concatenate([np.empty(0), *last.parts])
+        if not joined.size:
+            raise StopError(RefinementStatus.UNSOLVED, "there is no contact that limits tractions")
+        marked, start, chosen = bulk(joined), 0, []
+        for edges, parts in zip(_limited_edges(last.problem), last.parts, strict=True):
+            chosen.append(edges.take(marked[start : start + len(parts)]))
+            start += len(parts)
+        return self._finer(last.problem, chosen)
+
+    def _finer(self, problem: ContactProblem, chosen: Sequence[Edges]) -> ContactProblem:
+        """The problem with those edges of each contact bisected."""
+        raise NotImplementedError
+
+    def _cells(self, problem: ContactProblem) -> tuple[int, ...]:
+        """Cells along x and y, or the number of triangles."""
+        raise NotImplementedError
+
+
+class LimitOnTriangles(_Limits):
+    """Triangles beside those edges bisected twice."""
+
+    rounds: ClassVar[int] = 60
+    thinnest: ClassVar[float] = 1e-9
+
+    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
+        """The problem on the mesh of a result."""
+        return replace(problem, mesh=result.problem.mesh)
+
+    def _cells(self, problem: ContactProblem) -> tuple[int, ...]:
+        return (problem.mesh.cell_count,)
+
+    def _finer(self, problem: ContactProblem, chosen: Sequence[Edges]) -> ContactProblem:
+        mesh = _triangles(problem)
+        long = [each.cells[each.length >= 2.0 * self.settings.thinnest].ravel() for each in chosen]
+        cells = np.unique(np.concatenate(long))
+        cells = cells[cells >= 0]
+        if not len(cells):
+            raise StopError(RefinementStatus.THIN_CELLS)
+        fine = mesh
+        for _ in range(_TWICE):
+            fine = fine.refined(at_contacts(problem, mesh, fine, cells))
+        return replace(problem, mesh=fine)
+
+
+class LimitOnGrids(_Limits):
+    """Grid lines inserted in the middle of those edges."""
+
+    rounds: ClassVar[int] = 20
+    thinnest: ClassVar[float] = 1e-5
+
+    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
+        """The problem on the mesh of a result."""
+        mesh = result.problem.grid
+        return problem.on_lines(mesh.x, mesh.y)
+
+    def _cells(self, problem: ContactProblem) -> tuple[int, ...]:
+        return problem.grid.shape[::-1]
+
+    def _finer(self, problem: ContactProblem, chosen: Sequence[Edges]) -> ContactProblem:
+        mesh, middle = problem.grid, np.array([0.5])
+        new: tuple[list[FloatArray], list[FloatArray]] = ([mesh.x], [mesh.y])
+        for edges in chosen:
+            long = edges.take(edges.length >= 2.0 * self.settings.thinnest)
+            for axis, values in enumerate(mesh.points_along(long, middle)):
+                new[axis].append(values[long.tangent[:, axis] > 0.0, 0])
+        x, y = (np.unique(np.concatenate(lines)) for lines in new)
+        if len(x) == len(mesh.x) and len(y) == len(mesh.y):
+            raise StopError(RefinementStatus.THIN_CELLS)
+        return problem.on_lines(x, y)
+
+
+def _triangles(problem: ContactProblem) -> TriangleMesh:
+    """The mesh of a problem on triangles."""
+    assert isinstance(problem.mesh, TriangleMesh)
+    return problem.mesh
+
+
+def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:
+    """Edges of each contact that limits tractions, in the order of the problem."""
+    for contact in problem.contacts:
+        if contact.law != "tied":
+            yield problem.mesh.edges(contact.edges)
+
+
+def _edge_gaps(answer: LimitAnalysis) -> Iterator[FloatArray]:
+    """Part (n,) of the edges of each contact in what the mesh falls short of; 1 for all where there is no state."""
+    posed, state = answer.posed, answer.state
+    if state is None:
+        yield from (np.ones(len(edges)) for edges in _limited_edges(posed.problem))
+        return
+    rule = posed.low.space.contact_rule
+    normal, shear = (rule.at_points(half) for half in np.split(state.tractions, 2))
+    opening, slip = (rule.multipliers_at_points(half) for half in np.split(state.motion, 2))
+    for rows in posed.low.contacts:
+        if rows.law != "tied":
+            held = rows.rows
+            parts = law_gap(rows, normal[held], shear[held], opening[held], slip[held])
+            yield parts.reshape(-1, rule.count).sum(axis=1)
+
+
+def _by_cell(problem: ContactProblem, parts: Sequence[FloatArray]) -> FloatArray:
+    """The parts of edges (cells,), in equal shares for the cells beside them."""
+    found = np.zeros(problem.mesh.cell_count)
+    for edges, part in zip(_limited_edges(problem), parts, strict=True):
+        inside = edges.cells >= 0
+        share = part / inside.sum(axis=1)
+        for side in (0, 1):
+            np.add.at(found, edges.cells[inside[:, side], side], share[inside[:, side]])
+    return found
