@@ -11,35 +11,37 @@ import numpy as np
 
 from comparisons.settled import SETTLED, SOURCE
 from comparisons.verify.chapter import Chapter
+from comparisons.verify.elements import BOTH, RECTANGLES, TRIANGLES, Element, on
 from comparisons.verify.proof import Proof, both, certified, certified_companion
 from comparisons.verify.row import Kind, Row, at_least, at_most, relative
-from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction, solve
-from qvi_contact.companion import solve_companion
+from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Condition
 
-_MESH: Final = ((64, 64), 0.93)
+_MESHES: Final = {RECTANGLES: ((64, 64), 0.93, 2), TRIANGLES: ((16, 16), 0.75, 4)}
 _DISPLACEMENT: Final = 1e-3
 _UNCERTAINTY: Final = 3e-5
 _STRICT: Final = "strict-direct:clarabel"
 _GAP: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
 
 
-def companion_force(quick: bool) -> Iterator[Row]:
-    """Force of the plate by biquadratic displacements on one graded mesh."""
-    cells, grading = _MESH
+@on(*BOTH)
+def companion_force(element: Element, quick: bool) -> Iterator[Row]:
+    """Force of the plate by displacements on one graded mesh: biquadratic on rectangles, of degree 4 on triangles."""
+    cells, grading, degree = _MESHES[element]
     for friction in (0.1,) if quick else SETTLED:
-        companion = solve_companion(compressed_plate(friction, cells, grading=grading), degree=2)
+        companion = element.companion(compressed_plate(friction, cells, grading=grading), degree)
         force, proof = companion.contacts["plate"].normal_force, certified_companion(companion)
         quantity = f"P/2, μ = {friction:g}, {cells[0]}² cells graded by {grading:g} [MPa length]"
         yield relative(quantity, force, SETTLED[friction], 1e-5, Kind.EXTERNAL, SOURCE, proof)
 
 
-def companion_without_friction(quick: bool) -> Iterator[Row]:
+@on(*BOTH)
+def companion_without_friction(element: Element, quick: bool) -> Iterator[Row]:
     """Smooth plate: linear displacements are in the space, so that force and both energies are exact."""
     for n in (4,) if quick else (2, 8, 32):
         problem = _plate((n, n), _GAP)
-        companion, result = solve_companion(problem), solve(problem)
+        companion, result = element.companion(problem), element.solve(problem)
         proof = both(certified(result), certified_companion(companion, guaranteed=True))
         source, force = f"E U; {n}² cells", companion.contacts["plate"].normal_force
         yield relative("P/2 by displacements [MPa length]", force, 209.0, 1e-9, Kind.ANALYTIC, source, proof)
@@ -49,10 +51,11 @@ def companion_without_friction(quick: bool) -> Iterator[Row]:
         yield relative("lower energy [MPa length²]", lower, exact, 1e-10, Kind.ANALYTIC, source, proof)
 
 
-def energies_of_a_tied_plate(quick: bool) -> Iterator[Row]:
+@on(*BOTH)
+def energies_of_a_tied_plate(element: Element, quick: bool) -> Iterator[Row]:
     """Plate that sticks: the exact energy, and with it P/2 = 2 E/U, lies between those of the two models."""
     for n in (4, 8) if quick else (2, 4, 8, 16, 32, 64):
-        lower, upper, proof = _energies(_plate((n, n), Contact.tied("top", gap=-_DISPLACEMENT, name="plate")))
+        lower, upper, proof = _energies(element, _plate((n, n), Contact.tied("top", gap=-_DISPLACEMENT, name="plate")))
         yield _ordered(lower, upper, f"{n}² cells", proof)
         low, high, settled = 2e3 * lower, 2e3 * upper, SETTLED[1.0]
         source = f"{SOURCE}; {n}² cells"
@@ -62,28 +65,30 @@ def energies_of_a_tied_plate(quick: bool) -> Iterator[Row]:
         yield at_least(quantity, high, settled, _UNCERTAINTY, Kind.EXTERNAL, source, proof)
 
 
-def energies_without_friction(quick: bool) -> Iterator[Row]:
+@on(*BOTH)
+def energies_without_friction(element: Element, quick: bool) -> Iterator[Row]:
     """A block on smooth ground that lifts off on one side: lower ≤ upper energy on every mesh."""
     for n in (4,) if quick else (4, 8, 16, 32):
-        lower, upper, proof = _energies(_tilted((n, n)))
+        lower, upper, proof = _energies(element, _tilted((n, n)))
         yield _ordered(lower, upper, f"{n}² cells", proof)
 
 
-def energies_under_a_given_bound(quick: bool) -> Iterator[Row]:
+@on(*BOTH)
+def energies_under_a_given_bound(element: Element, quick: bool) -> Iterator[Row]:
     """Tresca's law: the bound is given, and lower ≤ upper energy on every mesh."""
     for n in (4,) if quick else (4, 8, 16, 32):
         contact = Contact.tresca("top", 10.0, gap=-_DISPLACEMENT, name="plate")
         problem = _plate((n, n), contact)
-        lower, upper, proof = _energies(problem)
+        lower, upper, proof = _energies(element, problem)
         yield _ordered(lower, upper, f"bound 10 MPa, {n}² cells", proof)
 
 
-def _energies(problem: ContactProblem) -> tuple[float, float, Proof]:
+def _energies(element: Element, problem: ContactProblem) -> tuple[float, float, Proof]:
     """Lower and upper energy for a problem without a moving bound, and what certifies them.
 
     The stress is admissible on whole edges, without which its energy would be no bound.
     """
-    result, companion = solve(problem, inner=_STRICT), solve_companion(problem)
+    result, companion = element.solve(problem, inner=_STRICT), element.companion(problem)
     proof = both(certified(result), certified_companion(companion, guaranteed=True))
     return -result.energies.complementary, companion.energy, proof
 

@@ -5,10 +5,11 @@ from collections.abc import Iterator
 from comparisons.paper.reference import Reference, load
 from comparisons.paper.study import SHRINKING, half_force, largest_principal_stress
 from comparisons.verify.chapter import Chapter
+from comparisons.verify.elements import BOTH, RECTANGLES, Element, on
 from comparisons.verify.measures import mean_pressure, traction_difference
 from comparisons.verify.proof import Proof, certified
 from comparisons.verify.row import Kind, Row, absolute, relative
-from qvi_contact import ContactResult, Discretization, discretize, solve
+from qvi_contact import ContactResult, Discretization, solve
 from qvi_contact.gallery import compressed_plate
 
 _PAPER = "Więckowski (1992), Mech. Teoret. Stos."
@@ -38,12 +39,13 @@ def printed_stresses(quick: bool) -> Iterator[Row]:
         yield absolute(quantity, ours, printed, _HALF_DIGIT, Kind.PUBLISHED, source, _limit(reference, friction))
 
 
-def methods_on_the_paper_mesh(quick: bool) -> Iterator[Row]:
+@on(*BOTH)
+def methods_on_the_paper_mesh(element: Element, quick: bool) -> Iterator[Row]:
     """The solution on the paper's four cells by methods that share no iteration, against the condensed one."""
     reference = load()
     for friction in (0.1,) if quick else (0.05, 0.1, 0.2, 0.3):
-        condensed = solve(_problem(reference, friction), method="condensed")
-        for name, other in _others(reference, friction, quick):
+        condensed = solve(_problem(reference, friction, element), method="condensed")
+        for name, other in _others(element, reference, friction, quick):
             proof = certified(condensed, other)
             source = f"{name}; ours: condensed interior point"
             force = half_force(other)
@@ -55,11 +57,12 @@ def methods_on_the_paper_mesh(quick: bool) -> Iterator[Row]:
             yield absolute(quantity, difference, 0.0, 1e-5, Kind.METHODS, source, proof)
 
 
-def without_friction(quick: bool) -> Iterator[Row]:
+@on(*BOTH)
+def without_friction(element: Element, quick: bool) -> Iterator[Row]:
     """μ = 0: the stress is uniform and P/2 = E U."""
     del quick
     reference = load()
-    result = solve(_problem(reference, 0.0))
+    result = solve(_problem(reference, 0.0, element))
     exact, source = reference.exact_without_friction, f"P/2 = E U; {_PAPER}, section 5"
     yield relative("P/2 [MPa length]", half_force(result), exact, 1e-9, Kind.ANALYTIC, source, certified(result))
     largest = largest_principal_stress(result)
@@ -67,10 +70,12 @@ def without_friction(quick: bool) -> Iterator[Row]:
     yield relative("largest |principal stress| [MPa]", largest, exact, 1e-9, Kind.ANALYTIC, source, certified(result))
 
 
-def _problem(reference: Reference, friction: float) -> Discretization:
+def _problem(reference: Reference, friction: float, element: Element = RECTANGLES) -> Discretization:
+    """On the paper's mesh; what is bounded are tractions at Gauss points, which Uzawa's steps are made for."""
     cells = (reference.cells, reference.cells)
     size, young, poisson = reference.displacement, reference.young, reference.poisson
-    return discretize(compressed_plate(friction, cells, young=young, poisson=poisson, displacement=size))
+    plate = compressed_plate(friction, cells, young=young, poisson=poisson, displacement=size)
+    return element.discretized(plate, contact_rows="gauss")
 
 
 def _uzawa(reference: Reference, friction: float) -> ContactResult:
@@ -80,9 +85,9 @@ def _uzawa(reference: Reference, friction: float) -> ContactResult:
     return solve(problem, method="uzawa", rule="accumulating", omega_T=step, iterations=reference.iterations)
 
 
-def _converged_uzawa(reference: Reference, friction: float) -> ContactResult:
+def _converged_uzawa(reference: Reference, friction: float, element: Element = RECTANGLES) -> ContactResult:
     """The limit of the same iteration; without friction the step must shrink."""
-    problem = _problem(reference, friction)
+    problem = _problem(reference, friction, element)
     step = reference.omega_T / problem.scales.displacement
     return solve(problem, method="uzawa", omega_T=step, step_decay=SHRINKING if friction == 0.0 else None)
 
@@ -93,10 +98,12 @@ def _limit(reference: Reference, friction: float) -> Proof:
     return Proof(proof.passed, f"{proof.text} of the limit")
 
 
-def _others(reference: Reference, friction: float, quick: bool) -> Iterator[tuple[str, ContactResult]]:
-    yield "Uzawa (4.1)-(4.4), converged", _converged_uzawa(reference, friction)
+def _others(
+    element: Element, reference: Reference, friction: float, quick: bool
+) -> Iterator[tuple[str, ContactResult]]:
+    yield "Uzawa (4.1)-(4.4), converged", _converged_uzawa(reference, friction, element)
     for inner in _INNERS[:2] if quick else _INNERS:
-        yield f"fixed point, {inner}", solve(_problem(reference, friction), inner=inner)
+        yield f"fixed point, {inner}", solve(_problem(reference, friction, element), inner=inner)
 
 
 CHAPTER = Chapter(
