@@ -194,7 +194,8 @@ def cyclic_shear(element: Element, quick: bool) -> Iterator[Row]:
     """A block sheared to and fro: the second cycle repeats the first, and what is lost is the area of the loop."""
     del quick
     file = _file("cyclic_shear")
-    history = element.solve_history(file.problems, **file.solve_options)
+    # at Gauss points nothing opens; a Bernstein coefficient in the toe does, and then pressure does work between steps
+    history = element.solve_history(file.problems, contact_rows="gauss", **file.solve_options)
     proof, times = _certified_history(history), np.array(file.times)
     motion, force = history.loop("ground")
     normal = np.array([step.contacts["ground"].normal_force for step in history.steps])
@@ -207,9 +208,8 @@ def cyclic_shear(element: Element, quick: bool) -> Iterator[Row]:
     around = np.flatnonzero(times >= 1.0)
     area, work = loop_area(motion[around], force[around]), float(history.friction_work[around[1:]].sum())
     source = "area of the loop ∮T dw, balance of energy"
-    steps = 1e-4 if element.has_triangles else 1e-6
     quantity = "work of friction in the second cycle [MPa mm²]"
-    yield relative(quantity, work, area, steps, Kind.ANALYTIC, source, proof)
+    yield relative(quantity, work, area, 1e-6, Kind.ANALYTIC, source, proof)
 
 
 @on(TRIANGLES)
