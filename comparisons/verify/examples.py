@@ -230,7 +230,8 @@ def gravity_dam(element: Element, quick: bool) -> Iterator[Row]:
 def wedge(element: Element, quick: bool) -> Iterator[Row]:
     """A block pushed up a slope: NAFEMS CGS-4."""
     del quick
-    yield from _from_both_sides(element, "wedge", "push", 1.0 / 0.99, "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied")
+    source = "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied"
+    yield from _from_both_sides(element, "wedge", "push", 1.0 / 0.99, source)
 
 
 @on(TRIANGLES)

@@ -134,8 +134,9 @@ def refine(
 
     Notes
     -----
-    On triangles the estimate is |q − q(closer look)| where `Refinement.guaranteed` is false: an estimate, not a bound,
-    on the plate of the test within a factor of 0.7 to 1.5 of the error. Later rounds do not start from the answer of
+    On triangles the estimate is |q − q(closer look)| where `Refinement.guaranteed` is false, and no less than the step
+    from the closer look of the round before: an estimate, not a bound, on the plate of the test within a factor of 0.7
+    to 1.5 of the error. Later rounds do not start from the answer of
     the round before: the condensed method, the default, has no use for a start.
 
     On grids, with E_k the complementary energy still missing in round k (the sum over the cells), Δ_k what the finest

@@ -27,12 +27,15 @@ class Comparison:
         Whether it is a bound.
     parts : (cells,) array
         What each cell has of the distance between the two [stress × length²], ≥ 0.
+    looked : float
+        The quantity in a closer look; NaN where there was none.
 
     """
 
     error: float
     guaranteed: bool
     parts: FloatArray
+    looked: float = np.nan
 
 
 def sticks(result: ContactResult) -> bool:

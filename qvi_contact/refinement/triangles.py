@@ -49,12 +49,15 @@ class TriangleRound(ResultRound):
         Vertices at which triangles are bisected once more, twice more and so on.
     tried : bool
         Whether bounds were computed.
+    looked : float
+        The quantity in the closer look; NaN where there was none.
 
     """
 
     marked: BoolArray
     deeper: tuple[IntArray, ...]
     tried: bool
+    looked: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -104,13 +107,27 @@ class TriangleRefinement:
             raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be told")
         if found is None:
             found = Comparison(np.inf, False, np.ones(len(mesh.cells)))
+        if earlier and not found.guaranteed:  # looks that still move are no measure of an error below their steps
+            found = replace(found, error=float(np.fmax(found.error, abs(found.looked - earlier[-1].looked))))
         estimate = found.error / unit if unit > 0.0 else 0.0
         count = (len(mesh.cells),)
         shares = _shared(found.parts, estimate)
         marked, deeper = self._marked(mesh, at, found, estimate)
         size = unknowns_of(result)
         return TriangleRound(
-            problem, size, value, unit, estimate, found.guaranteed, count, shares, result, marked, deeper, tried
+            problem,
+            size,
+            value,
+            unit,
+            estimate,
+            found.guaranteed,
+            count,
+            shares,
+            result,
+            marked,
+            deeper,
+            tried,
+            found.looked,
         )
 
     def _marked(
@@ -154,11 +171,12 @@ class TriangleRefinement:
                 look = self._solved(closer, self.degree + 1, np.inf, more)
             except QVIError:
                 continue
-            error = abs(measure.value(look) - value) if look.has_state else np.inf
+            looked = measure.value(look) if look.has_state else np.nan
+            error = abs(looked - value)
             if _usable(look, error, measure.unit(result)):
                 if bound is not None and sticks(look):
                     return bound
-                return Comparison(error, False, differences(result, look, mesh, _mesh(closer)))
+                return Comparison(error, False, differences(result, look, mesh, _mesh(closer)), looked)
         return None if bound is None else replace(bound, guaranteed=False)
 
     def _solved(
