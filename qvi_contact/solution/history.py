@@ -28,7 +28,7 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.solver import solve
+from qvi_contact.solution.solver import rows_for, solve
 from solvers import Status
 from solvers.basics.watch import expired, watched
 from solvers.solve import takes_initial
@@ -197,6 +197,7 @@ def solve_history(
     """
     with watched(time_limit):
         steps = [with_element(problem, element) for problem in _checked_steps(problems)]
+        contact_rows = rows_for(options.get("method"), contact_rows)
         if contact_rows is None and any(map(laws_vary, steps)):
             contact_rows = "gauss"  # in all steps, as slip is handed on from one to the next
         return _history(steps, {"degree": degree, "contact_rows": contact_rows}, callback, options)

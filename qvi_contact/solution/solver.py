@@ -123,9 +123,15 @@ def posed(
 
     `solve` takes it in place of the problem, with all options but ``element``, ``degree`` and ``contact_rows``.
     """
+    rows = rows_for(method, contact_rows)
+    return _fitted(discretize(problem, element=element, degree=degree, contact_rows=rows), options)
+
+
+def rows_for(method: str | None, contact_rows: RowKind | None) -> RowKind | None:
+    """The rows asked for, or those that the method wants; None if it takes any."""
     if contact_rows is None and method == "uzawa":
-        contact_rows = "gauss"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
-    return _fitted(discretize(problem, element=element, degree=degree, contact_rows=contact_rows), options)
+        return "gauss"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
+    return contact_rows
 
 
 def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactResult:

@@ -55,6 +55,12 @@ class TestPython:
         loads = ["drag", "right", "left"]
         assert limit_load_factor(block, loads, element="hct", degree=3) == pytest.approx(1.0 / 0.99, rel=1e-9)
 
+    def test_a_history_by_uzawa_takes_the_rows_that_solve_takes(self):
+        steps = [compressed_plate(0.2, (2, 2), displacement=factor * 1e-3) for factor in (1.0, 2.0)]
+        options = {"method": "uzawa", "iterations": 2, "element": "hct"}
+        kinds = [step.discretization.space.contact_rule.kind for step in solve_history(steps, **options).steps]
+        assert set(kinds) == {solve(steps[0], **options).discretization.space.contact_rule.kind} == {"gauss"}
+
     def test_a_history_is_cut_as_a_whole(self):
         steps = [compressed_plate(0.2, (2, 2), displacement=factor * 1e-3) for factor in (1.0, 2.0)]
         history = solve_history(steps, element="hct", degree=3)
