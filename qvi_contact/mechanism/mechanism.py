@@ -119,8 +119,9 @@ class Mechanism:
     def overload(self) -> float:
         """Work of the loads that drive the mechanism, over what the other loads and the contacts can take up.
 
-        Above 1 the loads cannot be carried: those that drive must be smaller by this factor. Infinity if nothing
-        resists.
+        Above 1 the loads cannot be carried: all that drive would have to be smaller by this factor, while the others
+        stay. Loads count by their names, as driving if their work on this motion is positive. It is not the inverse
+        of `limit_load_factor`, where the loads to multiply are chosen. Infinity if nothing resists.
         """
         driving = sum(work for work in self.works.values() if work > 0.0)
         resisting = self.resistance + driving - self.work
