@@ -125,10 +125,7 @@ class ContactProblem(Stated):
         """The mesh, if it is rectilinear; `InputError` says what needs that."""
         if isinstance(self.mesh, RectilinearMesh):
             return self.mesh
-        remedy = (
-            "refinement by grid lines and pictures of fields work on a RectilinearMesh only: state the problem on one "
-            "for these"
-        )
+        remedy = "grid lines and values at grid nodes belong to a RectilinearMesh: state the problem on one for these"
         raise InputError("ContactProblem.mesh", type(self.mesh).__name__, remedy)
 
     @cached_property
