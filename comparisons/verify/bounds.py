@@ -71,7 +71,7 @@ _RATES: Final = {"Tresca": (0.9, "h: a jump of σ_T at the free corner"), "full 
                  "frictionless, curved ground": (1.5, "h^1.5 or better")}  # fmt: skip
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def energy_brackets(element: Element, quick: bool) -> Iterator[Row]:
     """Energies of an admissible stress and an admissible displacement, on uniform and graded meshes of 2² to 64² cells.
 
@@ -89,7 +89,7 @@ def energy_brackets(element: Element, quick: bool) -> Iterator[Row]:
                       _ROUNDING, Kind.ANALYTIC, _SYNGE, proof)  # fmt: skip
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def rates_of_the_gap(element: Element, quick: bool) -> Iterator[Row]:
     """How fast the bounds close on uniform meshes, between 8² and 32² cells (quick: 4² and 16²)."""
     for name, problem in _PROBLEMS.items():

@@ -73,19 +73,20 @@ QUINTIC: Final = Element("triangles of degree 5", "hct", 5)
 BOTH: Final = (RECTANGLES, TRIANGLES)
 EVERY: Final = (*BOTH, QUINTIC)
 
-_FEW: Final = 2  # elements of quick runs
-
 OnElement = Callable[[Element, bool], Iterator[Row]]
 """A problem that yields its rows for one element."""
 
 
-def on(*elements: Element) -> Callable[[OnElement], Problem]:
-    """Make a problem of the manual run on each of these elements in turn, or the first two; its rows name them."""
+def on(*elements: Element, few: int = 2) -> Callable[[OnElement], Problem]:
+    """Make a problem of the manual run on each of these elements in turn; its rows name them.
+
+    Quick runs take the last `few` of the first two.
+    """
 
     def problem(rows: OnElement) -> Problem:
         @wraps(rows)
         def on_each(quick: bool) -> Iterator[Row]:
-            for element in elements[: _FEW if quick else None]:
+            for element in elements[:2][-few:] if quick else elements:
                 for row in rows(element, quick):
                     yield replace(row, element=element.name)
 

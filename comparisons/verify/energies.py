@@ -25,7 +25,7 @@ _STRICT: Final = "strict-direct:clarabel"
 _GAP: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def companion_force(element: Element, quick: bool) -> Iterator[Row]:
     """Force of the plate by displacements on one graded mesh: biquadratic on rectangles, of degree 4 on triangles."""
     cells, grading, degree = _MESHES[element]

@@ -149,7 +149,7 @@ def column(element: Element, quick: bool) -> Iterator[Row]:
         yield _energy(result, energy, f"c11 (ρ g)² h³ w / 6; {where}")
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def incompressible(element: Element, quick: bool) -> Iterator[Row]:
     """ν = ½ in plane strain, which stresses do not lock at: E' = 4 E / 3, a body of water in a box, and ν → ½."""
     del quick

@@ -44,7 +44,7 @@ def compressed_plate(element: Element, quick: bool) -> Iterator[Row]:
     yield from _by_displacements(result, "plate", 1e-3)
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def ssnv128(element: Element, quick: bool) -> Iterator[Row]:
     """SSNV128 on 32 × 32 cells."""
     del quick
@@ -60,7 +60,7 @@ def ssnv128(element: Element, quick: bool) -> Iterator[Row]:
     yield from _by_displacements(result, "base", 1e-3, shear=True)
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def punch(element: Element, quick: bool) -> Iterator[Row]:
     """A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure away from the edges."""
     result = _solved(element, "punch")
@@ -148,7 +148,7 @@ def dragged_block_holds(element: Element, quick: bool) -> Iterator[Row]:
     yield relative("limit load factor", limit.lower, 1.0 / 0.99, 1e-6, Kind.ANALYTIC, "μp/T", bounded(limit))
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def dragged_block_slides(element: Element, quick: bool) -> Iterator[Row]:
     """The same block at 1.01 of the limit: infeasible, with a proof."""
     del quick
@@ -174,7 +174,7 @@ def stacked_blocks(element: Element, quick: bool) -> Iterator[Row]:
     yield from _by_displacements(result, "lower", 5e-3, shear=True)
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def dry_stone_wall(element: Element, quick: bool) -> Iterator[Row]:
     """A wall of three courses: every bed carries load and weight above it."""
     del quick
@@ -189,7 +189,7 @@ def dry_stone_wall(element: Element, quick: bool) -> Iterator[Row]:
     yield from _by_displacements(result, "head 1", 5e-3)
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def cyclic_shear(element: Element, quick: bool) -> Iterator[Row]:
     """A block sheared to and fro: the second cycle repeats the first, and what is lost is the area of the loop."""
     del quick

@@ -34,7 +34,7 @@ _MESHES: Final = {
 _PRESSURE, _SHEAR, _FRICTION = 10.0, 2.0, 0.3
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def dragged_block(element: Element, quick: bool) -> Iterator[Row]:
     """A block under pressure p dragged by uniform shear T: carried up to the factor μp/T, and not beyond."""
     for name, mesh in list(_MESHES.items())[: 1 if quick else 3]:
@@ -50,7 +50,7 @@ def dragged_block(element: Element, quick: bool) -> Iterator[Row]:
         yield word(quantity, above.status.value, "infeasible", Kind.ANALYTIC, source, infeasible(above))
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def other_laws(element: Element, quick: bool) -> Iterator[Row]:
     """The same block with cohesion, a cap and Tresca's law: the factor is the bound of shear over T."""
     mesh = _MESHES["6 × 4 cells" if quick else "5 × 5 cells graded by 0.5"]
@@ -81,7 +81,7 @@ def uplift(element: Element, quick: bool) -> Iterator[Row]:
     yield relative("effective N [stress length]", force, weight - lift, 1e-8, Kind.ANALYTIC, source, proof)
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def tension(element: Element, quick: bool) -> Iterator[Row]:
     """Tension on top: lifted when it equals the weight, and infeasible without weight."""
     del quick
@@ -115,7 +115,7 @@ def tipping(element: Element, quick: bool) -> Iterator[Row]:
         yield relative("limit of the body", limit.upper, exact, 1e-9, Kind.ANALYTIC, source, bounded(limit))
 
 
-@on(TRIANGLES, QUINTIC)
+@on(TRIANGLES, QUINTIC, few=1)
 def tipping_wall(element: Element, quick: bool) -> Iterator[Row]:
     """A wall 1 × 4 of the weight W = 25 under wind tips at H = W w/h, on triangles bisected towards its toe."""
     for bisections in (8,) if quick else (1, 8, 16):
@@ -131,7 +131,7 @@ def tipping_wall(element: Element, quick: bool) -> Iterator[Row]:
         yield relative("limit load of the mesh", limit.lower, reached, 1e-6, Kind.ANALYTIC, source, bounded(limit))
 
 
-@on(TRIANGLES, QUINTIC)
+@on(TRIANGLES, QUINTIC, few=1)
 def wedge(element: Element, quick: bool) -> Iterator[Row]:
     """A block of weight G on a plane that rises by tan α = 0.1, pushed uphill: F/G = (tan α + μ)/(1 − μ tan α)."""
     for friction in (0.2,) if quick else (0.0, 0.1, 0.2, 0.3):
@@ -144,7 +144,7 @@ def wedge(element: Element, quick: bool) -> Iterator[Row]:
             yield relative(quantity, ours, exact, tolerance, Kind.ANALYTIC, source, bounded(limit))
 
 
-@on(TRIANGLES, QUINTIC)
+@on(TRIANGLES, QUINTIC, few=1)
 def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
     """A block 40 × 20 on a plane tilted by 30°, pressed by 300: a shear of 99 % of μN holds, one of 101 % slides."""
     del quick

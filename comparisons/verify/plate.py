@@ -18,7 +18,7 @@ _ERROR: Final = {RECTANGLES: 1e-4, TRIANGLES: 2e-5, QUINTIC: 1e-5}
 """Cells a side and grading of the meshes, and the error that they leave."""
 
 
-@on(*EVERY)
+@on(*EVERY, few=1)
 def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     """Stress elements on one graded mesh, cells shrinking towards the free corner."""
     cells, grading = (_COARSE if quick else _GRADED)[element]
@@ -29,7 +29,7 @@ def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
         yield relative(quantity, force, settled, _ERROR[element], Kind.EXTERNAL, SOURCE, proof)
 
 
-@on(RECTANGLES, QUINTIC)
+@on(RECTANGLES, QUINTIC, few=1)
 def adaptive_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     """Stress elements on the mesh that `refine` makes for P/2 with a target of 1e-6."""
     for friction in (0.25,) if quick else SETTLED:
@@ -56,7 +56,7 @@ def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
         yield word(quantity, outcome, known, Kind.ANALYTIC, source, proof)
 
 
-@on(*EVERY)
+@on(*EVERY, few=1)
 def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
     """Friction makes the plate stiffer than smooth, at most as stiff as one that sticks: E U ≤ P ≤ P_tied."""
     count, grading = (_COARSE if quick else _GRADED)[element]

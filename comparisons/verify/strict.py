@@ -83,7 +83,7 @@ def two_cone_solvers(element: Element, quick: bool) -> Iterator[Row]:
     yield relative("P/2, μ = 0.5 [MPa length]", _force(strict), _force(stuck), 1e-9, Kind.METHODS, source, proof)
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def refinement(element: Element, quick: bool) -> Iterator[Row]:
     """Strict and collocated forces approach each other under refinement."""
     counts = (8, 16) if quick else (8, 16, 32)

@@ -217,4 +217,4 @@ class TestManual:
 
         monkeypatch.setattr(Element, "solve", fake)
         monkeypatch.setattr(bounds_chapter, "_guaranteed", lambda *_: by_hand(True, "by hand"))
-        assert [row.passed for row in bounds_chapter.rates_of_the_gap(True)] == [passes] * 6
+        assert [row.passed for row in bounds_chapter.rates_of_the_gap(True)] == [passes] * 3
