@@ -139,7 +139,7 @@ def test_plain_data_without_times(quick):
 
 
 def test_a_wrong_reference_fails_its_row_the_status_and_both_files(monkeypatch, capfd, tmp_path):
-    """One force of the displacement codes moved by a thousandth, of three, on each of two elements."""
+    """One force of the displacement codes moved by a thousandth, of three."""
     settled = {friction: plate.SETTLED[friction] for friction in (0.1, 0.15, 0.2)}
     monkeypatch.setattr(plate, "SETTLED", {**settled, 0.15: settled[0.15] * 1.001})
     status, out, err = command(monkeypatch, capfd, "--quick", "--only", "plate-graded", "--out", tmp_path)
@@ -147,9 +147,9 @@ def test_a_wrong_reference_fails_its_row_the_status_and_both_files(monkeypatch, 
     assert "Command: python -m comparisons verify --only plate-graded --quick" in (tmp_path / report.PAGE).read_text(
         encoding="utf-8"
     )
-    assert "2 of 6 rows FAILED" in out
+    assert "1 of 3 rows FAILED" in out
     pages = [(tmp_path / name).read_text(encoding="utf-8") for name in (report.MARKDOWN, report.PAGE)]
-    assert all("2 of 6 rows FAILED" in page for page in pages)
+    assert all("1 of 3 rows FAILED" in page for page in pages)
     found = [markdown_rows(pages[0]), [cells for cells in Page(pages[1]).rows if cells]]
     for table in found:
         assert [cells[-1] for cells in table] == ["passed", "FAILED", "passed"]
