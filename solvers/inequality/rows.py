@@ -48,20 +48,24 @@ class Echelon(NamedTuple):
 
 
 def basis_rows(Y: Matrix) -> Echelon:
-    """The same for a few rows, dense, by QR with pivoting: of the rows, then of the columns of those chosen."""
+    """The same for a few rows, dense, by QR with pivoting: of the rows, then of the columns of those chosen.
+
+    Only the rows decide on the rank: asked twice, rounding could answer differently.
+    """
     lengths = np.linalg.norm(Y, axis=1)
     scaled = Y / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-    rows = np.sort(_first_pivots(scaled.T))
-    return Echelon(rows, np.setdiff1d(np.arange(Y.shape[1]), _first_pivots(scaled[rows])))
+    pivots, order = _by_qr(scaled.T)
+    rows = np.sort(order[: len(pivots)][pivots > _RANK * pivots.max(initial=0.0)])
+    _, columns = _by_qr(scaled[rows])
+    return Echelon(rows, np.sort(columns[len(rows) :]))
 
 
-def _first_pivots(A: Matrix) -> IntVector:
-    """Columns of A, of length one or less, on which all others depend."""
+def _by_qr(A: Matrix) -> tuple[Vector, IntVector]:
+    """Sizes of the pivots of QR of A (r, k), and the order in which it takes the columns (k,)."""
     if not A.size:
-        return np.zeros(0, dtype=np.int64)
+        return np.zeros(0), np.arange(A.shape[1])
     packed, order, *_ = dgeqp3(A)
-    pivots = np.abs(np.diagonal(packed))
-    return np.asarray(order[: len(pivots)][pivots > _RANK * pivots.max(initial=0.0)] - 1, dtype=np.int64)
+    return np.abs(np.diagonal(packed)), np.asarray(order - 1, dtype=np.int64)
 
 
 class _Pivot(NamedTuple):
