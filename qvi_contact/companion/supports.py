@@ -125,7 +125,7 @@ def _along_axes(given: _Given, allowed: float) -> tuple[IntArray, FloatArray, li
 def _at_one(given: _Given) -> tuple[FloatArray, FloatArray]:
     """Axes (2, 2), as columns, of one coefficient, and the values of the first, or of both, that are prescribed."""
     if np.linalg.svd(given.direction, compute_uv=False)[-1] > PARALLEL and len(given.value) > 1:
-        return np.eye(2), np.asarray(np.linalg.lstsq(given.direction, given.value)[0], dtype=np.float64)
+        return np.eye(2), np.asarray(np.linalg.lstsq(given.direction, given.value, rcond=None)[0], dtype=np.float64)
     first = given.direction[0]
     along = np.sign(given.direction @ first) * given.value
     return np.column_stack([first, [-first[1], first[0]]]), np.array([along.mean()])

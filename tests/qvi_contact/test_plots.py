@@ -13,6 +13,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from scipy.integrate import trapezoid
 
 from qvi_contact import (
     Contact,
@@ -689,7 +690,7 @@ class TestFigures:
         assert tractions.get_xlabel() == "length along the contact [mm]"
         along, pressure = tractions.lines[0].get_data()
         assert (along[0], along[-1]) == pytest.approx((0.0, 2.0))
-        force = np.trapezoid(pressure, along)
+        force = trapezoid(pressure, along)
         assert force == pytest.approx(result.contacts["plane"].normal_force, rel=1e-3)
 
     def test_of_many_contacts_four_are_shown_and_the_rest_named(self):
