@@ -92,7 +92,8 @@ class TestPlate:
     def test_inner_results_agree_and_pass_the_certificate(self, inner):
         """For a given bound, before any Newton step: energies and tractions of both paths, and the certificate.
 
-        It allows the energies 1e-8, relative; stresses differ by the root of that at most.
+        Energies are right to 1e-8, relative, and stresses, forces and projections to the root of that: how early Clarabel
+        ends depends on the processor. The certificate limits projections to 1e3 times its tolerance, here 1e-7.
         """
         qvi = discretize(compressed_plate(0.2, (4, 4))).qvi.strictly()
         theta = strict_threshold(qvi, strict_pressure(qvi, qvi.normal(qvi.bonded))).coefficients
@@ -102,10 +103,10 @@ class TestPlate:
             form = make_form(given, "condensed")
             result = make_inner(name, form.problem, 1e-12).solve(theta.ravel(), form.centre(None, None), None)
             found.append(form.expand(result))
-            certificate = certify(given, found[-1].z, found[-1].m_N, found[-1].m_T, found[-1].nu, 1e-8)
+            certificate = certify(given, found[-1].z, found[-1].m_N, found[-1].m_T, found[-1].nu, 1e-7)
             assert certificate.passed, certificate.explain()
         first, second = found
-        assert given.resultant(second.z) == pytest.approx(given.resultant(first.z), rel=1e-7)
+        assert given.resultant(second.z) == pytest.approx(given.resultant(first.z), rel=1e-5)
         tangential = given.tangential(first.z)
         assert given.tangential(second.z) == pytest.approx(tangential, abs=1e-4 * np.abs(tangential).max())
 
