@@ -92,8 +92,8 @@ class TestPlate:
     def test_inner_results_agree_and_pass_the_certificate(self, inner):
         """For a given bound, before any Newton step: energies and tractions of both paths, and the certificate.
 
-        Energies are right to 1e-8, relative, and stresses, forces and projections to the root of that: how early Clarabel
-        ends depends on the processor. The certificate limits projections to 1e3 times its tolerance, here 1e-7.
+        Energies are right to 1e-8, relative; stresses and forces to the root of that, single tractions and projections to
+        ten times as much. How early Clarabel ends depends on the processor. Projections may be 1e3 times the tolerance.
         """
         qvi = discretize(compressed_plate(0.2, (4, 4))).qvi.strictly()
         theta = strict_threshold(qvi, strict_pressure(qvi, qvi.normal(qvi.bonded))).coefficients
@@ -108,7 +108,7 @@ class TestPlate:
         first, second = found
         assert given.resultant(second.z) == pytest.approx(given.resultant(first.z), rel=1e-5)
         tangential = given.tangential(first.z)
-        assert given.tangential(second.z) == pytest.approx(tangential, abs=1e-4 * np.abs(tangential).max())
+        assert given.tangential(second.z) == pytest.approx(tangential, abs=1e-3 * np.abs(tangential).max())
 
     @pytest.mark.parametrize("cells", [2, 4, 8, 16])
     def test_energy_is_never_below_that_with_the_bound_at_points(self, cells):
