@@ -92,7 +92,7 @@ class TestPlate:
     def test_inner_results_agree_and_pass_the_certificate(self, inner):
         """For a given bound, before any Newton step: energies and tractions of both paths, and the certificate.
 
-        Energies are right to 1e-8, relative; stresses and forces to the root of that, single tractions and projections to
+        Energies are right to 1e-8, relative; stresses and forces to the root of that, tractions and projections to
         ten times as much. How early Clarabel ends depends on the processor. Projections may be 1e3 times the tolerance.
         """
         qvi = discretize(compressed_plate(0.2, (4, 4))).qvi.strictly()
