@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from qvi_contact.discretization import families
 from solvers import InputError
 from solvers.basics import watch
 from solvers.factorisation import set_default
@@ -32,6 +33,14 @@ def _forced_factorisation(request):
     set_default(name)
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(os.environ, VARIABLE, name)
+        yield
+
+
+@pytest.fixture(scope="module")
+def bogner_fox_schmit():
+    """Rectangles keep the Bogner-Fox-Schmit element where none is named: for files of tests about that element."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(families, "DEFAULT_ELEMENT", "bfs")
         yield
 
 

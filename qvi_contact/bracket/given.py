@@ -9,6 +9,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.law import contact_tractions, law_bound
 from qvi_contact.bracket.outcome import BracketKind
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.families import element_on
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
@@ -96,7 +97,12 @@ def _posed(known: Discretization, problem: ContactProblem) -> Discretization:
     """A problem on the elements and in the units of another one, with rows that hold the law on whole edges."""
     space = known.space
     return discretize(
-        problem, degree=space.degree, contact_rows=space.strict_rows, scales=known.scales, freed=known.freed
+        problem,
+        element=element_on(problem.mesh),
+        degree=space.degree,
+        contact_rows=space.strict_rows,
+        scales=known.scales,
+        freed=known.freed,
     )
 
 

@@ -23,7 +23,7 @@ _TIME_LIMIT = click.option(
 _ELEMENT = click.option(
     "--element",
     type=click.Choice(["bfs", "hct"]),
-    help="bfs: rectangles; hct: triangles, into which rectangles are cut.  [default: as the mesh is]",
+    help="hct: triangles, into which rectangles are cut; bfs: rectangles.  [default: hct; bfs for cells over 500 : 1]",
 )
 _DEGREE = click.option("--degree", type=int, help="Degree of the element on triangles, from 3.  [default: 4]")
 _ROWS = click.option(
@@ -222,7 +222,9 @@ def check(
 @group.command()
 @_FILE
 @_ELEMENT
-@click.option("--degree", type=int, help="Of the displacement elements: 2 to 4, by default 2; on triangles 1 to 5.")
+@click.option(
+    "--degree", type=int, help="Of the displacements: 1 to 5, by default 3; on rectangles 2 to 4, by default 2."
+)
 @click.option("--tolerance", type=float, default=1e-8, show_default=True, help="Of all solves, at most 1e-6.")
 @_TIME_LIMIT
 @_JSON

@@ -16,8 +16,26 @@ from qvi_contact.problem.problem import ContactProblem
 ElementName: TypeAlias = Literal["bfs", "hct"]
 """The elements by name: Bogner-Fox-Schmit on rectangles, Hsieh-Clough-Tocher on triangles."""
 
+DEFAULT_ELEMENT: Final[ElementName] = "hct"
+"""Element of a problem on rectangles where none is named."""
+
+LONGEST_RECTANGLE: Final = 500.0
+"""Ratio of sides above which rectangles are not cut by default: triangles may be twice as long, at most."""
+
 DEFAULT_DEGREE: Final = 4
 """Degree on triangles where none is given."""
+
+
+def element_on(mesh: Mesh) -> ElementName:
+    """The element that functions on this very mesh have, by name."""
+    return "bfs" if isinstance(mesh, RectilinearMesh) else "hct"
+
+
+def element_by_default(mesh: Mesh) -> ElementName:
+    """The element of a problem on a mesh where none is named, see `with_element`."""
+    if not isinstance(mesh, RectilinearMesh):
+        return "hct"
+    return "bfs" if mesh.elongation > LONGEST_RECTANGLE else DEFAULT_ELEMENT
 
 
 def with_element(problem: ContactProblem, element: ElementName | None = None) -> ContactProblem:
@@ -28,8 +46,9 @@ def with_element(problem: ContactProblem, element: ElementName | None = None) ->
     problem : ContactProblem
         The problem.
     element : "bfs" or "hct", optional
-        For "hct" rectangles are cut into triangles, see `ContactProblem.triangulated`; "bfs" wants rectangles. By
-        default the mesh stays what it is.
+        For "hct" rectangles are cut into triangles, see `ContactProblem.triangulated`, and triangles stay what they
+        are; "bfs" wants rectangles. By default "hct", but "bfs" where a rectangle is more than 500 times as long as
+        wide.
 
     Raises
     ------
@@ -37,10 +56,10 @@ def with_element(problem: ContactProblem, element: ElementName | None = None) ->
         If there is no such element, or it does not fit the mesh.
 
     """
-    if element is None:
-        return problem
-    one_of("element", element, get_args(ElementName), "give 'bfs' (rectangles) or 'hct' (triangles)")
     rectangles = isinstance(problem.mesh, RectilinearMesh)
+    if element is None:
+        element = element_by_default(problem.mesh)
+    one_of("element", element, get_args(ElementName), "give 'bfs' (rectangles) or 'hct' (triangles)")
     if element == "bfs" and not rectangles:
         remedy = "the Bogner-Fox-Schmit element needs rectangles, and this is a mesh of triangles: leave this out"
         raise InputError("element", element, remedy)

@@ -10,6 +10,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.families import element_on
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import Archive
@@ -135,7 +136,8 @@ def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
     try:
         problem, freed = problem_from_toml(text).problem, archive.integers("freed")
         if ((freed >= 0) & (freed < len(problem.mesh.vertices))).all():
-            return discretize(problem, scales=scales, freed=freed, **_element(archive))
+            element = element_on(problem.mesh)
+            return discretize(problem, element=element, scales=scales, freed=freed, **_degree(archive))
     except InputError as error:
         if error.field == "result":  # names the file already
             raise
@@ -143,7 +145,7 @@ def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
     raise InputError("result", archive.path, "entry 'freed' names nodes that are not in the mesh")
 
 
-def _element(archive: Archive) -> dict[str, Any]:
+def _degree(archive: Archive) -> dict[str, Any]:
     """Degree and contact rows of the element; files of version 0.1 have none, and rectangles leave no choice."""
     if "degree" not in archive.arrays:
         return {}

@@ -222,6 +222,12 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
         return float(min(part.min() for part in steps)), float(max(part.max() for part in steps))
 
     @cached_property
+    def elongation(self) -> float:
+        """The largest ratio of the sides of an active cell, at least 1."""
+        width, height = np.diff(self.x), np.diff(self.y)[:, None]
+        return float(np.maximum(width / height, height / width)[self.active].max())
+
+    @cached_property
     def cell_count(self) -> int:
         """Number of active cells."""
         return int(self.active.sum())

@@ -125,7 +125,10 @@ class ContactProblem(Stated):
         """The mesh, if it is rectilinear; `InputError` says what needs that."""
         if isinstance(self.mesh, RectilinearMesh):
             return self.mesh
-        remedy = "grid lines and values at grid nodes belong to a RectilinearMesh: state the problem on one for these"
+        remedy = (
+            "grid lines and values at grid nodes belong to a RectilinearMesh: state the problem on one for these, and "
+            "name element 'bfs' where it is solved"
+        )
         raise InputError("ContactProblem.mesh", type(self.mesh).__name__, remedy)
 
     @cached_property

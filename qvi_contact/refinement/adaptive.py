@@ -6,7 +6,7 @@ from typing import Any, overload
 import numpy as np
 
 from qvi_contact.basics.checks import positive_number
-from qvi_contact.discretization.families import with_element
+from qvi_contact.discretization.families import element_on, with_element
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
@@ -69,17 +69,17 @@ def refine(
 ) -> Refinement | LimitRefinement:
     """Solve a problem on meshes refined where it pays until the error of a quantity is within a target.
 
-    On triangles, into which ``element="hct"`` cuts rectangles, each round solves the problem on a mesh, which gives the
-    answer. Where the contact laws allow it (no friction, Tresca's, tied contacts, or contacts that stick everywhere) a
-    displacement companion bounds the energy, and the force of one prescribed displacement: the error is guaranteed, see
-    `Bracket`. Else the answer is compared with a closer look: one degree more, on a mesh bisected where contact states
-    change and at the corners where stresses may be singular (see `closer`). Triangles that hold most of the difference
-    are bisected.
+    On triangles, into which rectangles are cut, each round solves the problem on a mesh, which gives the answer. Where
+    the contact laws allow it (no friction, Tresca's, tied contacts, or contacts that stick everywhere) a displacement
+    companion bounds the energy, and the force of one prescribed displacement: the error is guaranteed, see `Bracket`.
+    Else the answer is compared with a closer look: one degree more, on a mesh bisected where contact states change and
+    at the corners where stresses may be singular (see `closer`). Triangles that hold most of the difference are
+    bisected.
 
-    On rectangular grids each round solves on a mesh, on the same with every interval bisected, which gives the answer,
-    and with about every second line left out. From the differences of the three follow rates and errors, cell by cell
-    (see `estimate`), and lines are inserted across the body where they remove most of the error for the unknowns they
-    cost (see `marking`).
+    On rectangular grids, by ``element="bfs"``, each round solves on a mesh, on the same with every interval bisected,
+    which gives the answer, and with about every second line left out. From the differences of the three follow rates
+    and errors, cell by cell (see `estimate`), and lines are inserted across the body where they remove most of the
+    error for the unknowns they cost (see `marking`).
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, on triangles and on grids, until
     upper − lower is within the target of upper. That is a guaranteed error of either side wherever the mesh can follow
@@ -114,9 +114,9 @@ def refine(
     callback : callable, optional
         Called with the record of each round.
     **options
-        As for `solve`: method, inner, tolerance and the method's own, ``element``. On triangles ``degree``, 5 by
-        default, at most 11, and ``contact_rows``. For a limit load only ``element``, ``degree``, 4 by default, and
-        ``contact_rows``.
+        As for `solve`: method, inner, tolerance and the method's own, ``element``, by default that of the earlier
+        result. On triangles ``degree``, 5 by default, at most 11, and ``contact_rows``. For a limit load only
+        ``element``, ``degree``, 4 by default, and ``contact_rows``.
 
     Returns
     -------
@@ -177,7 +177,10 @@ def _posed_on(problem: ContactProblem, result: ContactResult | None, options: di
     for name in ("initial", "throw"):
         if name in options:
             raise InputError(name, options[name], "is not for refine: meshes change, and failures are in the status")
-    problem = with_element(problem, options.pop("element", None))
+    element = options.pop("element", None)
+    if element is None and result is not None and not isinstance(problem.mesh, TriangleMesh):
+        element = element_on(result.problem.mesh)
+    problem = with_element(problem, element)
     if result is not None and isinstance(result.problem.mesh, TriangleMesh):
         return with_element(problem, "hct")
     if result is not None and isinstance(problem.mesh, TriangleMesh):

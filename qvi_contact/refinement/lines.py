@@ -68,7 +68,7 @@ class LineRefinement:
         unknowns = _finest_unknowns(problem)
         if unknowns > self.settings.max_unknowns:
             raise TooLargeError(unknowns)
-        return solve(finer(problem), **self.settings.options)
+        return solve(finer(problem), element="bfs", **self.settings.options)
 
     def assessed(self, problem: ContactProblem, result: ContactResult, earlier: Sequence[LineRound]) -> LineRound:
         """What the results on three meshes say about the finest one."""
@@ -109,7 +109,7 @@ class LineRefinement:
     def _companion(self, problem: ContactProblem) -> ContactResult | None:
         """A result on a coarser mesh, if it has one."""
         try:
-            result = solve(problem, **self.settings.options)
+            result = solve(problem, element="bfs", **self.settings.options)
         except QVIError:
             return None
         return result if result.status is Status.SOLVED else None

@@ -180,7 +180,7 @@ def solve_history(
         Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
         unless its certificate passes.
     element, degree, contact_rows
-        The element, its degree on a triangle mesh, and what bounds tractions there, see `discretize`.
+        The element, its degree on triangles, and what bounds tractions there, see `discretize`.
     **options
         As for `solve`. Where the fixed point solves a step it starts from the pressure of the one before it.
 
@@ -200,12 +200,13 @@ def solve_history(
         contact_rows = rows_for(options.get("method"), contact_rows)
         if contact_rows is None and any(map(laws_vary, steps)):
             contact_rows = "gauss"  # in all steps, as slip is handed on from one to the next
-        return _history(steps, {"degree": degree, "contact_rows": contact_rows}, callback, options)
+        space = {"element": element, "degree": degree, "contact_rows": contact_rows}
+        return _history(steps, space, callback, options)
 
 
 def _history(
     steps: Sequence[ContactProblem],
-    element: dict[str, Any],
+    space: dict[str, Any],
     callback: Callable[[int, ContactResult], object] | None,
     options: dict[str, Any],
 ) -> History:
@@ -214,7 +215,7 @@ def _history(
     scales = max(all_scales, key=lambda scales: (scales.loaded, scales.stress))
     freed = np.empty(0, dtype=np.int64)
     while True:
-        results = _follow(steps, scales, freed, element, callback, options)
+        results = _follow(steps, scales, freed, space, callback, options)
         found = np.unique(np.concatenate([freed, *(result.discretization.freed for result in results)]))
         if len(found) == len(freed):
             return History(tuple(results), len(steps))
@@ -227,7 +228,7 @@ def _follow(
     steps: Sequence[ContactProblem],
     scales: Scales,
     freed: IntArray,
-    element: dict[str, Any],
+    space: dict[str, Any],
     callback: Callable[[int, ContactResult], object] | None,
     options: dict[str, Any],
 ) -> list[ContactResult]:
@@ -236,7 +237,7 @@ def _follow(
     for number, problem in enumerate(steps, 1):
         if results and expired():
             break
-        discretization = discretize(problem, scales=scales, freed=freed, **element)
+        discretization = discretize(problem, scales=scales, freed=freed, **space)
         if results:
             before = results[-1].discretization.qvi.operator
             discretization = discretization.slipped(_slip_after(results[-1]), before)

@@ -12,7 +12,7 @@ from qvi_contact.basics.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED,
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.contact_rows import joined
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import ElementName, with_element
+from qvi_contact.discretization.families import ElementName, element_on, with_element
 from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
@@ -113,7 +113,7 @@ def limit_load_factor(
     time_limit : float, optional
         Seconds for the linear programs, at most 300 for each of them in any case.
     element, degree, contact_rows
-        The element, its degree on a triangle mesh, and what bounds tractions there, see `discretize`.
+        The element, its degree on triangles, and what bounds tractions there, see `discretize`.
 
     Returns
     -------
@@ -172,7 +172,7 @@ class LimitProblem:
     @classmethod
     def of(cls, problem: ContactProblem, names: tuple[str, ...], **space: Any) -> "LimitProblem":
         """The analysis of checked loads; `space` is for `discretize`."""
-        return cls(problem, names, *_sampled(problem, names, space))
+        return cls(problem, names, *_sampled(problem, names, {"element": element_on(problem.mesh), **space}))
 
     @property
     def unknowns(self) -> int:

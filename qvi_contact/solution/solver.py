@@ -63,7 +63,8 @@ def solve(
         inner solver that takes no limit, are not interrupted.
     element : "bfs" or "hct", optional
         The Bogner-Fox-Schmit element on rectangles or the Hsieh-Clough-Tocher element on triangles, into which
-        rectangles are cut: the result is then one of the problem on triangles. By default the mesh decides.
+        rectangles are cut: the result is then one of the problem on triangles. By default "hct", but "bfs" where a
+        rectangle is more than 500 times as long as wide. See `discretize`.
     degree, contact_rows
         Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`. With Bernstein
         coefficients, the default but for "uzawa" and for friction that varies along an edge, a strict inner solver is

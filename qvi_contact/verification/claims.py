@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.families import element_on
 from qvi_contact.discretization.loads import prescribed_at_points
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import airy_units, field_arrays
@@ -60,8 +61,14 @@ class Recomputed:
 def rediscretized(result: ContactResult) -> Discretization:
     """The problem of a result discretised anew, in its units, with its nodes given up and the slip before it."""
     known = result.discretization
-    degree, rows = known.space.degree, known.space.contact_rule.kind
-    fresh = discretize(known.problem, degree=degree, contact_rows=rows, scales=known.scales, freed=known.freed)
+    fresh = discretize(
+        known.problem,
+        element=element_on(known.problem.mesh),
+        degree=known.space.degree,
+        contact_rows=known.space.contact_rule.kind,
+        scales=known.scales,
+        freed=known.freed,
+    )
     slip = [rows.offset - new.offset for rows, new in zip(known.contacts, fresh.contacts, strict=True)]
     return fresh.slipped(slip) if any(part.any() for part in slip) else fresh
 

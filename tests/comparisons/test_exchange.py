@@ -19,6 +19,8 @@ from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import solve_qvi
 from solvers.exchange import load_qvi, local_problem, read_fclib, siconos_error, solve_local, state_of, write_fclib
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # four points of an edge are bound by equations
+
 pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
 
 QPBENCHMARK = shutil.which("qpbenchmark", path=str(Path(sys.executable).parent))

@@ -22,6 +22,8 @@ from qvi_contact.solution.result import ContactResult
 from solvers import Status
 from solvers.pivoting.opinion import another_solution
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # the study of that element
+
 STRENUOUS = {"gaps": (1, 4), "units": (5,)}
 """Problems of the sample that take seconds each."""
 

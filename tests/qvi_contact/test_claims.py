@@ -21,6 +21,8 @@ from qvi_contact.verification.claims import (
 from solvers import Certificate
 from solvers.certificate.certificate import EXPONENTS
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # claims about grid lines
+
 
 def test_each_entry_by_its_own_size():
     values = np.array([1.0, 1e-3, 1e-8])

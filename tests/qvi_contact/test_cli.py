@@ -546,7 +546,7 @@ def test_check_as_json_adds_up_the_loads(shell):
     assert body["name"] == "body"
     assert body["y"] == pytest.approx(-98100.0)
     assert body["moment"] == pytest.approx(-98100.0 * 0.5)
-    assert document["mesh"]["cells"] == 6 * 12
+    assert document["mesh"]["cells"] == 2 * 6 * 12
 
 
 def test_check_finds_loads_out_of_balance(shell, tmp_path):

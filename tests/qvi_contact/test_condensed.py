@@ -28,6 +28,8 @@ from solvers.inequality.blocks import dense as dense_rows
 from solvers.inequality.linear import interface_of
 from solvers.inequality.traces import trace_coordinates
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # settled values and iterations on grids
+
 FRICTIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 FEW = 25
 STEEL, SOFT = Material(1000.0, 0.3), Material(100.0, 0.4)

@@ -16,6 +16,8 @@ from qvi_contact.solution.contact_line import (
 )
 from solvers import Status
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # states and jumps of that element's points
+
 OPEN, STICK, SLIP = ContactState
 T = STATE_TOLERANCE
 STRESS, DISPLACEMENT = 200.0, 1e-3

@@ -16,9 +16,11 @@ from qvi_contact import (
     discretize,
     limit_load_factor,
     load_problem,
+    refine,
     save_problem,
     solve,
     solve_history,
+    verify_result,
 )
 from qvi_contact.cli import group
 from qvi_contact.command.outline import outline
@@ -42,9 +44,38 @@ class TestPython:
         result, other = solve(plate, element="hct", degree=3), solve(plate.triangulated(), degree=3)
         assert isinstance(result.problem.mesh, TriangleMesh)
         assert result.contacts["plate"].normal_force == other.contacts["plate"].normal_force
-        assert solve(plate, element="bfs").contacts["plate"].normal_force == pytest.approx(
-            solve(plate).contacts["plate"].normal_force, rel=1e-12
-        )
+        rectangles = solve(plate, element="bfs")
+        assert rectangles.problem is plate
+        assert rectangles.nodal.shape == (5, 5, 4)
+
+    def test_by_default_rectangles_are_cut(self):
+        plate = compressed_plate(0.2, (2, 2))
+        result, known = solve(plate), solve(plate.triangulated(), degree=4)
+        assert result.discretization.space.degree == 4
+        assert result.contacts["plate"].normal_force == known.contacts["plate"].normal_force
+        assert refine(plate, target=0.1).guaranteed is False
+        with pytest.raises(InputError, match="bfs"):
+            _ = result.nodal
+
+    def test_by_default_thin_rectangles_stay(self):
+        """Triangles would be refused; what is solved on a grid is refined, checked and bracketed on it."""
+        thin = compressed_plate(0.5, (8, 8), grading=0.35)
+        with pytest.raises(InputError, match="as long as high"):
+            discretize(thin, element="hct")
+        result = solve(thin)
+        assert result.problem is thin
+        assert verify_result(result).passed
+        assert result.bracket.guaranteed
+
+    def test_an_earlier_result_says_what_is_refined(self):
+        plate = compressed_plate(0.5, (2, 2))
+        for element, on_triangles in (("bfs", False), ("hct", True)):
+            refined = refine(plate, solve(plate, element=element), target=0.5)
+            assert isinstance(refined.problem.mesh, TriangleMesh) is on_triangles
+
+    def test_uzawa_steps_follow_each_other(self):
+        steps = [compressed_plate(0.2, (2, 2), displacement=factor * 1e-3) for factor in (1.0, 2.0)]
+        assert solve_history(steps, method="uzawa", iterations=3).steps[0].status == "max_iterations"
 
     def test_triangles_stay_what_they_are(self):
         plate = compressed_plate(0.2, (2, 2)).triangulated()
@@ -81,7 +112,7 @@ class TestPython:
         with pytest.raises(InputError, match="rectangles"):
             discretize(plate.triangulated(), element="bfs")
         with pytest.raises(InputError, match="hct"):
-            discretize(plate, degree=5)
+            discretize(plate, element="bfs", degree=5)
         with pytest.raises(InputError, match="discretize"):
             solve(discretize(plate), element="bfs")
 
@@ -148,7 +179,7 @@ class TestFiles:
 
     def test_a_degree_that_does_not_fit_is_named_by_its_place(self, tmp_path):
         path = tmp_path / "plate.toml"
-        path.write_text(Path(PLATE).read_text(encoding="utf-8") + "\n[solve]\ndegree = 5\n", encoding="utf-8")
+        path.write_text(Path(PLATE).read_text(encoding="utf-8") + "\n[solve]\ndegree = 2\n", encoding="utf-8")
         done = CliRunner().invoke(group, ["solve", str(path)])
         assert isinstance(done.exception, InputError)
         assert done.exception.field == "solve.degree"

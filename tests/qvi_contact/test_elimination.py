@@ -24,6 +24,8 @@ from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from tests.steps import steps
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # that element's corners
+
 MATERIAL = Material(1000.0, 0.3)
 LINES = np.array([-0.5, -0.2, 0.1, 0.5]), np.array([-0.5, 0.0, 0.2, 0.5])
 OUTLINES = {

@@ -14,6 +14,8 @@ from qvi_contact.mesh.lines import graded_lines
 from solvers.factorisation.augmented import factorise_root
 from tests.steps import steps
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # that element's root; triangles: test_triangle_basis
+
 ANISOTROPIC = np.array([[2.0, -0.5, 0.3], [-0.5, 1.0, -0.2], [0.3, -0.2, 3.0]])
 L_SHAPE = np.array([[1, 1, 1, 1], [1, 1, 0, 0], [1, 1, 0, 0]], dtype=bool)
 

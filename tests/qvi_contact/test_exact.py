@@ -8,6 +8,8 @@ from qvi_contact.gallery import compressed_plate, sliding_block
 from solvers import Status
 from tests.covering import every_pair
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # bicubic states; triangles: test_triangles
+
 MESHES = {
     "one cell": RectilinearMesh.rectangle((1, 1), 2.0, 1.0, origin=(0.0, -0.5)),
     "3x2 uniform": RectilinearMesh.rectangle((3, 2), 2.0, 1.0, origin=(0.0, -0.5)),

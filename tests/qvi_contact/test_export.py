@@ -29,6 +29,10 @@ from qvi_contact.solution.sampling import von_mises
 from qvi_contact.units import Units
 from solvers import Status
 
+pytestmark = pytest.mark.usefixtures(
+    "bogner_fox_schmit"
+)  # rows, columns and Airy coefficients of grids; triangles: test_triangle_files
+
 UNITS = Units("mm", "MPa")
 STATES = [state.name.lower() for state in ContactState]
 

@@ -30,6 +30,8 @@ from qvi_contact import (
 from solvers import Status
 from tests.effort import examples
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # the judge samples bicubic functions
+
 SEEN: Counter[str] = Counter()
 SIDES = ("bottom", "right", "top", "left")
 NONSENSE = (float("nan"), float("inf"), -1.0, True, "1", None)

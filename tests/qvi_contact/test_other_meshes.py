@@ -113,15 +113,16 @@ def test_the_deformed_body_is_drawn(result):
     ],
 )
 def test_what_needs_a_grid_says_so(result, task):
-    with pytest.raises(InputError, match=r"'TriangleMesh'.*RectilinearMesh"):
+    with pytest.raises(InputError, match=r"'TriangleMesh'.* RectilinearMesh.*'bfs'"):
         task(result)
 
 
 def test_the_element_is_chosen_once(result):
     with pytest.raises(InputError, match="belongs to discretize"):
         solve(result.discretization, degree=5)
+    problem = ContactProblem(MESH, Material(1.0, 0.3), [Displacement(s, 0.0, 0.0) for s in MESH.edge_names])
     with pytest.raises(InputError, match=r"degree: 4: rectangles have"):
-        solve(ContactProblem(MESH, Material(1.0, 0.3), [Displacement(s, 0.0, 0.0) for s in MESH.edge_names]), degree=4)
+        solve(problem, element="bfs", degree=4)
 
 
 def test_regions_are_named_where_there_are_no_lines():

@@ -197,7 +197,8 @@ class TestCommand:
 
     def test_load_steps_have_a_table(self, monkeypatch, capfd, tmp_path):
         (tmp_path / "a.toml").write_text(TEXT.replace("x = 0.004", 'x = "0.004*t"') + "[history]\ntimes = [0.0, 2.0]\n")
-        code, _, err = run(monkeypatch, capfd, "solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")
+        words_of_it = ("solve", tmp_path / "a.toml", "--element", "bfs", "--report", tmp_path / "a.html")
+        code, _, err = run(monkeypatch, capfd, *words_of_it)  # cells that are symmetric
         assert (code, err) == (0, "")
         text = (tmp_path / "a.html").read_text(encoding="utf-8")
         assert "Load steps" in words(text)

@@ -160,11 +160,11 @@ def test_a_rising_fluid_by_steps():
 
 @pytest.mark.parametrize("inner", ["strict-direct:clarabel"])
 def test_strict_bounds_are_those_of_the_effective_stress(inner):
-    base = solved(block(falling()), inner=inner).contacts["base"]
+    base = solved(block(falling()), inner=inner, element="bfs").contacts["base"]
     assert base.pull_between_points <= 1e-7
     assert base.excess_between_points <= 1e-6
     with pytest.raises(InputError, match="pore pressure"):
-        solve(block(Expression("x * (3 - x)")), inner=inner)
+        solve(block(Expression("x * (3 - x)")), inner=inner, element="bfs")
 
 
 class TestFiles:

@@ -187,6 +187,7 @@ def test_symmetric_grading_keeps_symmetric_solutions():
         Contact("top", 0.3, gap=-1e-3, name="plate"),
     ]
     mesh = RectilinearMesh(lines, [0.0, 0.5, 1.0])
-    line = solve(ContactProblem(mesh, Material(1000.0, 0.3), conditions), tolerance=1e-9).contacts["plate"]
+    problem = ContactProblem(mesh, Material(1000.0, 0.3), conditions)
+    line = solve(problem, tolerance=1e-9, element="bfs").contacts["plate"]  # triangles are not symmetric
     assert line.normal_stress == pytest.approx(line.normal_stress[::-1], abs=1e-7)
     assert line.tangential_stress == pytest.approx(-line.tangential_stress[::-1], abs=1e-7)

@@ -29,6 +29,8 @@ from qvi_contact.refinement.grids import bisected, coarser, finer, halved, neede
 from qvi_contact.refinement.marking import marked_lines
 from solvers import Status
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # refinement by grid lines
+
 # The L-shape below: refine(l_shape(), 3e-6, max_unknowns=120_000) ends at -0.04937023 and 85.56207 with 37319 unknowns;
 # l_shape().refined(0.5, 4e-4, 0.4), bisected three times, has differences in the ratios 3.16 and 2.86, which
 # extrapolate to the same values. Good to 5e-6.

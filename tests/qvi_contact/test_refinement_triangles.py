@@ -299,16 +299,16 @@ class TestStart:
         assert again.rounds[0].unknowns == first.rounds[-1].unknowns
         assert again.value == pytest.approx(first.value, rel=1e-9)
 
-    def test_rectangles_are_cut_where_the_element_or_the_result_asks_for_it(self):
+    def test_rectangles_are_cut_by_default_or_as_the_result_is(self):
         squares = compressed_plate(0.2, (2, 2))
-        by_name = refine(squares, None, 1.0, element="hct")
+        by_name = refine(squares, None, 1.0)
         by_result = refine(squares, solve(squares, element="hct"), 1.0)
         assert by_name.rounds[0] == by_result.rounds[0]
         assert by_name.rounds[0].cells == (8,)
 
     def test_not_from_one_on_rectangles(self):
         with pytest.raises(InputError) as caught:
-            refine(plate(0.2), solve(compressed_plate(0.2, (2, 2))))
+            refine(plate(0.2), solve(compressed_plate(0.2, (2, 2)), element="bfs"))
         assert caught.value.field == "result"
 
     def test_degrees(self):
@@ -319,7 +319,7 @@ class TestStart:
 
     def test_rectangles_have_one_degree(self):
         with pytest.raises(InputError) as caught:
-            refine(compressed_plate(0.2, (2, 2)), degree=4)
+            refine(compressed_plate(0.2, (2, 2)), element="bfs", degree=4)
         assert caught.value.field == "degree"
 
 

@@ -23,6 +23,10 @@ from qvi_contact.mesh.rectilinear import SIDES
 from qvi_contact.solution.stress import stress_at
 from solvers import Status
 
+pytestmark = pytest.mark.usefixtures(
+    "bogner_fox_schmit"
+)  # Gauss points, lines and nodes of grids; triangles: test_triangle_results
+
 FORCE = 209.0
 """Size of the plate's contact force."""
 

@@ -20,6 +20,10 @@ from qvi_contact.verification import verify_file
 from solvers import EdgeRows, FrictionQVI, Iteration, Status, certify
 from solvers.inequality.edges import quadratic_basis
 
+pytestmark = pytest.mark.usefixtures(
+    "bogner_fox_schmit"
+)  # claims about grids, cones on them, and companions on the same cells
+
 STRICT = "strict-direct:clarabel"
 GAUSS = (np.polynomial.legendre.leggauss(4)[0] + 1.0) / 2.0
 EDGES = EdgeRows(GAUSS)

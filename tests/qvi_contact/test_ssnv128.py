@@ -9,6 +9,8 @@ from qvi_contact import ContactState, solve
 from qvi_contact.gallery import SSNV128_DISPLACEMENTS, ssnv128
 from solvers import Status
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # four points of an edge, lines, displacements of that mesh
+
 OPEN, STICK, SLIP = ContactState
 SIDE = 0.04
 CELLS = 32

@@ -25,6 +25,8 @@ from qvi_contact.gallery import stick_slip_block
 from qvi_contact.mesh.lines import graded_lines
 from solvers import Status
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # four Gauss points of every edge, as in the docstring
+
 OPEN, STICK, SLIP = ContactState
 WIDTH, FAR_SLIP = 2.0, 0.02
 MOVED = {"rotation": 0.03, "lift": -0.05}

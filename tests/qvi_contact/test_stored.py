@@ -34,6 +34,10 @@ from qvi_contact.units import Units
 from qvi_contact.verification import verify_file
 from solvers import Status
 
+pytestmark = pytest.mark.usefixtures(
+    "bogner_fox_schmit"
+)  # entries, and what is changed in them, are those of grids; triangles: test_triangle_results
+
 REMARKS = {
     "method", "inner", "form", "factorisation", "iterations", "corrections", "timings", "versions", "history",
     "history_status", "problem_missing", "loaded", "message", "freed",

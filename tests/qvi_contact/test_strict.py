@@ -28,6 +28,8 @@ from solvers.inner.registry import make_inner
 from solvers.strict.threshold import strict_pressure, strict_threshold
 from tests.qvi_contact.states import solved
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # cones on rectangles
+
 DIRECT, CVXPY = "strict-direct:clarabel", "strict:clarabel"
 MEAN = 209.0
 T = np.linspace(0.0, 1.0, 1000)

@@ -24,6 +24,8 @@ from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from solvers.factorisation.dissection import SharedSubdomains
 from solvers.factorisation.threads import limited_blas
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # subdomains of rectangles
+
 STEEL = Material(2.09e5, 0.3)
 
 

@@ -402,7 +402,7 @@ def test_wrong_options(options, told):
 
 def test_rectangles_have_one_degree():
     with pytest.raises(InputError, match="hct"):
-        solve(compressed_plate(0.2, cells=(2, 2)), degree=4)
+        solve(compressed_plate(0.2, cells=(2, 2)), element="bfs", degree=4)
     with pytest.raises(InputError, match="Bernstein"):
         solve(compressed_plate(0.2, cells=(2, 2)).triangulated(), contact_rows="gauss", inner="strict-direct:clarabel")
 

@@ -27,6 +27,10 @@ from solvers import Certificate, Status, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.inner.direct_clarabel import DirectClarabel
 
+pytestmark = pytest.mark.usefixtures(
+    "bogner_fox_schmit"
+)  # states and numbers of grids; triangles: test_triangle_results
+
 FREE = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
 PERFECT = Certificate(dict.fromkeys(EXPONENTS, 0.0), 1e-8, {"stress": 1.0, "displacement": 1.0, "energy": 1.0})
 

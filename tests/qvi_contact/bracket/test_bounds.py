@@ -13,6 +13,8 @@ from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pu
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from qvi_contact.problem import ContactProblem
 
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # rates of that element; triangles: test_triangles
+
 STICKING_FORCE = 214.36766  # ± 2e-5: displacement codes and this package, settled
 U = 1e-3
 

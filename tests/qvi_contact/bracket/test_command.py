@@ -51,7 +51,7 @@ def test_one_json_document():
 def test_missing_lower_bound(tmp_path):
     """Near its limit no stress of the mesh obeys the law on whole edges: no gap, no picture, the reason."""
     picture = tmp_path / "apart.png"
-    done = command(EXAMPLES / "dragged_block_holds.toml", "--plot", picture)
+    done = command(EXAMPLES / "dragged_block_holds.toml", "--element", "bfs", "--plot", picture)
     assert done.return_value == 1
     assert "no lower bound" in done.stdout
     assert "gap of the energy" not in done.stdout
@@ -96,7 +96,7 @@ class TestDocument:
     def test_picture_of_no_gap_is_refused(self):
         problem = load_problem(EXAMPLES / "dragged_block_holds.toml").problem
         with pytest.raises(InputError, match="no gap"):
-            bracket_figure(solve(problem).bracket)
+            bracket_figure(solve(problem, element="bfs").bracket)
 
     def test_picture_of_an_exact_state(self, tmp_path):
         found = solve(compressed_plate(0.0, (2, 2))).bracket
