@@ -25,6 +25,8 @@ from solvers.solve import METHODS
 from tests.solvers.conftest import random_problem
 
 BACKENDS = list(available_backends())
+pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # "shared-subdomains" belongs to rectangles
+
 PROBLEMS = {"plate": lambda: compressed_plate(0.2, (12, 12)), "ssnv128": lambda: ssnv128((8, 8))}
 
 
