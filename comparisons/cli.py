@@ -2,13 +2,13 @@
 
 import click
 
-from comparisons.backends.command import solvers
 from comparisons.benchmark.command import benchmark
 from comparisons.convergence.command import convergence
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
 from comparisons.peers.command import peers
-from comparisons.verify.command import verify
+from comparisons.solvers.command import solvers
+from comparisons.verification.command import verify
 from comparisons.wild.command import wild
 
 

@@ -11,7 +11,7 @@ import click
 import pytest
 
 from comparisons.cli import group as comparisons
-from comparisons.study.outcome import DONE, FAILURES
+from comparisons.lab.study.outcome import DONE, FAILURES
 from qvi_contact import RefinementStatus
 from qvi_contact.cli import group as qvi_contact
 from solvers import Status
@@ -28,8 +28,8 @@ ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m s
 
 PACKAGES = (
     "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.plots",
-    "qvi_contact.refinement", "solvers", "solvers.exchange", "solvers.factorisation", "comparisons.report",
-    "comparisons.study",
+    "qvi_contact.refinement", "solvers", "solvers.exchange", "solvers.factorisation", "comparisons.lab.report",
+    "comparisons.lab.study",
 )  # fmt: skip
 INTERNAL = {"has_matplotlib", "picture_suffix", "require_matplotlib", "CompanionState", "Exhibit"}
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.options import ListCommand, folder_option
+from comparisons.lab.options import ListCommand, folder_option
 
 
 @click.command(cls=ListCommand)

@@ -12,7 +12,7 @@ from contextlib import suppress
 from threading import Event, Timer
 from typing import Any
 
-from comparisons.study.children import environment, last_words
+from comparisons.lab.study.children import environment, last_words
 
 
 def records(task: dict[str, Any], threads: int, limit: float | None = None) -> Iterator[dict[str, Any]]:

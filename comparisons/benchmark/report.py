@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from comparisons.benchmark.findings import findings
 from comparisons.benchmark.tables import tables
-from comparisons.tables import markdown_table, rich_table
+from comparisons.lab.tables import markdown_table, rich_table
 from qvi_contact.basics.writing import write_text
 from qvi_contact.plots import has_matplotlib
 from qvi_contact.plots.style import save_figure, settings

@@ -8,7 +8,7 @@ from typing import Any, Final
 from comparisons.benchmark.plan import GRADED, GRADED_FRICTION, LOOPS, Loop, Path, Plan
 from comparisons.benchmark.process import records
 from comparisons.benchmark.ratios import median, predicted
-from comparisons.machine import machine, versions
+from comparisons.lab.machine import machine, versions
 from qvi_contact.basics.terminal import Advance
 from solvers.factorisation import available_backends
 from solvers.factorisation.choice import SHARED

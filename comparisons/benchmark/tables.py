@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from comparisons.benchmark.reference import GROWTH_TARGET, MEANINGLESS, SETTLED
-from comparisons.tables import Grid
+from comparisons.lab.tables import Grid
 
 Document = dict[str, Any]
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from comparisons.options import folder_option
-from comparisons.study.options import RunOptions, study_options
+from comparisons.lab.options import folder_option
+from comparisons.lab.study.options import RunOptions, study_options
 
 if TYPE_CHECKING:
-    from comparisons.report import Report
-    from comparisons.study import Study
+    from comparisons.lab.report import Report
+    from comparisons.lab.study import Study
 
 NAMES: Final = ("mesh", "outer", "uzawa")
 """The studies; each is a package beside this module."""
@@ -49,7 +49,7 @@ def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path,
         python -m comparisons convergence --quick
         python -m comparisons convergence mesh --workers 2 --out results/convergence
     """  # noqa: D301
-    from comparisons.study.rows import finite_json
+    from comparisons.lab.study.rows import finite_json
     from qvi_contact.basics.writing import writable_folder
 
     _check_store(run.store)
@@ -88,7 +88,7 @@ class _Part:
 
     def check(self) -> None:
         """A store of another study, a damaged one, or one that cannot be written is found before anything is run."""
-        from comparisons.study.store import finished_keys
+        from comparisons.lab.study.store import finished_keys
         from qvi_contact.basics.writing import writable_folder
 
         if len(finished_keys(self.run.store, self.study)) < len(self.study.cases):
@@ -96,9 +96,9 @@ class _Part:
 
     def done(self, out: Path, as_json: bool) -> dict[str, Any]:
         """Run what is missing, write the report, show it; the JSON of it."""
-        from comparisons.report import write_report
-        from comparisons.report.terminal import show
-        from comparisons.study import read_study
+        from comparisons.lab.report import write_report
+        from comparisons.lab.report.terminal import show
+        from comparisons.lab.study import read_study
 
         self.run.run(self.study)
         stored = read_study(self.run.store)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.options import folder_option
+from comparisons.lab.options import folder_option
 
 
 @click.command()

@@ -37,7 +37,7 @@ class Reference:
 @cache
 def load() -> Reference:
     """Read the data file of the package."""
-    data = tomllib.loads(files("comparisons").joinpath("data/wieckowski_1992.toml").read_text(encoding="utf-8"))
+    data = tomllib.loads(files("comparisons.paper").joinpath("wieckowski_1992.toml").read_text(encoding="utf-8"))
     table, figures = data.pop("table_1"), data.pop("figures")
     return Reference(
         **data,

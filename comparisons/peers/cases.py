@@ -6,11 +6,11 @@ import subprocess
 from importlib.util import find_spec
 from typing import Any, Final
 
-from comparisons.machine import PACKAGES
+from comparisons.lab.machine import PACKAGES
+from comparisons.lab.study import Study
+from comparisons.lab.study.declaration import Values
 from comparisons.peers import LEVELS, measure
 from comparisons.peers.models import CODES, MODELS, NAMED
-from comparisons.study import Study
-from comparisons.study.declaration import Values
 from qvi_contact.errors import InputError
 
 _LOOKING: Final = 60.0  # seconds for another Python to say what it has

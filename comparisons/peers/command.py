@@ -5,9 +5,9 @@ from pathlib import Path
 
 import click
 
-from comparisons.options import ListCommand, folder_option
+from comparisons.lab.options import ListCommand, folder_option
+from comparisons.lab.study.options import RunOptions, study_options
 from comparisons.peers import LEVELS
-from comparisons.study.options import RunOptions, study_options
 
 _FOLDER = "results/peers"
 
@@ -48,10 +48,10 @@ def peers(
         python -m comparisons peers --getfem /usr/bin/python3
         python -m comparisons peers --friction 0.2 --cells 8 16 --levels 3 --store small.sqlite --out results/small
     """  # noqa: D301
+    from comparisons.lab.report import show
+    from comparisons.lab.study import read_study
     from comparisons.peers import measure, report
     from comparisons.peers.cases import peers_study
-    from comparisons.report import show
-    from comparisons.study import read_study
     from qvi_contact.basics.writing import writable_folder
     from qvi_contact.errors import InputError
 

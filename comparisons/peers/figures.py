@@ -5,12 +5,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from comparisons.lab.report import Figure, svg_text
+from comparisons.lab.report.numbers import listing, scientific
 from comparisons.peers.findings import slug
 from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, MODELS, Model
 from comparisons.peers.points import KINDS, Point, Reference, contradictory
 from comparisons.peers.reach import errors_at, lasting_error
-from comparisons.report import Figure, svg_text
-from comparisons.report.numbers import listing, scientific
 from qvi_contact.plots import GREY, has_matplotlib
 from qvi_contact.plots.style import new_figure, settings
 

@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
+from comparisons.lab.report import Finding
+from comparisons.lab.report.numbers import count_of, listing, scientific, seconds, significant
 from comparisons.peers.models import CODES, EQUILIBRIUM, TRIANGLES
 from comparisons.peers.points import (
     RESOLUTION,
@@ -23,8 +25,6 @@ from comparisons.peers.reach import (
     errors_at,
     lasting_error,
 )
-from comparisons.report import Finding
-from comparisons.report.numbers import count_of, listing, scientific, seconds, significant
 
 _SPOKEN: Final = (3e-6, 1e-6, 1e-8)
 """Errors whose cost is told in a sentence; the table has all of `reach.TARGETS`."""

@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from comparisons.lab.study.children import environment
 from comparisons.peers.meshes import FAMILIES, plain_mesh
 from comparisons.peers.models import CODES, NAMED
-from comparisons.study.children import environment
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Contact
 
 TASK: Final = f"{__name__}:run"
-"""As `comparisons.study` names it."""
+"""As `comparisons.lab.study` names it."""
 
 GETFEM: Final = "PYTHON_WITH_GETFEM"
 """Environment variable: another Python, in which GetFEM is installed."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from comparisons.benchmark.ratios import spread
+from comparisons.lab.report.numbers import scientific
+from comparisons.lab.study import DONE, Row
 from comparisons.peers.models import BRACKET, CODES, NAMED, Model
-from comparisons.report.numbers import scientific
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
-from comparisons.study import DONE, Row
 
 SOLVED: Final = "solved"
 

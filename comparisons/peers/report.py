@@ -8,6 +8,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+from comparisons.lab.report import Exhibit, Report, Section, Table, environment_grids, write_report
+from comparisons.lab.report.marks import plain
+from comparisons.lab.study import Row
 from comparisons.peers.figures import COSTS, best_figure, bounds_figure, error_figure
 from comparisons.peers.findings import findings
 from comparisons.peers.models import BRACKET
@@ -23,9 +26,6 @@ from comparisons.peers.tables import (
     reported_table,
     rows_table,
 )
-from comparisons.report import Exhibit, Report, Section, Table, environment_grids, write_report
-from comparisons.report.marks import plain
-from comparisons.study import Row
 from qvi_contact.basics.writing import write_text
 
 SCHEMA: Final = "qvi-contact/peers/3"

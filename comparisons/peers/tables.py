@@ -4,15 +4,15 @@ from collections.abc import Sequence
 
 from comparisons.benchmark.ratios import median, ratio
 from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
+from comparisons.lab.report import Table
+from comparisons.lab.report.numbers import listing, percent, scientific, significant
+from comparisons.lab.tables import Grid
 from comparisons.peers.findings import slug
 from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.meshes import ratio as shrinking
 from comparisons.peers.models import BRACKET, CODES, MODELS, TRIANGLES
 from comparisons.peers.points import KINDS, Point, Reference, missing, named
 from comparisons.peers.reach import Reach, all_reached, confirmed, errors_at
-from comparisons.report import Table
-from comparisons.report.numbers import listing, percent, scientific, significant
-from comparisons.tables import Grid
 
 _NOTHING = "-"
 _MIB = 2.0**20

@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from comparisons.options import ListCommand, folder_option
-from comparisons.study.options import RunOptions, study_options
+from comparisons.lab.options import ListCommand, folder_option
+from comparisons.lab.study.options import RunOptions, study_options
 
 STORE = "results/wild/wild.sqlite"
 QUICK_STORE = "results/wild/wild-quick.sqlite"
@@ -35,8 +35,8 @@ def wild(options: RunOptions, quick: bool, each: int | None, only: tuple[str, ..
         python -m comparisons wild --quick
         python -m comparisons wild --each 50 --only gaps idle --store results/gaps.sqlite --out results/gaps
     """  # noqa: D301
-    from comparisons.report import show
-    from comparisons.study import read_study
+    from comparisons.lab.report import show
+    from comparisons.lab.study import read_study
     from comparisons.wild.measures import counts_of, entries_of, failed
     from comparisons.wild.report import report_of, write
     from comparisons.wild.study import EACH, QUICK, declared

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from comparisons.study import DONE, Row, StoredStudy
+from comparisons.lab.study import DONE, Row, StoredStudy
 from comparisons.wild.enumeration import EXISTS, NONE
 from comparisons.wild.generator import FAMILIES
 from comparisons.wild.task import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, WRONG

@@ -5,10 +5,10 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from comparisons.report import Finding, Report, Section, Table, environment_grids, write_report
-from comparisons.report.numbers import count_of, percent, seconds
-from comparisons.study import StoredStudy
-from comparisons.tables import Grid
+from comparisons.lab.report import Finding, Report, Section, Table, environment_grids, write_report
+from comparisons.lab.report.numbers import count_of, percent, seconds
+from comparisons.lab.study import StoredStudy
+from comparisons.lab.tables import Grid
 from comparisons.wild.enumeration import NONE, UNDECIDED
 from comparisons.wild.generator import FAMILIES
 from comparisons.wild.measures import LONGEST, ORDER, Entry, counts_of, entries_of, failed, slow

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Final
 
-from comparisons.machine import PACKAGES
-from comparisons.study import Study
+from comparisons.lab.machine import PACKAGES
+from comparisons.lab.study import Study
 from comparisons.wild.generator import FAMILIES
 from qvi_contact.errors import InputError
 

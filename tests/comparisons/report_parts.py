@@ -1,9 +1,9 @@
 """A small report with everything that reports can have, for the tests of its files."""
 
-from comparisons.report import Figure, Finding, Report, Section, Table, svg_text
-from comparisons.report.environment import environment_grids
-from comparisons.study.rows import Row
-from comparisons.tables import Grid
+from comparisons.lab.report import Figure, Finding, Report, Section, Table, svg_text
+from comparisons.lab.report.environment import environment_grids
+from comparisons.lab.study.rows import Row
+from comparisons.lab.tables import Grid
 from qvi_contact.plots.style import new_figure, settings
 
 MACHINE = {

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.study import Study, study_options
+from comparisons.lab.study import Study, study_options
 from qvi_contact.basics.terminal import run
 
 DEMO = Study(

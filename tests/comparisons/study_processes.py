@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from uuid import uuid4
 
-from comparisons.study import read_study
+from comparisons.lab.study import read_study
 from qvi_contact import InputError
 
 ROOT = Path(__file__).parents[2]

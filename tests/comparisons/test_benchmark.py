@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from comparisons.benchmark import measure, plan, process, ratios, reference, report, rows, study, tables
 from comparisons.benchmark.findings import findings
 from comparisons.cli import group
-from comparisons.study import children
+from comparisons.lab.study import children
 from qvi_contact import InputError
 from qvi_contact.basics import terminal
 from qvi_contact.plots import has_matplotlib

@@ -22,8 +22,8 @@ from comparisons.convergence.mesh.tables import costs_table, failures_table, ord
 from comparisons.convergence.mesh.tractions import Tractions, difference, size
 from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
 from comparisons.convergence.orders import fitted_order, reached, successive_orders
-from comparisons.report import write_report
-from comparisons.study import Study, read_study, run_study
+from comparisons.lab.report import write_report
+from comparisons.lab.study import Study, read_study, run_study
 from qvi_contact import refine, solve
 from qvi_contact.basics import terminal
 from qvi_contact.plots.style import has_matplotlib
@@ -524,7 +524,7 @@ class TestCommand:
         monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
         monkeypatch.setattr(command.RunOptions, "run", lambda self, _: stores.append(self.store))
         monkeypatch.setattr(
-            "comparisons.study.read_study", lambda _: type("Stored", (), {"declaration": {}, "rows": rows})
+            "comparisons.lab.study.read_study", lambda _: type("Stored", (), {"declaration": {}, "rows": rows})
         )
         monkeypatch.setattr(sys, "argv", ["comparisons", "convergence", "mesh", "--quick", "--json", "--store",
                                           str(tmp_path / "store"), "--out", str(tmp_path / "out")])  # fmt: skip

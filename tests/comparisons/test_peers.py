@@ -19,6 +19,8 @@ import pytest
 from click.testing import CliRunner
 
 from comparisons.cli import group
+from comparisons.lab.study import read_study
+from comparisons.lab.study.rows import Row
 from comparisons.peers import LEVELS, cases, command, figures, measure, meshes, models, report, tables
 from comparisons.peers.codes import companion, equilibrium, ngsolve_nitsche, process
 from comparisons.peers.figures import COSTS, best_figure, bounds_figure, error_figure
@@ -26,8 +28,6 @@ from comparisons.peers.findings import error_text, findings
 from comparisons.peers.points import RESOLUTION, points, reference
 from comparisons.peers.reach import TARGETS, all_reached, comparison, errors_at, lasting_error
 from comparisons.settled import LIMITS, SETTLED, UNCERTAINTY
-from comparisons.study import read_study
-from comparisons.study.rows import Row
 from qvi_contact import InputError, solve
 from qvi_contact.basics import terminal
 from qvi_contact.bracket import BracketKind, bracket

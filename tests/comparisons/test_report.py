@@ -12,10 +12,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
-from comparisons.cells import is_numeric, number_in
-from comparisons.report import Finding, Section, Table, environment_grids, marks, numbers, show, write_report
-from comparisons.report.order import position, sort_key
-from comparisons.tables import Grid
+from comparisons.lab.cells import is_numeric, number_in
+from comparisons.lab.report import Finding, Section, Table, environment_grids, marks, numbers, show, write_report
+from comparisons.lab.report.order import position, sort_key
+from comparisons.lab.tables import Grid
 from qvi_contact.errors import InputError
 from qvi_contact.plots.inline import inline_svg
 from tests.comparisons.report_parts import MACHINE, TIMES, row, sample
@@ -125,7 +125,7 @@ def test_the_same_data_gives_the_same_bytes(folder, tmp_path):
 
 def test_the_folder_is_made_and_pictures_are_written_first(report, tmp_path, monkeypatch):
     names = []
-    monkeypatch.setattr("comparisons.report.files.write_text", lambda path, _: names.append(path.name))
+    monkeypatch.setattr("comparisons.lab.report.files.write_text", lambda path, _: names.append(path.name))
     written = write_report(report, tmp_path / "new" / "folder")
     assert (tmp_path / "new" / "folder").is_dir()
     assert names == [path.name for path in reversed(written)]
@@ -244,7 +244,7 @@ def test_marks_are_the_same_in_html_and_markdown(text):
 
 @pytest.mark.parametrize("installed", [True, False])
 def test_where_no_picture_can_be_drawn_it_says_how_to_get_them(tmp_path, monkeypatch, installed):
-    monkeypatch.setattr("comparisons.report.labels.has_matplotlib", lambda: installed)
+    monkeypatch.setattr("comparisons.lab.report.labels.has_matplotlib", lambda: installed)
     paths = write_report(sample(undrawn), tmp_path)
     assert [path.suffix for path in paths] == [".html", ".md"]
     for path in paths:
@@ -315,7 +315,7 @@ def test_the_terminal_has_findings_tables_and_files(report, folder, capsys):
 def test_the_terminal_says_how_to_get_pictures(tmp_path, monkeypatch):
     from rich.console import Console
 
-    monkeypatch.setattr("comparisons.report.labels.has_matplotlib", lambda: False)
+    monkeypatch.setattr("comparisons.lab.report.labels.has_matplotlib", lambda: False)
     text = StringIO()
     show(sample(undrawn), [tmp_path / "sample.html"], Console(file=text, width=120, markup=False))
     assert "python -m pip install 'qvi-contact[plot]'" in text.getvalue()

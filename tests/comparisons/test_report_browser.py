@@ -6,8 +6,8 @@ from contextlib import nullcontext
 
 import pytest
 
-from comparisons.report import Section, Table, write_report
-from comparisons.report import browser as looking
+from comparisons.lab.report import Section, Table, write_report
+from comparisons.lab.report import browser as looking
 from qvi_contact.basics import terminal
 from qvi_contact.errors import InputError
 from tests.comparisons.report_parts import TIMES, sample

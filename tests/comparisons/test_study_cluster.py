@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from comparisons.study import Study, cluster, read_study, run_study
+from comparisons.lab.study import Study, cluster, read_study, run_study
 from qvi_contact import InputError
 from tests.comparisons.study_demo import DEMO, SMALL, ways
 from tests.comparisons.study_processes import MARK, ROOT, commands, comparable, eventually, marked, rows_in

@@ -14,10 +14,10 @@ from uuid import uuid4
 
 import pytest
 
-from comparisons.study import FAILURES, limits, options, read_study, run_study
-from comparisons.study import store as stores
-from comparisons.study.children import Child, Terms
-from comparisons.study.progress import rate, study_progress
+from comparisons.lab.study import FAILURES, limits, options, read_study, run_study
+from comparisons.lab.study import store as stores
+from comparisons.lab.study.children import Child, Terms
+from comparisons.lab.study.progress import rate, study_progress
 from qvi_contact import InputError
 from qvi_contact.basics import terminal
 from tests.comparisons.study_demo import DEMO, SMALL, main, ways
@@ -268,7 +268,8 @@ class TestLimits:
     @pytest.mark.skipif(os.name != "posix", reason="needs process groups")
     def test_a_thread_looks_for_the_parent(self):
         inner = (
-            "import os, sys, time\nfrom comparisons.study import limits\nlimits.KERNEL = False\nlimits._LOOK = 0.02\n"
+            "import os, sys, time\nfrom comparisons.lab.study import limits\n"
+            "limits.KERNEL = False\nlimits._LOOK = 0.02\n"
             "with limits.ends_with_parent(sys.stdin.buffer):\n    print(os.getpid(), flush=True)\n    time.sleep(1000)"
         )
         outer = (
@@ -292,7 +293,7 @@ class TestLimits:
 
     @pytest.mark.skipif(os.name != "posix", reason="needs process groups")
     def test_a_worker_without_work_ends(self):
-        code = "import sys\nfrom comparisons.study import child, limits\nlimits.IDLE = 0.1\nchild.main()"
+        code = "import sys\nfrom comparisons.lab.study import child, limits\nlimits.IDLE = 0.1\nchild.main()"
         order = b'{"task": "tests.comparisons.study_demo:failing", "packages": [], "memory": null}\n'
         with subprocess.Popen(
             [sys.executable, "-c", code],
@@ -353,7 +354,7 @@ def on_a_terminal(progress):
     """What a terminal gets on standard error of a run."""
     pty = pytest.importorskip("pty")
     script = (
-        "from comparisons.study.progress import study_progress\nimport time\n"
+        "from comparisons.lab.study.progress import study_progress\nimport time\n"
         f"with study_progress('title', 1, 3, {progress}) as advance:\n"
         "    for _ in range(2):\n        time.sleep(0.15)\n        advance()\n    time.sleep(0.15)"
     )

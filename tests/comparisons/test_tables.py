@@ -5,7 +5,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from comparisons.tables import Grid, markdown_table, rich_table
+from comparisons.lab.tables import Grid, markdown_table, rich_table
 
 NAMES = ("direct:sparse-cholesky", "direct:sparse-lu", "qp:clarabel")
 

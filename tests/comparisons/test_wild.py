@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from comparisons.study import read_study
+from comparisons.lab.study import read_study
 from comparisons.wild import task
 from comparisons.wild.dice import Dice
 from comparisons.wild.enumeration import EXISTS, NONE, enumerated

@@ -9,7 +9,7 @@ from html import unescape
 import numpy as np
 import pytest
 
-from comparisons.report import browser as looking
+from comparisons.lab.report import browser as looking
 from qvi_contact.basics import terminal
 from qvi_contact.command.cli import group
 from qvi_contact.command.page.page import Request, result_page

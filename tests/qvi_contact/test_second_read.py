@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-import comparisons.verify.bounds as bounds_chapter
-from comparisons.verify.elements import Element
-from comparisons.verify.proof import by_hand
+import comparisons.verification.bounds as bounds_chapter
+from comparisons.verification.elements import Element
+from comparisons.verification.proof import by_hand
 from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve
 from qvi_contact.companion import solve_companion
 from qvi_contact.export import write_npz

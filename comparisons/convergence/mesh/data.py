@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from comparisons.convergence.mesh.problems import PROBLEMS, Problem
 from comparisons.convergence.mesh.study import APART, BRACKET, EQUILIBRIUM
-from comparisons.study import DONE, Row
+from comparisons.lab.study import DONE, Row
 
 SOLVED: Final = "solved"
 

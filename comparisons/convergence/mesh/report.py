@@ -11,12 +11,12 @@ from comparisons.convergence.mesh.overview import Overview, ends_of
 from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import MODELS, SEQUENCES
 from comparisons.convergence.mesh.task import STRICT, TOLERANCE
-from comparisons.report import Report, Section
-from comparisons.report.document import Exhibit
-from comparisons.report.environment import environment_grids
-from comparisons.report.numbers import count_of, scientific
-from comparisons.study import Row
-from comparisons.tables import Grid
+from comparisons.lab.report import Report, Section
+from comparisons.lab.report.document import Exhibit
+from comparisons.lab.report.environment import environment_grids
+from comparisons.lab.report.numbers import count_of, scientific
+from comparisons.lab.study import Row
+from comparisons.lab.tables import Grid
 
 _LIMITATIONS: Final = (
     "Meshes are rectilinear grids: refinement towards a point refines two whole strips. Graded and adaptive meshes of "

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from comparisons.convergence.mesh.problems import PROBLEMS
-from comparisons.study import Study
+from comparisons.lab.study import Study
 
 UNIFORM, GRADED, GOAL, APART, REFERENCE = "uniform", "graded", "goal", "apart", "reference"
 SEQUENCES: Final = {

@@ -7,7 +7,7 @@ from statistics import median
 from typing import Any
 
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS
-from comparisons.study import DONE, Row
+from comparisons.lab.study import DONE, Row
 
 NAMES = {
     "contacts": "8 contacts",

@@ -8,10 +8,10 @@ from comparisons.convergence.outer.entries import Entries
 from comparisons.convergence.outer.figures import figures
 from comparisons.convergence.outer.findings import findings
 from comparisons.convergence.outer.loops import INNER, LOOPS, MAX_ITERATIONS, PATIENCE, TOLERANCE
-from comparisons.report.document import Report, Section
-from comparisons.report.environment import environment_grids
-from comparisons.study import Row
-from comparisons.tables import Grid
+from comparisons.lab.report.document import Report, Section
+from comparisons.lab.report.environment import environment_grids
+from comparisons.lab.study import Row
+from comparisons.lab.tables import Grid
 
 _INTRODUCTION: Final = (
     "The fixed point on the friction bound, s ← |σ_N(s)|, each step a convex problem: plain, with damping "

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from comparisons.convergence.declared import among, factors_of
 from comparisons.convergence.outer.loops import LOOPS
-from comparisons.study import Study
+from comparisons.lab.study import Study
 
 VERSION: Final = 1
 """To be raised when the task computes something else."""

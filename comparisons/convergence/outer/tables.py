@@ -2,9 +2,9 @@
 
 from comparisons.convergence.outer.entries import NAMES, Entries, Entry, body_name
 from comparisons.convergence.outer.loops import PLAIN
-from comparisons.report.document import Table
-from comparisons.report.numbers import NOTHING, scientific, seconds, significant
-from comparisons.tables import Grid
+from comparisons.lab.report.document import Table
+from comparisons.lab.report.numbers import NOTHING, scientific, seconds, significant
+from comparisons.lab.tables import Grid
 
 SOLUTIONS = (("open", 0.0), ("slip", 5.0 / 3.0), ("stick", 17.0 / 9.0))
 """The three solutions of the problem that has them: state and pressure r_N; by hand, see `bodies`."""

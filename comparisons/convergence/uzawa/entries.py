@@ -7,7 +7,7 @@ from statistics import median
 from typing import Any
 
 from comparisons.convergence.uzawa.methods import METHODS
-from comparisons.study import DONE, Row
+from comparisons.lab.study import DONE, Row
 
 Place = tuple[str, int, float]
 """Problem, cells a side (0 without a mesh), μ."""

@@ -7,9 +7,9 @@ import numpy as np
 
 from comparisons.convergence.uzawa.entries import Entries, Entry, Place, place_name
 from comparisons.convergence.uzawa.methods import METHODS
+from comparisons.lab.report.document import Figure
+from comparisons.lab.report.numbers import scientific
 from comparisons.paper.reference import load
-from comparisons.report.document import Figure
-from comparisons.report.numbers import scientific
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
 from qvi_contact.plots.inline import svg_text

@@ -10,9 +10,9 @@ from comparisons.convergence.uzawa.methods import CONDENSED, METHODS, MOST, SHRI
 from comparisons.convergence.uzawa.study import HALF
 from comparisons.convergence.uzawa.tables import error_after
 from comparisons.convergence.uzawa.task import SEARCHED
+from comparisons.lab.report.document import Finding
+from comparisons.lab.report.numbers import count_of, is_number, listing, percent, scientific, seconds, significant
 from comparisons.paper.reference import load
-from comparisons.report.document import Finding
-from comparisons.report.numbers import count_of, is_number, listing, percent, scientific, seconds, significant
 
 Sentences = Iterator[tuple[str, str]]
 

@@ -9,11 +9,11 @@ from comparisons.convergence.uzawa.figures import figures
 from comparisons.convergence.uzawa.findings import condition_growth, findings
 from comparisons.convergence.uzawa.methods import METHODS, MOST
 from comparisons.convergence.uzawa.study import HALF
+from comparisons.lab.report.document import Report, Section
+from comparisons.lab.report.environment import environment_grids
+from comparisons.lab.study import Row
+from comparisons.lab.tables import Grid
 from comparisons.paper.reference import load
-from comparisons.report.document import Report, Section
-from comparisons.report.environment import environment_grids
-from comparisons.study import Row
-from comparisons.tables import Grid
 
 _INTRODUCTION: Final = (
     "The iteration (4.1)-(4.4) of Więckowski (1992) with the accumulating rule, by which Table 1 can be reproduced: "

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from comparisons.convergence.declared import among, factors_of
 from comparisons.convergence.uzawa.methods import METHODS
+from comparisons.lab.study import Study
 from comparisons.paper.reference import load
-from comparisons.study import Study
 
 VERSION: Final = 1
 """To be raised when the task computes something else."""

@@ -2,9 +2,9 @@
 
 from comparisons.convergence.uzawa.entries import Entries, Entry, place_name
 from comparisons.convergence.uzawa.task import ITERATIONS, LONG, SEARCHED
-from comparisons.report.document import Table
-from comparisons.report.numbers import NOTHING, percent, scientific, seconds, significant
-from comparisons.tables import Grid
+from comparisons.lab.report.document import Table
+from comparisons.lab.report.numbers import NOTHING, percent, scientific, seconds, significant
+from comparisons.lab.tables import Grid
 
 _UNIT = "ω_T in the problem's unit of length; without a mesh there is no unit."
 

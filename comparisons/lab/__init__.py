@@ -1,0 +1,1 @@
+"""The framework of all experiments: runner and store of studies, tables, reports."""

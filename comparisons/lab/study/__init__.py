@@ -1,0 +1,35 @@
+"""Studies: a declared product of cases, run in processes with limits, one durable row for each.
+
+    from comparisons.lab.study import Study, read_study, run_study
+
+    study = Study("iterations", 1, "package.module:function", {"mesh": (8, 16), "friction": (0.1, 0.5)}, repeats=3)
+    run_study(study, "results/iterations.sqlite", workers=4)
+    rows = read_study("results/iterations.sqlite").rows
+
+An interrupted study goes on where it stopped. Whatever happens to a case is a row: its result, or why there is none.
+"""
+
+from comparisons.lab.study.declaration import Case, Study
+from comparisons.lab.study.options import RunOptions, study_options
+from comparisons.lab.study.outcome import DONE, FAILURES, Outcome
+from comparisons.lab.study.rows import Row, StoredStudy, columns, write_csv, write_json
+from comparisons.lab.study.runner import StudyRun, run_study
+from comparisons.lab.study.store import read_study
+
+__all__ = [
+    "DONE",
+    "FAILURES",
+    "Case",
+    "Outcome",
+    "Row",
+    "RunOptions",
+    "StoredStudy",
+    "Study",
+    "StudyRun",
+    "columns",
+    "read_study",
+    "run_study",
+    "study_options",
+    "write_csv",
+    "write_json",
+]

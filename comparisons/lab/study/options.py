@@ -1,0 +1,73 @@
+"""The options of every command that runs a study, and how such a command ends."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+
+from comparisons.lab.study.declaration import Study
+from comparisons.lab.study.runner import StudyRun, run_study
+
+_KEPT = "Where the rows are kept."
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What `study_options` hands to its command; the attributes are the parameters of `run_study`."""
+
+    store: Path
+    workers: int
+    dask: str | None
+    timeout: float | None
+    memory: int | None
+    threads: int
+
+    def inside(self, name: str) -> "RunOptions":
+        """The same with the file of this name in the store's folder."""
+        return replace(self, store=self.store / name)
+
+    def run(self, study: Study) -> StudyRun:
+        """Run the study; after an interrupt the command ends with status 130 and a line that tells how to go on."""
+        run = run_study(study, self.store, self.workers, self.dask, self.timeout, self.memory, threads=self.threads)
+        if run.interrupted:
+            rows = f"{run.finished} of {len(study.cases)} rows are in {run.store}"
+            click.echo(f"interrupted: {rows}; the same command goes on from there", err=True)
+            click.get_current_context().exit(130)
+        return run
+
+
+def study_options(
+    store: str, timeout: float | None = None, memory: int | None = None, *, folder: bool = False
+) -> Callable[..., Any]:
+    """Decorator of a command that runs a study: adds the options, with these defaults, and gives it `RunOptions`.
+
+    The command's first argument is that object; its own options follow as always. With `folder` the store is a folder,
+    for a command that runs several studies and gives each a file in it, see `RunOptions.inside`.
+    """
+    metavar, kept = ("FOLDER", "Where the rows are kept, a file for each study.") if folder else ("FILE", _KEPT)
+    options = (
+        click.option("--store", default=store, metavar=metavar, show_default=True, help=kept),
+        click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes here."),
+        click.option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster to run on instead."),
+        click.option("--timeout", type=float, default=timeout, show_default=True, help="Seconds a case may take."),
+        click.option("--memory", type=int, default=memory, show_default=True, help="MiB a case may take."),
+        click.option("--threads", type=click.IntRange(1), default=1, show_default=True, help="Threads of a worker."),
+    )
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(command)
+        def with_run_options(
+            store: str, workers: int, dask: str | None, timeout: float | None, memory: int | None, threads: int,
+            **more: Any,
+        ) -> Any:  # fmt: skip
+            return command(RunOptions(Path(store), workers, dask, timeout, memory, threads), **more)
+
+        decorated: Callable[..., Any] = with_run_options
+        for option in reversed(options):
+            decorated = option(decorated)
+        return decorated
+
+    return decorate

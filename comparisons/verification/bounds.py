@@ -1,0 +1,171 @@
+"""Chapter on the bounds of the energy, and of the force of the plate."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from comparisons.settled import LIMITS, LIMITS_SOURCE
+from comparisons.verification.chapter import Chapter
+from comparisons.verification.elements import BOTH, EVERY, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.proof import Proof, both, by_hand, certified
+from comparisons.verification.row import Kind, Row, absolute, at_least, at_most
+from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Symmetry, Traction
+from qvi_contact.bracket import Bracket, bracket
+from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
+from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.problem.conditions import Condition
+
+_PUSH: Final = 1e-3
+_MESHES: Final = (
+    (2, 1.0),
+    (4, 1.0),
+    (8, 1.0),
+    (16, 1.0),
+    (32, 1.0),
+    (64, 1.0),
+    (8, 0.6),
+    (16, 0.75),
+    (32, 0.85),
+    (64, 0.93),
+)
+_FEW: Final = ((2, 1.0), (8, 1.0), (8, 0.6))
+_FORCES: Final = {
+    RECTANGLES: ((8, 0.8), (16, 0.75), (32, 0.8), (64, 0.93)),
+    TRIANGLES: ((4, 0.6), (8, 0.6), (16, 0.75)),
+}
+_COARSE: Final = 16
+"""Cells a side up to which triangles are tried: they close the bounds with fewer."""
+
+_SYNGE: Final = "(D20): −J*(τ) ≤ J(u) ≤ J(v)"
+_ROUNDING: Final = 1e-12
+
+
+_RATES_ON_TRIANGLES: Final = {"Tresca": (1.5, "h^1.5 or better: σ_T may jump at corners")}
+
+
+def _tresca(cells: int, grading: float) -> ContactProblem:
+    plate = compressed_plate(0.0, (cells, cells), grading=grading)
+    contact = Contact.tresca("top", 40.0, gap=-_PUSH, name="plate")
+    return replace(plate, conditions=[*plate.conditions[:3], contact])
+
+
+def _sticking(cells: int, grading: float) -> ContactProblem:
+    return compressed_plate(1.0, (cells, cells), grading=grading)
+
+
+def _curved(cells: int, grading: float) -> ContactProblem:
+    conditions: list[Condition] = [
+        Contact.frictionless("bottom", gap=lambda x, y: 2e-3 * x**2 + 0.0 * y, name="ground"),
+        Symmetry("left"),
+        Traction("right", x=0.0, y=0.0),
+        Displacement("top", x=0.0, y=-_PUSH),
+    ]
+    mesh = RectilinearMesh.rectangle((cells, cells), grading=grading)
+    return ContactProblem(mesh, Material(2.09e5, 0.3), conditions)
+
+
+_PROBLEMS: Final = {"Tresca": _tresca, "full stick": _sticking, "frictionless, curved ground": _curved}
+_RATES: Final = {"Tresca": (0.9, "h: a jump of σ_T at the free corner"), "full stick": (1.4, "h^1.517: Williams"),
+                 "frictionless, curved ground": (1.5, "h^1.5 or better")}  # fmt: skip
+
+
+@on(*BOTH, few=1)
+def energy_brackets(element: Element, quick: bool) -> Iterator[Row]:
+    """Energies of an admissible stress and an admissible displacement, on uniform and graded meshes of 2² to 64² cells.
+
+    On every mesh the lower bound must not be above the upper one, and the bounds of all meshes must have a number in
+    common: the energy of the solution.
+    """
+    for name, problem in _PROBLEMS.items():
+        found = [element.solve(problem(cells, grading)).bracket for cells, grading in _meshes(element, quick)]
+        proof = _guaranteed(*found)
+        apart = max((b.lower - b.upper) / b.strain for b in found)
+        yield at_most(f"{name}: lower − upper on each mesh, over the strain energy", apart, 0.0, _ROUNDING,
+                      Kind.ANALYTIC, _SYNGE, proof)  # fmt: skip
+        crossed = (max(b.lower for b in found) - min(b.upper for b in found)) / found[-1].strain
+        yield at_most(f"{name}: largest lower − smallest upper of all meshes, over the strain energy", crossed, 0.0,
+                      _ROUNDING, Kind.ANALYTIC, _SYNGE, proof)  # fmt: skip
+
+
+@on(*BOTH, few=1)
+def rates_of_the_gap(element: Element, quick: bool) -> Iterator[Row]:
+    """How fast the bounds close on uniform meshes, between 8² and 32² cells (quick: 4² and 16²)."""
+    for name, problem in _PROBLEMS.items():
+        found = [element.solve(problem(cells, 1.0)).bracket for cells in ((4, 16) if quick else (8, 32))]
+        rate = float(np.log(found[0].gap / found[1].gap) / np.log(4.0))
+        least, source = _RATES_ON_TRIANGLES.get(name, _RATES[name]) if element.has_triangles else _RATES[name]
+        yield at_least(f"{name}: order of the gap in h", rate, least, 0.0, Kind.ANALYTIC, source, _guaranteed(*found))
+
+
+@on(*EVERY)
+def exact_states_close_the_gap(element: Element, quick: bool) -> Iterator[Row]:  # noqa: ARG001  # all are coarse
+    """States that both models hold exactly: stresses from a bicubic Φ, displacements of degree 2 or 3."""
+    for name, problem, degree in _exact():
+        found = bracket(element.solve(problem), degree=degree)
+        yield absolute(f"{name}: (upper − lower) / strain energy", found.gap / found.strain, 0.0, 1e-10, Kind.ANALYTIC,
+                       "closed form in both spaces", _guaranteed(found))  # fmt: skip
+
+
+def _exact() -> Iterator[tuple[str, ContactProblem, int]]:
+    plane, strained = Material(1000.0, 0.3), Material(1000.0, 0.2, "strain")
+    block = RectilinearMesh.rectangle((3, 2), 2.0, 1.0, grading=0.7)
+    beam = RectilinearMesh(np.array([0.0, 1.0, 2.5, 4.0]), np.array([-0.5, 0.1, 0.5]))
+    free = {"bottom": "tt", "right": "tt", "top": "tt", "left": "tt"}
+    sides = {"bottom": "uu", "right": "tt", "top": "tu", "left": "ut"}
+    yield "uniform stress", problem_from_state(uniform(plane, 3.0, -7.0, 2.0), block, plane, sides), 2
+    bending = problem_from_state(pure_bending(strained, 5.0), beam, strained, free | {"left": "uu"})
+    yield "pure bending", bending, 2
+    bent = problem_from_state(cantilever(plane, 8.0, -1.0), beam, plane, free | {"right": "uu"})
+    yield "Timoshenko's cantilever", bent, 3
+    column = problem_from_state(gravity_column(strained, 2.0, 1.0), block, strained, free | {"bottom": "uu"})
+    yield "column under its weight", column, 2
+    yield "plate without friction", compressed_plate(0.0, (3, 2), grading=0.8), 2
+    yield "SSNV128 without friction", ssnv128((4, 3), friction=0.0), 2
+
+
+@on(*BOTH)
+def force_between_bounds(element: Element, quick: bool) -> Iterator[Row]:
+    """Guaranteed bounds of P/2 at full stick enclose the settled value of displacement codes, and close on it."""
+    for cells, grading in _FORCES[element][: 2 if quick else None]:
+        found = element.solve(_sticking(cells, grading)).bracket
+        force, proof = found.forces["plate.normal_force"], _guaranteed(found)
+        limit, uncertainty = LIMITS[1.0]
+        mesh = f"{cells}² cells graded by {grading:g}"
+        yield at_most(f"lower bound of P/2, {mesh} [MPa length]", force.lower, limit, uncertainty,
+                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
+        yield at_least(f"upper bound of P/2, {mesh} [MPa length]", force.upper, limit, uncertainty,
+                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
+        yield at_most(f"distance of the bounds, {mesh}, over P/2", (force.upper - force.lower) / limit, 0.0,
+                      1e-3, Kind.ANALYTIC, "(D21)", proof)  # fmt: skip
+
+
+def _meshes(element: Element, quick: bool) -> tuple[tuple[int, float], ...]:
+    """Cells a side and grading."""
+    if quick:
+        return _FEW
+    return tuple(mesh for mesh in _MESHES if mesh[0] <= _COARSE or not element.has_triangles)
+
+
+def _guaranteed(*brackets: Bracket) -> Proof:
+    """Both solves certified, and the bracket guaranteed."""
+    results = [found.result for found in brackets if found.result is not None]
+    reasons = "; ".join(reason for found in brackets for reason in found.reasons)
+    return both(certified(*results), by_hand(not reasons, reasons or "guaranteed bracket"))
+
+
+CHAPTER = Chapter(
+    "bounds",
+    "Bounds of the energy and of the force",
+    "An admissible stress and an admissible displacement enclose the energy of the solution, and, where one "
+    "displacement drives the problem, its force.",
+    "Bounds are inequalities: the error is by how much one is violated.",
+    "A lower bound above an upper one, bounds that do not close, or bounds that are not guaranteed.",
+    {
+        "bounds-energy": energy_brackets,
+        "bounds-rates": rates_of_the_gap,
+        "bounds-exact": exact_states_close_the_gap,
+        "bounds-force": force_between_bounds,
+    },
+)

@@ -1,0 +1,39 @@
+"""The command `verify`."""
+
+from pathlib import Path
+
+import click
+
+from comparisons.lab.options import ListCommand, folder_option
+
+
+@click.command(cls=ListCommand)
+@click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder for Markdown, HTML page and picture.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the summary.")
+@click.option("--only", metavar="NAME…", multiple=True, help="Chapters or problems to run, such as ssnv128.")
+@click.option("--quick", is_flag=True, help="Coarse meshes and few cases of every problem.")
+def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool) -> int:
+    """The verification manual: problems whose answer is known otherwise, row by row.
+
+    Closed forms, equilibrium, printed numbers, other codes, and methods against each other. The exit status is 0 if
+    every row passed, 1 if not.
+
+    \b
+    Examples:
+        python -m comparisons verify --out comparisons/reports/verification
+        python -m comparisons verify --only ssnv128 limits --quick
+    """  # noqa: D301
+    from comparisons.verification import registry, report, study
+    from qvi_contact.basics.terminal import progress
+    from qvi_contact.basics.writing import writable_folder
+
+    chapters = registry.choose(only)
+    folder = None if out is None else writable_folder(out)
+    with progress("verify", study.step_count(chapters)) as advance:
+        document = study.run(chapters, quick, advance, only)
+    written = report.write(document, folder) if folder else []
+    if as_json:
+        click.echo(report.as_json(document))
+    else:
+        report.show(document, written)
+    return 0 if document["passed"] else 1

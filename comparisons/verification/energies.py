@@ -1,0 +1,131 @@
+"""Chapter on the displacement model beside the equilibrium model: forces, and energies from both sides.
+
+Problems on energy brackets belong here: a function that yields rows, and its name in `CHAPTER`.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from comparisons.settled import SETTLED, SOURCE
+from comparisons.verification.chapter import Chapter
+from comparisons.verification.elements import BOTH, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.proof import Proof, both, certified, certified_companion
+from comparisons.verification.row import Kind, Row, at_least, at_most, relative
+from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem.conditions import Condition
+
+_MESHES: Final = {RECTANGLES: ((64, 64), 0.93, 2), TRIANGLES: ((16, 16), 0.75, 4)}
+_DISPLACEMENT: Final = 1e-3
+_UNCERTAINTY: Final = 3e-5
+_STRICT: Final = "strict-direct:clarabel"
+_GAP: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
+
+
+@on(*BOTH, few=1)
+def companion_force(element: Element, quick: bool) -> Iterator[Row]:
+    """Force of the plate by displacements on one graded mesh: biquadratic on rectangles, of degree 4 on triangles."""
+    cells, grading, degree = _MESHES[element]
+    for friction in (0.1,) if quick else SETTLED:
+        companion = element.companion(compressed_plate(friction, cells, grading=grading), degree)
+        force, proof = companion.contacts["plate"].normal_force, certified_companion(companion)
+        quantity = f"P/2, μ = {friction:g}, {cells[0]}² cells graded by {grading:g} [MPa length]"
+        yield relative(quantity, force, SETTLED[friction], 1e-5, Kind.EXTERNAL, SOURCE, proof)
+
+
+@on(*BOTH)
+def companion_without_friction(element: Element, quick: bool) -> Iterator[Row]:
+    """Smooth plate: linear displacements are in the space, so that force and both energies are exact."""
+    for n in (4,) if quick else (2, 8, 32):
+        problem = _plate((n, n), _GAP)
+        companion, result = element.companion(problem), element.solve(problem)
+        proof = both(certified(result), certified_companion(companion, guaranteed=True))
+        source, force = f"E U; {n}² cells", companion.contacts["plate"].normal_force
+        yield relative("P/2 by displacements [MPa length]", force, 209.0, 1e-9, Kind.ANALYTIC, source, proof)
+        exact, source = 209.0 * _DISPLACEMENT / 2.0, f"E U²/2; {n}² cells"
+        yield relative("upper energy [MPa length²]", companion.energy, exact, 1e-10, Kind.ANALYTIC, source, proof)
+        lower = -result.energies.complementary
+        yield relative("lower energy [MPa length²]", lower, exact, 1e-10, Kind.ANALYTIC, source, proof)
+
+
+@on(*BOTH)
+def energies_of_a_tied_plate(element: Element, quick: bool) -> Iterator[Row]:
+    """Plate that sticks: the exact energy, and with it P/2 = 2 E/U, lies between those of the two models."""
+    for n in (4, 8) if quick else (2, 4, 8, 16, 32, 64):
+        lower, upper, proof = _energies(element, _plate((n, n), Contact.tied("top", gap=-_DISPLACEMENT, name="plate")))
+        yield _ordered(lower, upper, f"{n}² cells", proof)
+        low, high, settled = 2e3 * lower, 2e3 * upper, SETTLED[1.0]
+        source = f"{SOURCE}; {n}² cells"
+        quantity = "P/2 from below [MPa length]"
+        yield at_most(quantity, low, settled, _UNCERTAINTY, Kind.EXTERNAL, source, proof)
+        quantity = "P/2 from above [MPa length]"
+        yield at_least(quantity, high, settled, _UNCERTAINTY, Kind.EXTERNAL, source, proof)
+
+
+@on(*BOTH)
+def energies_without_friction(element: Element, quick: bool) -> Iterator[Row]:
+    """A block on smooth ground that lifts off on one side: lower ≤ upper energy on every mesh."""
+    for n in (4,) if quick else (4, 8, 16, 32):
+        lower, upper, proof = _energies(element, _tilted((n, n)))
+        yield _ordered(lower, upper, f"{n}² cells", proof)
+
+
+@on(*BOTH)
+def energies_under_a_given_bound(element: Element, quick: bool) -> Iterator[Row]:
+    """Tresca's law: the bound is given, and lower ≤ upper energy on every mesh."""
+    for n in (4,) if quick else (4, 8, 16, 32):
+        contact = Contact.tresca("top", 10.0, gap=-_DISPLACEMENT, name="plate")
+        problem = _plate((n, n), contact)
+        lower, upper, proof = _energies(element, problem)
+        yield _ordered(lower, upper, f"bound 10 MPa, {n}² cells", proof)
+
+
+def _energies(element: Element, problem: ContactProblem) -> tuple[float, float, Proof]:
+    """Lower and upper energy for a problem without a moving bound, and what certifies them.
+
+    The stress is admissible on whole edges, without which its energy would be no bound.
+    """
+    result, companion = element.solve(problem, inner=_STRICT), element.companion(problem)
+    proof = both(certified(result), certified_companion(companion, guaranteed=True))
+    return -result.energies.complementary, companion.energy, proof
+
+
+def _ordered(lower: float, upper: float, source: str, proof: Proof) -> Row:
+    quantity, source = "lower energy −J*(τ) [stress length²]", f"−J*(τ) ≤ J(v) of the displacement model; {source}"
+    return at_most(quantity, lower, upper, 1e-12 * abs(upper), Kind.ANALYTIC, source, proof)
+
+
+def _plate(cells: tuple[int, int], contact: Contact) -> ContactProblem:
+    """The compressed plate with another law on its top."""
+    rough = compressed_plate(1.0, cells)
+    return replace(rough, conditions=[*[c for c in rough.conditions if not isinstance(c, Contact)], contact])
+
+
+def _tilted(cells: tuple[int, int]) -> ContactProblem:
+    """A block [0, 2] × [0, 1] on smooth ground, pressed on the left half of its top only: the right part lifts off."""
+    conditions: list[Condition] = [
+        Contact.frictionless("bottom", name="ground"),
+        Traction("top", x=0.0, y=lambda x, _: -20.0 * np.maximum(1.0 - x, 0.0)),
+        Traction("left", x=0.0, y=0.0),
+        Traction("right", x=0.0, y=0.0),
+    ]
+    return ContactProblem(RectilinearMesh.rectangle(cells, 2.0, 1.0), Material(1e4, 0.3), conditions)
+
+
+CHAPTER = Chapter(
+    "energies",
+    "The displacement model, and energies from both sides",
+    "Stresses in equilibrium and conforming displacements bound the energy from below and above, with one exact value.",
+    "Both models share the problem and its grid, and nothing else; the exact energy lies between theirs.",
+    "A force more than 1e-5 off the displacement codes, or a lower energy above the upper one.",
+    {
+        "companion-force": companion_force,
+        "companion-without-friction": companion_without_friction,
+        "energies-tied": energies_of_a_tied_plate,
+        "energies-without-friction": energies_without_friction,
+        "energies-tresca": energies_under_a_given_bound,
+    },
+)

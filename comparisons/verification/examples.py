@@ -1,0 +1,394 @@
+"""Chapter on the problem files of the folder examples."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from comparisons.settled import SETTLED
+from comparisons.settled import SOURCE as DISPLACEMENT_CODES
+from comparisons.verification.chapter import Chapter
+from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Element, on
+from comparisons.verification.measures import edge_states, runs, traction_difference, value_at
+from comparisons.verification.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
+from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, relative, word
+from comparisons.verification.ssnv128 import SOURCE as CODE_ASTER
+from comparisons.verification.ssnv128 import TANGENTIAL_FORCE
+from qvi_contact import (
+    ContactLine,
+    ContactResult,
+    History,
+    InputError,
+    ProblemFile,
+    load_problem,
+    loop_area,
+)
+from qvi_contact.companion import solve_companion
+from solvers import Status
+
+FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
+_BALANCE: Final = 1e-9
+_OTHER_METHOD: Final = "qp:clarabel"
+_DRAG: Final = ("drag", "right", "left")
+
+
+@on(*BOTH)
+def compressed_plate(element: Element, quick: bool) -> Iterator[Row]:
+    """The paper's plate on 16 × 16 graded cells, against displacement codes and another method."""
+    result = _solved(element, "compressed_plate")
+    force, proof = result.contacts["plate"].normal_force, certified(result)
+    source = f"{DISPLACEMENT_CODES}; the mesh is coarse"
+    yield relative("N [MPa mm]", force, SETTLED[0.2], 1e-3, Kind.EXTERNAL, source, proof)
+    yield from _by_another_method(element, result, "plate", quick)
+    yield from _by_displacements(result, "plate", 1e-3)
+
+
+@on(*BOTH, few=1)
+def ssnv128(element: Element, quick: bool) -> Iterator[Row]:
+    """SSNV128 on 32 × 32 cells."""
+    del quick
+    result = _solved(element, "ssnv128")
+    base, proof = result.contacts["base"], certified(result)
+    yield relative("N [Pa m]", base.normal_force, 2e6, _BALANCE, Kind.ANALYTIC, "p a, balance", proof)
+    force, source = base.tangential_force, "biquadratic displacement elements; ± 5 N/m"
+    yield relative("T [Pa m]", force, TANGENTIAL_FORCE, 2e-3, Kind.EXTERNAL, source, proof)
+    point_a = value_at(base, base.slip, 0.0)
+    yield relative("u_x at point A [m]", point_a, 2.86e-5, 0.05, Kind.PUBLISHED, f"{CODE_ASTER}; ± 5 %", proof)
+    states = runs(edge_states(base))
+    yield word("zones from the left", states, "open, slip, stick", Kind.EXTERNAL, source, proof)
+    yield from _by_displacements(result, "base", 1e-3, shear=True)
+
+
+@on(*BOTH, few=1)
+def punch(element: Element, quick: bool) -> Iterator[Row]:
+    """A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure away from the edges."""
+    result = _solved(element, "punch")
+    line, proof = result.contacts["punch"], certified(result)
+    yield relative("N [MPa mm]", line.normal_force, 100.0, _BALANCE, Kind.ANALYTIC, "force on the punch", proof)
+    uneven, source = (
+        (1e-3, "symmetry in x; diagonals of the cells are not")
+        if element.has_triangles
+        else (_BALANCE, "symmetry in x")
+    )
+    yield absolute("T over N", line.tangential_force / 100.0, 0.0, uneven, Kind.ANALYTIC, source, proof)
+    moment = float(line.weights @ (line.x * line.normal_stress)) / 100.0
+    yield absolute("centre of pressure x [mm]", moment, 0.0, uneven, Kind.ANALYTIC, source, proof)
+    middle = -value_at(line, line.normal_stress, 0.0)
+    source = (
+        "P/(π a), Johnson, Contact Mechanics, section 2.8; frictionless half-plane, 15 % for a block 4 times as wide"
+    )
+    yield relative("pressure in the middle [MPa]", middle, 100.0 / np.pi, 0.15, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(element, result, "punch", quick)
+    companion = solve_companion(result.problem)
+    moved, known, source = result.plates["punch"].y, companion.plates["punch"].y, "displacement model on the same mesh"
+    proof, quantity = (
+        both(proof, certified_companion(companion)),
+        "motion of the punch [mm], stress against displacement",
+    )
+    yield relative(quantity, moved, known, 0.02, Kind.METHODS, source, proof)
+
+
+@on(*BOTH)
+def bracket(element: Element, quick: bool) -> Iterator[Row]:
+    """An L on rough ground: forces and their centre by statics alone."""
+    result = _solved(element, "bracket")
+    line, proof = result.contacts["ground"], certified(result)
+    yield relative("N [MN/m]", line.normal_force, 10.0, _BALANCE, Kind.ANALYTIC, "load on the roof, balance", proof)
+    yield relative("T [MN/m]", line.tangential_force, -3.0, _BALANCE, Kind.ANALYTIC, "wind, balance", proof)
+    centre = -float(line.weights @ (line.x * line.normal_stress)) / line.normal_force
+    source = "(10 · 0.5 + 3 · 1.5)/10, balance of moments"
+    yield relative("centre of pressure x [m]", centre, 0.95, _BALANCE, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(element, result, "ground", quick)
+
+
+@on(*BOTH)
+def block_with_hole(element: Element, quick: bool) -> Iterator[Row]:
+    """A block with a free hole under a plate: nothing acts on the hole, top and bottom carry the same."""
+    result = _solved(element, "block_with_hole")
+    plate, proof = result.contacts["plate"], certified(result)
+    force = plate.normal_force
+    for edges in ("hole floor", "hole roof"):
+        ours = result.resultant(edges).y / force
+        yield absolute(f"force on {edges} over N", ours, 0.0, _BALANCE, Kind.ANALYTIC, "the hole is free", proof)
+    bottom, source = result.resultant("block bottom").y, "balance of plate and bottom"
+    yield relative("N [MPa mm]", force, bottom, _BALANCE, Kind.ANALYTIC, source, proof)
+    yield absolute("T over N", plate.tangential_force / force, 0.0, 1e-8, Kind.ANALYTIC, "symmetry in x", proof)
+    stiffest = 3e4 / (1.0 - 0.25**2) * 1e-3
+    source = "E U/(1 − ν²), the whole block held sideways; a hole makes it softer"
+    yield at_most("N [MPa mm]", force, stiffest, 0.0, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(element, result, "plate", quick)
+    yield from _by_displacements(result, "plate", 0.02)
+
+
+@on(*BOTH)
+def gravity_column(element: Element, quick: bool) -> Iterator[Row]:
+    """A column under its own weight: its weight, symmetry, and uniform pressure away from the ends (Saint-Venant)."""
+    result = _solved(element, "gravity_column")
+    line, proof = result.contacts["ground"], certified(result)
+    yield relative("N [N/m]", line.normal_force, 98100.0, _BALANCE, Kind.ANALYTIC, "ρ g w h", proof)
+    force = line.tangential_force / 98100.0
+    yield absolute("T over N", force, 0.0, _BALANCE, Kind.ANALYTIC, "symmetry in x", proof)
+    middle = float(result.stress(0.5, 2.0)[1])
+    source = "−ρ g (h − y), two widths above the ground"
+    yield relative("σ_yy at mid-height [Pa]", middle, -49050.0, 1e-3, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(element, result, "ground", quick)
+
+
+@on(*BOTH)
+def dragged_block_holds(element: Element, quick: bool) -> Iterator[Row]:
+    """A block at 0.99 of what friction can carry: balance, and the limit load factor."""
+    del quick
+    file = _file("dragged_block_holds")
+    result = element.solve(file.problem, **file.solve_options)
+    line, proof = result.contacts["base"], certified(result)
+    yield relative("N [MN/m]", line.normal_force, 20.0, _BALANCE, Kind.ANALYTIC, "p w, balance", proof)
+    yield relative("T [MN/m]", line.tangential_force, -9.9, _BALANCE, Kind.ANALYTIC, "−T w, balance", proof)
+    limit = element.limit_load(file.problem, _DRAG)
+    yield relative("limit load factor", limit.lower, 1.0 / 0.99, 1e-6, Kind.ANALYTIC, "μp/T", bounded(limit))
+
+
+@on(*BOTH, few=1)
+def dragged_block_slides(element: Element, quick: bool) -> Iterator[Row]:
+    """The same block at 1.01 of the limit: infeasible, with a proof."""
+    del quick
+    file = _file("dragged_block_slides")
+    result = element.solve(file.problem, **file.solve_options)
+    status, proof = result.status.value, infeasible(result)
+    yield word("status", status, "infeasible", Kind.ANALYTIC, "T > μp", proof)
+    limit = element.limit_load(file.problem, _DRAG)
+    yield relative("limit load factor", limit.lower, 1.0 / 1.01, 1e-6, Kind.ANALYTIC, "μp/T", bounded(limit))
+
+
+@on(*BOTH)
+def stacked_blocks(element: Element, quick: bool) -> Iterator[Row]:
+    """Three blocks: every joint hands on what acts on the top, and holds it."""
+    result = _solved(element, "stacked_blocks")
+    top, proof = result.resultant("top"), certified(result)
+    for joint in ("lower", "upper"):
+        line = result.contacts[joint]
+        source = "force on the top, balance of the blocks above"
+        yield relative(f"N of {joint} [MN/m]", line.normal_force, -top.y, _BALANCE, Kind.ANALYTIC, source, proof)
+        yield relative(f"T of {joint} [MN/m]", line.tangential_force, top.x, _BALANCE, Kind.ANALYTIC, source, proof)
+    yield from _by_another_method(element, result, "lower", quick)
+    yield from _by_displacements(result, "lower", 5e-3, shear=True)
+
+
+@on(*BOTH, few=1)
+def dry_stone_wall(element: Element, quick: bool) -> Iterator[Row]:
+    """A wall of three courses: every bed carries load and weight above it."""
+    del quick
+    result = _solved(element, "dry_stone_wall")
+    proof = certified(result)
+    for bed, weight in (("upper bed", 162.0), ("lower bed", 234.0), ("ground", 306.0)):
+        force = result.contacts[bed].normal_force
+        source = "3 (30 + 24 h), balance of what lies above"
+        yield relative(f"N of {bed} [kN/m]", force, weight, _BALANCE, Kind.ANALYTIC, source, proof)
+        shear = result.contacts[bed].tangential_force / weight
+        yield absolute(f"T of {bed} over N", shear, 0.0, _BALANCE, Kind.ANALYTIC, "balance in x", proof)
+    yield from _by_displacements(result, "head 1", 5e-3)
+
+
+@on(*BOTH, few=1)
+def cyclic_shear(element: Element, quick: bool) -> Iterator[Row]:
+    """A block sheared to and fro: the second cycle repeats the first, and what is lost is the area of the loop."""
+    del quick
+    file = _file("cyclic_shear")
+    # at Gauss points nothing opens; a Bernstein coefficient in the toe does, and then pressure does work between steps
+    history = element.solve_history(file.problems, contact_rows="gauss", **file.solve_options)
+    proof, times = _certified_history(history), np.array(file.times)
+    motion, force = history.loop("ground")
+    normal = np.array([step.contacts["ground"].normal_force for step in history.steps])
+    excess = float((np.abs(force) - 0.3 * normal).max() / normal.max())
+    yield at_most("largest |T| − μN over N", excess, 0.0, 1e-9, Kind.ANALYTIC, "|T| ≤ μN", proof)
+    second, first = times > 1.0, (times > 0.0) & (times <= 1.0)
+    error = float(np.abs(force[second] - force[first]).max() / normal.max())
+    source = "a cyclic state repeats itself after the first loading"
+    yield absolute("largest difference of T between the cycles, over N", error, 0.0, 1e-6, Kind.ANALYTIC, source, proof)
+    around = np.flatnonzero(times >= 1.0)
+    area, work = loop_area(motion[around], force[around]), float(history.friction_work[around[1:]].sum())
+    source = "area of the loop ∮T dw, balance of energy"
+    quantity = "work of friction in the second cycle [MPa mm²]"
+    yield relative(quantity, work, area, 1e-6, Kind.ANALYTIC, source, proof)
+
+
+@on(TRIANGLES)
+def gravity_dam(element: Element, quick: bool) -> Iterator[Row]:
+    """A dam on rock with uplift in its base joint: forces, and the factor of safety against sliding from both sides."""
+    del quick
+    result = _solved(element, "gravity_dam")
+    joint, proof = result.contacts["base"], certified(result)
+    weight, uplift, thrust = 10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0
+    ours = joint.effective_normal_force
+    yield relative("effective N [MN/m]", ours, weight - uplift, _BALANCE, Kind.ANALYTIC, "W - U", proof)
+    yield relative("T [MN/m]", joint.tangential_force, thrust, _BALANCE, Kind.ANALYTIC, "H = γ h²/2", proof)
+    factor = 0.75 * (weight - uplift) / thrust
+    yield from _from_both_sides(element, "gravity_dam", "thrust", factor, "μ (W - U)/H, factor of sliding")
+
+
+@on(TRIANGLES)
+def wedge(element: Element, quick: bool) -> Iterator[Row]:
+    """A block pushed up a slope: NAFEMS CGS-4."""
+    del quick
+    source = "F/G = (tan α + μ)/(1 - μ tan α), 0.99 of it applied"
+    yield from _from_both_sides(element, "wedge", "push", 1.0 / 0.99, source)
+
+
+@on(TRIANGLES)
+def brake_pad(element: Element, quick: bool) -> Iterator[Row]:
+    """A brake pad in full slip: friction force and centre of pressure by statics."""
+    del quick
+    result = _solved(element, "brake_pad")
+    face, proof = result.contacts["face"], certified(result)
+    yield relative("T [N/mm]", face.tangential_force, 64.0, 1e-6, Kind.ANALYTIC, "μ N in full slip", proof)
+    centre = -float(face.weights @ (face.x * face.normal_stress)) / face.normal_force
+    yield relative("centre of pressure x [mm]", centre, 34.2, 1e-6, Kind.ANALYTIC, "balance of moments", proof)
+
+
+@on(TRIANGLES)
+def bolted_angle(element: Element, quick: bool) -> Iterator[Row]:
+    """An angle bolted to a wall: forces, centre of pressure, and the load at which it slides."""
+    del quick
+    result = _solved(element, "bolted_angle")
+    wall, proof = result.contacts["wall"], certified(result)
+    yield relative("N [N/mm]", wall.normal_force, 400.0, _BALANCE, Kind.ANALYTIC, "force of the bolt", proof)
+    yield relative("T [N/mm]", wall.tangential_force, 100.0, _BALANCE, Kind.ANALYTIC, "load", proof)
+    centre = -float(wall.weights @ (wall.y * wall.normal_stress)) / wall.normal_force
+    yield relative("centre of pressure y [mm]", centre, 40.0, 1e-8, Kind.ANALYTIC, "60 - 80 F/B, moments", proof)
+    yield from _from_both_sides(element, "bolted_angle", "load", 1.6, "μB/F")
+
+
+@on(TRIANGLES)
+def cylinder_on_block(element: Element, quick: bool) -> Iterator[Row]:
+    """A cylinder on a block: NAFEMS R0094-1 with a hundredth of its force, against Hertz."""
+    del quick
+    result = _solved(element, "cylinder_on_block")
+    peak, half_width = _parabola(result.contacts["contact"])
+    source, proof = "Hertz; half planes, a/R = 0.012", certified(result)
+    yield relative("peak pressure [MPa]", peak, 358.536, 1e-3, Kind.ANALYTIC, source, proof)
+    yield relative("half-width [mm]", half_width, 0.62146, 1e-3, Kind.ANALYTIC, source, proof)
+
+
+@on(TRIANGLES)
+def half_discs(element: Element, quick: bool) -> Iterator[Row]:
+    """Two half discs with partial slip, against Hertz and Cattaneo."""
+    del quick
+    result = _solved(element, "half_discs")
+    line, proof = result.contacts["contact"], certified(result)
+    peak, half_width = _parabola(line)
+    source = "half planes, a/R = 0.085"
+    yield relative("peak pressure [MPa]", peak, 9.351351, 0.01, Kind.ANALYTIC, f"Hertz; {source}", proof)
+    yield relative("half-width [mm]", half_width, 0.680778, 0.01, Kind.ANALYTIC, f"Hertz; {source}", proof)
+    middle = float(np.abs(line.tangential_stress)[np.argmin(np.abs(line.x))])
+    known = 0.2 * 9.351351 * (1.0 - 0.496511 / 0.680778)
+    yield relative("shear in the middle [MPa]", middle, known, 0.03, Kind.ANALYTIC, f"Cattaneo; {source}", proof)
+
+
+@on(QUINTIC)
+def trapezoid(element: Element, quick: bool) -> Iterator[Row]:
+    """A trapezoid on a plane that holds it: bounds of the force hold what a displacement code finds."""
+    del quick
+    result = _solved(element, "trapezoid")
+    bounds, proof = result.bracket.forces["base.normal_force"], certified(result)
+    source = "NGSolve, degree 12, mesh graded to the corners"
+    yield at_most("P, lower bound [MN/m]", bounds.lower, 14.0483793, 0.0, Kind.EXTERNAL, source, proof)
+    yield at_least("P, upper bound [MN/m]", bounds.upper, 14.0483793, 0.0, Kind.EXTERNAL, source, proof)
+
+
+def every_file(quick: bool) -> Iterator[Row]:
+    """No problem file is left out of this chapter."""
+    del quick
+    found = ", ".join(sorted(path.stem for path in FOLDER.glob("*.toml")))
+    proof = by_hand(bool(found), "folder read")
+    yield word("files", found, ", ".join(sorted(FILES)), Kind.ANALYTIC, "the folder examples", proof)
+
+
+def _file(name: str) -> ProblemFile:
+    if not FOLDER.is_dir():
+        raise InputError("examples", "the folder examples", "run this in a checkout of the repository")
+    return load_problem(FOLDER / f"{name}.toml")
+
+
+def _solved(element: Element, name: str) -> ContactResult:
+    """The file's problem with its own options, but for the element."""
+    file = _file(name)
+    options = {option: value for option, value in file.solve_options.items() if option not in element.options}
+    return element.solve(file.problem, **options)
+
+
+def _from_both_sides(element: Element, name: str, load: str, factor: float, source: str) -> Iterator[Row]:
+    """The limit load factor of a file, by the mesh and by a mechanism."""
+    limit = element.limit_load(_file(name).problem, [load])
+    proof = bounded(limit)
+    yield relative("limit load factor, from below", limit.lower, factor, 1e-6, Kind.ANALYTIC, source, proof)
+    yield relative("limit load factor, from above", limit.upper, factor, _BALANCE, Kind.ANALYTIC, source, proof)
+
+
+def _parabola(line: ContactLine) -> tuple[float, float]:
+    """Peak p₀ and half-width a of p² = p₀² (1 − x²/a²) where the pressure is above 0.3 of its largest value."""
+    pressure = -line.normal_stress
+    loaded = pressure > 0.3 * pressure.max()
+    slope, square = np.polyfit(line.x[loaded] ** 2, pressure[loaded] ** 2, 1)
+    return float(np.sqrt(square)), float(np.sqrt(-square / slope))
+
+
+def _certified_history(history: History) -> Proof:
+    every = both(*[certified(step) for step in history.steps])
+    return every if history.status is Status.SOLVED else Proof(passed=False, text=f"failed, {history.status.value}")
+
+
+def _by_another_method(element: Element, result: ContactResult, contact: str, quick: bool) -> Iterator[Row]:
+    """The fixed point with quadratic programs in the full unknowns against the condensed interior point."""
+    if quick:
+        return
+    other = element.solve(result.problem, inner=_OTHER_METHOD, form="full")
+    unit = float(np.abs(other.contacts[contact].normal_stress).max())
+    difference = traction_difference(result.contacts[contact], other.contacts[contact], unit)
+    quantity = f"largest difference of tractions on {contact} over the largest pressure"
+    source, proof = f"fixed point, {_OTHER_METHOD} in the full unknowns; ours: condensed", certified(result, other)
+    yield absolute(quantity, difference, 0.0, 1e-5, Kind.METHODS, source, proof)
+
+
+def _by_displacements(result: ContactResult, contact: str, tolerance: float, *, shear: bool = False) -> Iterator[Row]:
+    """Forces of displacements on the same mesh; the tolerance is what both models leave open."""
+    companion = solve_companion(result.problem)
+    proof = both(certified(result), certified_companion(companion))
+    ours, theirs = result.contacts[contact], companion.contacts[contact]
+    source = "displacement model on the same mesh"
+    normal, quantity = theirs.normal_force, f"N of {contact}, stress against displacement model"
+    yield relative(quantity, ours.normal_force, normal, tolerance, Kind.METHODS, source, proof)
+    if shear:
+        tangential, quantity = theirs.tangential_force, f"T of {contact}, stress against displacement model"
+        yield relative(quantity, ours.tangential_force, tangential, tolerance, Kind.METHODS, source, proof)
+
+
+FILES: Final = {
+    "block_with_hole": block_with_hole,
+    "bolted_angle": bolted_angle,
+    "bracket": bracket,
+    "brake_pad": brake_pad,
+    "compressed_plate": compressed_plate,
+    "cyclic_shear": cyclic_shear,
+    "cylinder_on_block": cylinder_on_block,
+    "dragged_block_holds": dragged_block_holds,
+    "dragged_block_slides": dragged_block_slides,
+    "dry_stone_wall": dry_stone_wall,
+    "gravity_column": gravity_column,
+    "gravity_dam": gravity_dam,
+    "half_discs": half_discs,
+    "punch": punch,
+    "ssnv128": ssnv128,
+    "stacked_blocks": stacked_blocks,
+    "trapezoid": trapezoid,
+    "wedge": wedge,
+}
+"""Name of a problem file, and the function that yields its rows."""
+
+CHAPTER = Chapter(
+    "examples",
+    "Problem files",
+    "Every file of the folder examples is solved and checked against what is known about it without solving it.",
+    "Balance, symmetry and limit values are exact or nearly so; the rest is compared with another method or code.",
+    "A resultant out of balance, a symmetry that is broken, two methods that differ, or a file nobody checks.",
+    {**{f"examples/{name}": problem for name, problem in FILES.items()}, "examples/all": every_file},
+)

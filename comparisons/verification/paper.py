@@ -1,0 +1,121 @@
+"""Chapter on the paper's plate: printed numbers, and all methods on its mesh."""
+
+from collections.abc import Iterator
+
+from comparisons.paper.reference import Reference, load
+from comparisons.paper.study import SHRINKING, half_force, largest_principal_stress
+from comparisons.verification.chapter import Chapter
+from comparisons.verification.elements import BOTH, RECTANGLES, Element, on
+from comparisons.verification.measures import mean_pressure, traction_difference
+from comparisons.verification.proof import Proof, certified
+from comparisons.verification.row import Kind, Row, absolute, relative
+from qvi_contact import ContactResult, Discretization, solve
+from qvi_contact.gallery import compressed_plate
+
+_PAPER = "Więckowski (1992), Mech. Teoret. Stos."
+_HALF_DIGIT = 0.005  # half a unit of the last printed digit
+_INNERS = ("direct:clarabel", "qp:clarabel", "socp:clarabel")
+
+
+def printed_forces(quick: bool) -> Iterator[Row]:
+    """Table 1: P/2 after the paper's 30 Uzawa iterations, to every printed digit."""
+    del quick  # four cells
+    reference = load()
+    for friction, printed in reference.table.items():
+        ours = half_force(_uzawa(reference, friction))
+        source = f"{_PAPER}, Table 1; half a unit of the last digit"
+        quantity = f"P/2 after {reference.iterations} iterations, μ = {friction:.2f} [MPa length]"
+        yield absolute(quantity, ours, printed, _HALF_DIGIT, Kind.PUBLISHED, source, _limit(reference, friction))
+
+
+def printed_stresses(quick: bool) -> Iterator[Row]:
+    """Figures 2-5: largest principal stress after 30 iterations, to every printed digit."""
+    del quick
+    reference = load()
+    for friction, (number, printed) in reference.figures.items():
+        ours = largest_principal_stress(_uzawa(reference, friction))
+        source = f"{_PAPER}, Fig. {number}; half a unit of the last digit"
+        quantity = f"largest |principal stress| after {reference.iterations} iterations, μ = {friction:.1f} [MPa]"
+        yield absolute(quantity, ours, printed, _HALF_DIGIT, Kind.PUBLISHED, source, _limit(reference, friction))
+
+
+@on(*BOTH)
+def methods_on_the_paper_mesh(element: Element, quick: bool) -> Iterator[Row]:
+    """The solution on the paper's four cells by methods that share no iteration, against the condensed one."""
+    reference = load()
+    for friction in (0.1,) if quick else (0.05, 0.1, 0.2, 0.3):
+        condensed = solve(_problem(reference, friction, element), method="condensed")
+        for name, other in _others(element, reference, friction, quick):
+            proof = certified(condensed, other)
+            source = f"{name}; ours: condensed interior point"
+            force = half_force(other)
+            quantity = f"P/2, μ = {friction:g} [MPa length]"
+            yield relative(quantity, half_force(condensed), force, 1e-7, Kind.METHODS, source, proof)
+            plate = other.contacts["plate"]
+            difference = traction_difference(condensed.contacts["plate"], plate, mean_pressure(plate))
+            quantity = f"largest difference of tractions over the mean pressure, μ = {friction:g}"
+            yield absolute(quantity, difference, 0.0, 1e-5, Kind.METHODS, source, proof)
+
+
+@on(*BOTH)
+def without_friction(element: Element, quick: bool) -> Iterator[Row]:
+    """μ = 0: the stress is uniform and P/2 = E U."""
+    del quick
+    reference = load()
+    result = solve(_problem(reference, 0.0, element))
+    exact, source = reference.exact_without_friction, f"P/2 = E U; {_PAPER}, section 5"
+    yield relative("P/2 [MPa length]", half_force(result), exact, 1e-9, Kind.ANALYTIC, source, certified(result))
+    largest = largest_principal_stress(result)
+    source = "|σ_yy| = E U / height"
+    yield relative("largest |principal stress| [MPa]", largest, exact, 1e-9, Kind.ANALYTIC, source, certified(result))
+
+
+def _problem(reference: Reference, friction: float, element: Element = RECTANGLES) -> Discretization:
+    """On the paper's mesh; what is bounded are tractions at Gauss points, which Uzawa's steps are made for."""
+    cells = (reference.cells, reference.cells)
+    size, young, poisson = reference.displacement, reference.young, reference.poisson
+    plate = compressed_plate(friction, cells, young=young, poisson=poisson, displacement=size)
+    return element.discretized(plate, contact_rows="gauss")
+
+
+def _uzawa(reference: Reference, friction: float) -> ContactResult:
+    """The state after the paper's number of iterations."""
+    problem = _problem(reference, friction)
+    step = reference.omega_T / problem.scales.displacement
+    return solve(problem, method="uzawa", rule="accumulating", omega_T=step, iterations=reference.iterations)
+
+
+def _converged_uzawa(reference: Reference, friction: float, element: Element = RECTANGLES) -> ContactResult:
+    """The limit of the same iteration; without friction the step must shrink."""
+    problem = _problem(reference, friction, element)
+    step = reference.omega_T / problem.scales.displacement
+    return solve(problem, method="uzawa", omega_T=step, step_decay=SHRINKING if friction == 0.0 else None)
+
+
+def _limit(reference: Reference, friction: float) -> Proof:
+    """What certifies a state that is not converged: the certificate of the limit of the same iteration."""
+    proof = certified(_converged_uzawa(reference, friction))
+    return Proof(proof.passed, f"{proof.text} of the limit")
+
+
+def _others(
+    element: Element, reference: Reference, friction: float, quick: bool
+) -> Iterator[tuple[str, ContactResult]]:
+    yield "Uzawa (4.1)-(4.4), converged", _converged_uzawa(reference, friction, element)
+    for inner in _INNERS[:2] if quick else _INNERS:
+        yield f"fixed point, {inner}", solve(_problem(reference, friction, element), inner=inner)
+
+
+CHAPTER = Chapter(
+    "paper",
+    "The paper's plate",
+    "The paper's iteration is reproduced as it was run, and every other method finds its converged solution.",
+    "The first two tables compare states after 30 iterations with print, the others the solution on the same mesh.",
+    "One printed digit that differs, or two methods that differ by more than what their certificates leave open.",
+    {
+        "table-1": printed_forces,
+        "figures-2-to-5": printed_stresses,
+        "plate-methods": methods_on_the_paper_mesh,
+        "plate-without-friction": without_friction,
+    },
+)

@@ -1,0 +1,95 @@
+"""Chapter on the compressed plate against displacement codes."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE
+from comparisons.verification.chapter import Chapter
+from comparisons.verification.elements import EVERY, QUINTIC, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.proof import certified
+from comparisons.verification.row import Kind, Row, at_least, at_most, relative, word
+from qvi_contact import Contact, ContactProblem, refine
+from qvi_contact.gallery import compressed_plate
+
+_GRADED: Final = {RECTANGLES: (48, 0.86), TRIANGLES: (16, 0.8), QUINTIC: (16, 0.8)}
+_COARSE: Final = {**_GRADED, RECTANGLES: (32, 0.8)}
+_ERROR: Final = {RECTANGLES: 1e-4, TRIANGLES: 2e-5, QUINTIC: 1e-5}
+"""Cells a side and grading of the meshes, and the error that they leave."""
+
+
+@on(*EVERY, few=1)
+def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
+    """Stress elements on one graded mesh, cells shrinking towards the free corner."""
+    cells, grading = (_COARSE if quick else _GRADED)[element]
+    for friction, settled in SETTLED.items():
+        result = element.solve(compressed_plate(friction, (cells, cells), grading=grading))
+        force, proof = result.contacts["plate"].normal_force, certified(result)
+        quantity = f"P/2, μ = {friction:g}, {cells}² cells graded by {grading:g} [MPa length]"
+        yield relative(quantity, force, settled, _ERROR[element], Kind.EXTERNAL, SOURCE, proof)
+
+
+@on(RECTANGLES, QUINTIC, few=1)
+def adaptive_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
+    """Stress elements on the mesh that `refine` makes for P/2 with a target of 1e-6."""
+    for friction in (0.25,) if quick else SETTLED:
+        start = compressed_plate(friction, (4, 4))
+        refined = refine(start, None, target=1e-6, quantity="plate.normal_force", **element.options)
+        quantity = f"P/2, μ = {friction:g}, refined [MPa length]"
+        settled, proof = SETTLED[friction], certified(refined.result)
+        yield relative(quantity, refined.value, settled, 3e-6, Kind.EXTERNAL, SOURCE, proof)
+
+
+@on(QUINTIC)
+def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
+    """P/2 to eight digits: the triangles that `refine` makes for a target of 1e-8, at full stick with a guarantee."""
+    target = 1e-6 if quick else 1e-8
+    for friction, (limit, uncertainty) in list(LIMITS.items())[2 if quick else 0 :]:
+        start = compressed_plate(friction, (2, 2))
+        refined = refine(start, None, target=target, quantity="plate.normal_force", **element.options)
+        source, proof = f"{LIMITS_SOURCE}; ± {uncertainty:.0e}", certified(refined.result)
+        quantity = f"P/2, μ = {friction:g}, refined to {target:.0e} [MPa length]"
+        yield relative(quantity, refined.value, limit, 3.0 * target, Kind.EXTERNAL, source, proof)
+        outcome = "a bound" if refined.guaranteed else "an estimate"
+        known = "a bound" if friction == 1.0 else "an estimate"
+        quantity, source = f"the error of P/2 at μ = {friction:g} is", "only where all sticks is there a bound"
+        yield word(quantity, outcome, known, Kind.ANALYTIC, source, proof)
+
+
+@on(*EVERY, few=1)
+def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
+    """Friction makes the plate stiffer than smooth, at most as stiff as one that sticks: E U ≤ P ≤ P_tied."""
+    count, grading = (_COARSE if quick else _GRADED)[element]
+    cells = (count, count)
+    tied = element.solve(_tied(cells, grading))
+    for friction in (0.1, 0.5) if quick else (0.05, 0.1, 0.2, 0.5):
+        result = element.solve(compressed_plate(friction, cells, grading=grading))
+        force, proof = result.contacts["plate"].normal_force, certified(result, tied)
+        source = "from J(u) ≤ J(v) and P U = 2 J(u) − ∫s|u_T|"
+        quantity = f"P/2, μ = {friction:g} [MPa length]"
+        yield at_least(quantity, force, 209.0, 1e-7, Kind.ANALYTIC, f"E U; {source}", proof)
+        glued = tied.contacts["plate"].normal_force
+        yield at_most(quantity, force, glued, 1e-7, Kind.ANALYTIC, f"P_tied on the same mesh; {source}", proof)
+
+
+def _tied(cells: tuple[int, int], grading: float) -> ContactProblem:
+    """The plate glued to what presses it."""
+    rough = compressed_plate(1.0, cells, grading=grading)
+    glued = Contact.tied("top", gap=-1e-3, name="plate")
+    return replace(rough, conditions=[*[c for c in rough.conditions if not isinstance(c, Contact)], glued])
+
+
+CHAPTER = Chapter(
+    "plate",
+    "The compressed plate against displacement codes",
+    "An equilibrium model and the displacement models of other codes settle on the same force.",
+    "Stress and displacement elements share nothing but the problem: they approach from both sides.",
+    "More than 1e-4 of the force on graded rectangles and 2e-5 on triangles, or more than three times the target of "
+    "`refine`.",
+    {
+        "plate-graded": graded_equilibrium_model,
+        "plate-refined": adaptive_equilibrium_model,
+        "plate-limits": limits_of_the_force,
+        "plate-between": between_slip_and_stick,
+    },
+)

@@ -1,0 +1,165 @@
+"""Chapter on strict admissibility: the friction law on whole edges instead of at four points of each."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from comparisons.verification.chapter import Chapter
+from comparisons.verification.elements import BOTH, QUINTIC, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.measures import between_points, mean_pressure
+from comparisons.verification.proof import both, certified, certified_algebra
+from comparisons.verification.row import Kind, Row, absolute, at_most, relative
+from qvi_contact import ContactProblem, ContactResult
+from qvi_contact.gallery import compressed_plate
+from solvers import solve_qvi
+
+_TOLERANCE: Final = 1e-9  # of the solves; excess counts against the mean pressure, the certificate against the largest
+_EXCESS: Final = 1e-8
+_CONES: Final = ("strict:clarabel", "strict-direct:clarabel")
+_MESHES: Final = {"16² cells graded by 0.8": ((16, 16), 0.8), "16² equal cells": ((16, 16), 1.0)}
+
+
+@on(RECTANGLES)
+def whole_edges(element: Element, quick: bool) -> Iterator[Row]:
+    """σ_T at 1000 points of every edge against μ|σ_N| there, and σ_N against zero, on the paper's plate."""
+    for name, inner, friction in _cases(quick):
+        result = _strict(element, name, inner, friction)
+        yield from _kept(result, f"μ = {friction:g}, {name}, {inner}")
+
+
+@on(TRIANGLES, QUINTIC)
+def whole_edges_by_coefficients(element: Element, quick: bool) -> Iterator[Row]:
+    """The same on triangles, where Bernstein coefficients of tractions hold the law on whole edges without cones."""
+    for name, (cells, grading) in list(_MESHES.items())[: 1 if quick else 2]:
+        for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
+            result = element.solve(compressed_plate(friction, cells, grading=grading), tolerance=_TOLERANCE)
+            yield from _kept(result, f"μ = {friction:g}, {name}")
+
+
+@on(*BOTH)
+def reported_excess(element: Element, quick: bool) -> Iterator[Row]:
+    """What a collocated result says about its own violation between the points, against 1000 points of every edge."""
+    for name, (cells, grading) in list(_MESHES.items())[: 1 if quick else 2]:
+        result = element.solve(compressed_plate(0.1, cells, grading=grading), contact_rows="gauss")
+        line = result.contacts["plate"]
+        sampled, _ = _sampled(result)
+        quantity = "largest |σ_T| − bound between the points [MPa]"
+        source, proof = f"polynomials through the points of each edge, sampled; {name}", certified(result)
+        yield relative(quantity, line.excess_between_points, sampled, 1e-4, Kind.ANALYTIC, source, proof)
+
+
+@on(RECTANGLES)
+def energy_of_the_smaller_set(element: Element, quick: bool) -> Iterator[Row]:
+    """For one fixed bound the strict complementary energy is not below the collocated one: K strict ⊂ K collocated."""
+    for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
+        cells, grading = _MESHES["16² cells graded by 0.8"]
+        qvi = element.solve(compressed_plate(friction, cells, grading=grading)).solution.problem
+        start = solve_qvi(qvi, tolerance=_TOLERANCE)
+        bound = qvi.threshold(qvi.pressure(start.z))
+        given = qvi.changed(mu=0.0 * qvi.mu, cohesion=bound, cap=np.full(qvi.m, np.inf))
+        loose = solve_qvi(given, tolerance=_TOLERANCE)
+        strict = solve_qvi(given, inner="strict-direct:clarabel", tolerance=_TOLERANCE)
+        energies = [float(0.5 * s.z @ (given.K @ s.z) - given.f @ s.z) for s in (loose, strict)]
+        scale = abs(energies[0])
+        proof = both(certified_algebra(start), certified_algebra(loose), certified_algebra(strict))
+        quantity, source = "collocated less strict energy over their size", f"K strict ⊂ K collocated; μ = {friction:g}"
+        difference = (energies[0] - energies[1]) / scale
+        yield at_most(quantity, difference, 0.0, 1e-9, Kind.ANALYTIC, source, proof)
+
+
+@on(RECTANGLES)
+def two_cone_solvers(element: Element, quick: bool) -> Iterator[Row]:
+    """Cones through cvxpy against Clarabel itself, and both against the collocated problem where nothing slips."""
+    name = "16² cells graded by 0.8"
+    for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
+        through, direct = (_strict(element, name, inner, friction) for inner in _CONES)
+        source, proof = f"cvxpy; {name}", certified(through, direct)
+        quantity = f"P/2, μ = {friction:g} [MPa length]"
+        yield relative(quantity, _force(direct), _force(through), 1e-7, Kind.METHODS, source, proof)
+    stuck = element.solve(compressed_plate(0.5, *_MESHES[name][:1], grading=_MESHES[name][1]))
+    strict = _strict(element, name, _CONES[1], 0.5)
+    source, proof = f"collocated, full stick; {name}", certified(stuck, strict)
+    yield relative("P/2, μ = 0.5 [MPa length]", _force(strict), _force(stuck), 1e-9, Kind.METHODS, source, proof)
+
+
+@on(*BOTH, few=1)
+def refinement(element: Element, quick: bool) -> Iterator[Row]:
+    """Strict and collocated forces approach each other under refinement."""
+    counts = (8, 16) if quick else (8, 16, 32)
+    pairs = [(element.solve(_plate(n), contact_rows="gauss"), _strictly(element, _plate(n))) for n in counts]
+    apart = [abs(_force(strict) / _force(loose) - 1.0) for loose, strict in pairs]
+    proof = certified(*[result for pair in pairs for result in pair])
+    for first, second, n in zip(apart[:-1], apart[1:], counts[1:], strict=True):
+        quantity, source = f"difference of P on {n}² cells over that on {n // 2}²", "both tend to the same limit"
+        yield at_most(quantity, second / first, 1.0, 0.0, Kind.METHODS, source, proof)
+    quantity = f"difference of P on {counts[-1]}² cells"
+    yield absolute(quantity, apart[-1], 0.0, 1e-3, Kind.METHODS, "strict against collocated", proof)
+
+
+def _cases(quick: bool) -> Iterator[tuple[str, str, float]]:
+    for name in list(_MESHES)[: 1 if quick else 2]:
+        for inner in _CONES[1:] if quick else _CONES:
+            for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
+                yield name, inner, friction
+
+
+def _strict(element: Element, name: str, inner: str, friction: float) -> ContactResult:
+    cells, grading = _MESHES[name]
+    return element.solve(compressed_plate(friction, cells, grading=grading), inner=inner, tolerance=_TOLERANCE)
+
+
+def _plate(cells: int) -> ContactProblem:
+    return compressed_plate(0.1, (cells, cells))
+
+
+def _strictly(element: Element, problem: ContactProblem) -> ContactResult:
+    """With the law on whole edges: by Bernstein coefficients on triangles, by cones on rectangles."""
+    if element.has_triangles:
+        return element.solve(problem, tolerance=_TOLERANCE)
+    return element.solve(problem, inner=_CONES[1], tolerance=_TOLERANCE)
+
+
+def _kept(result: ContactResult, where: str) -> Iterator[Row]:
+    """Rows on the law between the points."""
+    excess, pull = (value / mean_pressure(result.contacts["plate"]) for value in _sampled(result))
+    quantity, source, proof = (
+        "largest |σ_T| − bound over the mean pressure",
+        f"|σ_T| ≤ μ|σ_N|; {where}",
+        certified(result),
+    )
+    yield at_most(quantity, excess, 0.0, _EXCESS, Kind.ANALYTIC, source, proof)
+    quantity, source = "largest σ_N over the mean pressure", f"σ_N ≤ 0; {where}"
+    yield at_most(quantity, pull, 0.0, _EXCESS, Kind.ANALYTIC, source, proof)
+
+
+def _force(result: ContactResult) -> float:
+    return result.contacts["plate"].normal_force
+
+
+def _sampled(result: ContactResult) -> tuple[float, float]:
+    """Largest |σ_T| − μ|σ_N| and σ_N at 1000 points of every edge of the plate, ≥ 0 [stress]."""
+    line = result.contacts["plate"]
+    count = line.points_per_edge
+    normal, tangential = (between_points(values, count) for values in (line.normal_stress, line.tangential_stress))
+    friction = line.friction.reshape(-1, count)[:, :1]
+    excess = np.abs(tangential) - friction * np.abs(normal)
+    return float(max(excess.max(), 0.0)), float(max(normal.max(), 0.0))
+
+
+CHAPTER = Chapter(
+    "strict",
+    "Strict admissibility",
+    "With second-order cones on rectangles, and with Bernstein coefficients on triangles, the friction law holds "
+    "everywhere on the contact, so that the stresses are admissible.",
+    "Tractions are sampled at 1000 points of every edge, independently of cones and coefficients.",
+    f"An excess above {_EXCESS:.0e} of the mean pressure, an energy below the larger set's, or solvers that differ.",
+    {
+        "whole-edges": whole_edges,
+        "whole-edges-triangles": whole_edges_by_coefficients,
+        "reported-excess": reported_excess,
+        "strict-energy": energy_of_the_smaller_set,
+        "strict-solvers": two_cone_solvers,
+        "strict-refinement": refinement,
+    },
+)

@@ -1,0 +1,310 @@
+"""The verification manual: its rows pass, wrong ones fail everywhere, and its files say the same.
+
+The quick run is made once in a process; with pytest-xdist, `--dist loadfile` keeps the tests that share it in one.
+"""
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from comparisons.cli import group
+from comparisons.verification import plate, registry, report, study, texts
+from comparisons.verification.chapter import Chapter
+from comparisons.verification.row import Kind, absolute
+from qvi_contact.basics import terminal
+from tests.comparisons.verification_parts import DOCUMENT, PASSING
+
+COMMITTED = Path(report.__file__).parents[1] / "reports" / "verification"
+
+
+def quiet(_=""):
+    """Progress that nobody sees."""
+
+
+@pytest.fixture(scope="module")
+def quick():
+    return study.run(registry.CHAPTERS, quick=True, advance=quiet)
+
+
+@pytest.fixture(scope="module")
+def picture(quick):
+    return report._picture(quick)
+
+
+def rows(document):
+    return [row for chapter in document["chapters"] for problem in chapter["problems"] for row in problem["rows"]]
+
+
+def keys(data):
+    """All keys of nested plain data."""
+    if isinstance(data, dict):
+        yield from data
+    for value in data.values() if isinstance(data, dict) else data if isinstance(data, list) else ():
+        yield from keys(value)
+
+
+def command(monkeypatch, capfd, *arguments):
+    """Exit status, standard output and standard error of the command."""
+    monkeypatch.setattr(sys, "argv", ["comparisons", "verify", *map(str, arguments)])
+    with pytest.raises(SystemExit) as caught:
+        terminal.run(group, "comparisons")
+    out, err = capfd.readouterr()
+    return caught.value.code, out, err
+
+
+class Page(HTMLParser):
+    """Cells of the tables' rows, what is loaded, and whether elements are closed in order."""
+
+    VOID = ("meta", "link", "img", "br", "hr", "input")
+
+    def __init__(self, text):
+        super().__init__(convert_charrefs=True)
+        self.open, self.rows, self.cell, self.links, self.tags, self.classes = [], [], None, [], set(), []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.links += [value for name, value in attrs if name in ("src", "href", "xlink:href", "data", "action")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag == "td":
+            self.cell = ""
+            self.classes.append(dict(attrs).get("class"))
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self.handle_endtag(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+        if tag == "td":
+            self.rows[-1].append(self.cell)
+            self.cell = None
+
+    def handle_data(self, data):
+        if self.cell is not None:
+            self.cell += data
+
+
+def markdown_rows(text):
+    """Cells of all rows of all tables."""
+    lines = [line for line in text.splitlines() if line.startswith("| ") and not line.startswith("| ---")]
+    found = [[cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines]
+    return [cells for cells in found if cells != list(texts.HEADINGS)]
+
+
+def test_every_row_of_the_quick_run_passes(quick):
+    assert texts.failed(quick) == []
+    assert quick["passed"]
+    assert quick["counts"] == {"rows": len(rows(quick)), "passed": len(rows(quick)), "failed": 0}
+    assert all(row["certified"] for row in rows(quick))
+
+
+def test_every_kind_of_reference_is_there(quick):
+    assert {row["kind"] for row in rows(quick)} == {kind.value for kind in Kind}
+
+
+def test_every_problem_has_rows_and_says_what_it_is(quick):
+    for chapter in quick["chapters"]:
+        assert all(chapter[key].endswith(".") for key in ("shows", "reading", "failure"))
+        for problem in chapter["problems"]:
+            assert problem["rows"]
+            assert problem["about"].endswith(".")
+
+
+def test_no_reference_is_without_a_source(quick):
+    assert all(row["source"] for row in rows(quick))
+
+
+def test_names_are_unique():
+    names = [name for chapter in registry.CHAPTERS for name in (chapter.name, *chapter.problems)]
+    shared = {name for name in names if names.count(name) > 1}
+    assert not shared
+
+
+def test_plain_data_without_times(quick):
+    assert json.loads(json.dumps(quick, allow_nan=False)) == quick
+    assert not {"seconds", "began", "date", "timings", "load_average"} & set(keys(quick))
+
+
+def test_a_wrong_reference_fails_its_row_the_status_and_both_files(monkeypatch, capfd, tmp_path):
+    """One force of the displacement codes moved by a thousandth, of three."""
+    settled = {friction: plate.SETTLED[friction] for friction in (0.1, 0.15, 0.2)}
+    monkeypatch.setattr(plate, "SETTLED", {**settled, 0.15: settled[0.15] * 1.001})
+    status, out, err = command(monkeypatch, capfd, "--quick", "--only", "plate-graded", "--out", tmp_path)
+    assert (status, err) == (1, "")
+    assert "Command: python -m comparisons verify --only plate-graded --quick" in (tmp_path / report.PAGE).read_text(
+        encoding="utf-8"
+    )
+    assert "1 of 3 rows FAILED" in out
+    pages = [(tmp_path / name).read_text(encoding="utf-8") for name in (report.MARKDOWN, report.PAGE)]
+    assert all("1 of 3 rows FAILED" in page for page in pages)
+    found = [markdown_rows(pages[0]), [cells for cells in Page(pages[1]).rows if cells]]
+    for table in found:
+        assert [cells[-1] for cells in table] == ["passed", "FAILED", "passed"]
+        assert "μ = 0.15" in table[1][0]
+
+
+def breaks_off(quick):
+    """A problem that ends <early>."""
+    del quick
+    yield PASSING
+    raise ZeroDivisionError("the mesh has\n no <cells> | none")
+
+
+def test_a_crash_is_a_failed_row_with_the_reason(monkeypatch, capfd, tmp_path):
+    def sound(quick):
+        """A sound problem."""
+        del quick
+        yield PASSING
+
+    def empty(quick):
+        """An empty problem."""
+        del quick
+        yield from ()
+
+    problems = {"first": breaks_off, "second": sound, "third": empty}
+    chapters = (Chapter("only", "Only", "S.", "R.", "F.", problems),)
+    document = study.run(chapters, quick=False, advance=quiet)
+    assert [[row["passed"] for row in problem["rows"]] for problem in document["chapters"][0]["problems"]] == [
+        [True, False],
+        [True],
+        [False],
+    ]
+    assert document["counts"] == {"rows": 4, "passed": 2, "failed": 2}
+    monkeypatch.setattr(registry.choose, "__defaults__", (chapters,))
+    status, out, _ = command(monkeypatch, capfd, "--out", tmp_path)
+    assert status == 1
+    reason = "ZeroDivisionError: the mesh has no <cells> | none"
+    assert reason in out
+    table = markdown_rows((tmp_path / report.MARKDOWN).read_text(encoding="utf-8"))
+    assert table[1][5] == reason
+    page = Page((tmp_path / report.PAGE).read_text(encoding="utf-8"))
+    assert [cells for cells in page.rows if cells] == table
+    assert "cells" not in page.tags
+
+
+def test_both_files_hold_the_same_rows(quick):
+    expected = [list(texts.cells(row)) for row in rows(quick)]
+    page = Page(report.as_html(quick))
+    assert [cells for cells in page.rows if cells] == expected
+    assert markdown_rows(report.as_markdown(quick)) == expected
+    assert set(page.classes) == {None, "passed"}
+
+
+def test_the_page_loads_nothing(quick, picture):
+    text = report.as_html(quick, picture)
+    page = Page(text)
+    assert not page.tags & {"script", "link", "img", "iframe", "object", "embed", "base"}
+    assert page.links
+    assert all(link.startswith("#") for link in page.links)
+    assert not re.search(r"url\(\s*['\"]?(?!#)|@import", text)
+
+
+def test_every_link_has_its_target(quick):
+    text = report.as_html(quick)
+    assert all(f'id="{link[1:]}"' in text for link in Page(text).links)
+
+
+def test_the_picture_has_every_problem(quick, picture):
+    names = [problem["name"] for chapter in quick["chapters"] for problem in chapter["problems"]]
+    assert all(f">{name}</text>" in picture for name in names)
+    assert picture.startswith("<svg")
+
+
+def test_without_matplotlib_there_is_no_picture(monkeypatch, tmp_path):
+    monkeypatch.setattr(report, "has_matplotlib", lambda: False)
+    written = report.write(DOCUMENT, tmp_path)
+    assert [path.name for path in written] == [report.MARKDOWN, report.PAGE]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([report.MARKDOWN, report.PAGE])
+    assert report.PICTURE not in written[0].read_text(encoding="utf-8")
+    assert "<figure" not in written[1].read_text(encoding="utf-8")
+
+
+def test_two_runs_write_the_same_files(tmp_path):
+    for name in ("one", "two"):
+        document = study.run(registry.choose(["units"]), quick=True, advance=quiet)
+        (tmp_path / name).mkdir()
+        report.write(document, tmp_path / name)
+    for file in (report.MARKDOWN, report.PAGE, report.PICTURE):
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
+
+
+def test_other_data_make_other_files():
+    changed = json.loads(json.dumps(DOCUMENT))
+    changed["chapters"][0]["problems"][0]["rows"][0]["ours"] = 1.25
+    for form in (report.as_markdown, report.as_html, report.as_json):
+        assert form(DOCUMENT) == form(json.loads(json.dumps(DOCUMENT)))
+        assert form(DOCUMENT) != form(changed)
+
+
+@pytest.fixture
+def no_work(monkeypatch):
+    """Fail the test if anything is computed."""
+    monkeypatch.setattr(study, "run", lambda *_, **__: pytest.fail("the run was started"))
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("place", ["file", "file/below", "/proc/below"])
+def test_a_folder_that_cannot_be_written_is_refused_before_any_work(monkeypatch, capfd, tmp_path, place):
+    (tmp_path / "file").write_text("kept", encoding="utf-8")
+    status, out, err = command(monkeypatch, capfd, "--out", tmp_path / place)
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert place.split("/")[0] in err
+    assert (tmp_path / "file").read_text(encoding="utf-8") == "kept"
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("name", ["ssnv129", "", "Units"])
+def test_an_unknown_name_lists_what_there_is(monkeypatch, capfd, name):
+    status, out, err = command(monkeypatch, capfd, "--only", "units", name)
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert f"got {name!r}" in err or repr(name) in err
+    assert "ssnv128" in err
+    assert "examples/punch" in err
+
+
+def test_names_choose_chapters_and_problems():
+    chosen = registry.choose(["ssnv128", "units"])
+    names = {chapter.name: list(chapter.problems) for chapter in chosen}
+    assert names["invariance"] == ["units"]
+    assert len(names["ssnv128"]) == 4
+    assert list(names) == ["ssnv128", "invariance"]
+    assert registry.choose([]) == registry.CHAPTERS
+
+
+def test_json_is_one_document_and_nothing_else():
+    """As a command, piped: progress is silent."""
+    arguments = [sys.executable, "-m", "comparisons", "verify", "--quick", "--only", "units", "--json"]
+    done = subprocess.run(arguments, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    document = json.loads(done.stdout)
+    assert document["schema"] == "qvi-contact/verify/1"
+    assert [problem["name"] for chapter in document["chapters"] for problem in chapter["problems"]] == ["units"]
+
+
+def test_the_committed_manual_has_all_problems_and_passed():
+    text = (COMMITTED / report.MARKDOWN).read_text(encoding="utf-8")
+    names = re.findall(r"^### `(.*)`$", text, flags=re.MULTILINE)
+    assert names == [name for chapter in registry.CHAPTERS for name in chapter.problems]
+    assert {cells[-1] for cells in markdown_rows(text)} == {"passed"}
+    assert "--quick" not in text
+
+
+def test_a_row_without_certificate_fails_in_the_files():
+    row = absolute("a", 1.0, 1.0, 1.0, Kind.ANALYTIC, "s", replace(PASSING.proof, passed=False))
+    document = json.loads(json.dumps(DOCUMENT))
+    document["chapters"][0]["problems"][0]["rows"] = [study.as_record(row)]
+    assert markdown_rows(report.as_markdown(document))[0][-1] == "FAILED"
+    assert Page(report.as_html(document)).classes[-1] == "failed"

@@ -1,0 +1,18 @@
+"""A row that passes and a document made of it, for tests of the manual."""
+
+from comparisons.verification import study
+from comparisons.verification.chapter import Chapter
+from comparisons.verification.proof import Proof
+from comparisons.verification.row import Kind, absolute
+
+PASSING = absolute("a number", 1.0, 1.0, 1e-3, Kind.ANALYTIC, "by hand", Proof(passed=True, text="by hand"))
+
+
+def problem(quick):
+    """A number."""
+    del quick
+    yield PASSING
+
+
+CHAPTER = Chapter("one", "One", "S.", "R.", "F.", {"number": problem})
+DOCUMENT = study.run([CHAPTER], quick=True, advance=lambda _="": None)
