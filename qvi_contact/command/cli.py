@@ -339,10 +339,11 @@ def methods(as_json: bool) -> None:
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
     qpsolvers, "direct:…" solvers kept alive between outer iterations, "socp:…" second-order cone programs through
     cvxpy. "strict:…" and "strict-direct:…" hold the contact law on whole edges instead of at their Gauss points. More
-    back ends come with: python -m pip install 'qvi-contact[solvers]'
+    back ends come with: python -m pip install 'qvi-contact[solvers]'. For what of the factorisations is missing, the
+    list says how to install it.
     """
     from solvers import available
-    from solvers.factorisation import available_backends
+    from solvers.factorisation import available_backends, missing_backends
     from solvers.factorisation.choice import SHARED
     from solvers.factorisation.levels import LEVELS
     from solvers.solve import METHODS
@@ -358,7 +359,8 @@ def methods(as_json: bool) -> None:
         }  # fmt: skip
         click.echo(_json(document))
         return
-    listed = tuple(f"{name}  ({what})" for name, what in factorisations.items())
+    missing = {name: f"not installed: {install}" for name, install in missing_backends().items()}
+    listed = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
     groups = {
         "methods": METHODS, "inner solvers": available(), "strict inner solvers": strict, "factorisations": listed,
     }  # fmt: skip

@@ -5,12 +5,20 @@
     reduced, state = factor.reduce(g)                # g_Γ − K_ΓI K_II⁻¹ g_I
     x = factor.expand(state, values)                 # x_Γ = values, x_I = K_II⁻¹ (g_I − K_IΓ values)
 
-Back ends: Intel MKL's PARDISO (package mkl), CHOLMOD (package cvxopt), SuperLU (SciPy). None is imported before use.
+Back ends: Intel MKL's PARDISO (package mkl, extra fast), CHOLMOD (package cvxopt, extra cvxopt), SuperLU (SciPy, always
+there). None is imported before use.
 """
 
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.errors import FactorisationError
-from solvers.factorisation.registry import BACKENDS, available_backends, factorise, resolve, set_default
+from solvers.factorisation.registry import (
+    BACKENDS,
+    available_backends,
+    factorise,
+    missing_backends,
+    resolve,
+    set_default,
+)
 
 __all__ = [
     "BACKENDS",
@@ -18,6 +26,7 @@ __all__ = [
     "FactorisationError",
     "available_backends",
     "factorise",
+    "missing_backends",
     "resolve",
     "set_default",
 ]

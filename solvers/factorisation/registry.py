@@ -18,7 +18,7 @@ BACKENDS: Final = ("pardiso", "cholmod", "superlu")
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
 
-_INSTALL: Final = {"pardiso": "pip install mkl", "cholmod": "pip install cvxopt"}
+_INSTALL: Final = {"pardiso": "pip install 'qvi-contact[fast]'", "cholmod": "pip install 'qvi-contact[cvxopt]'"}
 _default: str | None = None
 
 
@@ -72,6 +72,11 @@ def available_backends() -> dict[str, str]:
     """Back ends that load here, with their library and version, e.g. ``{"pardiso": "mkl 2026.2.0", …}``."""
     found = {name: _module(name).version() for name in BACKENDS}
     return {name: version for name, version in found.items() if version is not None}
+
+
+def missing_backends() -> dict[str, str]:
+    """Back ends that do not load here, with the command that installs them."""
+    return {name: command for name, command in _INSTALL.items() if _module(name).version() is None}
 
 
 def set_default(name: str | None) -> None:

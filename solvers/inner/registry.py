@@ -15,7 +15,7 @@ from solvers.inner.names import STRICT_DEFAULT, is_strict
 from solvers.inner.problem import InnerSolver
 
 _DIRECT = ("clarabel", "osqp")
-_INSTALL = "pip install 'qvi-contact[solvers]'"
+_EXTRAS = {"cvxopt": "cvxopt"}  # module → extra; all other free ones: solvers
 
 
 def available(kind: str | None = None) -> tuple[str, ...]:
@@ -77,7 +77,8 @@ def check_name(name: object) -> str:
         raise SolverUnavailableError("inner", name, f"there is no such inner solver; {_choices()}")
     missing = [module for module in modules if not _installed(module)]
     if missing:
-        remedy = f"module {', '.join(missing)} is not installed (free back ends: {_INSTALL}); {_choices()}"
+        install = f"pip install 'qvi-contact[{_EXTRAS.get(missing[0], 'solvers')}]'"
+        remedy = f"module {', '.join(missing)} is not installed (free back ends: {install}); {_choices()}"
         raise SolverUnavailableError("inner", name, remedy)
     return canonical
 

@@ -81,7 +81,7 @@ def test_a_back_end_that_is_not_installed_is_named(monkeypatch):
     from solvers.factorisation import cholmod
 
     monkeypatch.setattr(cholmod, "version", lambda: None)
-    with pytest.raises(SolverUnavailableError, match="pip install cvxopt"):
+    with pytest.raises(SolverUnavailableError, match=r"pip install 'qvi-contact\[cvxopt\]'"):
         solve(compressed_plate(0.2), factorisation="cholmod")
 
 

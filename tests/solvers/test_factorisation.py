@@ -284,7 +284,7 @@ def test_unknown_and_missing_back_ends(monkeypatch):
         set_default("umfpack")
     monkeypatch.setattr(cholmod_backend, "version", lambda: None)
     assert "cholmod" not in available_backends()
-    with pytest.raises(SolverUnavailableError, match="pip install cvxopt"):
+    with pytest.raises(SolverUnavailableError, match=r"pip install 'qvi-contact\[cvxopt\]'"):
         factorise(grid(), np.arange(2), "cholmod")
     monkeypatch.setattr(pardiso_backend, "version", lambda: None)
     assert resolve() == "superlu"

@@ -1,0 +1,110 @@
+"""Everything works with what `pip install .` brings alone, and says which extra it misses.
+
+A process of its own sees the project and the distributions that its requirements without extras lead to, nothing else
+of the environment.
+"""
+
+import json
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import distribution
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+ONLY_IN_EXTRAS = {"cvxopt", "gmsh", "h5py", "matplotlib", "meshio", "mkl", "pandas"}
+
+SCRIPT = """
+import json, sys
+sys.prefix, sys.path[:0] = sys.argv[1], sys.argv[1:3]
+
+from qvi_contact import InputError, TriangleMesh, limit_load_factor, load_problem, solve, solve_companion
+from qvi_contact.bracket import bracket
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.plots import result_figure
+from solvers import available
+from solvers.factorisation import available_backends, missing_backends
+
+found = {"backends": list(available_backends()), "missing": missing_backends(), "inner": list(available())}
+ways = [{}, {"element": "bfs"}, {"contact_rows": "gauss"}, {"method": "pivoting"}, {"method": "uzawa"}]
+ways += [{"inner": name} for name in ("qp:clarabel", "direct:osqp", "socp:clarabel", "strict-direct:clarabel")]
+plate = compressed_plate(0.2, (2, 2))
+found["solves"] = [solve(plate, tolerance=1e-6, **way).status for way in ways]
+
+large = solve(compressed_plate(0.2, (12, 12)))
+found["large"] = [large.status, large.solution.factorisation.split(",")[0]]
+found["bracket"] = bracket(solve(plate)).relative_error
+dragged = load_problem(f"{sys.argv[2]}/examples/dragged_block_holds.toml").problem
+limit = limit_load_factor(dragged, ["drag", "right", "left"])
+found["limit"] = [limit.lower, limit.upper]
+
+asked = {
+    "fast": lambda: solve(plate, factorisation="pardiso"),
+    "cvxopt": lambda: solve(plate, factorisation="cholmod"),
+    "cvxopt inside": lambda: solve(plate, inner="qp:cvxopt"),
+    "solvers": lambda: solve(plate, inner="qp:daqp"),
+    "frame": lambda: large.contacts["plate"].to_frame(),
+    "plot": lambda: result_figure(large),
+    "mesh": lambda: TriangleMesh.load(f"{sys.argv[2]}/examples/meshes/bolted_angle.msh"),
+}
+found["messages"] = {}
+for extra, ask in asked.items():
+    try:
+        ask()
+    except InputError as error:
+        found["messages"][extra] = str(error)
+print(json.dumps(found))
+"""
+
+
+def _closure(requirements):
+    """Names of the distributions that requirements lead to, their own extras included."""
+    found, waiting = set(), [(requirement, "") for requirement in requirements]
+    while waiting:
+        requirement, extra = waiting.pop()
+        if (requirement.marker and not requirement.marker.evaluate({"extra": extra})) or requirement in found:
+            continue
+        found.add(requirement)
+        needed = [Requirement(text) for text in distribution(requirement.name).requires or ()]
+        waiting += [(each, extra) for each in needed for extra in ("", *requirement.extras)]
+    return {requirement.name for requirement in found}
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory):
+    """What the process has found."""
+    folder = tmp_path_factory.mktemp("base")
+    for name in _closure(map(Requirement, PROJECT["dependencies"])):
+        package = distribution(name)
+        for top in {file.parts[0] for file in package.files} - {"..", "__pycache__"}:
+            if not (folder / top).exists():
+                (folder / top).symlink_to(package.locate_file(top))
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", SCRIPT, str(folder), str(ROOT)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_what_is_left_out_is_not_required():
+    assert not {name.lower() for name in _closure(map(Requirement, PROJECT["dependencies"]))} & ONLY_IN_EXTRAS
+
+
+def test_everything_is_solved_by_superlu(base):
+    assert base["backends"] == ["superlu"]
+    assert set(base["solves"]) == {"solved"}
+    assert base["large"] == ["solved", "superlu"]
+    assert 0.0 < base["bracket"] < 0.2
+    assert base["limit"] == pytest.approx([1.0 / 0.99, 1.0 / 0.99], rel=1e-6)
+    assert not [name for name in base["inner"] if "cvxopt" in name]
+
+
+def test_what_is_missing_names_its_extra(base):
+    assert base["missing"].keys() == {"pardiso", "cholmod"}
+    for extra, message in base["messages"].items():
+        assert f"qvi-contact[{extra.split()[0]}]" in message
+    assert len(base["messages"]) == 7
