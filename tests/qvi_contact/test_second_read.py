@@ -37,6 +37,30 @@ def pressed(mesh, **contact):
     return replace(plate, mesh=mesh, conditions=[*plate.conditions[:3], top])
 
 
+def corner(law, cells=1):
+    """A block in a corner of ground and wall, with a joint that ends at the wall; the wall slips all along."""
+
+    def cut(lines):
+        return np.interp(np.arange(0.0, len(lines) - 1.0 + 0.5 / cells, 1.0 / cells), np.arange(len(lines)), lines)
+
+    mesh = RectilinearMesh(cut([0, 0.3, 0.8, 1.4, 2.0]), cut([0, 0.4, 0.7, 1.0]))
+    mesh = mesh.with_joint("joint", "horizontal", at=0.4)
+    conditions = [
+        Contact("bottom", friction=0.0, cohesion=4.0, gap=3e-5, name="ground"),
+        Contact("left", friction=0.0, cohesion=7.0, name="wall"),
+        Contact("joint", friction=0.0, cohesion=2.0, law=law),
+        Traction("right", x=-8.0, y=0.0),
+        Traction("top", x=0.0, y=-30.0),
+    ]
+    return ContactProblem(mesh, Material(2e4, 0.3, "strain"), conditions)
+
+
+def vertical_forces(found):
+    """Of the wall by friction, of ground and joint by pressure."""
+    wall, ground, joint = (found.contacts[name] for name in ("wall", "ground", "joint"))
+    return wall.tangential_force, ground.normal_force, joint.normal_force
+
+
 def quarter(cells=4):
     return RectilinearMesh.rectangle((cells, cells))
 
@@ -72,17 +96,9 @@ class TestGuaranteedUpperBound:
     @pytest.mark.parametrize("degree", [2, 3, 4])
     @pytest.mark.parametrize("law", ["unilateral", "bilateral"])
     def test_two_contacts_in_a_corner_and_a_joint(self, degree, law):
-        mesh = RectilinearMesh(np.array([0, 0.3, 0.8, 1.4, 2.0]), np.array([0, 0.4, 0.7, 1.0]))
-        mesh = mesh.with_joint("joint", "horizontal", at=0.4)
-        conditions = [
-            Contact("bottom", friction=0.0, cohesion=4.0, gap=3e-5, name="ground"),
-            Contact("left", friction=0.0, cohesion=7.0, name="wall"),
-            Contact("joint", friction=0.0, cohesion=2.0, law=law),
-            Traction("right", x=-8.0, y=0.0),
-            Traction("top", x=0.0, y=-30.0),
-        ]
-        problem = ContactProblem(mesh, Material(2e4, 0.3, "strain"), conditions)
-        result, companion = solve(problem, inner=STRICT), solve_companion(problem, degree=degree)
+        problem = corner(law)
+        result = solve(problem, element="hct")
+        companion = solve_companion(result.problem, degree=degree)
         assert result.status is companion.status is Status.SOLVED
         assert companion.reasons == ()
         assert -result.energies.complementary <= companion.energy + 1e-10 * result.energies.strain
@@ -90,8 +106,22 @@ class TestGuaranteedUpperBound:
             ground, wall = found["ground"], found["wall"]
             assert wall.normal_force + ground.tangential_force == pytest.approx(8.0, rel=1e-6)
             assert ground.normal_force + wall.tangential_force == pytest.approx(60.0, rel=1e-6)
-        for name, line in result.contacts.items():  # a coarse mesh
-            assert companion.contacts[name].normal_force == pytest.approx(line.normal_force, rel=3e-2)
+        assert vertical_forces(result) == pytest.approx([7.0, 53.0, 55.8], rel=1e-6)  # slip all along the wall
+        assert (companion.contacts["wall"].slip < 0.0).all()
+
+    def test_one_shear_for_two_contacts_in_a_corner(self):
+        """Rectangles have one shear where the wall carries 7 and ground or joint less; so has their companion force.
+
+        Both are then wrong by what an edge carries, and come to the forces of triangles with the size of the edges.
+        """
+        errors = []
+        for cells in (1, 2):
+            problem = corner("bilateral", cells)
+            found = solve(problem, element="bfs"), solve_companion(problem, degree=4)
+            errors.append([53.0 - vertical_forces(each)[1] for each in found])
+        rates = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+        assert np.array(errors).max() < 0.0
+        assert rates == pytest.approx(1.0, abs=0.3)
 
 
 def work(ell, theta):
