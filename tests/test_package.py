@@ -1,0 +1,75 @@
+"""What is installed: licences, version, names that clash."""
+
+import re
+import subprocess
+import sys
+import sysconfig
+import tomllib
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+FOR_DEVELOPERS = {"browser", "dev", "docs", "peers", "test"}
+
+# licence as docs/licences.md has it → what the metadata of such a package say
+FAMILIES = {
+    "Apache": r"Apache",
+    "BSD": r"BSD|Redistribution and use in source and binary forms",
+    "GPL": r"(?<!L)GPL|(?<!Lesser )General Public License",
+    "Intel": r"Intel",
+    "LGPL": r"LGPL|Lesser General Public License",
+    "MIT": r"MIT|Permission is hereby granted, free of charge",
+    "PSF": r"Python Software Foundation|PSF",
+}
+
+
+def claimed():
+    """Package → licence, from the tables of the page."""
+    text = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
+    return dict(re.findall(r"^\| `([\w-]+)` \| (\w+) \|", text, re.M))
+
+
+def required():
+    """Names of the packages that users install."""
+    extras = PROJECT["optional-dependencies"]
+    lines = PROJECT["dependencies"] + [line for name in extras.keys() - FOR_DEVELOPERS for line in extras[name]]
+    return {Requirement(line).name for line in lines}
+
+
+def stated(name):
+    """What a package's metadata say of its licence: of a whole text the beginning, since parts have terms of their own."""
+    metadata = distribution(name).metadata
+    classifiers = [line for line in metadata.get_all("Classifier") or () if line.startswith("License")]
+    return " ".join([metadata.get("License-Expression") or "", (metadata.get("License") or "")[:400], *classifiers])
+
+
+def test_every_package_is_on_the_page():
+    assert claimed().keys() == required()
+
+
+@pytest.mark.parametrize("name", sorted(claimed()))
+def test_licences_are_those_of_the_metadata(name):
+    try:
+        said = stated(name)
+    except PackageNotFoundError:
+        pytest.skip(f"{name} is not installed")
+    if not said.strip():
+        pytest.skip(f"this version of {name} says nothing")
+    assert re.search(FAMILIES[claimed()[name]], said), said
+    if "GPL" not in claimed()[name]:
+        assert not re.search(FAMILIES["GPL"], said), said
+
+
+@pytest.mark.parametrize("taken", ["solvers.py", "solvers/__init__.py"])
+def test_a_file_of_the_user_that_has_taken_the_name_of_a_package_is_named(tmp_path, taken):
+    path = tmp_path / taken
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("mine = True\n", encoding="utf-8")
+    folders = [str(tmp_path), str(ROOT), sysconfig.get_path("purelib")]
+    code = f"import sys; sys.path[:0] = {folders}; from qvi_contact import Material"
+    done = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=False)
+    assert f"ImportError: 'solvers' is {path}" in done.stderr
