@@ -39,7 +39,7 @@ def compressed_plate(element: Element, quick: bool) -> Iterator[Row]:
     result = _solved(element, "compressed_plate")
     force, proof = result.contacts["plate"].normal_force, certified(result)
     source = f"{DISPLACEMENT_CODES}; the mesh is coarse"
-    yield relative("N [MPa mm]", force, SETTLED[0.2], 1e-3, Kind.EXTERNAL, source, proof)
+    yield relative("N [N/mm]", force, SETTLED[0.2], 1e-3, Kind.EXTERNAL, source, proof)
     yield from _by_another_method(element, result, "plate", quick)
     yield from _by_displacements(result, "plate", 1e-3)
 
@@ -65,7 +65,7 @@ def punch(element: Element, quick: bool) -> Iterator[Row]:
     """A rigid flat punch on a block: balance, symmetry, and the half-plane's pressure away from the edges."""
     result = _solved(element, "punch")
     line, proof = result.contacts["punch"], certified(result)
-    yield relative("N [MPa mm]", line.normal_force, 100.0, _BALANCE, Kind.ANALYTIC, "force on the punch", proof)
+    yield relative("N [N/mm]", line.normal_force, 100.0, _BALANCE, Kind.ANALYTIC, "force on the punch", proof)
     uneven, source = (
         (1e-3, "symmetry in x; diagonals of the cells are not")
         if element.has_triangles
@@ -112,11 +112,11 @@ def block_with_hole(element: Element, quick: bool) -> Iterator[Row]:
         ours = result.resultant(edges).y / force
         yield absolute(f"force on {edges} over N", ours, 0.0, _BALANCE, Kind.ANALYTIC, "the hole is free", proof)
     bottom, source = result.resultant("block bottom").y, "balance of plate and bottom"
-    yield relative("N [MPa mm]", force, bottom, _BALANCE, Kind.ANALYTIC, source, proof)
+    yield relative("N [N/mm]", force, bottom, _BALANCE, Kind.ANALYTIC, source, proof)
     yield absolute("T over N", plate.tangential_force / force, 0.0, 1e-8, Kind.ANALYTIC, "symmetry in x", proof)
     stiffest = 3e4 / (1.0 - 0.25**2) * 1e-3
     source = "E U/(1 − ν²), the whole block held sideways; a hole makes it softer"
-    yield at_most("N [MPa mm]", force, stiffest, 0.0, Kind.ANALYTIC, source, proof)
+    yield at_most("N [N/mm]", force, stiffest, 0.0, Kind.ANALYTIC, source, proof)
     yield from _by_another_method(element, result, "plate", quick)
     yield from _by_displacements(result, "plate", 0.02)
 
@@ -208,7 +208,7 @@ def cyclic_shear(element: Element, quick: bool) -> Iterator[Row]:
     around = np.flatnonzero(times >= 1.0)
     area, work = loop_area(motion[around], force[around]), float(history.friction_work[around[1:]].sum())
     source = "area of the loop ∮T dw, balance of energy"
-    quantity = "work of friction in the second cycle [MPa mm²]"
+    quantity = "work of friction in the second cycle [N mm/mm]"
     yield relative(quantity, work, area, 1e-6, Kind.ANALYTIC, source, proof)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from qvi_contact.basics.shown import shown
 from qvi_contact.basics.units import Units
 from qvi_contact.bracket.outcome import Bracket
 
@@ -45,20 +46,21 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     yield bracket.sentence(units)
     parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.shown_parts.items())
     if parts:
-        yield f"gap of the energy [{units.energy}]: {parts}"
+        yield f"gap of the energy [{units.engineering_energy}]: {parts}"
     if parts and bracket.outer > 0.0:
-        yield f"holding the friction bound fixed may add up to {bracket.outer:.3g} {units.energy}"
+        yield f"holding the friction bound fixed may add up to {bracket.outer:.3g} {units.engineering_energy}"
     for name, bounds in bracket.forces.items():
-        yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.force}"
+        yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}"
     for name, found in bracket.force_differences.items():
-        forces = f"normal {found.normal:.3g}, tangential {found.tangential:.3g} {units.force}"
+        forces = f"normal {found.normal:.3g}, tangential {found.tangential:.3g} {units.engineering_force}"
         yield f"displacements with friction of their own: forces of {name} differ by {forces}"
     companion = bracket.companion
     if companion is not None and companion.has_state:
         yield f"displacements of degree {companion.degree}, {companion.unknowns} unknowns, for the same friction bound:"
         for name, contact in companion.contacts.items():
-            forces = f"normal {contact.normal_force:.6g}, tangential {contact.tangential_force:.6g} {units.force}"
-            yield f"  contact {name}: {forces}"
+            least = companion.scales.rounding.force
+            normal, tangential = (shown(force, least) for force in (contact.normal_force, contact.tangential_force))
+            yield f"  contact {name}: normal {normal}, tangential {tangential} {units.engineering_force}"
 
 
 def _quantity(value: float, unit: str) -> dict[str, Any]:

@@ -177,7 +177,7 @@ class Bracket:
         """`message` with units."""
         units = units or Units()
         what = "Guaranteed bounds for" if self.guaranteed else "Indicator, for"
-        bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.energy}"
+        bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.engineering_energy}"
         if not np.isfinite(self.lower):
             bounds = f"energy below {self.upper:.9g} {units.energy}, no lower bound"
         if not np.isfinite(self.upper):

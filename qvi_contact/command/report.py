@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from qvi_contact.basics.shown import Rounding, shown
 from qvi_contact.basics.units import Units
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.solution.contact_line import ContactLine, ContactState
@@ -31,36 +32,38 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     summary = result.certificate.summary()
     if summary not in result.message:
         yield summary
-    rows = [
-        [line.name, f"{line.normal_force:.6g}", f"{line.tangential_force:.6g}", *_shares(line)]
-        for line in result.contacts.values()
-    ]
+    rows = [[line.name, *line.shown_forces, *_shares(line)] for line in result.contacts.values()]
+    force, least = units.engineering_force, result.discretization.scales.rounding
     if rows:
         yield ""
-        yield from _table(["contact", f"normal [{units.force}]", f"tangential [{units.force}]", *_STATES], rows)
+        yield from table(["contact", f"normal [{force}]", f"tangential [{force}]", *_STATES], rows)
     for line in result.contacts.values():
         if line.has_fluid:
-            force = f"{line.effective_normal_force:.6g} {units.force}"
-            yield f"contact {line.name} has a fluid in it: its effective normal force is {force}"
+            effective = shown(line.effective_normal_force, least.force)
+            yield f"contact {line.name} has a fluid in it: its effective normal force is {effective} {force}"
     for name, motion in result.plates.items():
-        moved = f"({motion.x:.6g}, {motion.y:.6g}) {units.length}"
-        yield f"plate {name} moves by {moved}, turns by {motion.rotation:.6g} rad"
+        x, y = (shown(part, least.displacement) for part in (motion.x, motion.y))
+        turned = shown(motion.rotation, least.rotation)
+        yield f"plate {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
 
 
 def history_lines(history: History, times: Sequence[float], units: Units) -> Iterator[str]:
     """One table for each contact, a row for each step, then what became of it all."""
+    least = Rounding.largest(step.discretization.scales.rounding for step in history.steps)
     for contact in history.steps[0].problem.contacts:
         rows = []
         for number, (step, t) in enumerate(zip(history.steps, times, strict=False), 1):
             row = [str(number), f"{t:.6g}", str(step.status)]
             if step.has_state:
                 line = step.contacts[contact.name]
-                row += [f"{line.normal_force:.6g}", f"{line.tangential_force:.6g}", *_shares(line)]
+                forces = (shown(force, least.force) for force in (line.normal_force, line.tangential_force))
+                row += [*forces, *_shares(line)]
             rows.append(row)
-        yield f"contact {contact.name}, forces in {units.force}"
-        yield from _table(["step", "t", "status", "normal", "tangential", *_STATES], rows)
+        yield f"contact {contact.name}, forces in {units.engineering_force}"
+        yield from table(["step", "t", "status", "normal", "tangential", *_STATES], rows)
         yield ""
-    yield f"energy lost in friction: {float(history.dissipated.sum()):.6g} {units.energy}"
+    lost = shown(float(history.dissipated.sum()), least.energy)
+    yield f"energy lost in friction: {lost} {units.engineering_energy}"
     remarks = dict.fromkeys(remark for step in history.steps for remark in step.remarks)
     yield from (f"remark: {remark}" for remark in remarks)
     yield f"{history.status}: {history.message}"
@@ -101,8 +104,8 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length}){_data(condition)}"
     for load in outline["loads"]:
         yield (
-            f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
-            f"moment {load['moment']:.6g} {units.moment} about the origin"
+            f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.engineering_force}, "
+            f"moment {load['moment']:.6g} {units.engineering_moment} about the origin"
         )
     if outline["solve"]:
         yield "solve: " + ", ".join(f"{key} = {value}" for key, value in outline["solve"].items())
@@ -130,7 +133,7 @@ def _data(condition: Mapping[str, Any]) -> str:
     return f": {text}" if text else ""
 
 
-def _table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
+def table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Columns, the first one to the left, the others to the right; short rows are filled up."""
     filled = [list(heading), *([*row, *[""] * (len(heading) - len(row))] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*filled, strict=True)]

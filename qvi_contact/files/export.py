@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
 _MOST_SUBDIVISIONS: Final = 100  # of a cell: ten thousand quadrilaterals
+_NOT_STORED: Final = ("name", "ends", "pore_pressure", "rounding")  # of contacts, or not always
 
 SUMMARY_VERSION: Final = 1
 """Grows when an entry of `summary` changes its meaning or goes away; new entries may come at any time."""
@@ -443,7 +444,7 @@ def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
 
     Where its edges lie is known from the mesh.
     """
-    names = [field.name for field in fields(ContactLine) if field.name not in ("name", "ends", "pore_pressure")]
+    names = [field.name for field in fields(ContactLine) if field.name not in _NOT_STORED]
     names += ["normal_force", "tangential_force"]
     wet = ["pore_pressure", "effective_normal_stress", "effective_normal_force"]
     return {

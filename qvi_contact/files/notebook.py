@@ -7,6 +7,7 @@ import numpy as np
 from markupsafe import Markup
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.shown import shown
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.problem import ContactProblem
@@ -19,8 +20,6 @@ _MOST_EDGES: Final = 6000  # inside the body: more are left out, and the outline
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _DASHES: Final = ("none", "7 3", "2 3", "9 3 2 3", "12 4", "4 4")
 """Looks of named parts in turn, which differ without colour too."""
-
-_NOTHING: Final = 1e-9  # share of the largest force, traction or motion that is rounding
 
 
 def mesh_html(mesh: Mesh) -> Markup:
@@ -54,30 +53,21 @@ def contact_html(line: ContactLine) -> Markup:
     tractions = {"pressure": -line.normal_stress, "|σ_T|": np.abs(line.tangential_stress)}
     motions = {"gap": line.gap, "|slip|": np.abs(line.slip)}
     rows = [["points", str(len(line.x))]]
-    for group, unit in ((tractions, "stress"), (motions, "length")):
-        size = max(float(np.abs(values).max()) for values in group.values())
-        rows += [[f"largest {name} [{unit}]", _number(float(v.max()), _NOTHING * size)] for name, v in group.items()]
+    for group, unit, least in (
+        (tractions, "stress", line.rounding.stress),
+        (motions, "length", line.rounding.displacement),
+    ):
+        rows += [[f"largest {name} [{unit}]", shown(float(values.max()), least)] for name, values in group.items()]
     return Markup("<div>{}{}</div>").format(_contacts([line]), _table(["", line.name], rows))
 
 
 def _contacts(lines: Iterable[ContactLine]) -> Markup:
     """Forces and shares of the length by contact."""
     lines = list(lines)
-    least = _NOTHING * max(abs(force) for line in lines for force in (line.normal_force, line.tangential_force))
     rows = [
-        [
-            line.name,
-            *(_number(force, least) for force in (line.normal_force, line.tangential_force)),
-            *(f"{100.0 * share:.1f} %" for share in line.shares.values()),
-        ]
-        for line in lines
+        [line.name, *line.shown_forces, *(f"{100.0 * share:.1f} %" for share in line.shares.values())] for line in lines
     ]
     return _table(["contact", "N [stress × length]", "T [stress × length]", *lines[0].shares], rows)
-
-
-def _number(value: float, least: float) -> str:
-    """The number, or 0 where it is rounding."""
-    return f"{value:.6g}" if abs(value) > least else "0"
 
 
 def _given(condition: Condition) -> str:

@@ -91,7 +91,7 @@ def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = ""
         right.annotate(f"{value:.3g}", (number, value), ha="center", va="bottom")
     right.set_xticks(range(len(parts)), list(parts))
     right.margins(y=0.15)
-    right.set_ylabel(f"part of the gap [{units.energy}]")
+    right.set_ylabel(f"part of the gap [{units.engineering_energy}]")
     right.spines[["top", "right"]].set_visible(False)
     figure.suptitle("\n".join(filter(None, [title, _title(bracket, units)])), fontsize=9)
     return figure
@@ -99,5 +99,5 @@ def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = ""
 
 def _title(bracket: Bracket, units: Units) -> str:
     word = "bounds, guaranteed" if bracket.guaranteed else "indicator, not guaranteed"
-    text = f"Energy between {bracket.lower:.7g} and {bracket.upper:.7g} {units.energy} ({word})"
+    text = f"Energy between {bracket.lower:.7g} and {bracket.upper:.7g} {units.engineering_energy} ({word})"
     return f"{text}\nfor {bracket.kind.value}".replace("-", "−")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, real_array
+from qvi_contact.basics.shown import shown
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.plots.fields import principal_stress_map, stress_field
@@ -202,7 +203,7 @@ def hysteresis_loop(
     axes.locator_params(axis="x", nbins=6)
     axes.plot(moved[:1], carried[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
     axes.set_xlabel(f"displacement [{units.displacement}]")
-    axes.set_ylabel(f"force [{units.force}]")
+    axes.set_ylabel(f"force [{units.engineering_force}]")
 
 
 def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[ArrayLike, ArrayLike]]:
@@ -263,17 +264,13 @@ def _tractions(part: "SubFigure", result: ContactResult, names: Sequence[str], u
         contact_tractions(panel, line, units)
         if max(np.abs(line.normal_stress).max(), np.abs(line.tangential_stress).max()) < _NOTHING * largest:
             panel.set_ylim(0.0, largest)  # rather than rounding in full size
-        least = _NOTHING * largest * float(line.weights.sum())
-        forces = (_number(force, least) for force in (line.normal_force, line.tangential_force))
+        forces = (shown(force, line.rounding.force, 4) for force in (line.normal_force, line.tangential_force))
+        text = "N = {}, T = {} {}".format(*forces, units.engineering_force).replace("-", "−")
         apart, size = ("\n", "medium") if len(names) > 2 else (": ", "large")  # narrow panels
-        panel.set_title("{}{}N = {}, T = {} {}".format(name, apart, *forces, units.force), fontsize=size)
+        panel.set_title(f"{name}{apart}{text}", fontsize=size)
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     part.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles), frameon=False)
-
-
-def _number(value: float, least: float) -> str:
-    return (f"{value:.4g}" if abs(value) > least else "0").replace("-", "−")
 
 
 def _forces(axes: "Axes", steps: Sequence[ContactResult], name: str, units: Units) -> None:
@@ -288,7 +285,7 @@ def _forces(axes: "Axes", steps: Sequence[ContactResult], name: str, units: Unit
         axes.plot(number, forces, markersize=3, linewidth=1.0, label=label, **look)
     axes.set_title(f"{name}: forces")
     axes.set_xlabel("step [-]")
-    axes.set_ylabel(f"force [{units.force}]")
+    axes.set_ylabel(f"force [{units.engineering_force}]")
     axes.locator_params(axis="x", integer=True)
     axes.legend(frameon=False)
 

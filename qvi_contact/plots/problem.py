@@ -380,10 +380,10 @@ class _Sketch:
         if plate is not None:
             for name, value in (("F_x", plate.force_x), ("F_y", plate.force_y)):
                 if value is not None:
-                    yield value_range(name, np.array([value]), self.units.force)
+                    yield value_range(name, np.array([value]), self.units.engineering_force)
             if plate.moment is not None:
                 around = "({:.4g}, {:.4g})".format(*plate.pivot)
-                yield f"{value_range('M', np.array([plate.moment]), self.units.moment)} about\xa0{around}"
+                yield f"{value_range('M', np.array([plate.moment]), self.units.engineering_moment)} about\xa0{around}"
 
     def _potential(self) -> None:
         vertices = self.problem.mesh.vertices[self.problem.mesh.body_vertices]

@@ -5,7 +5,7 @@ the traces feel them, see `Basis.contact_displacements`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from importlib.util import find_spec
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.shown import Rounding, shown
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
@@ -92,6 +93,8 @@ class ContactLine:
         up to the certificate's tolerance, and between them only where the inner solver is a "strict" one.
     pull_between_points : float
         Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see `between_points`.
+    rounding : Rounding
+        Sizes up to which numbers of the contact are rounding, and shown as 0.
 
     Notes
     -----
@@ -116,6 +119,7 @@ class ContactLine:
     pore_pressure: FloatArray
     excess_between_points: float = 0.0
     pull_between_points: float = 0.0
+    rounding: Rounding = field(default_factory=Rounding)
 
     @property
     def effective_normal_stress(self) -> FloatArray:
@@ -141,6 +145,11 @@ class ContactLine:
     def tangential_force(self) -> float:
         """∫ σ_T ds, force on the body along the tangent a unit of thickness [stress × length]."""
         return float(self.weights @ self.tangential_stress)
+
+    @property
+    def shown_forces(self) -> tuple[str, str]:
+        """Normal and tangential force as people read them, rounding as 0."""
+        return shown(self.normal_force, self.rounding.force), shown(self.tangential_force, self.rounding.force)
 
     @property
     def points_per_edge(self) -> int:
@@ -195,7 +204,8 @@ class ContactLine:
 
     def __repr__(self) -> str:
         shares = ", ".join(f"{100.0 * share:.0f} % {state}" for state, share in self.shares.items() if share)
-        return f"<ContactLine {self.name}: N = {self.normal_force:.6g}, T = {self.tangential_force:.6g}, {shares}>"
+        normal, tangential = self.shown_forces
+        return f"<ContactLine {self.name}: N = {normal}, T = {tangential}, {shares}>"
 
     def _repr_html_(self) -> str:
         """Forces, extremes and states as a table, for notebooks."""
@@ -293,4 +303,5 @@ def contact_line(
         pore_pressure=rows.pore_pressure * scales.stress,
         excess_between_points=float(violations.excess.max(initial=0.0)) * scales.stress,
         pull_between_points=float(violations.pull.max(initial=0.0)) * scales.stress,
+        rounding=scales.rounding,
     )

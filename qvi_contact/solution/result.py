@@ -128,7 +128,7 @@ class ContactResult(Stated):
     def __repr__(self) -> str:
         if not self.has_state:
             return f"<ContactResult {self.message}>"
-        forces = (f"{c.name} N = {c.normal_force:.6g}, T = {c.tangential_force:.6g}" for c in self.contacts.values())
+        forces = ("{} N = {}, T = {}".format(line.name, *line.shown_forces) for line in self.contacts.values())
         certificate = "passed" if self.certificate.passed else "failed"
         accuracy = f"certificate {certificate} with {self.certificate.accuracy:.1e}"
         return f"<ContactResult {'; '.join([f'{self.status}, {accuracy}', *forces])}>"

@@ -263,7 +263,7 @@ def test_solve_reports_what_python_computes(shell, plate):
     assert float(row.split()[2]) == pytest.approx(line.tangential_force, rel=1e-5)
     shares = [float(word) for word in row.split()[3::2]]
     assert sum(shares) == pytest.approx(100.0, abs=0.2)
-    assert "[MPa mm]" in out
+    assert "[N/mm]" in out
 
 
 def test_solve_as_json(shell, plate):

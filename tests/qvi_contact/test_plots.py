@@ -608,7 +608,7 @@ class TestProblem:
         legend = " ".join(" ".join(text.get_text() for text in axes.get_legend().get_texts()).split())
         for words in (
             "1: E = 1000 MPa", "2: E = 500 MPa", "t_x = 0 … 10 MPa", "u_y = 0 mm", "free: lid",
-            "contact ground: μ = 0.2 … 0.4, gap = 0 … 0.04 mm", "F_y = −3 MPa mm", "M = 0.5 MPa mm²",
+            "contact ground: μ = 0.2 … 0.4, gap = 0 … 0.04 mm", "F_y = −3 N/mm", "M = 0.5 N mm/mm",
             "joint bed: μ = 0.4, c = 1.5 MPa",
         ):  # fmt: skip
             assert words in legend
@@ -680,7 +680,7 @@ class TestFigures:
         assert heading(figure).get_text() == result.message
         titles = [axes.get_title() for axes in figure.axes]
         force = result.contacts["plate"].normal_force
-        assert any(f"plate: N = {force:.4g}, T = −" in title and title.endswith("MPa mm") for title in titles)
+        assert any(f"plate: N = {force:.4g}, T = −" in title and title.endswith("N/mm") for title in titles)
 
     def test_overview_on_triangles(self):
         result = slanted_result()
@@ -731,7 +731,7 @@ class TestFigures:
         (axes,) = figure.axes
         assert axes.lines[2].get_xydata() == pytest.approx(np.column_stack([w, force]))
         assert axes.get_xlabel() == "displacement [mm]"
-        assert axes.get_ylabel() == "force [MPa mm]"
+        assert axes.get_ylabel() == "force [N/mm]"
 
     def test_history_of_results(self):
         """Loops of what moves only; forces of every contact step by step."""

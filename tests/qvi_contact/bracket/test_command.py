@@ -31,7 +31,7 @@ def test_guaranteed_example_with_all_files(tmp_path):
     done = command(EXAMPLES / "stacked_blocks.toml", "--plot", picture, "--vtk", fields)
     assert done.return_value == 0
     assert "Guaranteed bounds for the problem with its friction contacts tied" in done.stdout
-    assert "MPa m²" in done.stdout
+    assert "MN m/m" in done.stdout
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert b"displacement" in fields.read_bytes()
 

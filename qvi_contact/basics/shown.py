@@ -1,0 +1,60 @@
+"""How numbers of a result are written for people: what is rounding beside the problem's own units is 0."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+_SHARE: Final = 1e-9  # of the problem's units
+
+
+def shown(value: float, least: float = 0.0, digits: int = 6) -> str:
+    """The number with so many digits; 0 where it is at most `least` in size."""
+    return "0" if abs(value) <= least else f"{value:.{digits}g}"
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """Sizes up to which numbers of a result are rounding: 1e-9 of the units of its problem.
+
+    With S, D and L the units of stress, displacement and length, those of forces, moments, rotations and energies are
+    S L, S L², D/L and S D L.
+
+    Attributes
+    ----------
+    stress : float
+        1e-9 S [stress].
+    displacement : float
+        1e-9 D, for displacements, gaps and slips [length].
+    force, moment : float
+        1e-9 S L and 1e-9 S L², a unit of thickness [stress × length, stress × length²].
+    rotation : float
+        1e-9 D/L [rad].
+    energy : float
+        1e-9 S D L, a unit of thickness [stress × length²].
+
+    """
+
+    stress: float = 0.0
+    displacement: float = 0.0
+    force: float = 0.0
+    moment: float = 0.0
+    rotation: float = 0.0
+    energy: float = 0.0
+
+    @classmethod
+    def of(cls, stress: float, displacement: float, length: float) -> "Rounding":
+        """That of a problem with the units S, D and L."""
+        return cls(
+            stress=_SHARE * stress,
+            displacement=_SHARE * displacement,
+            force=_SHARE * stress * length,
+            moment=_SHARE * stress * length**2,
+            rotation=_SHARE * displacement / length,
+            energy=_SHARE * stress * displacement * length,
+        )
+
+    @classmethod
+    def largest(cls, each: Iterable["Rounding"]) -> "Rounding":
+        """That of several results which are shown together, such as the steps of a history."""
+        found = list(each)
+        return cls(*(max((getattr(one, name) for one in found), default=0.0) for name in cls.__dataclass_fields__))
