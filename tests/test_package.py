@@ -41,7 +41,7 @@ def required():
 
 
 def stated(name):
-    """What a package's metadata say of its licence: of a whole text the beginning, since parts have terms of their own."""
+    """What a package says of its licence: of a whole text the beginning, since parts have terms of their own."""
     metadata = distribution(name).metadata
     classifiers = [line for line in metadata.get_all("Classifier") or () if line.startswith("License")]
     return " ".join([metadata.get("License-Expression") or "", (metadata.get("License") or "")[:400], *classifiers])
