@@ -90,7 +90,7 @@ CHAPTER = Chapter(
     "SSNV128: opening, slip and stick",
     "All three states on one contact come out as another code prints them and a second discretisation finds them.",
     "Published values are means over several codes with a tolerance of 5 %; a displacement model gives more digits. "
-    "Displacements of the base are projections of what the stresses feel.",
+    "Displacements of the base are averages over an edge.",
     "More than the manual's 5 %, more than the mesh explains against the displacement model, or resultants out of "
     "balance.",
     {

@@ -189,7 +189,7 @@ def _reasons(
         found.append(f"No admissible displacement was found: {companion.message}")
     misfit, unit = stress.result.traction_misfit, given.discretization.scales.stress
     if misfit > allowed_misfit(unit, stress.result.stress_rounding):
-        found.append(f"Prescribed tractions are met in resultants only, up to {misfit:.3g} [stress] off at points.")
+        found.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
     elif balance > _BALANCE:
         found.append(f"The two energies and the parts of their gap differ by {balance:.1e} of the energy.")
     if apart < -_CROSSED:

@@ -103,5 +103,5 @@ def _reasons(problem: DualProblem, c: FloatArray) -> tuple[str, ...]:
             break
         start += trace.count
     return (
-        f"The displacement passes the obstacle of {trace.name!r} by {worst:.1e}, relative: supports push it there.",
+        f"The displacement enters the obstacle of {trace.name!r} by {worst:.1e} of its size: supports push it there.",
     )

@@ -101,20 +101,21 @@ class Discretization(Stated):
         for vertex in self.elimination.conflicts:
             x, y = mesh.vertices[vertex]
             found.append(
-                f"Shear prescribed on the two sides of the corner ({x:.6g}, {y:.6g}) disagrees: the resultants of the "
-                "edges there are kept, not the values in the corner."
+                f"The shear stresses prescribed on the two sides of the corner ({x:.6g}, {y:.6g}) differ. The forces "
+                "on the edges there are right, the values in the corner are not."
             )
         for vertex, contact in self.shared_corners:
             x, y = mesh.vertices[vertex]
+            place = f"({x:.6g}, {y:.6g})"
             given_up = (
-                "is met in the resultants of the edges only, as no certified state was found in which friction carries "
-                "it: let it fall to zero towards that corner"
+                f"At the corner {place} friction on {contact!r} cannot carry the shear stress of the other side. Only "
+                "the forces on the edges there are right. Let the prescribed shear fall to zero towards that corner."
             )
-            taken = given_up if vertex in self.freed else "holds for the contact too"
-            found.append(f"The shear prescribed beside {contact!r} in the corner ({x:.6g}, {y:.6g}) {taken}.")
+            taken = f"At the corner {place} the other side prescribes the shear stress of contact {contact!r} as well."
+            found.append(given_up if vertex in self.freed else taken)
         found += [
-            f"Equilibrium with the other loads gives {row.component} of the plate at {row.contact!r} anyway; its "
-            "motion in that component is not determined and taken as zero."
+            f"Equilibrium with the other loads already determines {row.component} of the plate at {row.contact!r}. "
+            "The plate's motion in that component is not determined, and is given as zero."
             for row in self.plates.determined
         ]
         return tuple(found)

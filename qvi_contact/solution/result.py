@@ -185,7 +185,7 @@ class ContactResult(Stated):
         if self.has_state and self.traction_misfit > 1e-6 * self.discretization.scales.stress:
             remarks += (
                 f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
-                "single points; every edge keeps their resultant force and moment. Refine there for less.",
+                "single points. Force and moment on every edge are right. Refine there to reduce the difference.",
             )
         if not self.has_state:
             return remarks
@@ -198,9 +198,9 @@ class ContactResult(Stated):
         if not _NOTHING * stress < largest < _COUNTED * stress:
             return ()
         return (
-            f"The contacts carry at most {self.discretization.scales.stress * largest:.2g} [stress], next to nothing "
-            "beside the stress in the body: no digit of these tractions is certain. Leave out what else strains the "
-            "body to see them.",
+            f"The contacts carry at most {self.discretization.scales.stress * largest:.2g} [stress], very little "
+            "beside the stress in the body: no digit of these tractions is certain. To compute them, leave out the "
+            "loads that strain the body elsewhere.",
         )
 
     def _rounded_stresses(self) -> tuple[str, ...]:
@@ -229,8 +229,8 @@ class ContactResult(Stated):
             if count:
                 found.append(
                     f"On {count} edge{'s' if count > 1 else ''} of {rows.name!r} the friction bound is no quadratic "
-                    "function: a smaller one is used there, and the stresses are admissible, but friction is "
-                    "underestimated. Refine there for less."
+                    "function, and a smaller one is used there. The stresses are admissible, but friction is "
+                    "underestimated. Refine there to reduce the error."
                 )
         return tuple(found)
 

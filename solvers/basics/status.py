@@ -46,7 +46,7 @@ class Status(StrEnum):
 
 _ADVICE = {
     Status.SOLVED: "Nothing to do: the certificate passed on the original data.",
-    Status.INACCURATE: "The certificate passes only at a looser tolerance: accept its accuracy, or take "
+    Status.INACCURATE: "The certificate passes at a looser tolerance only. Accept that accuracy, or take "
     "another inner solver such as 'direct:clarabel'.",
     Status.INFEASIBLE: "The load cannot be carried: reduce the tension or the sliding force, or add supports (or "
     "friction, if the body slides).",

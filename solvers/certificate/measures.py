@@ -38,18 +38,18 @@ class Measure:
 MEASURES: Final = (
     Measure(
         "equality",
-        "What is missing in A z = b, such as the force balance of plates driven by force.",
+        "How far A z = b is missed, such as the force balance of plates driven by force.",
         "Large: forces on a plate are not in equilibrium. Tighten the inner solver's tolerance.",
     ),
     Measure(
         "normal",
         "Largest pull σ_N > 0 at a contact point that can only press, over the largest traction.",
-        "Large: the contact sticks like glue somewhere. The state is not admissible.",
+        "Large: the contact pulls on the body somewhere. The state is not admissible.",
     ),
     Measure(
         "friction",
-        "Largest |σ_T| beyond the friction bound of the pressure at hand, over the largest traction.",
-        "Large: friction carries more than its law allows, as after too few outer iterations.",
+        "Largest |σ_T| above the friction bound of the computed pressure, over the largest traction.",
+        "Large: friction carries more than its law allows. The outer iteration may have ended too early.",
     ),
     Measure(
         "stationarity",
@@ -59,13 +59,13 @@ MEASURES: Final = (
     ),
     Measure(
         "sign",
-        "Multipliers of the wrong sign: an obstacle that pulls, friction that drives the slip.",
-        "Large: the back end's multipliers cannot be trusted, whatever it called them.",
+        "Multipliers of the wrong sign: the obstacle would pull, or friction would push along the slip.",
+        "Large: the multipliers of the back end are wrong, whatever status it reports.",
     ),
     Measure(
         "complementarity_normal",
         "Work Σ |m_N σ_N| of pressure on an open gap, over the energy.",
-        "Large: points press without touching. Tighten the inner tolerance.",
+        "Large: points with a gap carry pressure. Tighten the inner tolerance.",
     ),
     Measure(
         "complementarity_tangential",

@@ -89,16 +89,16 @@ class UniquenessBound:
         if self.friction == 0.0:
             return "No friction bound depends on the pressure: the stress is unique."
         if self.bound == np.inf:
-            return "Nothing can change: equilibrium alone determines the contact tractions; the stress is unique."
+            return "Equilibrium alone determines the contact tractions: the stress is unique."
         text = (
-            f"Sufficient, not necessary for uniqueness: friction below 1/γ = {self.sharper:.2g} (the sharper of two "
-            f"bounds; the plain one, κ^(−1/2) ≤ 1/γ, is {self.bound:.2g}); here {self.friction:.3g}"
+            f"The solution is unique where friction is below 1/γ = {self.sharper:.2g}, which may be much too strict "
+            f"(the plain bound, κ^(−1/2) ≤ 1/γ, is {self.bound:.2g}). Friction is {self.friction:.3g} here"
         )
         if not self.satisfied:
-            return f"{text}, which proves nothing: there may be one solution or several."
+            return f"{text}: there may be one solution or several."
         if self.proves:
-            return f"{text}: this is the only solution."
-        return f"{text}: only one, if the law is tested on the traces; for the law at single points an indicator."
+            return f"{text}: there is no other solution."
+        return f"{text}: the only solution if the law holds on whole edges; for the law at points an indicator."
 
 
 def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:

@@ -318,7 +318,7 @@ def _advance(run: _Run, residuals: Residuals) -> None:
         run.reason, run.message = Status.STALLED, f"Newton's matrix: {error}"
         return
     if run.path.lost:
-        run.reason, run.message = Status.STALLED, "the central path does not turn back"
+        run.reason, run.message = Status.STALLED, "the interior point method stalled"
     elif run.path.passed:
         run.path, run.best = None, (np.inf, len(run.history))
 

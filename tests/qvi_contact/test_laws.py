@@ -324,7 +324,7 @@ def test_shear_at_the_bound_in_the_corner_is_carried(side, beside):
     result = solved(replace(problem, conditions=conditions), tolerance=1e-8, element="bfs")
     line = result.contacts["base"]
     assert line.slip == pytest.approx(state.displacement(line.x, line.y)[int(side in ("left", "right"))], rel=1e-6)
-    assert "holds for the contact too" in result.remarks[0]
+    assert "prescribes" in result.remarks[0]
 
 
 @pytest.mark.parametrize("base", ["bottom", "top"])
@@ -341,13 +341,13 @@ def test_shear_that_friction_cannot_carry_in_the_corner(base, shear):
         return ContactProblem(mesh, MATERIALS["stress"], [Contact(base, friction, name="base"), *loads])
 
     freed = solved(problem(0.05), tolerance=1e-8, element="bfs")
-    assert any("met in the resultants of the edges only" in remark and "'base'" in remark for remark in freed.remarks)
+    assert any("cannot carry the shear" in remark and "'base'" in remark for remark in freed.remarks)
     assert freed.traction_misfit > 0.1
     assert freed.resultant("right").y == pytest.approx(shear / 2.0, rel=1e-9)
     line = freed.contacts["base"]
     assert (np.abs(line.tangential_stress) - 0.05 * np.abs(line.normal_stress)).max() < 1e-6
     kept = solved(problem(3.0), tolerance=1e-8, element="bfs")
-    assert any("holds for the contact too" in remark for remark in kept.remarks)
+    assert any("prescribes" in remark for remark in kept.remarks)
     assert kept.traction_misfit < 1e-8
 
 

@@ -124,7 +124,7 @@ def _orders(curve: Curve) -> tuple[str, ...]:
 def verdict(curve: Curve) -> str:
     """What the orders of a curve are worth."""
     if curve.fitted is None:
-        return "fewer than three errors that mean something"
+        return "too few points for an order"
     if curve.flat:
         return "does not fall"
     if curve.as_expected:
