@@ -5,10 +5,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, evaluate
+from qvi_contact.basics.checks import Field, FloatArray
 from qvi_contact.discretization.discretization import discretize
-from qvi_contact.discretization.loads import LOAD_POINTS
-from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.files.export import element_of
 from qvi_contact.files.problem_builder import FIELDS, TABLES
 from qvi_contact.files.problem_file import ProblemFile
@@ -17,6 +15,7 @@ from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 _NOISE: Final = 1e-12  # share of all that acts below which a resultant is rounding
@@ -110,20 +109,28 @@ def _loads(problem: ContactProblem) -> list[dict[str, Any]]:
     for condition in problem.conditions:
         if isinstance(condition, Traction):
             edges = mesh.edges(condition.edges)
-            x, y, weights = _points(mesh, edges)
             given = [
-                evaluate("traction", value, x, y)[:, None] * np.repeat(direction_of(name, edges), LOAD_POINTS, axis=0)
-                for name, value in components(condition).items()
+                _along(mesh, edges, direction_of(name, edges), value) for name, value in components(condition).items()
             ]
-            t = np.sum(given, axis=0)
+            x, y, weights, t = (np.concatenate(parts) for parts in zip(*given, strict=True))
             if t.any():
                 found.append({"name": condition.name, **_resultant(x, y, weights, *t.T)})
-    x, y, weights = _points(mesh, mesh.boundary)
-    potential = evaluate("body_potential", problem.body_potential, x, y)
-    if np.ptp(potential) > 0.0:
-        pull = -potential[:, None] * np.repeat(mesh.boundary.normal, LOAD_POINTS, axis=0)
-        found.append({"name": "body", **_resultant(x, y, weights, *pull.T)})
+    if callable(problem.body_potential):
+        x, y, weights, pull = _along(mesh, mesh.boundary, -mesh.boundary.normal, problem.body_potential)
+        if np.ptp(np.hypot(*pull.T)) > 0.0:
+            found.append({"name": "body", **_resultant(x, y, weights, *pull.T)})
     return found
+
+
+def _along(
+    mesh: Mesh, edges: Edges, direction: FloatArray, value: Field
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Points x, y and weights (n,) [length] along edges, and a component of the traction there as vectors (n, 2)."""
+    found = along_edges(mesh, edges, "load", value)
+    x, y = mesh.points_along(edges.take(found.edge), found.t)
+    weights = found.weights * edges.length[found.edge, None]
+    vectors = found.values.ravel()[:, None] * np.repeat(direction[found.edge], found.t.shape[1], axis=0)
+    return x.ravel(), y.ravel(), weights.ravel(), vectors
 
 
 def _resultant(x: FloatArray, y: FloatArray, weights: FloatArray, t_x: FloatArray, t_y: FloatArray) -> dict[str, float]:
@@ -132,10 +139,3 @@ def _resultant(x: FloatArray, y: FloatArray, weights: FloatArray, t_x: FloatArra
     largest = {"x": size, "y": size, "moment": size * float(np.hypot(x, y).max())}
     found = {name: float(values.sum()) for name, values in parts.items()}
     return {name: value if abs(value) > _NOISE * largest[name] else 0.0 for name, value in found.items()}
-
-
-def _points(mesh: Mesh, edges: Edges) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gauss points x, y and weights along edges [length]."""
-    t, weights = gauss_legendre(LOAD_POINTS)
-    x, y = mesh.points_along(edges, t)
-    return x.ravel(), y.ravel(), (edges.length[:, None] * weights).ravel()

@@ -12,6 +12,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Traction
+from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem
 
 LOAD_POINTS = 10
@@ -113,13 +114,12 @@ def edge_moments(
 def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
     """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and what is wrong with it.
 
-    That is a difference from a finer quadrature, or one between tractions and what it integrates, at
-    `bernstein.SAMPLES` of every edge. Of a body potential only the points of the two quadratures are seen, 541 or more
-    a cell.
+    That is a difference of the body force's from a finer quadrature, or what is left of tractions that no quadrature
+    can follow. Of a body potential only the points of the two quadratures are seen, 541 or more a cell.
     """
-    remarks = _traction_reasons(problem, body.space.degree, scales)
+    tractions, remarks = _traction_load(problem, body.space, scales)
     first, second = (
-        _traction_load(problem, body.space, scales, count) + _body_load(problem, body, scales, count)
+        tractions + _body_load(problem, body, scales, count)
         for count in (load_points(body.space.degree), 2 * load_points(body.space.degree) + 1)
     )
     error = float(np.abs(first - second).max(initial=0.0))
@@ -130,28 +130,19 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
     return second, (changed, *remarks)
 
 
-def _traction_reasons(problem: ContactProblem, degree: int, scales: Scales) -> tuple[str, ...]:
-    """Which tractions are no polynomials that quadrature integrates exactly."""
-    found: list[str] = []
-    for given in problem.prescribed(Traction):
-        if callable(given.value):
-            edges = problem.mesh.boundary.take(given.index)
-            moments = edge_moments(problem, edges, given.name, given.value, degree, scales.stress)
-            found += moments.reason(given.name, scales)
-    return tuple(dict.fromkeys(found))
-
-
-def _traction_load(problem: ContactProblem, space: Space, scales: Scales, count: int) -> FloatArray:
-    """∫_{Γσ} T·v ds as a vector (size,)."""
-    load = np.zeros(space.size)
-    t, w = gauss_legendre(count)
-    shape = bernstein.basis(space.degree, t) * w[:, None]
+def _traction_load(problem: ContactProblem, space: Space, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
+    """∫_{Γσ} T·v ds as a vector (size,), and which tractions no quadrature follows."""
+    load, remarks = np.zeros(space.size), list[str]()
     for given in problem.prescribed(Traction):
         edges = problem.mesh.boundary.take(given.index)
-        values = evaluate(given.name, given.value, *problem.mesh.points_along(edges, t)) / scales.stress
+        found = along_edges(problem.mesh, edges, given.name, given.value, load_points(space.degree))
+        shapes = bernstein.basis(space.degree, found.t.ravel()).reshape(*found.t.shape, -1)
         lengths = edges.length / scales.length
-        _add(load, space.along(edges), lengths[:, None] * (values @ shape), given.direction)
-    return load
+        _add(load, space.along(edges), lengths[:, None] * found.integrals(shapes) / scales.stress, given.direction)
+        if found.error > MISFIT * float(np.abs(found.values).max(initial=0.0)):
+            size = f"{found.error:.2g} [stress]"
+            remarks.append(f"{given.name} jumps or grows so that quadrature leaves {size} times an edge's length.")
+    return load, tuple(dict.fromkeys(remarks))
 
 
 def _add(load: FloatArray, numbers: IntArray, work: FloatArray, direction: FloatArray) -> None:

@@ -13,16 +13,17 @@ force to the caller, who adds it to σ_N, or to σ_xx and σ_yy.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.element.quadrature import EdgeQuadrature, adapted
+from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.mesh import Mesh
 from solvers import EnergyRoot
 from solvers.factorisation.choice import Structure
@@ -126,6 +127,23 @@ class PrescribedTraction:
     direction: FloatArray
     value: Callable[[FloatArray, FloatArray], FloatArray]
     potential: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+
+    def take(self, index: BoolArray) -> "PrescribedTraction":
+        """The same on some of the edges."""
+        return replace(self, edges=self.edges.take(index), direction=self.direction[index])
+
+    def quadrature(self, vertices: FloatArray, points: int) -> EdgeQuadrature:
+        """The part that Φ makes up, at Gauss points of parts of the edges; vertices (v, 2) [length]."""
+
+        def own(edge: IntArray, t: FloatArray) -> FloatArray:
+            x, y = np.moveaxis(points_along(vertices, self.edges.take(edge), t), -1, 0)
+            values = np.asarray(self.value(x, y))
+            if self.potential is None:
+                return values
+            outward = (self.direction * self.edges.normal).sum(axis=1)
+            return np.asarray(values - self.potential(x, y) * outward[edge, None])
+
+        return adapted(own, len(self.edges), points)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem, Prescribed
 
 LOAD_POINTS = 8
-"""Gauss points an edge for data given as functions: exact up to degree 15."""
+"""Gauss points for data given as functions, on edges: exact up to degree 15; for tractions on parts too."""
 
 
 def potential_at(problem: ContactProblem, scales: Scales, points: FloatArray) -> FloatArray:
@@ -98,11 +98,11 @@ def _along(given: Prescribed, vectors: FloatArray) -> BoolArray:
     return np.asarray(np.abs((given.direction * vectors).sum(axis=1)) == 1.0)
 
 
-def prescribed_at_points(
-    problem: ContactProblem, basis: Basis, kind: type[Traction] | type[Displacement], scales: Scales
+def displacements_at_points(
+    problem: ContactProblem, basis: Basis, scales: Scales
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
-    """Prescribed data of one kind as (directions (n, 2), Gauss points of n edges, values there in physical units)."""
-    for given in problem.prescribed(kind):
+    """Prescribed displacements as (directions (n, 2), Gauss points of n edges, values there [length])."""
+    for given in problem.prescribed(Displacement):
         points = EdgePoints(basis, problem.mesh.boundary.take(given.index), LOAD_POINTS)
         x, y = physical(problem, scales, points.coordinates)
         yield given.direction, points, evaluate(given.name, given.value, x, y)
@@ -111,7 +111,7 @@ def prescribed_at_points(
 def displacement_load(problem: ContactProblem, basis: Basis, scales: Scales) -> FloatArray:
     """∫_{Γ_u} U·τn ds as a vector over all degrees of freedom, the first term on the right of (D1)."""
     load = np.zeros(basis.size)
-    for direction, points, values in prescribed_at_points(problem, basis, Displacement, scales):
+    for direction, points, values in displacements_at_points(problem, basis, scales):
         if values.any():
             load += points.traction_load(direction, points.weights * values / scales.displacement)
     return load

@@ -11,6 +11,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.discretization.loads import LOAD_POINTS
+from qvi_contact.element import bernstein
 from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.errors import InputError
@@ -185,7 +186,7 @@ class Reader:
         for condition in problem.conditions:
             kind = TABLES[type(condition)]
             index[kind] += 1
-            x, y = _points(problem.mesh, condition.edges)
+            x, y = _points(problem.mesh, condition)
             for key in FIELDS[kind]:
                 field = getattr(condition, key)
                 if callable(field):
@@ -226,8 +227,9 @@ def _check_constants(constants: dict[str, float]) -> None:
             Expression(name, {name: value})
 
 
-def _points(mesh: Mesh, edges: str) -> tuple[FloatArray, FloatArray]:
-    """Ends and Gauss points of edges: all places where their conditions are evaluated."""
-    t = np.concatenate([[0.0, 1.0], gauss_legendre(GAUSS_COUNT)[0], gauss_legendre(LOAD_POINTS)[0]])
-    x, y = mesh.points_along(mesh.edges(edges), t)
+def _points(mesh: Mesh, condition: Condition) -> tuple[FloatArray, FloatArray]:
+    """Ends, Gauss points and, for tractions, samples of edges: where conditions that do not jump are evaluated."""
+    samples = bernstein.SAMPLES if isinstance(condition, Traction) else np.zeros(0)
+    t = np.concatenate([[0.0, 1.0], gauss_legendre(GAUSS_COUNT)[0], gauss_legendre(LOAD_POINTS)[0], samples])
+    x, y = mesh.points_along(mesh.edges(condition.edges), t)
     return x.ravel(), y.ravel()

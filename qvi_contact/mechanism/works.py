@@ -1,4 +1,4 @@
-"""The work that loads do on rigid motions, exact for tractions and potentials that are polynomials on edges.
+"""The work that loads do on rigid motions, with the integrals that stresses take of the same data.
 
 The body force b = −∇φ does the work −∮ φ n·u ds on a rigid motion, around each block. A fluid in a contact presses on
 both sides, and does the work −∫ p_w [v]_N ds there; what the contact law limits is the rest, σ_N' = σ_N + p_w.
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.basics.checks import Field, FloatArray, IntArray
 from qvi_contact.mechanism.bodies import Bodies, plate_of
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Traction, components
+from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 
 BODY = "body"
@@ -21,7 +21,6 @@ BODY = "body"
 FLUID = "pore pressure"
 """What the fluids in contacts are called among the loads."""
 
-_POINTS = 8  # Gauss points an edge, as for the loads of the discretisation: exact up to degree 15
 _ROUNDING = 1e-13  # share of a load's size below which a resultant is rounding
 
 
@@ -107,12 +106,14 @@ def _along(
     field: Field,
 ) -> Work:
     """∫ f d·u ds of a field f on edges whose blocks are (n,), along d (n, 2)."""
-    points, weights = gauss_legendre(_POINTS)
-    x, y = problem.mesh.points_along(edges, points)
-    values = evaluate(name, field, x, y) * weights * edges.length[:, None]
-    force, arm = values.ravel(), np.column_stack([x.ravel(), y.ravel()])
-    rows = bodies.rows(np.repeat(block, _POINTS), arm, np.repeat(direction, _POINTS, axis=0))
-    return Work(force @ rows, float(np.abs(force).sum()))
+    mesh = problem.mesh
+    found = along_edges(mesh, edges, name, field)
+    size = np.abs(found.values * found.weights).sum(axis=1) @ edges.length[found.edge]
+    at_ends = found.integrals(np.stack([1.0 - found.t, found.t], axis=-1)) * edges.length[:, None]
+    row = np.zeros(3 * len(bodies))
+    for force, vertices in zip(at_ends.T, (edges.first, edges.second), strict=True):  # of the same force and moment
+        row += force @ bodies.rows(block, mesh.vertices[vertices], direction)
+    return Work(row, float(size))
 
 
 def _of_plate(bodies: Bodies, contact: Contact) -> Work:

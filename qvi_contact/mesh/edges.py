@@ -47,9 +47,9 @@ class Edges:
 
 
 def points_along(vertices: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
-    """Points at the reference coordinates t (q,), 0 to 1 along the tangent, of edges; shape (n, q, 2)."""
+    """Points at the reference coordinates t, 0 to 1 along the tangent, (q,) or (n, q), of n edges; shape (n, q, 2)."""
     first, second = vertices[edges.first], vertices[edges.second]
-    return np.asarray(first[:, None, :] + (second - first)[:, None, :] * np.asarray(t)[:, None])
+    return np.asarray(first[:, None, :] + (second - first)[:, None, :] * np.asarray(t)[..., None])
 
 
 def edge_ends(edges: Edges) -> IntArray:

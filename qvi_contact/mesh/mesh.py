@@ -95,7 +95,7 @@ class Mesh(Protocol):
         ...
 
     def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Coordinates x, y [length] at reference points t (q,), 0 to 1, of edges; shape (n, q) each."""
+        """Coordinates x, y [length] at reference points t, 0 to 1, (q,) or (n, q), of n edges; shape (n, q) each."""
         ...
 
     def arranged(self, values: FloatArray) -> FloatArray:

@@ -322,7 +322,7 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
         raise InputError("Region.name", name, "regions of a rectilinear mesh have no names: give ranges x and y")
 
     def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Coordinates x, y [length] at reference points t (n,), 0 to 1, of edges; shape (edges, n) each."""
+        """Coordinates x, y [length] at reference points t, 0 to 1, (q,) or (n, q), of n edges; shape (n, q) each."""
         points = points_along(self.coordinates, edges, t)
         return points[..., 0], points[..., 1]
 

@@ -268,7 +268,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return self.regions[one_of("region", name, self.regions, remedy)]
 
     def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Coordinates x, y [length] at reference points t (q,), 0 to 1, of edges; shape (n, q) each."""
+        """Coordinates x, y [length] at reference points t, 0 to 1, (q,) or (n, q), of n edges; shape (n, q) each."""
         points = points_along(self.vertices, edges, t)
         return points[..., 0], points[..., 1]
 

@@ -1,19 +1,32 @@
 """Tractions of a stress on edges, and what they do along prescribed displacements."""
 
+from collections.abc import Iterator
+from typing import Final
+
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.edge_points import EdgePoints
-from qvi_contact.discretization.loads import LOAD_POINTS, physical, potential_at, prescribed_at_points
-from qvi_contact.problem.conditions import Contact, Displacement, Traction
+from qvi_contact.discretization.loads import (
+    LOAD_POINTS,
+    displacements_at_points,
+    physical,
+    potential_at,
+    prescribed_tractions,
+)
+from qvi_contact.element import legendre
+from qvi_contact.element.quadrature import EdgeQuadrature
+from qvi_contact.problem.conditions import Contact
+
+_SEEN: Final = 1e-3  # of an edge: nearer to a jump or a singular point nobody looks
 
 
 def support_work(discretization: Discretization, u: FloatArray) -> float:
     """∫_{Γ_u} U·τn ds [stress × length²] of degrees of freedom u of Φ."""
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
     work = 0.0
-    for direction, points, values in prescribed_at_points(problem, space, Displacement, scales):
+    for direction, points, values in displacements_at_points(problem, space, scales):
         along = component(traction(discretization, u, points), points, direction)
         work += scales.length * float(points.weights @ (values * along))
     return work
@@ -66,13 +79,35 @@ def traction(discretization: Discretization, u: FloatArray, points: EdgePoints) 
 
 
 def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
-    """Largest difference between prescribed tractions and those of degrees of freedom u of Φ at points [stress]."""
+    """Largest difference between prescribed tractions and those of degrees of freedom u of Φ at points [stress].
+
+    The points are those that integrate the data, but for parts of edges that are next to nothing.
+    """
+    largest = 0.0
+    for wanted, computed in prescribed_and_computed(discretization, u):
+        seen = wanted.weights.sum(axis=1) >= _SEEN
+        shapes = legendre.basis(computed.shape[1] - 1, wanted.t[seen])
+        values = (shapes @ computed[wanted.edge[seen], :, None])[..., 0]
+        largest = max(largest, float(np.abs(values - wanted.values[seen]).max(initial=0.0)))
+    return largest * discretization.scales.stress
+
+
+def prescribed_and_computed(
+    discretization: Discretization, u: FloatArray
+) -> Iterator[tuple[EdgeQuadrature, FloatArray]]:
+    """Each prescribed component of tractions on its n edges, and the computed one's coefficients of Legendre (n, k).
+
+    Dimensionless, without φ.
+    """
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
-    differences = [
-        np.abs(component(traction(discretization, u, points), points, direction) - wanted).max()
-        for direction, points, wanted in prescribed_at_points(problem, space, Traction, scales)
-    ]
-    return float(max(differences, default=0.0))
+    degree = max(space.normal_degree, space.shear_degree)
+    count = max(LOAD_POINTS, degree + 1)
+    for given in prescribed_tractions(problem, scales):
+        points = EdgePoints(space, given.edges, count)
+        normal, shear = points.tractions(u.ravel())
+        along = component(normal * points.normals.T + shear * points.tangents.T, points, given.direction)
+        wanted = given.quadrature(problem.mesh.vertices, LOAD_POINTS)
+        yield wanted, along.reshape(-1, count) @ legendre.from_values(degree, count).T
 
 
 def component(vectors: FloatArray, points: EdgePoints, direction: FloatArray) -> FloatArray:

@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.families import element_on
-from qvi_contact.discretization.loads import prescribed_at_points
+from qvi_contact.discretization.loads import prescribed_tractions
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import airy_units, field_arrays
-from qvi_contact.problem.conditions import Traction
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.work import component, traction
+from qvi_contact.solution.work import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
@@ -249,12 +248,12 @@ def missed_tractions(result: ContactResult) -> float:
     Resultants of prescribed tractions are met whatever the mesh; their distribution is what `traction_misfit` compares.
     """
     known, missed = result.discretization, list[float]()
-    unit = result.certificate.scales.get("stress", 1.0) * known.scales.stress
-    for direction, points, values in prescribed_at_points(result.problem, known.space, Traction, known.scales):
-        weights = points.weights * known.scales.length
-        computed = component(traction(known, result.dofs, points), points, direction)
-        size = max(unit, float(np.abs(values).max())) * float(weights.sum())
-        missed.append(abs(float(weights @ computed) - float(weights @ values)) / size)
+    unit = result.certificate.scales.get("stress", 1.0)
+    parts = prescribed_and_computed(known, result.dofs)
+    for given, (wanted, computed) in zip(prescribed_tractions(result.problem, known.scales), parts, strict=True):
+        length = given.edges.length
+        size = max(unit, float(np.abs(wanted.values).max())) * float(length.sum())
+        missed.append(abs(float(length @ (computed[:, 0] - wanted.coefficients(0)[:, 0]))) / size)
     return _largest(missed)
 
 

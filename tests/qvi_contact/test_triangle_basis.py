@@ -236,14 +236,25 @@ def test_data_outside_the_space_keep_force_and_moment_of_every_edge():
     mesh = TriangleMesh.rectangle((2, 2))
     basis, edges = TriangleBasis(mesh, 4), mesh.edges("top")
     direction = np.broadcast_to([0.0, 1.0], (2, 2))
-    given = [PrescribedTraction("Traction.y", edges, direction, lambda x, _: np.sqrt(x))]
-    found = basis.eliminate(given, SharedCorners())
+    step = 0.61803
+    x = np.array([0.0, 0.5, 1.0])
     t, w = gauss_legendre(8)
-    normal = basis.tractions(found.particular, edges, t)[0].reshape(2, -1)
-    x = mesh.points_along(edges, t)[0]
-    assert normal @ w == pytest.approx(np.sqrt(x) @ w, rel=1e-12)
-    assert (normal * t) @ w == pytest.approx((np.sqrt(x) * t) @ w, rel=1e-12)
-    assert np.abs(normal - np.sqrt(x)).max() > 1e-3
+    for load, force, moment in (
+        (np.sqrt, x**1.5 / 1.5, x**2.5 / 2.5),
+        (
+            lambda x: np.where(x < step, 1.0, -2.0),
+            np.minimum(x, 3 * step - 2 * x),
+            np.minimum(x**2, 3 * step**2 - 2 * x**2) / 2,
+        ),
+        (lambda x: np.where(np.abs(x - step) < 3e-3, 1.0, 0.0), [0.0, 0.0, 6e-3], [0.0, 0.0, 6e-3 * step]),
+    ):
+        given = [PrescribedTraction("Traction.y", edges, direction, lambda x, _, load=load: load(x))]
+        found = basis.eliminate(given, SharedCorners())
+        normal = basis.tractions(found.particular, edges, t)[0].reshape(2, -1)
+        places = mesh.points_along(edges, t)[0]
+        assert 0.5 * normal @ w == pytest.approx(np.diff(force), rel=1e-11, abs=1e-14)
+        assert 0.5 * (normal * places) @ w == pytest.approx(np.diff(moment), rel=1e-11, abs=1e-14)
+        assert np.abs(normal - load(places)).max() > 1e-3
 
 
 @pytest.mark.parametrize("degree", [3, 4, 5])

@@ -10,6 +10,7 @@ without a change of resultant force or moment.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,10 @@ from qvi_contact.discretization.basis import Basis, PrescribedTraction
 from qvi_contact.discretization.bogner_fox_schmit.chains import Links
 from qvi_contact.discretization.bogner_fox_schmit.traces import horizontal
 from qvi_contact.discretization.edge_points import EdgePoints
-from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 
 LOAD_POINTS = 8
-"""Gauss points an edge for data given as functions: exact up to degree 15."""
+"""Gauss points of edges and their parts for data given as functions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,34 +32,35 @@ class _Load:
 
     basis: Basis
     given: PrescribedTraction
-    edges: Edges
     factor: float  # from the component that is given to t
+
+    @property
+    def edges(self) -> Edges:
+        return self.given.edges
 
     @property
     def sign(self) -> FloatArray:
         return np.asarray(self.edges.normal.sum(axis=1))
 
-    def at_points(self) -> tuple[FloatArray, FloatArray, EdgePoints]:
-        """T and φ at the Gauss points, edge by edge."""
-        points = EdgePoints(self.basis, self.edges, LOAD_POINTS)
-        mesh = self.basis.mesh
-        x, y = (mesh.origin + mesh.length * points.coordinates).T
-        potential = np.zeros(len(x)) if self.given.potential is None else self.given.potential(x, y)
-        return self.factor * self.given.value(x, y), potential, points
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Dimensionless lengths of the edges."""
+        return EdgePoints(self.basis, self.edges, LOAD_POINTS).lengths
+
+    @cached_property
+    def integrals(self) -> FloatArray:
+        """∫ m p dt and ∫ m p (1 − t) dt of normal, ∫ t dt and ∫ t (1 − t) dt of shear components, (n, 2)."""
+        found = self.given.quadrature(self.basis.mesh.vertices, LOAD_POINTS)
+        return self.factor * found.integrals(np.stack([np.ones_like(found.t), 1.0 - found.t], axis=-1))
 
     def normal_integrals(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """∫p ds, ∫(h − s) p ds and h for each edge."""
-        stress, potential, points = self.at_points()
-        curvature = stress * np.repeat(self.sign, LOAD_POINTS) - potential
-        weighted = (curvature * points.weights).reshape(-1, LOAD_POINTS)
-        rest = 1.0 - gauss_legendre(LOAD_POINTS)[0]
-        return weighted.sum(axis=1), points.lengths * (weighted @ rest), points.lengths
+        force, moment = (self.sign * part for part in self.integrals.T)
+        return self.lengths * force, self.lengths**2 * moment, self.lengths
 
     def shear_force(self) -> FloatArray:
         """−m ∫t ds for each edge."""
-        stress, _, points = self.at_points()
-        force = (stress * points.weights).reshape(-1, LOAD_POINTS).sum(axis=1)
-        return np.asarray(-self.sign * force)
+        return np.asarray(-self.sign * self.lengths * self.integrals[:, 0])
 
     def twists(self) -> Iterator[tuple[IntArray, FloatArray]]:
         """Prescribed Φ_xy at both ends of the edges."""
@@ -93,7 +94,7 @@ def _by_component(basis: Basis, tractions: Sequence[PrescribedTraction]) -> Iter
                 normal = horizontal(given.edges) == (component == 1)
                 for along_normal, part in ((True, chosen & normal), (False, chosen & ~normal)):
                     if part.any():
-                        yield component, along_normal, _Load(basis, given, given.edges.take(part), factor)
+                        yield component, along_normal, _Load(basis, given.take(part), factor)
 
 
 def _stack(rows: Sequence[tuple[Any, ...]], integers: int, floats: int) -> list[Any]:

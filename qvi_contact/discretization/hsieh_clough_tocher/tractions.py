@@ -22,11 +22,9 @@ from qvi_contact.discretization.constraints import Rows, solve_conditions
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
 from qvi_contact.discretization.hsieh_clough_tocher.functionals import EdgeFunctionals
 from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace, frame
-from qvi_contact.element import legendre
-from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.edges import Edges, points_along
+from qvi_contact.mesh.edges import Edges
 
-_POINTS: Final = 8  # Gauss points an edge for data given as functions, at least
+_POINTS: Final = 8  # Gauss points of edges and their parts for data given as functions, at least
 _PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
 _ALIKE: Final = 1.5  # ratio of cells' sizes at vertices that counts as none when the gauge is placed
 _BALANCED: Final = 1e-9  # imbalance of a closed part of the boundary, relative to the loads, that passes as round-off
@@ -118,17 +116,11 @@ def _with_gauge(rows: Rows, vertex: int) -> Rows:
 def _projected(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> EdgeTractions:
     """All prescribed components in the mean square of each edge, which keeps resultant force and moment."""
     degree = space.degree - 2
-    count = max(_POINTS, degree + 3)
-    t, projection = gauss_legendre(count)[0], legendre.from_values(degree, count)
     none = np.empty(0, dtype=np.int64)
     parts = [EdgeTractions(none, space.mesh.boundary.take(none), np.empty((0, 2)), np.empty((0, degree + 1)))]
     for part in given:
-        x, y = np.moveaxis(points_along(space.mesh.vertices, part.edges, t), -1, 0)
-        values = np.asarray(part.value(x, y))
-        if part.potential is not None:
-            outward = (part.direction * part.edges.normal).sum(axis=1)
-            values = values - part.potential(x, y) * outward[:, None]
-        parts.append(EdgeTractions(space.number(part.edges), part.edges, part.direction, values @ projection.T))
+        found = part.quadrature(space.mesh.vertices, max(_POINTS, degree + 3))
+        parts.append(EdgeTractions(space.number(part.edges), part.edges, part.direction, found.coefficients(degree)))
     edges = [np.concatenate([getattr(part.edges, name) for part in parts]) for name in Edges.__annotations__]
     number, direction, coefficients = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("number", "direction", "coefficients")

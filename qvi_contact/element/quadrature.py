@@ -1,0 +1,157 @@
+"""Quadrature on edges for functions that may jump, bend or grow inside an edge.
+
+A function on reference edges, 0 ≤ t ≤ 1, is taken as the polynomial through its values at Gauss points of each edge.
+Where `bernstein.SAMPLES` show that it is another one, the edge is halved, and so are its parts, until the polynomial on
+a part is what the function is at the Gauss points of its halves, just inside its ends, and at all samples. A jump is so
+enclosed down to rounding.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.element import bernstein, legendre
+from qvi_contact.element.hermite import gauss_legendre
+
+Function: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
+"""Values (k, q) at reference points t (k, q) of edges by number (k,)."""
+
+_POLYNOMIAL: Final = 1e-11  # difference at samples, relative to the largest value, that counts as rounding
+_NOTHING: Final = 1e-14  # integral of a difference on one part, relative to the largest value
+_DEEPEST: Final = 48  # halvings of an edge: then a part is as small as rounding of t
+_MOST: Final = 512  # parts of one edge, in the mean, that may wait
+_ENDS: Final = bernstein.SAMPLES[[0, -1]]  # of a part: a jump may lie between its Gauss points and its ends
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeQuadrature:
+    """A function at Gauss points of k parts of edges.
+
+    Attributes
+    ----------
+    count : int
+        Number of edges n.
+    edge : (k,) int array
+        The edge that each part belongs to; every edge has one part or more.
+    t, weights : (k, q) arrays
+        Points and weights on the reference edges; the weights of every edge have the sum 1.
+    values : (k, q) array
+        The function.
+    error : float
+        Integral of what parts that were not divided further leave of it.
+
+    """
+
+    count: int
+    edge: IntArray
+    t: FloatArray
+    weights: FloatArray
+    values: FloatArray
+    error: float
+
+    def coefficients(self, degree: int) -> FloatArray:
+        """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square.
+
+        Mean and first moment of the function are kept from degree 1 on.
+        """
+        return self.integrals(legendre.basis(degree, self.t)) * (2.0 * np.arange(degree + 1) + 1.0)
+
+    def integrals(self, shapes: FloatArray) -> FloatArray:
+        """∫₀¹ f s_j dt on every edge (n, j) of shape functions s_j at the points, (k, q, j)."""
+        parts = np.einsum("kq,kqj->kj", self.values * self.weights, shapes)
+        found = np.zeros((self.count, shapes.shape[-1]))
+        np.add.at(found, self.edge, parts)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Parts of edges, from `start` (k,) on and so `long` (k,), and the function at their Gauss points (k, q)."""
+
+    edge: IntArray
+    start: FloatArray
+    long: FloatArray
+    values: FloatArray
+
+    @classmethod
+    def of(cls, function: Function, edge: IntArray, start: FloatArray, long: FloatArray, t: FloatArray) -> "_Parts":
+        return cls(edge, start, long, function(edge, start[:, None] + long[:, None] * t))
+
+    def places(self, t: FloatArray) -> FloatArray:
+        """Points t (q,) of the parts as places on their edges, (k, q)."""
+        return np.asarray(self.start[:, None] + self.long[:, None] * t)
+
+    def take(self, index: IntArray) -> "_Parts":
+        return _Parts(self.edge[index], self.start[index], self.long[index], self.values[index])
+
+    def halves(self, function: Function, t: FloatArray) -> "_Parts":
+        half = self.long / 2.0
+        starts = np.stack([self.start, self.start + half], axis=1).ravel()
+        return _Parts.of(function, np.repeat(self.edge, 2), starts, np.repeat(half, 2), t)
+
+    def missed(self, samples: FloatArray) -> FloatArray:
+        """Sum of |p − f| (k,) over those of the samples f (edges, 99) that lie on each part, p its polynomial."""
+        first, last = (np.searchsorted(bernstein.SAMPLES, ends) for ends in (self.start, self.start + self.long))
+        part = np.repeat(np.arange(len(self.edge)), last - first)
+        at = np.arange(len(part)) - np.repeat(np.cumsum(last - first) - last, last - first)
+        points = self.values.shape[1]
+        t = (bernstein.SAMPLES[at] - self.start[part]) / self.long[part]
+        coefficients = self.values @ legendre.from_values(points - 1, points).T
+        found = (coefficients[part] * legendre.basis(points - 1, t)).sum(axis=1)
+        return np.asarray(np.bincount(part, np.abs(found - samples[self.edge[part], at]), len(self.edge)), dtype=float)
+
+
+def adapted(function: Function, count: int, points: int = 8) -> EdgeQuadrature:
+    """Quadrature of a function on edges.
+
+    Parameters
+    ----------
+    function : Function
+        The function.
+    count : int
+        Number of edges n.
+    points : int
+        Gauss points of every part. Polynomials of a degree below it have one part an edge.
+
+    """
+    every, t = np.arange(count), gauss_legendre(points)[0]
+    if not count:
+        return _quadrature(0, [_Parts(every, np.zeros(0), np.zeros(0), np.zeros((0, points)))], 0.0)
+    whole = _Parts.of(function, every, np.zeros(count), np.ones(count), t)
+    samples = function(every, np.tile(bernstein.SAMPLES, (count, 1)))
+    size = max(float(np.abs(values).max()) for values in (samples, whole.values))
+    unseen = np.abs(samples - whole.values @ bernstein.gauss_interpolation(points, bernstein.SAMPLES)).max(axis=1)
+    even = unseen <= _POLYNOMIAL * size
+    divided, error = _divided(function, whole.take(np.flatnonzero(~even)), samples, size)
+    return _quadrature(count, [whole.take(np.flatnonzero(even)), *divided], error)
+
+
+def _divided(function: Function, waiting: _Parts, samples: FloatArray, size: float) -> tuple[list[_Parts], float]:
+    """Parts that follow the function, and the integral of what is left, as a share of one edge."""
+    points, edges = waiting.values.shape[1], len(waiting.edge)
+    t, w = gauss_legendre(points)
+    to_halves = bernstein.gauss_interpolation(points, np.concatenate([t / 2.0, (1.0 + t) / 2.0]))
+    to_ends = bernstein.gauss_interpolation(points, _ENDS)
+    found, left = list[_Parts](), np.zeros(0)
+    for _ in range(_DEEPEST):
+        if not 0 < len(waiting.edge) <= _MOST * edges:
+            break
+        halves = waiting.halves(function, t)
+        inside = np.abs(halves.values.reshape(-1, 2 * points) - waiting.values @ to_halves) @ np.tile(w / 2.0, 2)
+        at_ends = np.abs(function(waiting.edge, waiting.places(_ENDS)) - waiting.values @ to_ends).sum(axis=1)
+        left = waiting.long * (inside + t[0] / 2.0 * at_ends) + waiting.missed(samples) / len(bernstein.SAMPLES)
+        close = left <= _NOTHING * size
+        found.append(waiting.take(np.flatnonzero(close)))
+        waiting, left = halves.take(np.flatnonzero(np.repeat(~close, 2))), left[~close]
+    return [*found, waiting], float(left.sum())
+
+
+def _quadrature(count: int, parts: list[_Parts], error: float) -> EdgeQuadrature:
+    edge, start, long, values = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in _Parts.__annotations__
+    )
+    t, w = gauss_legendre(values.shape[1])
+    return EdgeQuadrature(count, edge, start[:, None] + long[:, None] * t, long[:, None] * w, values, error)

@@ -1,0 +1,22 @@
+"""Fields of the problem along edges, at points that integrate them."""
+
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
+from qvi_contact.element.quadrature import EdgeQuadrature, adapted
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.mesh import Mesh
+
+
+def along_edges(mesh: Mesh, edges: Edges, name: str, field: Field, points: int = 8) -> EdgeQuadrature:
+    """A field on edges; so many Gauss points on each, or on each of its parts where the field jumps or bends.
+
+    Raises
+    ------
+    InputError
+        If the field fails or is not finite somewhere; `name` is what it is called then.
+
+    """
+
+    def values(edge: IntArray, t: FloatArray) -> FloatArray:
+        return evaluate(name, field, *mesh.points_along(edges.take(edge), t))
+
+    return adapted(values, len(edges), points)

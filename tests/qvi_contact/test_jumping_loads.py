@@ -1,0 +1,152 @@
+"""Loads that jump inside an edge: stresses, displacements, mechanisms and `check` take the same, exact, integrals."""
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Material,
+    RectilinearMesh,
+    Traction,
+    TriangleMesh,
+    limit_load_factor,
+    solve,
+)
+from qvi_contact.command.outline import outline
+from qvi_contact.companion import solve_companion
+from qvi_contact.element.quadrature import adapted
+from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.mechanism import upper_bound
+from qvi_contact.verification.claims import missed_tractions
+
+FIRST, LAST = 0.3371, 0.6123
+"""Where the load on the top begins and ends: inside cells of the width 1/4, and no multiple of anything."""
+
+
+def strip(x, y):
+    return np.where((x > FIRST) & (x < LAST), -8.0, 0.0) + 0.0 * y
+
+
+def block(mesh=None, load=strip):
+    """A block that rests on the ground with friction."""
+    mesh = RectilinearMesh.rectangle((4, 4)) if mesh is None else mesh
+    sides = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+    conditions = [Contact("bottom", 0.5, name="ground"), Traction("top", 0.0, load), *sides]
+    return ContactProblem(mesh, Material(1e3, 0.3), conditions)
+
+
+class TestQuadrature:
+    """∫ f and ∫ f t over the edges 0 … 1, 1 … 2, 2 … 3."""
+
+    @pytest.mark.parametrize(
+        ("function", "integral"),
+        [
+            (lambda x: x**7, lambda x: x**8 / 8.0),
+            (lambda x: np.where(x < np.sqrt(2.0), 1.0, -1.0), lambda x: np.minimum(x, 2.0 * np.sqrt(2.0) - x)),
+            (lambda x: np.maximum(x - np.sqrt(2.0), 0.0), lambda x: np.maximum(x - np.sqrt(2.0), 0.0) ** 2 / 2.0),
+            (lambda x: np.sqrt(np.abs(x - 1.3)), lambda x: np.abs(x - 1.3) ** 1.5 * np.sign(x - 1.3) / 1.5),
+            (lambda x: np.where(np.abs(x - 1.2056) < 0.0056, 1.0, 0.0), lambda x: np.clip(x, 1.2, 1.2112)),
+            (lambda x: np.sin(200.0 * x), lambda x: -np.cos(200.0 * x) / 200.0),
+        ],
+        ids=["polynomial", "jump", "kink", "root", "narrow", "waves"],
+    )
+    def test_exact(self, function, integral):
+        found = adapted(lambda edge, t: function(edge[:, None] + t), 3)
+        size = np.abs(found.values).max()
+        assert found.error == 0.0
+        assert found.coefficients(0)[:, 0] == pytest.approx(np.diff(integral(np.arange(4.0))), abs=1e-13 * size)
+        assert np.bincount(found.edge, found.weights.sum(axis=1)) == pytest.approx(np.ones(3), abs=1e-14)
+
+    def test_polynomials_have_one_part(self):
+        assert len(adapted(lambda edge, t: edge[:, None] + t**7, 5).edge) == 5
+        assert len(adapted(lambda edge, t: np.where(edge[:, None] + t < 1.2345, 1.0, 0.0), 5).edge) < 70
+
+    def test_a_function_at_the_end_of_an_edge_is_the_edges_own(self):
+        found = adapted(lambda edge, t: np.where(edge[:, None] + t < 2.0, 1.0, 0.0), 3)
+        assert len(found.edge) == 3
+        assert found.coefficients(0)[:, 0].tolist() == pytest.approx([1.0, 1.0, 0.0], abs=1e-15)
+
+    def test_what_nothing_can_follow_is_said(self):
+        """Rounding of a large number decides."""
+        found = adapted(lambda edge, t: np.sign(np.sin(1e12 * (edge[:, None] + t))), 2)
+        assert found.error > 0.1
+        one = adapted(lambda edge, t: np.where(t == 0.5, 1.0, 0.0) + 0.0 * edge[:, None], 2)  # a sample, and no length
+        assert one.error == pytest.approx(2.0 / 99.0)
+        assert one.coefficients(0) == pytest.approx(0.0, abs=1e-12)
+
+    def test_no_edges(self):
+        assert adapted(lambda _, t: t[:, :1] * np.nan, 0).coefficients(2).shape == (0, 3)
+
+
+@pytest.mark.parametrize("element", ["bfs", "hct"])
+class TestResultants:
+    """Force 8 (LAST − FIRST), in the middle between them."""
+
+    FORCE = 8.0 * (LAST - FIRST)
+    MIDDLE = (FIRST + LAST) / 2.0
+
+    def test_stress_and_displacement(self, element):
+        result = solve(block(), element=element)
+        for edges, sign in (("top", -1.0), ("bottom", 1.0)):
+            found = result.resultant(edges)
+            assert found.y == pytest.approx(sign * self.FORCE, rel=1e-11)
+            assert found.moment == pytest.approx(sign * self.FORCE * self.MIDDLE, rel=1e-11)
+        assert result.contacts["ground"].normal_force == pytest.approx(self.FORCE, rel=1e-11)
+        companion = solve_companion(result.problem)
+        assert companion.contacts["ground"].normal_force == pytest.approx(self.FORCE, rel=1e-9)
+        assert companion.reasons == solve_companion(block(load=-1.0)).reasons
+
+    def test_what_is_changed_is_told(self, element):
+        """Half the jump and more, as long as it is inside an edge, and nothing where an edge ends there."""
+        result = solve(block(), element=element)
+        assert 4.0 < result.traction_misfit < 12.0
+        assert f"up to {result.traction_misfit:.3g}" in result.remarks[-1]
+        assert missed_tractions(result) < 1e-11
+        lines = np.array([0.0, 0.2, FIRST, 0.5, LAST, 1.0])
+        fitting = solve(block(RectilinearMesh(lines, np.linspace(0.0, 1.0, 5))), element=element)
+        assert fitting.traction_misfit < 1e-9
+        assert fitting.remarks == ()
+
+
+class TestMechanism:
+    """A wall 1 × 4 of the weight 25, blown at below a height only: it tips at 12.5 = p height²/2."""
+
+    HEIGHT = 2.7182
+
+    def wall(self, mesh):
+        def wind(x, y):
+            return np.where(y < self.HEIGHT, 1.0, 0.0) + 0.0 * x
+
+        loads = [Traction("left", wind, 0.0, name="wind"), Traction("top", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        conditions = [Contact("bottom", 5.0, name="base"), *loads]
+        return ContactProblem(mesh, Material(1e3, 0.3), conditions, body_potential=lambda x, y: 6.25 * y + 0.0 * x)
+
+    @pytest.mark.parametrize("cells", [(1, 1), (2, 3), (4, 16)])
+    def test_the_limit_on_any_mesh(self, cells):
+        problem = self.wall(RectilinearMesh.rectangle(cells, 1.0, 4.0))
+        assert upper_bound(problem, ["wind"])[0] == pytest.approx(25.0 / self.HEIGHT**2, rel=1e-11)
+
+    def test_what_a_mesh_carries_stays_below(self):
+        mesh = TriangleMesh.rectangle((2, 3), 1.0, 4.0).graded([[1.0, 0.0]], 12)
+        limit = limit_load_factor(self.wall(mesh), ["wind"])
+        assert 0.9999 * limit.upper < limit.lower <= limit.upper * (1.0 + 1e-8)
+
+
+def test_what_check_tells():
+    file = problem_from_toml(f"""
+        version = 1
+        mesh = {{ x = [0, 0.5, 1], y = [0, 1] }}
+        material = {{ young = 1000, poisson = 0.3 }}
+        contacts = [{{ edges = "bottom", friction = 0.5 }}]
+        tractions = [
+            {{ edges = "top", x = 0, y = "where(x < {FIRST}, 0, where(x < {LAST}, -8, 0))", name = "strip" }},
+            {{ edges = "left", x = 0, y = 0 }},
+            {{ edges = "right", x = 0, y = 0 }},
+        ]
+    """)
+    (load,) = outline(file, {})[1]["loads"]
+    force = 8.0 * (LAST - FIRST)
+    assert (load["name"], load["x"]) == ("strip", 0.0)
+    assert load["y"] == pytest.approx(-force, rel=1e-12)
+    assert load["moment"] == pytest.approx(-force * (FIRST + LAST) / 2.0, rel=1e-12)
