@@ -1,14 +1,15 @@
 """How the site is built: ``python -m sphinx -W --keep-going -n -b html docs <folder>``, see CONTRIBUTING.md."""
 
 import sys
-from importlib.metadata import version as installed_version
 from pathlib import Path
+
+import qvi_contact
 
 sys.path[:0] = [str(Path(__file__).parent / "_ext")]
 
 project = "qvi_contact"
 author = "the authors of qvi_contact"
-version = release = installed_version("qvi-contact")
+version = release = qvi_contact.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_click", "docstrings", "gallery", "repository"]
 exclude_patterns = ["_ext"]

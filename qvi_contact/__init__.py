@@ -10,6 +10,8 @@ Names are loaded on first use, so that importing the package, or asking the comm
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+__version__ = "0.1.0"
+
 if TYPE_CHECKING:
     from qvi_contact.bracket import refined_where_apart
     from qvi_contact.companion import solve_companion

@@ -14,13 +14,16 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+import qvi_contact
+import solvers
+
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 ONLY_IN_EXTRAS = {"cvxopt", "gmsh", "h5py", "matplotlib", "meshio", "mkl", "pandas"}
 
 SCRIPT = """
 import json, sys
-sys.prefix, sys.path[:0] = sys.argv[1], sys.argv[1:3]
+sys.prefix, sys.path[:0] = sys.argv[1], sys.argv[1:2]
 
 from qvi_contact import InputError, TriangleMesh, limit_load_factor, load_problem, solve, solve_companion
 from qvi_contact.bracket import bracket
@@ -83,6 +86,8 @@ def base(tmp_path_factory):
         for top in {file.parts[0] for file in package.files} - {"..", "__pycache__"}:
             if not (folder / top).exists():
                 (folder / top).symlink_to(package.locate_file(top))
+    for module in (qvi_contact, solvers):
+        (folder / module.__name__).symlink_to(Path(module.__file__).parent)
     done = subprocess.run(
         [sys.executable, "-I", "-S", "-c", SCRIPT, str(folder), str(ROOT)], capture_output=True, text=True, check=False
     )

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+import qvi_contact
+
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 FOR_DEVELOPERS = {"browser", "dev", "docs", "peers", "test"}
@@ -41,7 +43,7 @@ def required():
 
 
 def stated(name):
-    """What a package says of its licence: of a whole text the beginning, since parts have terms of their own."""
+    """What a package's metadata say of its licence: of a whole text the beginning, since parts have others."""
     metadata = distribution(name).metadata
     classifiers = [line for line in metadata.get_all("Classifier") or () if line.startswith("License")]
     return " ".join([metadata.get("License-Expression") or "", (metadata.get("License") or "")[:400], *classifiers])
@@ -70,6 +72,24 @@ def test_a_file_of_the_user_that_has_taken_the_name_of_a_package_is_named(tmp_pa
     path.parent.mkdir(exist_ok=True)
     path.write_text("mine = True\n", encoding="utf-8")
     folders = [str(tmp_path), str(ROOT), sysconfig.get_path("purelib")]
-    code = f"import sys; sys.path[:0] = {folders}; from qvi_contact import Material"
+    code = f"import sys; sys.path[:0] = {folders}; from qvi_contact import QVIError"
     done = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=False)
     assert f"ImportError: 'solvers' is {path}" in done.stderr
+
+
+def test_one_version():
+    assert PROJECT["dynamic"] == ["version"]
+    assert str(citation()["version"]) == qvi_contact.__version__
+
+
+def test_the_citation_has_what_its_format_asks_for():
+    found = citation()
+    assert found["cff-version"] == "1.2.0"
+    assert {"message", "title", "authors", "references"} <= found.keys()
+    assert found["license"] == PROJECT["license"]
+    assert all({"type", "title", "authors"} <= reference.keys() for reference in found["references"])
+
+
+def citation():
+    """CITATION.cff as data."""
+    return pytest.importorskip("yaml").safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from qvi_contact import __version__
 from qvi_contact.basics.terminal import run
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ _JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document 
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(package_name="qvi-contact")
+@click.version_option(__version__)
 def group() -> None:
     """Frictional contact computed from the stress side.
 

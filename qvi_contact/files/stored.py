@@ -1,12 +1,12 @@
 """Results kept in files: everything a result claims, and the problem, so that it can be checked from the file alone."""
 
 import json
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -49,7 +49,7 @@ def solution_arrays(result: ContactResult, units: Units | None = None, title: st
         "corrections": np.array(solution.corrections, dtype=np.float64),
         "remarks": np.array(solution.remarks, dtype=np.str_),
         "timings": json.dumps(dict(solution.timings)),
-        "versions": json.dumps({"qvi-contact": _own_version(), **solution.versions}),
+        "versions": json.dumps({"qvi-contact": __version__, **solution.versions}),
         **_history_arrays(solution.history),
     }
 
@@ -242,13 +242,6 @@ def _history(archive: Archive) -> tuple[Iteration, ...]:
         Iteration(int(number), residual, energy, resultant, state, int(inner), seconds)
         for (number, residual, energy, resultant, inner, seconds), state in zip(table.tolist(), states, strict=True)
     )
-
-
-def _own_version() -> str:
-    try:
-        return version("qvi-contact")
-    except PackageNotFoundError:
-        return ""
 
 
 def _joined(arrays: list[FloatArray]) -> FloatArray:

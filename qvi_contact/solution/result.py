@@ -185,8 +185,8 @@ class ContactResult(Stated):
         if self.has_state and self.traction_misfit > 1e-6 * self.discretization.scales.stress:
             remarks += (
                 f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
-                "single points. Force and moment on every edge are right. To reduce the difference, let an edge end where "
-                "the tractions jump, or refine there.",
+                "single points. Force and moment on every edge are right. To reduce the difference, let an edge end "
+                "where the tractions jump, or refine there.",
             )
         if not self.has_state:
             return remarks

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from markupsafe import Markup
 
+from qvi_contact import __version__
 from qvi_contact.basics.units import Units
 from qvi_contact.command.page.fields import contact_data, field_data
 from qvi_contact.command.page.numbers import (
@@ -180,15 +180,8 @@ def _settings(result: ContactResult) -> list[tuple[str, str]]:
         "iterations": str(result.iterations),
         "tolerance": f"{result.certificate.tolerance:g}",
         "seconds": f"{sum(solution.timings.values()):.2g}",
-        "qvi-contact": _own_version(),
+        "qvi-contact": __version__,
         "Python": f"{platform.python_version()} on {platform.system()} {platform.machine()}",
         **solution.versions,
     }
     return [(name, value) for name, value in used.items() if value]
-
-
-def _own_version() -> str:
-    try:
-        return version("qvi-contact")
-    except PackageNotFoundError:
-        return ""
