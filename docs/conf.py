@@ -46,6 +46,7 @@ nitpick_ignore_regex = [
     ),
     (r"py:.*", r"(str|int|float|bool|None|object|tuple|list|dict|Path|Mapping|Sequence|Callable|Iterable|Iterator)"),
     # parts that nobody outside needs
+    (r"py:class", r"qvi_contact\.basics\.shown\.Rounding"),
     (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),
     (r"py:class", r"qvi_contact\.(problem\.problem\.Prescribed|solution\.contact_path\.ContactPath)"),
     (r"py:class", r"qvi_contact\.companion\.(elasticity|space|state)\.\w+"),

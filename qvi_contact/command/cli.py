@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from qvi_contact.bracket import Bracket
     from qvi_contact.files.problem_file import ProblemFile
+    from qvi_contact.refinement import Refinement
     from qvi_contact.solution.history import History
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.verification.verification import Verification
@@ -33,6 +34,18 @@ _ROWS = click.option(
     help="On triangles: the contact law on whole edges, or at points.  [default: bernstein; gauss if friction varies]",
 )
 _JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
+
+_PLOT = click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
+_VTK = click.option(
+    "--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu), contacts beside: _contacts.vtu."
+)
+_NPZ = click.option(
+    "--npz", metavar="NPZ", help="Write all as NumPy arrays (.npz), which qvi-contact verify can check."
+)
+_SAVE_JSON = click.option("--save-json", metavar="JSON", help="Write what --json prints to a file.")
+_REPORT = click.option(
+    "--report", metavar="HTML", help="Write one page to file or mail: pictures, forces, bounds (.html)."
+)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -66,11 +79,11 @@ def group() -> None:
 @click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
 @_TIME_LIMIT
 @_JSON
-@click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
-@click.option("--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu), contacts beside: _contacts.vtu.")
-@click.option("--npz", metavar="NPZ", help="Write all as NumPy arrays (.npz), which qvi-contact verify can check.")
-@click.option("--save-json", metavar="JSON", help="Write what --json prints to a file.")
-@click.option("--report", metavar="HTML", help="Write one page to file or mail: pictures, forces, bounds (.html).")
+@_PLOT
+@_VTK
+@_NPZ
+@_SAVE_JSON
+@_REPORT
 @click.option("--certificate", is_flag=True, help="Check the result anew and print the table: numbers and meanings.")
 def solve(
     file: str,
@@ -271,7 +284,7 @@ def bracket(
 
     targets = checked_targets(file, plot=plot, vtk=vtk)
     problem_file = load_problem(file)
-    _refuse_history(problem_file)
+    _refuse_history(problem_file, "a bracket")
     with problem_file.named_errors(), np.errstate(all="ignore"):
         options = _options(problem_file, _given(element=element, tolerance=tolerance, time_limit=time_limit))
         with solving(problem_file.title or "bracket"), watched(options.pop("time_limit", None)):
@@ -280,6 +293,99 @@ def bracket(
         _write_bracket(problem_file, found, targets)
     _show_bracket(problem_file, result, found, as_json)
     return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
+
+
+@group.command()
+@_FILE
+@click.option("--target", type=float, help="Relative error asked for.  [default: 1e-3]")
+@click.option(
+    "--quantity",
+    metavar="NAME",
+    help="energy, or a contact's CONTACT.normal_force or CONTACT.tangential_force.  [default: energy]",
+)
+@click.option("--max-unknowns", type=int, metavar="N", help="Of the last answer.  [default: 20000]")
+@click.option("--max-rounds", type=int, metavar="N", help="Largest number of meshes.  [default: 60; on rectangles 20]")
+@_ELEMENT
+@click.option("--degree", type=int, help="Degree of the element on triangles, 3 to 11.  [default: 5]")
+@_ROWS
+@click.option("--method", help="Outer method, see: qvi-contact methods")
+@click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
+@click.option("--tolerance", type=float, help="Accuracy that certificates must confirm.  [default: 1e-8]")
+@_TIME_LIMIT
+@_JSON
+@_PLOT
+@_VTK
+@_NPZ
+@_SAVE_JSON
+@_REPORT
+def refine(
+    file: str,
+    target: float | None,
+    quantity: str | None,
+    max_unknowns: int | None,
+    max_rounds: int | None,
+    element: str | None,
+    degree: int | None,
+    contact_rows: str | None,
+    method: str | None,
+    inner: str | None,
+    tolerance: float | None,
+    time_limit: float | None,
+    as_json: bool,
+    plot: str | None,
+    vtk: str | None,
+    npz: str | None,
+    save_json: str | None,
+    report: str | None,
+) -> int:
+    """Refine the mesh of the problem in FILE until a number is as accurate as you ask.
+
+    Starts from the mesh in the file, so let that be coarse. Each round solves the problem, finds how far off the
+    quantity is, and divides the cells that matter most. The table has a row for each round: unknowns, value, and
+    relative error, which is a guaranteed bound or an estimate. It is a bound for the energy, and for the force of a
+    contact that one prescribed displacement drives, where no contact slips under Coulomb friction. All files are
+    those of "qvi-contact solve", about the answer on the last mesh.
+
+    Options override what [refine] and [solve] say in the file. After --time-limit seconds the answer is that of the
+    last round done in time. The bounds on the page of --report take one more solve.
+
+    \b
+    Exit status: 0 the target was reached
+                 1 it was not: the message says why, and the answer is the best one found
+                 2 something is wrong with the input
+
+    \b
+    Examples:
+        qvi-contact refine examples/trapezoid.toml --target 1e-4 --quantity base.normal_force
+        qvi-contact refine examples/punch.toml --target 1e-4 --degree 4 --plot punch.png
+        qvi-contact refine examples/trapezoid.toml --npz answer.npz && qvi-contact verify answer.npz
+        qvi-contact refine examples/trapezoid.toml --json --report trapezoid.html > trapezoid.json
+    """  # noqa: D301
+    import numpy as np
+
+    from qvi_contact.command.refine_line import refined
+    from qvi_contact.command.targets import checked_targets
+    from qvi_contact.files.problem_file import load_problem
+
+    targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json, report=report)
+    problem_file = load_problem(file)
+    _refuse_history(problem_file, "a refinement")
+    given = _given(
+        element=element, degree=degree, contact_rows=contact_rows, method=method, inner=inner, tolerance=tolerance,
+        time_limit=time_limit,
+    )  # fmt: skip
+    asked = _given(target=target, quantity=quantity, max_unknowns=max_unknowns, max_rounds=max_rounds)
+    with problem_file.named_errors(), np.errstate(all="ignore"):
+        options = _options(problem_file, given)
+        found = refined(problem_file, {**problem_file.refine_options, **asked}, options)
+        document = _refinement_document(problem_file, found)
+        page = _page(file, problem_file, (found.result,), options, found)
+        complete = _write(problem_file, None, found.result, targets, document, page)
+    if as_json:
+        click.echo(_json(document))
+    else:
+        _show_refinement(problem_file, found)
+    return 2 if not complete else 0 if found.status == "reached" else 1
 
 
 @group.command()
@@ -425,13 +531,30 @@ def _as_document(
     return heading | {"times": list(file.times), "steps": found}
 
 
-def _refuse_history(file: "ProblemFile") -> None:
+def _refuse_history(file: "ProblemFile", what: str) -> None:
     if file.times:
         from qvi_contact.errors import InputError
 
         raise InputError(
-            "history", f"{len(file.times)} steps", "a bracket is of one solve: give a file without [history]"
+            "history", f"{len(file.times)} steps", f"{what} is of one problem: give a file without [history]"
         )
+
+
+def _refinement_document(file: "ProblemFile", found: "Refinement") -> dict[str, Any]:
+    """The summary of the last answer, with what the refinement says."""
+    from qvi_contact.command.refine_line import document
+    from qvi_contact.files.export import summary
+
+    return {"title": file.title, **summary(found.result, file.units), "refinement": document(found, file.units)}
+
+
+def _show_refinement(file: "ProblemFile", found: "Refinement") -> None:
+    """Rounds, how far the number can be trusted, and the last answer, for people."""
+    from qvi_contact.command.refine_line import lines
+    from qvi_contact.command.report import heading_lines, result_lines
+
+    for line in (*heading_lines(file), *lines(found, file.units), "", *result_lines(found.result, file.units)):
+        click.echo(line)
 
 
 def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[str, str]) -> None:
@@ -524,7 +647,11 @@ def _write(
 
 
 def _page(
-    path: str, file: "ProblemFile", steps: "tuple[ContactResult, ...]", options: dict[str, Any]
+    path: str,
+    file: "ProblemFile",
+    steps: "tuple[ContactResult, ...]",
+    options: dict[str, Any],
+    refinement: "Refinement | None" = None,
 ) -> "Callable[[], str]":
     """What makes the page of --report."""
 
@@ -534,7 +661,8 @@ def _page(
         from qvi_contact.command.page.page import Request, result_page
 
         command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
-        return result_page(Request.read(path, file, command), steps, options.get("time_limit"))
+        request = Request.read(path, file, command)
+        return result_page(request, steps, options.get("time_limit"), refinement)
 
     return made
 

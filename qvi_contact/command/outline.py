@@ -49,6 +49,7 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
         "boundary": [_condition(problem, condition) for condition in problem.conditions],
         "loads": _loads(problem),
         "solve": dict(options),
+        "refine": dict(file.refine_options),
         "times": list(file.times),
         "remarks": list(discretization.remarks),
     }

@@ -107,8 +107,9 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
             f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.engineering_force}, "
             f"moment {load['moment']:.6g} {units.engineering_moment} about the origin"
         )
-    if outline["solve"]:
-        yield "solve: " + ", ".join(f"{key} = {value}" for key, value in outline["solve"].items())
+    for name in ("solve", "refine"):
+        if outline[name]:
+            yield f"{name}: " + ", ".join(f"{key} = {value}" for key, value in outline[name].items())
     times = outline["times"]
     if times:
         yield f"history: {len(times)} steps, t from {times[0]:g} to {times[-1]:g}"

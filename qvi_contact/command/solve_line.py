@@ -21,7 +21,7 @@ def solving(title: str, steps: int = 1) -> Iterator[Advance]:
     """Show on standard error how far the solves inside are, once they take two seconds; of several steps with a bar.
 
     A line that stays says when one method takes the place of another one. All is silent when that is not a terminal.
-    The function yielded reports that a step is done.
+    The function yielded reports that a step is done, and may say how far all is: that is shown before the rest.
     """
     line = _Line(title, steps)
     timer = Timer(_PATIENCE, line.show)
@@ -40,6 +40,7 @@ class _Line:
 
     def __init__(self, title: str, steps: int) -> None:
         self._title, self._steps, self._done, self._state = title, steps, 0, ""
+        self._so_far = ""
         self._lock = Lock()
         self._bar: Bar | None = None
         self._closed = False
@@ -56,7 +57,7 @@ class _Line:
 
     def advance(self, description: str = "") -> None:
         """One more step is done."""
-        self._done, self._state = self._done + 1, description
+        self._done, self._so_far, self._state = self._done + 1, description, ""
         self._update()
 
     def show(self) -> None:
@@ -67,7 +68,7 @@ class _Line:
         with self._lock:
             if not self._closed:
                 self._bar = _bar(console, self._steps > 1)
-                task = self._bar.add_task(self._title, total=self._steps, completed=self._done, state=self._state)
+                task = self._bar.add_task(self._title, total=self._steps, completed=self._done, state=self._text)
                 self._bar.tasks[task].start_time = self._bar.get_time() - _PATIENCE
                 self._bar.start()
 
@@ -81,7 +82,11 @@ class _Line:
     def _update(self) -> None:
         with self._lock:
             if self._bar is not None:
-                self._bar.update(self._bar.task_ids[0], completed=self._done, state=self._state)
+                self._bar.update(self._bar.task_ids[0], completed=self._done, state=self._text)
+
+    @property
+    def _text(self) -> str:
+        return "; ".join(filter(None, [self._so_far, self._state]))
 
 
 def _bar(console: "Console", several: bool) -> "Bar":

@@ -203,6 +203,8 @@ def file_path(document: Document, error: InputError) -> str:
         return f"contacts[{driven[0]}].plate.{key}" if len(driven) == 1 else f"contacts.plate.{key}"
     if error.value is not None and getattr(document.solve, error.field, None) == error.value:
         return f"solve.{error.field}"
+    if error.value is not None and getattr(document.refine, error.field, None) == error.value:
+        return f"refine.{error.field}"
     return _RENAMED.get(error.field, error.field)
 
 

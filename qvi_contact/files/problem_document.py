@@ -391,6 +391,15 @@ class SolveTable(Table):
     iterations: int | None = None
 
 
+class RefinementTable(Table):
+    """Defaults for `qvi_contact.refine`, beside those for `qvi_contact.solve`."""
+
+    target: float | None = None
+    quantity: str | None = None
+    max_unknowns: int | None = None
+    max_rounds: int | None = None
+
+
 class TimeRange(Table):
     """Times from `start` to `stop`, both included, in equal steps."""
 
@@ -431,6 +440,7 @@ class Document(Table):
     tractions: list[TractionTable] = []
     contacts: list[ContactTable] = []
     solve: SolveTable = SolveTable()
+    refine: RefinementTable = RefinementTable()
     history: HistoryTable | None = None
 
 

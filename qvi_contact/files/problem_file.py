@@ -37,6 +37,8 @@ class ProblemFile:
         Labels of the numbers' units.
     solve_options : mapping
         Arguments for `qvi_contact.solve`.
+    refine_options : mapping
+        Arguments for `qvi_contact.refine` beside those.
     times : tuple of float
         Times of the load steps; empty without a history.
 
@@ -47,6 +49,7 @@ class ProblemFile:
     description: str
     units: Units
     solve_options: Mapping[str, Any]
+    refine_options: Mapping[str, Any]
     times: tuple[float, ...]
     _document: Document = field(repr=False)
 
@@ -130,6 +133,7 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
         description=document.description,
         units=Units(document.units.length, document.units.stress),
         solve_options=document.solve.model_dump(exclude_none=True),
+        refine_options=document.refine.model_dump(exclude_none=True),
         times=times,
         _document=document,
     )

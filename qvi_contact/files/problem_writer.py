@@ -39,6 +39,7 @@ def problem_to_toml(
     description: str = "",
     units: Units | None = None,
     solve_options: Mapping[str, Any] | None = None,
+    refine_options: Mapping[str, Any] | None = None,
     times: Sequence[float] = (),
 ) -> str:
     """A problem as the text of a problem file, from which `problem_from_toml` makes the same problem.
@@ -55,6 +56,8 @@ def problem_to_toml(
         Labels of the numbers' units.
     solve_options : mapping, optional
         Arguments for `solve` to be taken by default.
+    refine_options : mapping, optional
+        The same for `refine`: target, quantity, max_unknowns, max_rounds.
     times : sequence of float
         Times of the load steps, of which the problem is to be the first; by default the one of expressions in t.
 
@@ -64,7 +67,9 @@ def problem_to_toml(
         If a function is one of Python, which a file cannot hold, or expressions disagree about constants or time.
 
     """
-    _check_details(problem, title, description, units, solve_options, times)
+    _check_details(problem, title, description, units, times)
+    _check_options("solve_options", solve_options)
+    _check_options("refine_options", refine_options)
     writer = _Writer()
     document: dict[str, Any] = {"version": VERSION, "title": title, "description": description}
     potential = writer.field("body_potential", problem.body_potential)
@@ -79,7 +84,7 @@ def problem_to_toml(
     for kind, name in TABLES.items():
         chosen = [condition for condition in problem.conditions if isinstance(condition, kind)]
         document[name] = [writer.condition(name, i, condition) for i, condition in enumerate(chosen)]
-    document["solve"] = dict(solve_options or {})
+    document |= {"solve": dict(solve_options or {}), "refine": dict(refine_options or {})}
     if len(times) or writer.time is not None:
         document["history"] = {"times": list(times) if len(times) else [writer.time]}
     text = _toml({key: value for key, value in document.items() if value not in ({}, [], "")})
@@ -87,9 +92,7 @@ def problem_to_toml(
     return text
 
 
-def _check_details(
-    problem: object, title: object, description: object, units: object, solve_options: object, times: object
-) -> None:
+def _check_details(problem: object, title: object, description: object, units: object, times: object) -> None:
     """Refuse what is of another kind than the signature says."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
@@ -100,12 +103,15 @@ def _check_details(
         raise InputError("units", units, "give Units, or nothing")
     if real_array("times", times, "give a list of numbers").ndim != 1:
         raise InputError("times", times, "give a list of numbers")
-    options = {} if solve_options is None else solve_options
+
+
+def _check_options(field: str, given: object) -> None:
+    options = {} if given is None else given
     if not isinstance(options, Mapping):
-        raise InputError("solve_options", options, "give a mapping from names to values")
+        raise InputError(field, options, "give a mapping from names to values")
     for name, value in options.items():
         if not isinstance(value, str | int | float | np.generic):
-            raise InputError(f"solve_options.{name}", value, "give a number or a text: a file holds nothing else")
+            raise InputError(f"{field}.{name}", value, "give a number or a text: a file holds nothing else")
 
 
 class _Writer:

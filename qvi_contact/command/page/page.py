@@ -22,12 +22,14 @@ from qvi_contact.command.page.numbers import (
     resultant_rows,
     step_rows,
 )
+from qvi_contact.command.refine_line import headings, rows, trust
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.plots.figures import problem_figure, result_figure
 from qvi_contact.plots.inline import inline_svg, svg_text
 from qvi_contact.plots.style import new_figure, settings
 from qvi_contact.plots.tractions import contact_tractions
+from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult
 
@@ -73,8 +75,13 @@ class Request:
         return cls(file, text, command, ((name, digest),))
 
 
-def result_page(request: Request, steps: Sequence[ContactResult], time_limit: float | None = None) -> str:
-    """The page about the result of a solve, or of the last of several load steps.
+def result_page(
+    request: Request,
+    steps: Sequence[ContactResult],
+    time_limit: float | None = None,
+    refinement: Refinement | None = None,
+) -> str:
+    """The page about the result of a solve, of a refinement, or of the last of several load steps.
 
     The bracket of the result is computed for it, in at most so many seconds.
     """
@@ -97,6 +104,7 @@ def result_page(request: Request, steps: Sequence[ContactResult], time_limit: fl
         number=number,
         bracket=bracket,
         missing=missing,
+        refinement=None if refinement is None else _refinement(refinement, file.units),
         steps=step_rows(steps, file.times) if len(steps) > 1 else [],
         problem=_picture(figure, "problem", "The problem: mesh, loads, contacts"),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
@@ -130,6 +138,17 @@ def _bracket(result: ContactResult, time_limit: float | None) -> "tuple[Bracket 
         return bracket(result, time_limit=time_limit), ""
     except InputError as error:
         return None, error.remedy
+
+
+def _refinement(found: Refinement, units: Units) -> dict[str, Any]:
+    """Rounds of a refinement, how it ended, and how far the number can be trusted."""
+    return {
+        "message": found.message,
+        "trust": trust(found, units),
+        "headings": headings(found, units),
+        "rounds": rows(found),
+        "advice": "" if found.status == "reached" else found.status.advice,
+    }
 
 
 def _shown(result: ContactResult, bracket: "Bracket | None", units: Units) -> dict[str, Any]:

@@ -1,0 +1,115 @@
+"""What the command line does and says about a refinement."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from qvi_contact.basics.shown import shown
+from qvi_contact.basics.units import Units
+from qvi_contact.command.report import table
+from qvi_contact.command.solve_line import solving
+from qvi_contact.files.problem_file import ProblemFile
+from qvi_contact.refinement import Refinement, RefinementRound, refine
+from qvi_contact.refinement.comparison import coulomb_contacts
+from qvi_contact.refinement.outcome import Outcome
+
+
+def refined(file: ProblemFile, asked: Mapping[str, Any], options: Mapping[str, Any]) -> Refinement:
+    """The problem refined, with a line on standard error that says what the last round has found."""
+    with solving(file.title or "refine") as advance:
+        found: Refinement = refine(file.problem, **asked, **options, callback=lambda done: advance(_so_far(done)))
+    return found
+
+
+def document(found: Outcome, units: Units) -> dict[str, Any]:
+    """Outcome and rounds for programs: numbers that are not finite are None, errors are relative."""
+    unit = quantity_unit(found, units)
+    return {
+        "status": found.status.value,
+        "quantity": found.quantity,
+        "value": {"value": _finite(found.value), "unit": unit},
+        "target": found.target,
+        "estimate": _finite(found.estimate),
+        "guaranteed": found.guaranteed,
+        "message": found.message,
+        "advice": found.status.advice,
+        "rounds": [
+            {
+                "cells": list(each.cells),
+                "unknowns": each.unknowns,
+                "value": _finite(each.value),
+                "estimate": _finite(each.estimate),
+                "guaranteed": each.guaranteed,
+            }
+            for each in found.rounds
+        ],
+    }
+
+
+def lines(found: Refinement, units: Units) -> Iterator[str]:
+    """The rounds as a table, then how it ended and how far the number can be trusted."""
+    if found.rounds:
+        yield from table(headings(found, units), rows(found))
+        yield ""
+    yield found.message
+    if found.rounds:
+        yield trust(found, units)
+    if found.status != "reached":
+        yield found.status.advice
+
+
+def headings(found: Refinement, units: Units) -> list[str]:
+    """Headings of `rows`."""
+    return ["round", "cells", "unknowns", f"{found.quantity} [{quantity_unit(found, units)}]", "relative error", ""]
+
+
+def rows(found: Refinement) -> list[list[str]]:
+    """Cells, unknowns, value and relative error of each round, and what the error is."""
+    return [
+        [
+            str(number),
+            " × ".join(str(count) for count in each.cells),
+            str(each.unknowns),
+            f"{each.value:.9g}",
+            _error(each),
+            _kind(each),
+        ]
+        for number, each in enumerate(found.rounds, 1)
+    ]
+
+
+def trust(found: Refinement, units: Units) -> str:
+    """Whether the last error is a bound, in a sentence."""
+    if not math.isfinite(found.estimate):
+        return "Error: not known."
+    size = f"{shown(found.error, digits=2)} {quantity_unit(found, units)}"
+    if found.guaranteed and coulomb_contacts(found.problem):
+        tied = "the problem with its friction contacts tied, as all of them stick in this answer"
+        return f"Error: at most {size}. This is a guaranteed bound, up to rounding, for {tied}."
+    if found.guaranteed:
+        return f"Error: at most {size}. This is a guaranteed bound, up to rounding."
+    return f"Error: about {size}. This is an estimate, not a guaranteed bound."
+
+
+def quantity_unit(found: Outcome, units: Units) -> str:
+    """Unit of the value."""
+    return units.engineering_energy if found.quantity == "energy" else units.engineering_force
+
+
+def _so_far(done: RefinementRound) -> str:
+    """A round in the line of the progress."""
+    return f"{done.unknowns} unknowns, relative error {_error(done)} ({_kind(done) or 'not known'})"
+
+
+def _error(each: RefinementRound) -> str:
+    return f"{each.estimate:.1e}" if math.isfinite(each.estimate) else "-"
+
+
+def _kind(each: RefinementRound) -> str:
+    if not math.isfinite(each.estimate):
+        return ""
+    return "guaranteed" if each.guaranteed else "estimate"
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
