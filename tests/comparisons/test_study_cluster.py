@@ -3,10 +3,13 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
+from threading import Event, Timer
 
 import pytest
 
@@ -203,6 +206,18 @@ class TestLosses:
             run_study(SMALL, tmp_path / "a", dask="tcp://127.0.0.1:1")
         other = ways("plain")  # for which the store that is left has room
         assert run_study(other, tmp_path / "a").complete
+
+    @pytest.mark.usefixtures("hurried")
+    def test_who_takes_the_call_and_says_nothing_is_not_waited_for(self, tmp_path):
+        """Another program's port, or a scheduler that hangs; Dask's client would wait for its first word for ever."""
+        hung_up = Event()
+        with closing(socket.create_server(("127.0.0.1", 0))) as mute:
+            patience = Timer(20.0, lambda: (hung_up.set(), mute.close()))
+            patience.start()
+            with pytest.raises(InputError, match="no scheduler answers there"):
+                run_study(SMALL, tmp_path / "a", dask=f"tcp://127.0.0.1:{mute.getsockname()[1]}")
+            patience.cancel()
+        assert not hung_up.is_set()
 
     @pytest.mark.parametrize("address", ["nowhere", "127.0.0.1:8786", "ftp://x:1", "tcp://x", "tcp://x:y", ""])
     def test_what_is_no_address_is_refused_before_anything_is_done(self, tmp_path, monkeypatch, address):

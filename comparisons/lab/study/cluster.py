@@ -7,6 +7,7 @@ Which worker does a case is decided here, not by Dask, which would try a case th
 Here it is tried once more, on another worker if there is one.
 """
 
+import asyncio
 import logging
 import time
 from collections import Counter, deque
@@ -102,8 +103,20 @@ def _quiet() -> Iterator[None]:
             logger.setLevel(level)
 
 
+async def _greet(address: str) -> None:
+    """Exchange the first words with whoever listens there; Dask's client alone would wait for them without end."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    security = Security().get_connection_args("client")
+    async with asyncio.timeout(_CONNECTING):
+        comm = await connect(address, timeout=_CONNECTING, **security)
+    await comm.close()
+
+
 def _client(address: str) -> "Client":
     try:
+        asyncio.run(_greet(address))
         client = _quiet_client()(address, timeout=_CONNECTING, set_as_default=False)
     except Exception as error:  # of many kinds, for whatever answers there
         raise InputError("dask", address, f"no scheduler answers there: {_REMEDY}") from error
@@ -147,6 +160,7 @@ class _Dispatch:
         self._waiting = waiting
         self._busy: dict[Future, _Trial] = {}
         self._news: SimpleQueue[Future] = SimpleQueue()
+        self._lost_scheduler = False
 
     def outcomes(self) -> Iterator[tuple[Case, Outcome]]:
         """Until all cases are done; a worker that joins gets its share, without any worker it waits."""
@@ -162,6 +176,8 @@ class _Dispatch:
 
     def end(self) -> None:
         """Take back what is under way, and end the processes on the cluster."""
+        if self._lost_scheduler:  # nobody can be told; its workers end by themselves within half a minute
+            return
         with suppress(Exception):  # what the cluster has lost is ended already
             self._client.cancel(list(self._busy), force=True)
             self._client.run(forget, self._run)
@@ -230,6 +246,7 @@ class _Dispatch:
         )
 
     def _gone(self) -> InputError:
+        self._lost_scheduler = True
         return InputError("dask", self._address, "the scheduler was lost: give the same command again when it is back")
 
 
