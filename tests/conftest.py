@@ -1,7 +1,11 @@
 """The whole suite on one factorisation back end: ``python -m pytest --factorisation superlu``."""
 
+import gc
 import os
 from types import SimpleNamespace
+
+# Before NumPy is loaded. Each core has a process of tests already, and BLAS waits for its threads by spinning.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 
@@ -21,6 +25,18 @@ def pytest_configure(config):
         set_default(config.getoption("factorisation"))
     except InputError as error:
         raise pytest.UsageError(str(error)) from error
+    config.option.loadscopereorder = False  # else files of few long tests come last, and one process waits for another
+    gc.disable()  # what is imported and collected stays: looking through it again and again takes a third of the time
+
+
+def pytest_collection_modifyitems(items):
+    """Whole pages and examples first, single formulas last: processes that share files end at about the same time."""
+    items.sort(key=lambda item: len(item.path.parts))
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True, scope="module")
