@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from solvers.basics.narration import Narration, narrated
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.basics.watch import Progress, expired, tell, watched
@@ -32,7 +33,7 @@ _WORTH_A_RETRY = (
     Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
     Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
 )  # fmt: skip
-_GENERAL = ("method", "inner", "tolerance", "throw", "factorisation", "threads", "time_limit")
+_GENERAL = ("method", "inner", "tolerance", "throw", "factorisation", "threads", "time_limit", "verbose")
 _START = "initial"
 """Option of the fixed point that does not choose it: by default its use is left to the fall-back."""
 
@@ -66,6 +67,7 @@ def solve_qvi(
     factorisation: str = "auto",
     threads: int | None = None,
     time_limit: float | None = None,
+    verbose: bool = False,
     **options: Any,
 ) -> QVISolution:
     """Solve the quasi-variational inequality (D2).
@@ -96,6 +98,8 @@ def solve_qvi(
         Seconds for everything together. The best state so far is returned when they are over, with the status
         "time_limit" unless its certificate passes. Looked at in every iteration, and handed on to inner solvers that
         take a limit; a factorisation, and an inner solve by another one, is not interrupted.
+    verbose : bool
+        Print a header, a line an iteration, and a footer with status and times.
     **options : object
         Fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or `UzawaOptions`. By default
         `max_iterations` counts the iterations of the condensed method and the fixed point, and `callback` hears of all.
@@ -122,8 +126,9 @@ def solve_qvi(
     first = dict(options)
     if by_default and first.pop(_START, None) is not None:
         initial_pressure(qvi, options[_START])  # says what is wrong, whether its turn comes or not
-    with qvi.operator.using(factorisation, threads), watched(time_limit):
+    with qvi.operator.using(factorisation, threads), watched(time_limit), narrated("solve_qvi", verbose) as story:
         began = time.perf_counter()
+        story.begin(facts_of(qvi, chosen, tolerance))
         solution = _attempt(qvi, chosen, DEFAULT_INNER if inner is None else inner, tolerance, first)
         if by_default and _worth_another(solution, options):
             seconds = max(LEAST_SECONDS, time.perf_counter() - began)
@@ -132,9 +137,21 @@ def solve_qvi(
             doubted = solution.method != chosen or bool(solution.remarks)
             remark = another_solution(qvi, solution, tolerance, doubted=doubted)
             solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
+        end_story(story, solution)
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
+
+
+def facts_of(qvi: FrictionQVI, method: str, tolerance: float) -> dict[str, object]:
+    """What the header of a narration says of a problem and of how it is solved."""
+    equations = {"equations": qvi.p} if qvi.p else {}
+    return {"unknowns": qvi.n, "contact rows": qvi.m, **equations, "method": method, "tolerance": f"{tolerance:g}"}
+
+
+def end_story(story: Narration, solution: QVISolution) -> None:
+    """Status, message and times of a solution as the footer of a narration."""
+    story.end(str(solution.status), solution.message, solution.timings, solution.solved)
 
 
 def check_choice(method: object, inner: object) -> None:

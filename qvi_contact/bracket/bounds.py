@@ -3,11 +3,13 @@
 In `docs/theory.md`: (D19), (D20).
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import finite_number
 from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible_stress
 from qvi_contact.bracket.data import data_reasons
@@ -22,6 +24,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.solution.followed import allowed_misfit
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
+from solvers.basics.narration import narrated
 from solvers.basics.watch import watched
 
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
@@ -32,7 +35,12 @@ _OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
 
 def bracket(
-    result: ContactResult, degree: int | None = None, tolerance: float = 1e-8, *, time_limit: float | None = None
+    result: ContactResult,
+    degree: int | None = None,
+    tolerance: float = 1e-8,
+    *,
+    time_limit: float | None = None,
+    verbose: bool = False,
 ) -> Bracket:
     """Bounds of the energy of the problem that a result belongs to, and an error indicator for each cell.
 
@@ -62,6 +70,8 @@ def bracket(
         stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
     time_limit : float, optional
         Seconds for the two solves together; a bound that is not found in time is infinite.
+    verbose : bool
+        Print a header, a line for each iteration of the solves, and a footer with what is bounded and the time.
 
     Returns
     -------
@@ -91,15 +101,18 @@ def bracket(
     given = given_problem(result)
     if degree is None:
         degree = min(given.discretization.space.degree - 1, _MOST)
-    with watched(time_limit):
+    with watched(time_limit), narrated(f"qvi_contact {__version__}: bracket", verbose) as story:
+        story.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance)
         laws = [given.bounds, None] if given.kind is BracketKind.GIVEN_BOUND else [given.bounds]
         companions = solve_companions(given.discretization.problem, laws, degree=degree, tolerance=tolerance)
-    found = _assemble(given, stress, companions[0])
-    if len(companions) == 1:
-        return found
-    own = companions[1]
-    return replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
+        found = _assemble(given, stress, companions[0])
+        if len(companions) > 1:
+            own = companions[1]
+            found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
+        bounded = math.isfinite(found.gap)
+        story.end("bounded" if bounded else "no bound", found.message, {}, bounded)
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,13 @@
 """Solve the displacement model: assemble, condense, solve for the contact forces, return to displacements."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.companion.admissible import admissible
 from qvi_contact.companion.cell import Cell
@@ -25,7 +27,8 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
-from solvers import Certificate, QVISolution, Status, solve_qvi
+from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
+from solvers.basics.narration import narrated
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.choice import Request
@@ -42,6 +45,9 @@ def solve_companion(
     degree: int | None = None,
     tolerance: float = 1e-8,
     time_limit: float | None = None,
+    max_iterations: int | None = None,
+    callback: Callable[[Iteration], object] | None = None,
+    verbose: bool = False,
 ) -> CompanionResult:
     """Displacements of a contact problem, by conforming elements on its mesh: Q_p on rectangles, P_p on triangles.
 
@@ -66,6 +72,10 @@ def solve_companion(
         Accuracy that the certificate of the contact forces must confirm.
     time_limit : float, optional
         Seconds for the contact forces.
+    max_iterations, callback
+        Iterations for the contact forces at most, and who is called with each, as for `solve`.
+    verbose : bool
+        Print a header, a line an iteration, and a footer with status and times.
 
     Returns
     -------
@@ -90,7 +100,16 @@ def solve_companion(
     points cannot be seen.
 
     """
-    return solve_companions(problem, [bounds], degree=degree, tolerance=tolerance, time_limit=time_limit)[0]
+    cell = _checked(problem, degree, tolerance)
+    options: dict[str, Any] = {"callback": callback, "time_limit": time_limit}
+    if max_iterations is not None:
+        options["max_iterations"] = max_iterations
+    with narrated(f"qvi_contact {__version__}: solve_companion", verbose) as story:
+        story.begin({"cells": problem.mesh.cell_count, "degree": cell.degree, "tolerance": f"{tolerance:g}"})
+        found = solve_companions(problem, [bounds], degree=degree, tolerance=tolerance, **options)[0]
+        timings = {} if found.solution is None else found.solution.timings
+        story.end(str(found.status), found.message, timings, found.status is Status.SOLVED)
+    return found
 
 
 def solve_companions(
@@ -99,18 +118,13 @@ def solve_companions(
     *,
     degree: int | None = None,
     tolerance: float = 1e-8,
-    time_limit: float | None = None,
+    **options: Any,
 ) -> tuple[CompanionResult, ...]:
     """The same under several friction laws, each like `bounds` of `solve_companion`, with one factorisation.
 
-    The time limit is for each of them.
+    Options are those of `solve_qvi`, for each of them.
     """
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
-    cell = cell_for(problem.mesh, degree)
-    if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float)) and 0.0 < tolerance < 1.0):
-        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
-    check_scope(problem)
+    cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
     lines = [model.traces(bounds) for bounds in laws]
     with Request().limited_blas():
@@ -121,11 +135,22 @@ def solve_companions(
             duals = [dual_problem(each, condensed) for each in contacts]
         except (FactorisationError, MemoryError) as error:
             return tuple(model.failed(error, tolerance) for _ in laws)
-        solutions = [solve_qvi(dual.qvi, tolerance=tolerance, time_limit=time_limit) for dual in duals]
+        solutions = [solve_qvi(dual.qvi, tolerance=tolerance, **options) for dual in duals]
         return tuple(
             model.result(dual, solution, reasons)
             for dual, solution, (_, reasons) in zip(duals, solutions, lines, strict=True)
         )
+
+
+def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Cell:
+    """The element, if arguments and problem are what the model takes."""
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
+    cell = cell_for(problem.mesh, degree)
+    if isinstance(tolerance, bool) or not (isinstance(tolerance, (int, float)) and 0.0 < tolerance < 1.0):
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    check_scope(problem)
+    return cell
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,12 @@
 """Refine a mesh until a quantity is as accurate as asked for."""
 
+import math
 from collections.abc import Callable
 from typing import Any, overload
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import positive_number
 from qvi_contact.discretization.families import element_on, with_element
 from qvi_contact.errors import InputError
@@ -13,13 +15,19 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.limits import limit_strategy
 from qvi_contact.refinement.lines import LineRefinement
 from qvi_contact.refinement.loop import Loop
-from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound
+from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound, RefinementStatus
 from qvi_contact.refinement.quantity import LimitFactor, Measure, Quantity
 from qvi_contact.refinement.rounds import K, Settings, Strategy
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.limit import checked_loads
 from qvi_contact.solution.result import ContactResult
+from solvers.basics.narration import Narration, narrated
 from solvers.basics.watch import watched
+
+_COLUMNS = {
+    "round": ">5", "cells": ">8", "unknowns": ">9", "value": ">16.9g", "estimate": ">9.1e", "guaranteed": ">10",
+    "seconds": ">9.2f",
+}  # fmt: skip
 
 
 @overload
@@ -34,6 +42,7 @@ def refine(
     thinnest: float | None = None,
     time_limit: float | None = None,
     callback: Callable[[RefinementRound], object] | None = None,
+    verbose: bool = False,
     **options: Any,
 ) -> Refinement: ...
 
@@ -50,6 +59,7 @@ def refine(
     thinnest: float | None = None,
     time_limit: float | None = None,
     callback: Callable[[RefinementRound], object] | None = None,
+    verbose: bool = False,
     **options: Any,
 ) -> LimitRefinement: ...
 
@@ -65,6 +75,7 @@ def refine(
     thinnest: float | None = None,
     time_limit: float | None = None,
     callback: Callable[[RefinementRound], object] | None = None,
+    verbose: bool = False,
     **options: Any,  # checked by solve
 ) -> Refinement | LimitRefinement:
     """Solve a problem on meshes refined where it pays until the error of a quantity is within a target.
@@ -113,6 +124,8 @@ def refine(
         Seconds for all rounds together; the answer is that of the last round done in time.
     callback : callable, optional
         Called with the record of each round.
+    verbose : bool
+        Print a header, a line a round, and a footer with status and time.
     **options
         As for `solve`: method, inner, tolerance and the method's own, ``element``, by default that of the earlier
         result. On triangles ``degree``, 5 by default, at most 11, and ``contact_rows``. For a limit load only
@@ -150,8 +163,8 @@ def refine(
 
     """
     problem = _posed_on(problem, result, options)
-    on_triangles = isinstance(problem.mesh, TriangleMesh)
-    kind: type[TriangleRefinement] | type[LineRefinement] = TriangleRefinement if on_triangles else LineRefinement
+    kind: type[TriangleRefinement] | type[LineRefinement]
+    kind = TriangleRefinement if isinstance(problem.mesh, TriangleMesh) else LineRefinement
     settings = Settings(
         positive_number("target", target),
         positive_number("max_unknowns", max_unknowns),
@@ -159,13 +172,42 @@ def refine(
         positive_number("thinnest", kind.thinnest if thinnest is None else thinnest) * problem.mesh.length,
         options,
     )
-    with watched(time_limit):
-        if isinstance(quantity, LimitFactor):
-            return _limit_refined(problem, result, quantity, settings, callback)
-        measure = Measure.of(problem, quantity)
-        if on_triangles:
-            return _refined(TriangleRefinement(settings, measure), problem, result, measure, callback)
-        return _refined(LineRefinement(settings, measure), problem, result, measure, callback)
+    title = f"qvi_contact {__version__}: refine"
+    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
+        story.begin({"target": f"{settings.target:g}", "cells at first": problem.mesh.cell_count})
+        found = _refined_for(problem, result, quantity, settings, _Told(story, callback))
+        story.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
+        return found
+
+
+def _refined_for(
+    problem: ContactProblem,
+    result: ContactResult | None,
+    quantity: Quantity | LimitFactor,
+    settings: Settings,
+    told: "_Told",
+) -> Refinement | LimitRefinement:
+    """By quantity and kind of mesh."""
+    if isinstance(quantity, LimitFactor):
+        return _limit_refined(problem, result, quantity, settings, told)
+    measure = Measure.of(problem, quantity)
+    if isinstance(problem.mesh, TriangleMesh):
+        return _refined(TriangleRefinement(settings, measure), problem, result, measure, told)
+    return _refined(LineRefinement(settings, measure), problem, result, measure, told)
+
+
+class _Told:
+    """Who hears of a round: the narration, and the caller."""
+
+    def __init__(self, story: Narration, callback: Callable[[RefinementRound], object] | None) -> None:
+        self._story, self._callback, self._count = story, callback, 0
+
+    def __call__(self, record: RefinementRound) -> None:
+        self._count += 1
+        numbers = (record.unknowns, record.value, record.estimate, "yes" if record.guaranteed else "no")
+        self._story.line(self._count, math.prod(record.cells), *numbers, self._story.seconds)
+        if self._callback is not None:
+            self._callback(record)
 
 
 def _posed_on(problem: ContactProblem, result: ContactResult | None, options: dict[str, Any]) -> ContactProblem:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, one_of
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.contact_rows import laws_vary
@@ -30,10 +31,12 @@ from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import rows_for, solve
 from solvers import Status
+from solvers.basics.narration import narrated
 from solvers.basics.watch import expired, watched
 from solvers.solve import takes_initial
 
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
+_COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +167,7 @@ def solve_history(
     element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
+    verbose: bool = False,
     **options: Any,  # checked by solve
 ) -> History:
     """Solve a list of load steps with friction that remembers where it has slipped.
@@ -181,6 +185,8 @@ def solve_history(
         unless its certificate passes.
     element, degree, contact_rows
         The element, its degree on triangles, and what bounds tractions there, see `discretize`.
+    verbose : bool
+        Print a header, a line a step, and a footer with status and time.
     **options
         As for `solve`. Where the fixed point solves a step it starts from the pressure of the one before it.
 
@@ -195,19 +201,30 @@ def solve_history(
         If there is no step, or mesh or contacts change.
 
     """
-    with watched(time_limit):
+    title = f"qvi_contact {__version__}: solve_history"
+    with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
         steps = [with_element(problem, element) for problem in _checked_steps(problems)]
         contact_rows = rows_for(options.get("method"), contact_rows)
         if contact_rows is None and any(map(laws_vary, steps)):
             contact_rows = "gauss"  # in all steps, as slip is handed on from one to the next
         space = {"element": element, "degree": degree, "contact_rows": contact_rows}
-        return _history(steps, space, callback, options)
+        story.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
+
+        def told(number: int, result: ContactResult) -> None:
+            solution = result.solution
+            story.line(number, str(result.status), solution.iterations, result.certificate.accuracy, story.seconds)
+            if callback is not None:
+                callback(number, result)
+
+        history = _history(steps, space, told, options)
+        story.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
+        return history
 
 
 def _history(
     steps: Sequence[ContactProblem],
     space: dict[str, Any],
-    callback: Callable[[int, ContactResult], object] | None,
+    callback: Callable[[int, ContactResult], object],
     options: dict[str, Any],
 ) -> History:
     """All steps, again from the first where one gives up shears in corners."""
@@ -229,7 +246,7 @@ def _follow(
     scales: Scales,
     freed: IntArray,
     space: dict[str, Any],
-    callback: Callable[[int, ContactResult], object] | None,
+    callback: Callable[[int, ContactResult], object],
     options: dict[str, Any],
 ) -> list[ContactResult]:
     """All steps with the shear given up at the `freed` nodes, up to one without an answer or with other nodes freed."""
@@ -243,8 +260,7 @@ def _follow(
             discretization = discretization.slipped(_slip_after(results[-1]), before)
         initial = {"initial": results[-1]} if results and takes_initial(options) else {}
         results.append(solve(discretization, **{**options, **initial}))
-        if callback is not None:
-            callback(number, results[-1])
+        callback(number, results[-1])
         if results[-1].status not in _CONTINUES or len(results[-1].discretization.freed) != len(freed):
             break
     return results

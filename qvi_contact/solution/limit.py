@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, one_of
 from qvi_contact.basics.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, solved
 from qvi_contact.discretization.basis import RowKind
@@ -21,6 +22,7 @@ from qvi_contact.mechanism.works import BODY
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
+from solvers.basics.narration import narrated
 from solvers.basics.watch import watched
 from solvers.inequality.rows import spanning_rows
 
@@ -88,6 +90,7 @@ def limit_load_factor(
     element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
+    verbose: bool = False,
 ) -> LimitLoad:
     """Largest multiple of the named loads that the contacts can carry while all other loads stay, from both sides.
 
@@ -114,6 +117,8 @@ def limit_load_factor(
         Seconds for the linear programs, at most 300 for each of them in any case.
     element, degree, contact_rows
         The element, its degree on triangles, and what bounds tractions there, see `discretize`.
+    verbose : bool
+        Print what is asked for, and both sides with the time.
 
     Returns
     -------
@@ -129,14 +134,18 @@ def limit_load_factor(
         If a linear program is not solved, that of the mesh to a relative accuracy of 1e-7, or not in time.
 
     """
-    with watched(time_limit):
-        limit = limit_load(problem, loads, element=element, degree=degree, contact_rows=contact_rows)
-    gap = limit.bound - limit.lower
-    if np.isfinite(limit.lower) and not (gap <= _CERTIFIED * (1.0 + abs(limit)) and limit.violation <= _CERTIFIED):
-        raise SolveError(
-            f"limit load: factor {limit.lower:.9g} and bound {limit.bound:.9g} do not agree (violation "
-            f"{limit.violation:.1e}): use a coarser or less graded mesh"
-        )
+    with watched(time_limit), narrated(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as story:
+        posed = _posed(problem, loads, element=element, degree=degree, contact_rows=contact_rows)
+        story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
+        limit = posed.solved().limit
+        gap = limit.bound - limit.lower
+        if np.isfinite(limit.lower) and not (gap <= _CERTIFIED * (1.0 + abs(limit)) and limit.violation <= _CERTIFIED):
+            raise SolveError(
+                f"limit load: factor {limit.lower:.9g} and bound {limit.bound:.9g} do not agree (violation "
+                f"{limit.violation:.1e}): use a coarser or less graded mesh"
+            )
+        sides = f"this mesh carries {limit.lower:.9g} times the loads, no stress more than {limit.upper:.9g} times"
+        story.end("solved", sides, {}, solved=True)
     return limit
 
 
@@ -144,9 +153,16 @@ def limit_load(
     problem: ContactProblem, loads: Sequence[str], *, element: ElementName | None = None, **space: Any
 ) -> LimitLoad:
     """Both sides of `limit_load_factor` without the check of the mesh's program; `space` is for `discretize`."""
+    return _posed(problem, loads, element=element, **space).solved().limit
+
+
+def _posed(
+    problem: ContactProblem, loads: Sequence[str], *, element: ElementName | None = None, **space: Any
+) -> "LimitProblem":
+    """The analysis of checked arguments."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    return LimitProblem.of(with_element(problem, element), checked_loads(problem, loads), **space).solved().limit
+    return LimitProblem.of(with_element(problem, element), checked_loads(problem, loads), **space)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -14,11 +15,12 @@ from qvi_contact.solution.impossible import judged
 from qvi_contact.solution.reach import solve_within_reach
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
+from solvers.basics.narration import narrated
 from solvers.basics.watch import expired, watched
 from solvers.factorisation import FactorisationError
 from solvers.inner.names import is_strict
 from solvers.solution.finish import out_of_time
-from solvers.solve import check_choice, takes_initial
+from solvers.solve import check_choice, default_method, facts_of, takes_initial
 
 _CONDENSED_ONLY = ("gap",)  # options
 _COUNTS = ("max_iterations", "iterations")
@@ -36,6 +38,7 @@ def solve(
     element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
+    verbose: bool = False,
     **options: Any,  # checked by the method that takes them
 ) -> ContactResult:
     """Solve a contact problem and certify the answer.
@@ -69,6 +72,8 @@ def solve(
         Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`. With Bernstein
         coefficients, the default but for "uzawa" and for friction that varies along an edge, a strict inner solver is
         its counterpart without cones.
+    verbose : bool
+        Print a header, a line an iteration (dimensionless, see `solvers.Iteration`), a footer with status and times.
     **options
         ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`; ``callback`` is called
         with every `solvers.Iteration` of any method. ``initial``, the pressure the fixed point starts from, is an
@@ -100,12 +105,13 @@ def solve(
     check_choice(method, inner)
     throw = bool(options.pop("throw", False))
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
-    with watched(time_limit):
-        if isinstance(problem, Discretization):
-            result = judged(_solve(problem, settings))
-        else:
-            chosen = posed(problem, element=element, degree=degree, contact_rows=contact_rows, **settings)
-            result = judged(_solve(chosen, settings))
+    with watched(time_limit), narrated(f"qvi_contact {__version__}: solve", verbose) as story:
+        chosen = problem
+        if isinstance(chosen, ContactProblem):
+            chosen = posed(chosen, element=element, degree=degree, contact_rows=contact_rows, **settings)
+        story.begin(_facts(chosen, settings))
+        result = judged(_solve(chosen, settings))
+        story.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
@@ -126,6 +132,14 @@ def posed(
     """
     rows = rows_for(method, contact_rows)
     return _fitted(discretize(problem, element=element, degree=degree, contact_rows=rows), options)
+
+
+def _facts(known: Discretization, settings: dict[str, Any]) -> dict[str, object]:
+    """What the header of a narration says."""
+    space, mesh = known.space, known.problem.mesh
+    element = f"{space.family} of degree {space.degree}, contact law by {space.contact_rule.kind}"
+    facts = facts_of(known.qvi, default_method(settings), settings["tolerance"])
+    return {"cells": mesh.cell_count, "element": element, **facts}
 
 
 def rows_for(method: str | None, contact_rows: RowKind | None) -> RowKind | None:

@@ -30,9 +30,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import lstsq
 
+from solvers.basics.checks import whole_number
 from solvers.basics.status import Status
 from solvers.basics.types import Matrix, Vector
-from solvers.basics.watch import expired
+from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate.certificate import certify
 from solvers.inequality.compliance import Compliance
 from solvers.inequality.problem import FrictionQVI
@@ -57,11 +58,16 @@ class PivotingOptions:
 
     Attributes
     ----------
+    max_iterations : vertices, and corrections of one, at most
     callback : called with an `Iteration` for every vertex, and every correction of one
 
     """
 
+    max_iterations: int = 1000  # more than there are: a few directions, guesses of signs, and corrections
     callback: Callable[[Iteration], object] | None = None
+
+    def __post_init__(self) -> None:
+        whole_number("max_iterations", self.max_iterations)
 
 
 class _Law(NamedTuple):
@@ -137,6 +143,11 @@ class _Run:
     pivots: int = 0
     began: float = 0.0
 
+    @property
+    def spent(self) -> bool:
+        """Whether no iterations are left."""
+        return len(self.best.history) >= self.options.max_iterations
+
     def keep(self, m: Vector) -> bool:
         """Judge multipliers (2m,); True if their certificate passes."""
         qvi = self.qvi
@@ -147,6 +158,7 @@ class _Run:
             time.perf_counter() - self.began,
         )  # fmt: skip
         self.best.history.append(entry)
+        tell(Progress("pivoting", entry))
         if self.options.callback is not None:
             self.options.callback(entry)
         if certificate.accuracy < self.accuracy:
@@ -176,6 +188,9 @@ def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions 
             break
         if expired():
             run.best.reason, run.best.message = Status.TIME_LIMIT, "the time was over on the path of pivots"
+            break
+        if run.spent:
+            run.best.reason, run.best.message = Status.MAX_ITERATIONS, ""
             break
     run.best.iterations = len(run.best.history)
     run.best.timings = {"setup": 0.0, "solve": time.perf_counter() - began}
@@ -230,6 +245,8 @@ def _try(run: _Run, number: int) -> bool:
     guessed = qvi.bilateral & (qvi.mu > 0.0)
     normal = run.compliance.bonded[: qvi.m]
     for _ in range(_SIGNS):
+        if run.spent:
+            return False
         signs = np.where(guessed & (normal > 0.0), 1.0, -1.0)
         rows, M, q = _posed(qvi, run.compliance, _Law.of(qvi), signs, run.stress, run.unit)
         vertex = solve_lcp(M, q, _direction(len(q), number))
@@ -255,6 +272,8 @@ def _polished(run: _Run, rows: _Rows, M: Matrix, vertex: Vertex) -> bool:
     for _ in range(_POLISHING):
         if run.keep(rows.F @ x):
             return True
+        if run.spent:
+            return False
         z, _ = run.compliance.unknowns(rows.F @ x)
         missed = (rows.limit - rows.H @ run.compliance.tractions(z)) / run.stress
         if not active.any() or not np.isfinite(missed).all():

@@ -1,0 +1,131 @@
+"""What solves say while they run: printed with verbose=True, and logged."""
+
+import dataclasses
+import inspect
+import logging
+from pathlib import Path
+
+import pytest
+
+import qvi_contact
+from qvi_contact import (
+    InputError,
+    LimitFactor,
+    limit_load_factor,
+    load_problem,
+    refine,
+    solve,
+    solve_companion,
+    solve_history,
+)
+from qvi_contact.bracket import bracket
+from qvi_contact.gallery import compressed_plate
+from solvers import Status, solve_qvi
+from solvers.basics.narration import ITERATIONS, narrated
+from solvers.basics.watch import Progress, tell
+from solvers.solution.solution import Iteration
+from solvers.solve import _OPTIONS, METHODS
+from tests.solvers.conftest import random_problem
+
+NAME = "qvi_contact"
+DRAGGED = Path(__file__).parent.parent / "examples" / "dragged_block_holds.toml"
+PLATE = compressed_plate(0.2, (2, 2))
+SOLVING = (solve, solve_history, refine, limit_load_factor, solve_companion, bracket, solve_qvi)
+
+
+def numbers(printed):
+    """First numbers of the lines of the table."""
+    lines = printed.split("-" * 79)[1].splitlines()[2:]
+    return [int(line.split()[1]) for line in lines]
+
+
+@pytest.mark.parametrize("function", SOLVING, ids=lambda function: function.__name__)
+def test_all_that_solves_takes_a_time_limit_and_speaks(function):
+    taken = inspect.signature(function).parameters
+    assert {"time_limit", "verbose"} <= taken.keys()
+    assert taken["verbose"].default is False
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_counts_and_calls_back(method, capsys):
+    assert {"max_iterations", "callback"} <= {field.name for field in dataclasses.fields(_OPTIONS[method])}
+    called = []
+    result = solve(PLATE, method=method, tolerance=1e-3, callback=called.append, verbose=True)
+    printed = capsys.readouterr().out
+    assert result.status is Status.SOLVED
+    assert [entry.number for entry in called] == list(range(1, result.solution.iterations + 1))
+    assert numbers(printed) == [entry.number for entry in called]
+    assert printed.count(f"qvi_contact {qvi_contact.__version__}: solve\n") == 1
+    assert "status          solved\n" in printed
+    stopped = solve(PLATE, method=method, tolerance=1e-15, max_iterations=1)
+    assert (stopped.solution.iterations, stopped.status) == (1, Status.MAX_ITERATIONS)
+    with pytest.raises(InputError, match="max_iterations"):
+        solve(PLATE, method=method, max_iterations=0)
+
+
+def test_nothing_is_printed_unless_asked_for(capsys):
+    solve(PLATE)
+    solve_qvi(random_problem(0))
+    assert capsys.readouterr().out == ""
+
+
+def test_histories_refinements_and_limits_have_a_line_for_each_step(capsys):
+    history = solve_history([PLATE, PLATE], verbose=True)
+    lines = capsys.readouterr().out.splitlines()[7:9]
+    assert [line.split()[:2] for line in lines] == [["1", "solved"], ["2", "solved"]]
+    assert history.status is Status.SOLVED
+    rounds = []
+    refine(PLATE, target=1e-3, callback=rounds.append, verbose=True)
+    table = capsys.readouterr().out.split("-" * 79)[1].splitlines()[2:]
+    assert [int(line.split()[2]) for line in table] == [each.unknowns for each in rounds]
+    block, loads = load_problem(DRAGGED).problem, ["drag", "right", "left"]
+    limit = limit_load_factor(block, loads, verbose=True)
+    assert f"{limit.lower:.9g}" in capsys.readouterr().out
+    refine(block, quantity=LimitFactor(loads), verbose=True)
+    assert f"{limit.lower:.9g}" in capsys.readouterr().out
+
+
+def test_long_runs_have_a_line_where_two_digits_change(capsys):
+    with narrated("long", verbose=True) as story:
+        story.begin({})
+        for number in range(1, 1001):
+            tell(Progress("uzawa", Iteration(number, 1.0, 1.0, 1.0)))
+        story.end("solved", "", {}, solved=True)
+    assert numbers(capsys.readouterr().out) == [*range(1, 100), *range(100, 1001, 10)]
+
+
+def test_columns_are_as_wide_as_their_numbers(capsys):
+    with narrated("wide", verbose=True, columns=ITERATIONS) as story:
+        story.begin({})
+        story.line("fixed-point", 12345, 1e-100, -1e-100, -1e-100, 12345.6)
+    heading, line = capsys.readouterr().out.splitlines()[-2:]
+    assert len(heading) == len(line) <= 79
+
+
+def test_the_log_has_the_outermost_call_at_info_and_failures_as_warnings(caplog):
+    with caplog.at_level(logging.DEBUG, NAME):
+        solve_history([PLATE])
+    levels = [(record.levelname, record.getMessage().split(": ")[1]) for record in caplog.records]
+    assert [name for level, name in levels if level == "INFO"] == ["solve_history", "solve_history"]
+    assert ("DEBUG", "solve") in levels
+    caplog.clear()
+    with caplog.at_level(logging.INFO, NAME):
+        solve(PLATE, method="uzawa", max_iterations=1)
+    assert [record.levelname for record in caplog.records] == ["INFO", "WARNING"]
+
+
+def test_the_log_is_silent_unless_a_program_listens():
+    logger = logging.getLogger(NAME)
+    assert [type(handler) for handler in logger.handlers] == [logging.NullHandler]
+    assert logger.level == logging.NOTSET
+
+
+def test_large_problems_on_superlu_name_the_extra(caplog, monkeypatch):
+    from solvers.factorisation import registry
+
+    monkeypatch.setattr(registry, "_WORTH_INSTALLING", 10)
+    monkeypatch.setattr(registry, "resolve", lambda _: "superlu")
+    monkeypatch.setattr(registry, "chosen", lambda: None)
+    with caplog.at_level(logging.INFO, NAME):
+        solve(PLATE)
+    assert any("qvi-contact[fast]" in record.getMessage() for record in caplog.records)
