@@ -1,12 +1,18 @@
 """What an adaptive refinement ends with."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import asdict, dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.limit import LimitLoad
 from qvi_contact.solution.result import ContactResult
+from solvers.basics.frames import columns_of, frame
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 class RefinementStatus(StrEnum):
@@ -104,6 +110,23 @@ class Outcome:
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.message}>"
+
+    def to_frame(self) -> "DataFrame":
+        """One row a round as a pandas table; needs the extra ``frame`` (pandas).
+
+        Columns are "round" (from 1), and the fields of `RefinementRound`, with "cells" multiplied out.
+
+        Raises
+        ------
+        InputError
+            If pandas is missing.
+
+        """
+        rows = [
+            {"round": number, **asdict(record), "cells": math.prod(record.cells)}
+            for number, record in enumerate(self.rounds, 1)
+        ]
+        return frame(columns_of(rows))
 
     @property
     def error(self) -> float:

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -19,9 +18,9 @@ from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.errors import InputError
 from qvi_contact.solution.between_points import between_points
 from qvi_contact.solution.contact_path import ContactPath
+from solvers.basics.frames import frame, pandas
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -40,6 +39,12 @@ _COLUMNS: Final = (
     ("slip", "slip", "displacement"),
 )
 """Columns of `ContactLine.to_frame`: name, attribute, which of the `Units` it is in."""
+
+SUMMARY: Final = {
+    "normal_force": "engineering_force", "tangential_force": "engineering_force", "largest_pressure": "stress",
+    "largest_shear": "stress", "largest_gap": "displacement", "largest_slip": "displacement",
+}  # fmt: skip
+"""Which of the `Units` numbers of `ContactLine.summary` are in; shares have none."""
 
 STATE_TOLERANCE: Final = 1e-6
 
@@ -188,19 +193,26 @@ class ContactLine:
             If pandas is missing.
 
         """
-        if find_spec("pandas") is None:
-            remedy = "tables of contacts need pandas: python -m pip install 'qvi-contact[frame]'"
-            raise InputError("to_frame", "pandas", remedy)
-        pandas, path = load("pandas"), self.path
+        names, path = [state.name.lower() for state in ContactState], self.path
         order = path.points(self.points_per_edge).ravel()
         columns = {"s": path.places(gauss_legendre(self.points_per_edge)[0]).ravel()}
         columns |= {column: getattr(self, field)[order] for column, field, _ in _COLUMNS}
-        if units is not None:
-            quantities = {"s": "length"} | {column: quantity for column, _, quantity in _COLUMNS if quantity}
-            labels = {column: f"{column} [{getattr(units, quantity)}]" for column, quantity in quantities.items()}
-            columns = {labels.get(column, column): values for column, values in columns.items()}
-        states = pandas.Categorical.from_codes(self.state[order], [state.name.lower() for state in ContactState])
-        return pandas.DataFrame({**columns, "state": states})
+        quantities = {"s": "length"} | {column: quantity for column, _, quantity in _COLUMNS if quantity}
+        labels = {} if units is None else {name: getattr(units, quantity) for name, quantity in quantities.items()}
+        states = pandas().Categorical.from_codes(self.state[order], names)
+        return frame({**columns, "state": states}, labels)
+
+    def summary(self) -> dict[str, float]:
+        """Resultant forces, shares of the length in each state, and extremes, see `SUMMARY` for their units."""
+        return {
+            "normal_force": self.normal_force,
+            "tangential_force": self.tangential_force,
+            **{f"share_{state}": share for state, share in self.shares.items()},
+            "largest_pressure": float((-self.normal_stress).max()),
+            "largest_shear": float(np.abs(self.tangential_stress).max()),
+            "largest_gap": float(self.gap.max()),
+            "largest_slip": float(np.abs(self.slip).max()),
+        }
 
     def __repr__(self) -> str:
         shares = ", ".join(f"{100.0 * share:.0f} % {state}" for state, share in self.shares.items() if share)
@@ -210,6 +222,11 @@ class ContactLine:
     def _repr_html_(self) -> str:
         """Forces, extremes and states as a table, for notebooks."""
         return str(load("qvi_contact.files.notebook").contact_html(self))
+
+
+def summary_units(units: Units | None) -> dict[str, str]:
+    """Column of `ContactLine.summary` → its unit, of those that have one; none without `units`."""
+    return {} if units is None else {name: getattr(units, quantity) for name, quantity in SUMMARY.items()}
 
 
 def contact_states(

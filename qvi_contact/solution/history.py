@@ -12,7 +12,7 @@ it ended in.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,12 +28,19 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem, direction_of
+from qvi_contact.solution.contact_line import summary_units
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import rows_for, solve
 from solvers import Status
+from solvers.basics.frames import columns_of, frame
 from solvers.basics.narration import narrated
 from solvers.basics.watch import expired, watched
 from solvers.solve import takes_initial
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from qvi_contact.basics.units import Units
 
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
@@ -80,6 +87,36 @@ class History:
         if self._states:
             one_of("contact", contact, names, f"name a contact: {', '.join(names) or 'there is none'}")
         return np.cumsum([step.contacts[contact].slip for step in self._states], axis=0)
+
+    def to_frame(self, units: "Units | None" = None) -> "DataFrame":
+        """One row for each step and contact as a pandas table; needs the extra ``frame`` (pandas).
+
+        Columns are "step" (from 1), "status", "contact", and those of `ContactResult.forces_frame`, in which slip is
+        that of the step, and "dissipated", the energy lost in friction on all contacts in the step. Steps without a
+        state have no rows.
+
+        Parameters
+        ----------
+        units : Units, optional
+            If given, names of columns end in their unit, as in "largest_slip [mm]".
+
+        Raises
+        ------
+        InputError
+            If pandas is missing.
+
+        """
+        rows = [
+            {"step": number, "status": str(step.status), "contact": name, **line.summary(), "dissipated": lost}
+            for (number, step), lost in zip(self._numbered(), self.dissipated, strict=True)
+            for name, line in step.contacts.items()
+        ]
+        energy = {} if units is None else {"dissipated": units.energy}
+        return frame(columns_of(rows), {**summary_units(units), **energy})
+
+    def _numbered(self) -> list[tuple[int, ContactResult]]:
+        """The steps that have a state, with their numbers."""
+        return [(number, step) for number, step in enumerate(self.steps, 1) if step.has_state]
 
     @property
     def dissipated(self) -> FloatArray:

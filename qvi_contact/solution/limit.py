@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
@@ -22,9 +22,13 @@ from qvi_contact.mechanism.works import BODY
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
+from solvers.basics.frames import frame
 from solvers.basics.narration import narrated
 from solvers.basics.watch import watched
 from solvers.inequality.rows import spanning_rows
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
 _CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
@@ -70,6 +74,18 @@ class LimitLoad(float):
         made.lower, made.upper, made.mechanism = float(lower), float(upper), mechanism
         made.bound, made.violation = float(bound), float(violation)
         return made
+
+    def to_frame(self) -> "DataFrame":
+        """One row as a pandas table: "lower", "upper", "bound", "violation", and which contacts slide or open.
+
+        "slides" and "opens" are the names of the contacts that do so in the mechanism, joined by ", ". Needs the extra
+        ``frame`` (pandas); without it an `InputError` says so.
+        """
+        moved = {} if self.mechanism is None else self.mechanism.contacts
+        numbers = {name: [getattr(self, name)] for name in ("lower", "upper", "bound", "violation")}
+        slides = ", ".join(name for name, motion in moved.items() if motion.slides)
+        opens = ", ".join(name for name, motion in moved.items() if motion.opens)
+        return frame({**numbers, "slides": [slides], "opens": [opens]})
 
     def __getnewargs__(self) -> tuple[float, float, Mechanism | None, float, float]:  # type: ignore[override]
         """For copies and pickles."""

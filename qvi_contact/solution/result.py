@@ -19,16 +19,20 @@ from qvi_contact.errors import InputError
 from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.problem.conditions import RigidPlate
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import ContactLine, contact_line
+from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
 from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
+from solvers.basics.frames import columns_of, frame, pandas
 from solvers.basics.pickles import Stated
 from solvers.basics.types import load
 from solvers.certificate.feasibility import AdmissibleRows
 from solvers.strict.threshold import strict_bound
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from qvi_contact.basics.units import Units
     from qvi_contact.bracket import Bracket
 
 _ROUNDED = 1e-6
@@ -132,6 +136,34 @@ class ContactResult(Stated):
         certificate = "passed" if self.certificate.passed else "failed"
         accuracy = f"certificate {certificate} with {self.certificate.accuracy:.1e}"
         return f"<ContactResult {'; '.join([f'{self.status}, {accuracy}', *forces])}>"
+
+    def to_frame(self, units: "Units | None" = None) -> "DataFrame":
+        """All points of all contacts as a pandas table: "contact", then the columns of `ContactLine.to_frame`.
+
+        Parameters
+        ----------
+        units : Units, optional
+            If given, names of columns end in their unit, as in "slip [mm]".
+
+        Raises
+        ------
+        InputError
+            If pandas is missing (extra ``frame``), or there is no stress state.
+
+        """
+        tables = {name: line.to_frame(units) for name, line in self.contacts.items()}
+        joined: DataFrame = pandas().concat(tables, names=["contact"]).reset_index("contact").reset_index(drop=True)
+        return joined
+
+    def forces_frame(self, units: "Units | None" = None) -> "DataFrame":
+        """One row a contact as a pandas table: forces, shares of its length in each state, extremes.
+
+        Columns are "contact", "normal_force", "tangential_force" [stress × length], "share_open", "share_stick",
+        "share_slip", "largest_pressure", "largest_shear" [stress], "largest_gap", "largest_slip" [length]. Parameters
+        and errors are those of `to_frame`.
+        """
+        rows = [{"contact": name, **line.summary()} for name, line in self.contacts.items()]
+        return frame(columns_of(rows), summary_units(units))
 
     def _repr_html_(self) -> str:
         """Outcome, contacts and certificate as a table, for notebooks."""

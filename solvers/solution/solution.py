@@ -3,16 +3,20 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from solvers.basics.frames import columns_of, frame
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
 from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
 from solvers.inequality.problem import FrictionQVI
 from solvers.solution.contraction import observed_contraction
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 class Iteration(NamedTuple):
@@ -89,6 +93,18 @@ class QVISolution:
     factorisation: str = ""
     corrections: tuple[float, ...] = ()
     remarks: tuple[str, ...] = ()
+
+    def to_frame(self) -> "DataFrame":
+        """One row for each `Iteration` as a pandas table, with its fields as columns; needs the extra ``frame``.
+
+        Raises
+        ------
+        InputError
+            If pandas is missing.
+
+        """
+        rows = [entry._asdict() for entry in self.history]
+        return frame(columns_of(rows))
 
     @property
     def solved(self) -> bool:
