@@ -158,14 +158,15 @@ def solve(
 @group.command()
 @click.argument("result", metavar="RESULT")
 @click.option("--tolerance", type=float, help="Of the certificate.  [default: the one of the result]")
+@click.option("-v", "--verbose", is_flag=True, help="Print every check, not only those that failed.")
 @_JSON
-def verify(result: str, tolerance: float | None, as_json: bool) -> int:
+def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -> int:
     """Check everything that the file RESULT claims, from the file alone.
 
     RESULT is an archive written by "qvi-contact solve --npz" or qvi_contact.export.write_npz. The problem in it is
     discretised anew, the certificate computed anew from unknowns and multipliers, and tractions, gaps, slips, states,
-    forces, energies and stresses are computed anew and compared with those in the file. Each row of the table says
-    what was found, what is allowed, and what it means.
+    forces, energies and stresses are computed anew and compared with those in the file. The last line says whether
+    everything holds; above it are the checks that failed: what was found, what is allowed, and what it means.
 
     A result that was not solved fails; where its certificate is good enough for you, say so by --tolerance. Files with
     Python functions for loads or gaps cannot hold their problem and cannot be checked.
@@ -178,6 +179,7 @@ def verify(result: str, tolerance: float | None, as_json: bool) -> int:
     \b
     Examples:
         qvi-contact verify answer.npz
+        qvi-contact verify answer.npz -v
         qvi-contact verify answer.npz --tolerance 1e-6 --json
     """  # noqa: D301
     import numpy as np
@@ -186,7 +188,7 @@ def verify(result: str, tolerance: float | None, as_json: bool) -> int:
 
     with np.errstate(all="ignore"):  # what overflows fails
         found = verify_file(result, tolerance)
-    click.echo(_json(found.document()) if as_json else found.table())
+    click.echo(_json(found.document()) if as_json else found.table(failures_only=not verbose))
     return 0 if found.passed else 1
 
 

@@ -9,7 +9,7 @@ says of itself counts, and nothing that a back end said.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -146,14 +146,15 @@ class Verification:
             return f"verified: {sum(bool(row.passed) for row in self.rows)} checks passed at {self.tolerance:.0e}"
         return f"not verified: {', '.join(row.name for row in self.failures)}"
 
-    def table(self) -> str:
-        """All rows as text, with what they mean, and the summary."""
-        return "\n".join(self._lines())
+    def table(self, failures_only: bool = False) -> str:
+        """All rows as text, or those that failed, with what they mean, and the summary as the last line."""
+        return "\n".join(self._lines(self.failures if failures_only else self.rows))
 
-    def _lines(self) -> Iterator[str]:
-        width = max(len(row.name) for row in self.rows)
-        yield f"{'check':<{width}}  {'value':>8}  {'limit':>8}"
-        for row in self.rows:
+    def _lines(self, rows: Sequence[Check]) -> Iterator[str]:
+        if rows:
+            width = max(len(row.name) for row in rows)
+            yield f"{'check':<{width}}  {'value':>8}  {'limit':>8}"
+        for row in rows:
             yield row.line(width)
             yield f"    {row.meaning}"
             if row in self.failures and row.worry:

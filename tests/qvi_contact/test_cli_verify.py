@@ -47,6 +47,9 @@ def test_what_solve_has_written_verifies(shell, folder, tmp_path):
     assert shell("solve", folder / "plate.toml", "--npz", tmp_path / "a.npz")[0] == 0
     status, out, err = shell("verify", tmp_path / "a.npz")
     assert (status, err) == (0, "")
+    assert out.startswith("verified: ")
+    assert len(out.splitlines()) == 1
+    out = shell("verify", tmp_path / "a.npz", "-v")[1]
     assert out.splitlines()[-1].startswith("verified: ")
     assert "natural_map" in out
     assert "1/γ" in out
@@ -72,6 +75,11 @@ def test_a_changed_file_is_status_1_and_says_what(shell, folder, tmp_path):
     status, out, err = shell("verify", tmp_path / "a.npz")
     assert (status, err) == (1, "")
     assert out.splitlines()[-1] == "not verified: digest, plate: tractions"
+    assert [line.split("  ")[0] for line in out.splitlines() if line.endswith("FAILED")] == [
+        "digest",
+        "plate: tractions",
+    ]
+    assert "natural_map" not in out
     assert json.loads(shell("verify", tmp_path / "a.npz", "--json")[1])["failures"] == ["digest", "plate: tractions"]
 
 
