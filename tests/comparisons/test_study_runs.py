@@ -200,10 +200,10 @@ class TestEnds:
         moments = random.Random(0)
         counts = []
         for attempt in range(10):
-            process = command("--workers", "2", seconds=0.2)
+            process = command("--workers", "2", seconds=0.1)
             if attempt % 2:  # any moment of the start is hit by the others
                 assert eventually(lambda: rows_in(tmp_path / "a") > max(counts, default=0))
-            time.sleep(moments.uniform(0.0, 0.4 if attempt % 2 == 0 else 0.2))
+            time.sleep(moments.uniform(0.0, 0.4 if attempt % 2 == 0 else 0.1))
             assert process.poll() is None
             process.kill()
             process.wait()
@@ -353,10 +353,11 @@ class TestProgress:
 def on_a_terminal(progress):
     """What a terminal gets on standard error of a run."""
     pty = pytest.importorskip("pty")
+    pause = 0.15 if progress else 0.0
     script = (
         "from comparisons.lab.study.progress import study_progress\nimport time\n"
         f"with study_progress('title', 1, 3, {progress}) as advance:\n"
-        "    for _ in range(2):\n        time.sleep(0.15)\n        advance()\n    time.sleep(0.15)"
+        f"    for _ in range(2):\n        time.sleep({pause})\n        advance()\n    time.sleep({pause})"
     )
     ours, theirs = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}

@@ -7,7 +7,6 @@ Which worker does a case is decided here, not by Dask, which would try a case th
 Here it is tried once more, on another worker if there is one.
 """
 
-import asyncio
 import logging
 import time
 from collections import Counter, deque
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 _CONNECTING: Final = 10.0  # seconds
+_JOINING: Final = 10.0  # seconds until a cluster has a worker
 _FETCHING: Final = 30.0  # seconds for one outcome
 _LOOK: Final = 0.5  # seconds between two looks at the cluster's workers
 _ATTEMPTS: Final = 2
@@ -105,23 +105,27 @@ def _quiet() -> Iterator[None]:
 
 async def _greet(address: str) -> None:
     """Exchange the first words with whoever listens there; Dask's client alone would wait for them without end."""
+    from asyncio import timeout
+
     from distributed import Security
     from distributed.comm import connect
 
     security = Security().get_connection_args("client")
-    async with asyncio.timeout(_CONNECTING):
+    async with timeout(_CONNECTING):
         comm = await connect(address, timeout=_CONNECTING, **security)
     await comm.close()
 
 
 def _client(address: str) -> "Client":
+    from asyncio import run  # which worker processes need not load
+
     try:
-        asyncio.run(_greet(address))
+        run(_greet(address))
         client = _quiet_client()(address, timeout=_CONNECTING, set_as_default=False)
     except Exception as error:  # of many kinds, for whatever answers there
         raise InputError("dask", address, f"no scheduler answers there: {_REMEDY}") from error
     try:
-        client.wait_for_workers(1, timeout=_CONNECTING)
+        client.wait_for_workers(1, timeout=_JOINING)
     except Exception as error:
         client.close()
         raise InputError("dask", address, "the cluster has no workers: start some") from error
