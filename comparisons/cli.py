@@ -1,5 +1,7 @@
 """Commands of ``python -m comparisons``."""
 
+from typing import Final
+
 import click
 
 from comparisons.benchmark.command import benchmark
@@ -11,10 +13,27 @@ from comparisons.solvers.command import solvers
 from comparisons.verification.command import verify
 from comparisons.wild.command import wild
 
+_NEEDED: Final = {"markdown-it-py": "markdown_it", "pandas": "pandas"}
+"""Distributions that every report needs → their modules."""
+
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-def group() -> None:
+@click.pass_context
+def group(context: click.Context) -> None:
     """Experiments that compare methods, solvers and published numbers."""
+    if context.invoked_subcommand not in (export.name, import_file.name):
+        _check_installed()
+
+
+def _check_installed() -> None:
+    """What reports need is found to be missing before anything is computed."""
+    from importlib.util import find_spec
+
+    from qvi_contact.errors import InputError
+
+    missing = ", ".join(name for name, module in _NEEDED.items() if find_spec(module) is None)
+    if missing:
+        raise InputError("installation", missing, "is missing: python -m pip install 'qvi-contact[comparisons]'")
 
 
 for command in (paper, benchmark, verify, solvers, convergence, peers, wild, export, import_file):

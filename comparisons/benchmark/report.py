@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from comparisons.benchmark.findings import findings
 from comparisons.benchmark.tables import tables
-from comparisons.lab.tables import markdown_table, rich_table
+from comparisons.lab.tables import markdown_table, print_table
 from qvi_contact.basics.writing import write_text
 from qvi_contact.plots import has_matplotlib
 from qvi_contact.plots.style import save_figure, settings
@@ -33,7 +33,7 @@ def show(document: Document, written: list[Path]) -> None:
         console = Console(highlight=False, markup=False, width=_WIDTH)
     console.print("\n".join([*heading(document), ""]))
     for grid in tables(document):
-        console.print(rich_table(grid))
+        print_table(console, grid)
         console.print(f"{grid.note}\n")
     for sentence in findings(document):
         console.print(f"• {sentence}")
@@ -76,7 +76,7 @@ def write(document: Document, folder: Path, friction: float) -> list[Path]:
 
 def as_markdown(document: Document) -> str:
     """The report as Markdown."""
-    image = f"![Wall time against unknowns; error against wall time]({PICTURES[0]})"
+    image = f"![Wall time against unknowns; error against wall time]({PICTURES[1]})"
     parts = [
         "# Benchmark: the compressed plate",
         "",

@@ -14,7 +14,7 @@ from comparisons.lab.options import folder_option
 from comparisons.lab.study.options import RunOptions, study_options
 
 if TYPE_CHECKING:
-    from comparisons.lab.report import Report
+    from comparisons.lab.report.old import Report
     from comparisons.lab.study import Study
 
 NAMES: Final = ("mesh", "outer", "uzawa")
@@ -96,8 +96,7 @@ class _Part:
 
     def done(self, out: Path, as_json: bool) -> dict[str, Any]:
         """Run what is missing, write the report, show it; the JSON of it."""
-        from comparisons.lab.report import write_report
-        from comparisons.lab.report.terminal import show
+        from comparisons.lab.report.old import show, write_report
         from comparisons.lab.study import read_study
 
         self.run.run(self.study)

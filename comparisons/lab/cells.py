@@ -1,4 +1,7 @@
-"""What the cells of a table say: a number, whatever stands around it, words, or nothing."""
+"""What the cells of a table say: a number, whatever stands around it, words, or nothing; and how they are sorted.
+
+Rows come in the order of their numbers, then of their words, and those that say nothing come last.
+"""
 
 import math
 import re
@@ -53,3 +56,19 @@ def is_numeric(cells: Sequence[str]) -> bool:
     """Whether a column is one of numbers: there is one, and there are neither words nor sentences."""
     said = [cell for cell in cells if not is_missing(cell)]
     return bool(said) and all(number_in(cell) is not None and len(cell) <= _LONGEST for cell in said)
+
+
+def sort_key(cell: str) -> str | None:
+    """What the script of a page sorts by: a plain number, "" if the cell says nothing, None for words."""
+    if is_missing(cell):
+        return ""
+    value = number_in(cell)
+    return None if value is None else f"{value:.12g}".replace("inf", "Infinity")
+
+
+def position(cell: str) -> tuple[int, float]:
+    """Place of a cell in its column: numbers by their size, then words, all alike here, then cells that say nothing."""
+    if is_missing(cell):
+        return 2, 0.0
+    value = number_in(cell)
+    return (1, 0.0) if value is None else (0, value)

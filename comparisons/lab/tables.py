@@ -1,14 +1,18 @@
 """Tables of text, once for the terminal and for Markdown."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from comparisons.lab.cells import is_numeric
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+    from rich.console import Console
     from rich.table import Table
 
-_LONGEST = 40  # letters of a name; what is longer is a sentence
+_LONGEST: Final = 40  # letters of a name; what is longer is a sentence
+_HEADING: Final = 10  # letters of a line of a heading above narrow numbers
 
 
 class Grid(NamedTuple):
@@ -20,11 +24,53 @@ class Grid(NamedTuple):
     note: str = ""
 
 
+def grid_of(
+    frame: "DataFrame",
+    headings: Sequence[str] | Mapping[str, str],
+    forms: Mapping[str, Callable[[Any], str]] | None = None,
+) -> Grid:
+    """Columns of a frame as a table.
+
+    Parameters
+    ----------
+    frame : DataFrame
+        One line a row.
+    headings : sequence of str, or Mapping
+        The columns, or column → its heading.
+    forms : Mapping, optional
+        Column → what makes a text of its value; `str` for all others.
+
+    """
+    named = headings if isinstance(headings, Mapping) else {name: name for name in headings}
+    columns = [[(forms or {}).get(name, str)(value) for value in frame[name]] for name in named]
+    return Grid("", tuple(named.values()), list(zip(*columns, strict=True)))
+
+
+def print_table(console: "Console", grid: Grid) -> None:
+    """Print the table; where the terminal is too narrow for its numbers, row by row with a line for each cell."""
+    table = rich_table(grid)
+    if sum(map(_least, grid.headings, zip(*grid.rows, strict=True), _numeric(grid))) <= console.width:
+        console.print(table)
+        return
+    console.print(grid.title, style="bold", soft_wrap=True)
+    for row in grid.rows:
+        console.print("\n" + row[0], soft_wrap=True)
+        for heading, cell in zip(grid.headings[1:], row[1:], strict=True):
+            console.print(f"  {_one_line(heading)}: {cell}", soft_wrap=True)
+    console.print()
+
+
+def _least(heading: str, cells: Sequence[str], numeric: bool) -> int:
+    """Letters that a column needs, with the space behind it; words can be broken."""
+    longest = max(map(len, cells))
+    return 1 + (max(longest, *map(len, wrap(heading, max(longest, _HEADING)))) if numeric else min(longest, _HEADING))
+
+
 def rich_table(grid: Grid) -> "Table":
     """The table for a terminal.
 
-    Where that is too narrow, cells are broken and nothing is cut; the first column, which tells the rows apart, is
-    broken last, unless sentences stand in it.
+    Numbers are not broken. Where the terminal is too narrow, words are; those of the first column, which tells the rows
+    apart, last, unless sentences stand in it.
     """
     from rich import box
     from rich.table import Table
@@ -32,8 +78,11 @@ def rich_table(grid: Grid) -> "Table":
     table = Table(title=grid.title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold", padding=(0, 1, 0, 0))
     whole = all(len(row[0]) <= _LONGEST for row in grid.rows if row)
     for index, (heading, numeric) in enumerate(zip(grid.headings, _numeric(grid), strict=True)):
-        justify: Literal["left", "right"] = "right" if numeric else "left"
-        table.add_column(heading, justify=justify, overflow="fold", no_wrap=whole and index == 0)
+        if numeric:
+            widest = max(_HEADING, *(len(row[index]) for row in grid.rows))
+            table.add_column("\n".join(wrap(_one_line(heading), widest)), justify="right", no_wrap=True)
+        else:
+            table.add_column(heading, overflow="fold", no_wrap=whole and index == 0)
     for row in grid.rows:
         table.add_row(*row)
     return table
@@ -41,11 +90,16 @@ def rich_table(grid: Grid) -> "Table":
 
 def markdown_table(grid: Grid) -> str:
     """The table in Markdown, with its title, if it has one, as a heading above and how to read it below."""
-    headings = [heading.replace("-\n", "").replace("\n", " ") for heading in grid.headings]
+    headings = [_one_line(heading) for heading in grid.headings]
     marks = ["---:" if numeric else "---" for numeric in _numeric(grid)]
     lines = [_line(headings), f"| {' | '.join(marks)} |", *map(_line, grid.rows)]
     heading = [f"## {grid.title}", ""] if grid.title else []
     return "\n".join([*heading, *lines, "", *([grid.note, ""] if grid.note else [])])
+
+
+def _one_line(heading: str) -> str:
+    """A heading without the breaks that it has for the terminal."""
+    return heading.replace("-\n", "").replace("\n", " ")
 
 
 def _line(cells: Sequence[str]) -> str:

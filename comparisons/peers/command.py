@@ -48,7 +48,7 @@ def peers(
         python -m comparisons peers --getfem /usr/bin/python3
         python -m comparisons peers --friction 0.2 --cells 8 16 --levels 3 --store small.sqlite --out results/small
     """  # noqa: D301
-    from comparisons.lab.report import show
+    from comparisons.lab.report.old import show
     from comparisons.lab.study import read_study
     from comparisons.peers import measure, report
     from comparisons.peers.cases import peers_study

@@ -5,8 +5,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from comparisons.lab.report import Figure, svg_text
+from comparisons.lab.report import svg_text
 from comparisons.lab.report.numbers import listing, scientific
+from comparisons.lab.report.old import Figure
 from comparisons.peers.findings import slug
 from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, MODELS, Model
 from comparisons.peers.points import KINDS, Point, Reference, contradictory

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
-from comparisons.lab.report import Finding
 from comparisons.lab.report.numbers import count_of, listing, scientific, seconds, significant
+from comparisons.lab.report.old import Finding
 from comparisons.peers.models import CODES, EQUILIBRIUM, TRIANGLES
 from comparisons.peers.points import (
     RESOLUTION,

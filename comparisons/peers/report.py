@@ -8,8 +8,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from comparisons.lab.report import Exhibit, Report, Section, Table, environment_grids, write_report
+from comparisons.lab.report import environment_grids
 from comparisons.lab.report.marks import plain
+from comparisons.lab.report.old import Exhibit, Report, Section, Table, write_report
 from comparisons.lab.study import Row
 from comparisons.peers.figures import COSTS, best_figure, bounds_figure, error_figure
 from comparisons.peers.findings import findings

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from comparisons.benchmark.ratios import median, ratio
 from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
-from comparisons.lab.report import Table
 from comparisons.lab.report.numbers import listing, percent, scientific, significant
+from comparisons.lab.report.old import Table
 from comparisons.lab.tables import Grid
 from comparisons.peers.findings import slug
 from comparisons.peers.meshes import FAMILIES

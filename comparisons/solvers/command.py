@@ -36,7 +36,7 @@ def solvers(options: RunOptions, quick: bool, only: tuple[str, ...], out: Path, 
         python -m comparisons solvers --quick --workers 2
         python -m comparisons solvers --only qp:osqp direct:osqp --store results/osqp.sqlite --out results/osqp
     """  # noqa: D301
-    from comparisons.lab.report import show, write_report
+    from comparisons.lab.report.old import show, write_report
     from comparisons.lab.study import read_study
     from comparisons.solvers.report import report_of
     from comparisons.solvers.study import declared
@@ -87,7 +87,7 @@ def _chosen(only: Sequence[str]) -> tuple[str, ...]:
 
 def _document(stored: Any, report: Any, written: Sequence[Path]) -> dict[str, Any]:
     """Declaration, findings, outcomes of every solver, tables as text."""
-    from comparisons.lab.report.check import exhibits
+    from comparisons.lab.report.old import exhibits
     from comparisons.solvers.measures import outcome_counts, runs_of
 
     tables = {each.name: each.grid for each in exhibits(report) if hasattr(each, "grid")}

@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from comparisons.lab.report import Finding
 from comparisons.lab.report.numbers import count_of, listing, percent, significant
+from comparisons.lab.report.old import Finding
 from comparisons.lab.study.outcome import CRASHED, ERROR, MEMORY, TIMEOUT
 from comparisons.solvers.accuracies import LEVELS, METHODS
 from comparisons.solvers.measures import (

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
-from comparisons.lab.report import Exhibit, Figure, Report, Section, environment_grids
+from comparisons.lab.report import environment_grids
 from comparisons.lab.report.numbers import count_of, scientific
+from comparisons.lab.report.old import Exhibit, Figure, Report, Section
 from comparisons.lab.study import Row, StoredStudy
 from comparisons.solvers import figures, tables
 from comparisons.solvers.accuracies import LEVELS, MARGIN

@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
-from comparisons.lab.report import Table
 from comparisons.lab.report.numbers import NOTHING, percent, scientific, seconds, significant
+from comparisons.lab.report.old import Table
 from comparisons.lab.study import Row
 from comparisons.lab.tables import Grid
 from comparisons.solvers import accuracies

@@ -4,14 +4,17 @@ import json
 from pathlib import Path
 from typing import Any, Final
 
-from comparisons.lab.tables import Grid, markdown_table, rich_table
+from comparisons.lab.report import Document as Report
+from comparisons.lab.report import write_report
+from comparisons.lab.report.document import table_text
+from comparisons.lab.report.marks import escaped
+from comparisons.lab.tables import Grid, print_table
 from comparisons.verification import texts
-from qvi_contact.basics.writing import write_text
 from qvi_contact.plots import has_matplotlib
 
 Document = dict[str, Any]
 
-MARKDOWN, PAGE, PICTURE = "verification.md", "verification.html", "overview.svg"
+NAME, PICTURE = "verification", "overview.svg"
 TITLE: Final = "Verification manual"
 INTRODUCTION: Final = (
     "Every row compares a number computed by this package with one that is known otherwise: by a closed form, by "
@@ -28,50 +31,23 @@ def as_json(document: Document) -> str:
 def write(document: Document, folder: Path) -> list[Path]:
     """Write Markdown, one HTML page, and the picture where matplotlib is installed; each whole or not at all."""
     picture = _picture(document)
-    write_text(folder / MARKDOWN, as_markdown(document, bool(picture)))
-    write_text(folder / PAGE, as_html(document, picture))
-    if picture:
-        write_text(folder / PICTURE, picture)
-    return [folder / name for name in (MARKDOWN, PAGE, *([PICTURE] if picture else []))]
+    pictures = {PICTURE: picture} if picture else {}
+    return write_report(Report(NAME, as_markdown(document, bool(picture)), pictures), folder)
 
 
 def as_markdown(document: Document, picture: bool = False) -> str:
     """The manual as Markdown."""
     lines = [f"# {TITLE}", "", INTRODUCTION, "", f"**{texts.verdict(document)}**", ""]
-    lines += [f"- {line}" for line in texts.failed(document)]
+    lines += [f"- {escaped(line)}" for line in texts.failed(document)]
     lines += ["", f"![{CAPTION}]({PICTURE})", ""] if picture else [""]
     lines += ["## How to read the tables", "", *(f"- *{name}*: {text}" for name, text in texts.reading()), ""]
     for chapter in document["chapters"]:
         lines += [f"## {chapter['title']}", "", f"- *Shows*: {chapter['shows']}", f"- *Reading*: {chapter['reading']}"]
         lines += [f"- *Failure*: {chapter['failure']}", ""]
         for problem in chapter["problems"]:
-            lines += [f"### `{problem['name']}`", "", problem["about"], "", markdown_table(texts.grid(problem))]
+            lines += [f"### `{problem['name']}`", "", escaped(problem["about"]), "", table_text(texts.grid(problem))]
     lines += ["## Machine and versions", "", *(f"- {line}" for line in texts.machine_lines(document))]
     return "\n".join(lines).rstrip() + "\n"
-
-
-def as_html(document: Document, picture: str = "") -> str:
-    """The manual as one HTML page that loads nothing."""
-    from comparisons.lab.report.page import page_environment
-
-    template = page_environment("comparisons.verification").get_template("manual.html")
-    chapters = [
-        chapter | {"problems": [problem | {"grid": texts.grid(problem)} for problem in chapter["problems"]]}
-        for chapter in document["chapters"]
-    ]
-    return template.render(
-        title=TITLE,
-        introduction=INTRODUCTION,
-        caption=CAPTION,
-        passed=document["passed"],
-        verdict=texts.verdict(document),
-        failures=texts.failed(document),
-        reading=texts.reading(),
-        picture=picture,
-        chapters=chapters,
-        failed_word=texts.FAILED,
-        machine=texts.machine_lines(document),
-    )
 
 
 def show(document: Document, written: list[Path]) -> None:
@@ -81,7 +57,7 @@ def show(document: Document, written: list[Path]) -> None:
     console = Console(highlight=False, markup=False)
     if not console.is_terminal:
         console = Console(highlight=False, markup=False, width=120)
-    console.print(rich_table(summary(document)))
+    print_table(console, summary(document))
     for line in texts.failed(document):
         console.print(f"{texts.FAILED} {line}", soft_wrap=True)
     console.print(texts.verdict(document))

@@ -35,10 +35,10 @@ def wild(options: RunOptions, quick: bool, each: int | None, only: tuple[str, ..
         python -m comparisons wild --quick
         python -m comparisons wild --each 50 --only gaps idle --store results/gaps.sqlite --out results/gaps
     """  # noqa: D301
-    from comparisons.lab.report import show
-    from comparisons.lab.study import read_study
-    from comparisons.wild.measures import counts_of, entries_of, failed
-    from comparisons.wild.report import report_of, write
+    from comparisons.lab.report import findings_of, show, write_report
+    from comparisons.lab.study import read_study, write_csv
+    from comparisons.wild.measures import counts_of, problems_of
+    from comparisons.wild.report import report
     from comparisons.wild.study import EACH, QUICK, declared
     from qvi_contact.basics.writing import writable_folder
 
@@ -47,21 +47,22 @@ def wild(options: RunOptions, quick: bool, each: int | None, only: tuple[str, ..
     options = _with_store(options, quick, bool(only) or each is not None)
     options.run(study)
     stored = read_study(options.store)
-    entries = entries_of(stored)
-    report = report_of(stored)
-    written = write(report, entries, folder)
+    made = report(stored.rows)
+    written = [*write_report(made, folder), folder / f"{made.name}.csv.gz"]
+    write_csv(written[-1], stored.rows)
+    problems = problems_of(stored.rows)
     if as_json:
         document = {
             "schema": "qvi-contact/wild/1",
             "study": stored.declaration,
-            "outcomes": counts_of(entries),
-            "findings": [finding.text for finding in report.findings],
+            "outcomes": counts_of(problems),
+            "findings": findings_of(made.text),
             "files": [str(path) for path in written],
         }
         click.echo(json.dumps(document, indent=1, ensure_ascii=False))
     else:
-        show(report, written)
-    return 1 if failed(entries) else 0
+        show(made, written)
+    return 1 if problems.trouble.any() else 0
 
 
 def _with_store(options: RunOptions, quick: bool, some: bool) -> RunOptions:

@@ -1,14 +1,15 @@
 """What became of the problems, from the stored rows alone."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.lab.study import DONE, Row, StoredStudy
-from comparisons.wild.enumeration import EXISTS, NONE
+from comparisons.lab.study import DONE, Row
+from comparisons.wild.enumeration import EXISTS, NONE, UNDECIDED
 from comparisons.wild.generator import FAMILIES
 from comparisons.wild.task import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, WRONG
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 BROKEN: Final = "broken"
 """Outcome of a case that ended without a result: out of time or memory, or its process died."""
@@ -17,57 +18,61 @@ ORDER: Final = (SOLVED, INFEASIBLE, OPEN, REFUSED, ACCEPTED, WRONG, FOREIGN, BRO
 LONGEST: Final = 30.0
 """Seconds that no problem should take."""
 
+_NEVER: Final = (WRONG, FOREIGN, ACCEPTED, BROKEN)
 
-@dataclass(frozen=True)
-class Entry:
-    """One problem.
 
-    Attributes
-    ----------
-    family, number : what makes it
-    outcome : one of `ORDER`
-    status : of the default method, or the kind of exception
-    seconds : of building and solving by default
-    reason : why there is no answer, or what is wrong; empty otherwise
-    answer : the method that has an answer where the default has none
-    exists : what enumeration says of an open problem
-    admissible : whether there is a traction that obeys the law and balances the load
-    warnings : said meanwhile
+def problems_of(rows: Sequence[Row]) -> "DataFrame":
+    """One line a problem, family by family.
 
+    The columns are family and number, which make it; outcome, one of `ORDER`; status of the default method, or the kind
+    of exception; seconds of building and solving; reason, why there is no answer or what is wrong; answer, the method
+    that has one where the default has none; exists, what enumeration says of an open problem; solvable, whether it is
+    known to have a solution; admissible, whether a traction obeys the law and balances the load; trouble and slow, what
+    must not happen.
     """
+    from pandas import DataFrame
 
-    family: str
-    number: int
-    outcome: str
-    status: str
-    seconds: float
-    reason: str
-    answer: str
-    exists: str
-    admissible: bool
-    warnings: Sequence[str]
-
-    @property
-    def solvable(self) -> bool:
-        """Whether it is known to have a solution."""
-        return self.outcome in (SOLVED, WRONG) or (self.outcome == OPEN and self.exists == EXISTS)
-
-
-def entries_of(study: StoredStudy) -> list[Entry]:
-    """The entries, family by family."""
     families = list(FAMILIES)
-    return sorted(map(_entry, study.rows), key=lambda entry: (families.index(entry.family), entry.number))
+    found = sorted(map(_problem, rows), key=lambda one: (families.index(one["family"]), one["number"]))
+    problems = DataFrame(found)
+    exists = (problems.outcome == OPEN) & (problems.exists == EXISTS)
+    problems["solvable"] = problems.outcome.isin([SOLVED, WRONG]) | exists
+    problems["trouble"] = problems.outcome.isin(_NEVER)
+    problems["slow"] = problems.seconds > LONGEST
+    return problems
 
 
-def _entry(row: Row) -> Entry:
-    family, number = row.case["family"], row.case["number"]
+def counts_of(problems: "DataFrame") -> dict[str, int]:
+    """Outcome → how many, in the order of `ORDER`."""
+    counts = problems.outcome.value_counts()
+    return {name: int(counts.get(name, 0)) for name in ORDER}
+
+
+def values_of(problems: "DataFrame") -> dict[str, Any]:
+    """The numbers of the report's sentences."""
+    unanswered = problems[problems.outcome == OPEN]
+    solvable, admissible = problems[problems.solvable], problems[problems.admissible]
+    return {
+        **counts_of(problems), "problems": len(problems), "families": dict(FAMILIES), "longest": LONGEST,
+        "slow": int(problems.slow.sum()), "solvable": len(solvable), "admissible": len(admissible),
+        "missed": int(unanswered.solvable.sum()), "stuck": int(unanswered.admissible.sum()),
+        "hopeless": int((unanswered.exists == NONE).sum()), "unknown": int((unanswered.exists == UNDECIDED).sum()),
+    }  # fmt: skip
+
+
+def _problem(row: Row) -> dict[str, Any]:
+    known = {"family": row.case["family"], "number": row.case["number"]}
     if row.status != DONE:
-        return Entry(family, number, BROKEN, row.status, row.seconds, row.reason, "", "", False, ())
+        return known | {
+            "outcome": BROKEN, "status": row.status, "seconds": row.seconds, "reason": row.reason, "answer": "",
+            "exists": "", "admissible": False,
+        }  # fmt: skip
     found = row.result
-    return Entry(
-        family, number, found["outcome"], found["status"], found["seconds"], _reason(found), found.get("answer", ""),
-        found.get("exists", ""), found["outcome"] == SOLVED or found.get("admissible") is True, found["warnings"],
-    )  # fmt: skip
+    return known | {
+        "outcome": found["outcome"], "status": found["status"], "seconds": found["seconds"], "reason": _reason(found),
+        "answer": found.get("answer", ""), "exists": found.get("exists", ""),
+        "admissible": found["outcome"] == SOLVED or found.get("admissible") is True,
+    }  # fmt: skip
 
 
 def _reason(found: Mapping[str, Any]) -> str:
@@ -95,19 +100,3 @@ def _open_reason(found: Mapping[str, Any]) -> str:
     if found.get("admissible") is False:
         return "no admissible traction"
     return "too large to enumerate, or out of time: the load may be beyond a sliding limit"
-
-
-def counts_of(entries: Sequence[Entry]) -> dict[str, int]:
-    """Outcome → how many, in the order of `ORDER`."""
-    counts = Counter(entry.outcome for entry in entries)
-    return {name: counts[name] for name in ORDER}
-
-
-def failed(entries: Sequence[Entry]) -> list[Entry]:
-    """What must not happen: wrong answers, foreign exceptions, nonsense accepted, cases that broke."""
-    return [entry for entry in entries if entry.outcome in (WRONG, FOREIGN, ACCEPTED, BROKEN)]
-
-
-def slow(entries: Sequence[Entry]) -> list[Entry]:
-    """Problems that took longer than `LONGEST`, the slowest first."""
-    return sorted((entry for entry in entries if entry.seconds > LONGEST), key=lambda entry: -entry.seconds)

@@ -4,7 +4,6 @@ A line ``% reports`` in a page becomes a list of the reports in `comparisons/rep
 """
 
 import html
-import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,9 +11,12 @@ from typing import Any
 
 import imagesize
 from docutils import nodes
-from markdown_it import MarkdownIt
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
+
+from comparisons.lab.report import Document
+from comparisons.lab.report.page import as_page
+from comparisons.lab.report.reader import title_of
 
 REPORTS = Path(__file__).parents[2] / "comparisons" / "reports"
 MARK = "% reports"
@@ -23,34 +25,12 @@ _LIST = ("studies", "committed-reports")  # page and anchor of that list
 _LARGE = 1000  # pixels, from which on a picture fills the column
 _PHONE = 350  # pixels, above which a picture leads to itself in full size
 _MANY = 4  # columns of a table that is too wide for a phone
-_PAGE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title>
-<style>
-body {{ font: 16px/1.5 sans-serif; max-width: 70rem; margin: 0 auto; padding: 1rem; overflow-x: auto; }}
-img {{ max-width: 100%; }}
-table {{ border-collapse: collapse; font-size: 0.8rem; }}
-th, td {{ border: 1px solid #ccc; padding: 0.2rem 0.4rem; text-align: left; }}
-</style>
-</head>
-<body>
-{body}
-</body>
-</html>
-"""
 
 
 def reports() -> Iterator[tuple[str, Path]]:
-    """Title and main file of each report, several in a folder or one: its page if there is one, else its Markdown."""
-    for folder in sorted(path for path in REPORTS.iterdir() if path.is_dir()):
-        texts = {path.stem: path for path in sorted(folder.glob("*.md"))}
-        for stem, text in texts.items():
-            heading = re.search(r"^# (.+)$", text.read_text(encoding="utf-8"), re.M)
-            page = text.with_suffix(".html")
-            yield heading[1] if heading else stem, page if page.exists() else text
+    """Title and Markdown of each report, several in a folder or one."""
+    for path in sorted(REPORTS.glob("*/*.md")):
+        yield title_of(path.read_text(encoding="utf-8")), path
 
 
 def _replace(_app: Sphinx, docname: str, source: list[str]) -> None:
@@ -98,16 +78,14 @@ def _fit(_app: Sphinx, document: nodes.document) -> None:
 
 
 def _copy(app: Sphinx, exception: Exception | None) -> None:
-    """Put the reports beside the pages, as a page too where they have none."""
+    """Put the reports beside the pages, and the page that is made of each."""
     if exception is not None or app.builder.format != "html":
         return
     target = Path(app.outdir) / "reports"
     shutil.copytree(REPORTS, target, dirs_exist_ok=True)
-    for title, path in reports():
-        if path.suffix == ".md":
-            body = MarkdownIt("commonmark").enable("table").render(path.read_text(encoding="utf-8"))
-            page = _PAGE.format(title=html.escape(title), body=body)
-            (target / path.relative_to(REPORTS)).with_suffix(".html").write_text(page, encoding="utf-8")
+    for _, path in reports():
+        page = (target / path.relative_to(REPORTS)).with_suffix(".html")
+        page.write_text(as_page(Document.read(path)), encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

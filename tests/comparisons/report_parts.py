@@ -1,7 +1,6 @@
 """A small report with everything that reports can have, for the tests of its files."""
 
-from comparisons.lab.report import Figure, Finding, Report, Section, Table, svg_text
-from comparisons.lab.report.environment import environment_grids
+from comparisons.lab.report import environment_grids, fill, svg_text
 from comparisons.lab.study.rows import Row
 from comparisons.lab.tables import Grid
 from qvi_contact.plots.style import new_figure, settings
@@ -42,21 +41,53 @@ def row(position=0, status="done", load=0.5, seed=7, **environment):
     return Row(position, "0", case, status, "", {}, None, 0.1, "2026-01-01", load, environment)
 
 
-def sample(svg=picture, **changes):
-    """The report; parts are replaced by name."""
-    times = Table("times", TIMES, "Medians of 5 repeats.", "Rows whose status is not done.")
-    many = Table("many", Grid("Many", ("case", "μ"), [(f"plate-{i}", f"{i / 10:g}") for i in range(40)]), "By case.")
-    lies = Table("lies", Grid("Called solved", ("back end", "times"), []), "A row for each.")
-    figures = [Figure(name, f"Figure of {name}", svg(name), f"Reading {name}.", f"Ends of {name}.") for name in "ab"]
-    parts = {
-        "name": "sample",
-        "title": "Solvers compared",
-        "introduction": "By `python -m comparisons solvers`.",
-        "findings": [Finding("*Clarabel* takes 12.3 ms.", "times"), Finding("Nobody lies.", "lies"), Finding("All.")],
-        "sections": [
-            Section("Times", ["Of 5 back ends."], [times, figures[0], many]), Section("Lies", [], [lies, figures[1]]),
-        ],
-        "settings": environment_grids([row(0), row(1, "timeout")]),
-        "limitations": ["One thread."],
-    }  # fmt: skip
-    return Report(**(parts | changes))
+TEMPLATE = """
+# Solvers compared
+
+By `python -m comparisons solvers`.
+
+## Findings
+
+1. *Clarabel* takes {{ fastest | seconds }} ([table](#times)).
+2. Nobody lies ([table](#lies)).
+
+## Times
+
+{{ figure("a", "Figure of a") }}
+
+{{ table("times") }}
+
+Rows whose status is not `done` failed.
+
+## Lies
+
+{{ table("lies") }}
+
+{{ figure("b", "Figure of b") }}
+
+<details>
+<summary>All of them</summary>
+
+{{ table("many") }}
+
+</details>
+
+## Settings
+
+{{ settings }}
+
+## Limits
+
+{% for limit in limits %}
+- {{ limit }}
+{% endfor %}
+"""
+
+
+def sample(svg=picture, template=TEMPLATE, times=TIMES, **values):
+    """The report; values are replaced by name."""
+    many = Grid("", ("case", "μ"), [(f"plate-{i}", f"{i / 10:g}") for i in range(40)])
+    tables = {"times": times, "many": many, "lies": Grid("", ("back end", "times"), [])}
+    known = {"fastest": 0.0123, "limits": ["One thread."]} | values
+    figures = {name: svg(name) for name in "ab"}
+    return fill(template, "sample", known, tables, figures, environment_grids([row(0), row(1, "timeout")]))

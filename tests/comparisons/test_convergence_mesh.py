@@ -22,7 +22,7 @@ from comparisons.convergence.mesh.tables import costs_table, failures_table, ord
 from comparisons.convergence.mesh.tractions import Tractions, difference, size
 from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
 from comparisons.convergence.orders import fitted_order, reached, successive_orders
-from comparisons.lab.report import write_report
+from comparisons.lab.report.old import write_report
 from comparisons.lab.study import Study, read_study, run_study
 from qvi_contact import refine, solve
 from qvi_contact.basics import terminal

@@ -26,7 +26,7 @@ from comparisons.convergence.outer.study import study, study_of
 from comparisons.convergence.outer.tables import mesh_groups, solution_found
 from comparisons.convergence.outer.task import run
 from comparisons.convergence.rates import first_lasting, growth_order, rate_of
-from comparisons.lab.report import write_report
+from comparisons.lab.report.old import write_report
 from comparisons.lab.study import DONE, read_study, run_study
 from qvi_contact.plots import has_matplotlib
 from solvers import solve_qvi

@@ -12,7 +12,7 @@ from comparisons.convergence.uzawa.findings import condition_growth, findings
 from comparisons.convergence.uzawa.report import report
 from comparisons.convergence.uzawa.study import Extent, study, study_of
 from comparisons.convergence.uzawa.tables import error_after
-from comparisons.lab.report import write_report
+from comparisons.lab.report.old import write_report
 from comparisons.lab.study import DONE, read_study, run_study
 from comparisons.paper.reference import load
 from qvi_contact.plots import has_matplotlib

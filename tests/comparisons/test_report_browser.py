@@ -6,8 +6,8 @@ from contextlib import nullcontext
 
 import pytest
 
-from comparisons.lab.report import Section, Table, write_report
 from comparisons.lab.report import browser as looking
+from comparisons.lab.report import fill, write_report
 from qvi_contact.basics import terminal
 from qvi_contact.errors import InputError
 from tests.comparisons.report_parts import TIMES, sample
@@ -30,7 +30,7 @@ def page(tmp_path_factory):
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
     """Text of a page with one table only."""
-    report = sample(sections=[Section("S", [], [Table("times", TIMES, "Read.")])], findings=[])
+    report = fill("# T\n\n{{ table('times') }}\n", "sample", {}, {"times": TIMES}, {})
     return write_report(report, tmp_path_factory.mktemp("table"))[0].read_text(encoding="utf-8")
 
 

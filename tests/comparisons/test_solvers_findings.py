@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from comparisons.lab.report.check import exhibits
+from comparisons.lab.report.old import exhibits
 from comparisons.lab.study import Row, StoredStudy
 from comparisons.solvers import figures, measures, tables
 from comparisons.solvers.accuracies import LEVELS, asked

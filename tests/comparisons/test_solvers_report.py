@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from comparisons.lab.report import write_report
+from comparisons.lab.report.old import write_report
 from comparisons.lab.study import StoredStudy, read_study
 from comparisons.solvers import command, figures, study
 from comparisons.solvers.measures import runs_of

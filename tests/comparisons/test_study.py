@@ -19,7 +19,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from comparisons.lab.study import Outcome, columns, read_study, run_study, write_csv, write_json
+from comparisons.lab.study import Outcome, columns, read_csv, read_study, run_study, write_csv, write_json
 from comparisons.lab.study import store as stores
 from comparisons.lab.study.declaration import case_key
 from comparisons.lab.study.differences import differences
@@ -248,9 +248,27 @@ class TestExport:
         with open(tmp_path / "a.csv", encoding="utf-8", newline="") as file:
             found = list(csv.DictReader(file))
         assert [row["result.n"] for row in found] == ["0", "1"]
-        assert found[0]["result.gap"] == "inf"
+        assert found[0]["result.gap"] == "Infinity"
         assert json.loads(found[0]["versions"]) == {"numpy": "2"}
-        assert found[0]["machine"] == ""
+        assert found[0]["machine"] == "null"
+
+    @given(st.dictionaries(st.text("ab.", min_size=1), st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(), st.lists, max_leaves=3
+    ), max_size=4), st.sampled_from(["a.csv", "a.csv.gz"]))  # fmt: skip
+    @settings(max_examples=40)
+    def test_rows_come_back_from_csv(self, tmp_path_factory, result, name):
+        """Whatever a result is, also a text that reads like a number or like nothing."""
+        path = tmp_path_factory.mktemp("rows")
+        row = read_study(filled(path / "a")).rows[0]
+        rows = (
+            replace(row, result=result),
+            replace(row, position=1, certificate=None, reason="1e3", result={"n": "null"}),
+        )
+        write_csv(path / name, rows)
+        assert read_csv(path / name) == rows
+        before = (path / name).read_bytes()
+        write_csv(path / name, read_csv(path / name))
+        assert (path / name).read_bytes() == before
 
     def test_json(self, tmp_path):
         study = read_study(filled(tmp_path / "a"))

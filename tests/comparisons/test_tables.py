@@ -5,14 +5,14 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from comparisons.lab.tables import Grid, markdown_table, rich_table
+from comparisons.lab.tables import Grid, markdown_table, print_table, rich_table
 
 NAMES = ("direct:sparse-cholesky", "direct:sparse-lu", "qp:clarabel")
 
 
 def printed(grid, width=120):
     screen = StringIO()
-    Console(file=screen, width=width, highlight=False, markup=False, color_system=None).print(rich_table(grid))
+    print_table(Console(file=screen, width=width, highlight=False, markup=False, color_system=None), grid)
     return screen.getvalue()
 
 
@@ -20,6 +20,15 @@ def wide(first=NAMES):
     """More columns than a terminal has room for."""
     headings = ("solver", *(f"a long heading of {number}" for number in range(12)))
     return Grid("Times", headings, [(name, *("12.3 microseconds",) * 12) for name in first])
+
+
+@pytest.mark.parametrize("width", [40, 80, 120])
+def test_no_number_is_broken_where_there_is_little_room(width):
+    """Then a row is a list of its cells."""
+    lines = printed(wide(), width).splitlines()
+    assert sum("12.3 microseconds" in line for line in lines) == 36
+    assert [line for line in lines if line in NAMES] == list(NAMES)
+    assert sum("12.3 microseconds" in line for line in printed(wide(), 300).splitlines()) == 3
 
 
 @pytest.mark.parametrize("width", [80, 120])

@@ -1,18 +1,19 @@
 """Wild problems: the same every time, a sample of them, and a judge that sees what is wrong."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from comparisons.lab.study import read_study
+from comparisons.lab.study import read_csv, read_study
 from comparisons.wild import task
 from comparisons.wild.dice import Dice
 from comparisons.wild.enumeration import EXISTS, NONE, enumerated
 from comparisons.wild.generator import FAMILIES, wild_problem
 from comparisons.wild.judge import compare, wrong
-from comparisons.wild.measures import ORDER, counts_of, entries_of
-from comparisons.wild.report import report_of, write
+from comparisons.wild.measures import ORDER, counts_of, problems_of, values_of
+from comparisons.wild.report import report
 from comparisons.wild.study import declared
 from comparisons.wild.task import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, solve_case
 from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve
@@ -26,6 +27,8 @@ pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # the study of that e
 
 STRENUOUS = {"gaps": (1, 4), "units": (5,)}
 """Problems of the sample that take seconds each."""
+
+COMMITTED = Path(task.__file__).parents[1] / "reports" / "wild"
 
 SAMPLE = [(family, number) for family in FAMILIES for number in range(7) if number not in STRENUOUS.get(family, ())]
 
@@ -186,14 +189,45 @@ def test_command_writes_report_and_rows(tmp_path, capfd):
         with pytest.raises(SystemExit) as caught:
             terminal.run(group, "comparisons")
     assert caught.value.code == 0, capfd.readouterr().err
-    entries = entries_of(read_study(store))
-    assert [(entry.family, entry.number) for entry in entries] == [("thin", 0), ("nonsense", 0)]
-    assert sum(counts_of(entries).values()) == 2
-    assert tuple(counts_of(entries)) == ORDER
-    assert sorted(path.name for path in out.iterdir()) == ["wild.csv", "wild.html", "wild.md"]
-    before = (out / "wild.csv").read_bytes()
-    write(report_of(read_study(store)), entries, out)
-    assert (out / "wild.csv").read_bytes() == before
+    rows = read_study(store).rows
+    problems = problems_of(rows)
+    assert list(zip(problems.family, problems.number, strict=True)) == [("thin", 0), ("nonsense", 0)]
+    assert sum(counts_of(problems).values()) == 2
+    assert tuple(counts_of(problems)) == ORDER
+    assert sorted(path.name for path in out.iterdir()) == ["wild.csv.gz", "wild.html", "wild.md"]
+    assert read_csv(out / "wild.csv.gz") == rows
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """The committed rows."""
+    return read_csv(COMMITTED / "wild.csv.gz")
+
+
+class TestCommitted:
+    """What the report says of the committed rows."""
+
+    def test_numbers_of_the_findings(self, rows):
+        values = values_of(problems_of(rows))
+        expected = {
+            "problems": 3000, "solved": 1938, "wrong": 0, "accepted": 0, "foreign": 0, "broken": 0, "slow": 0,
+            "solvable": 1947, "missed": 9, "admissible": 2069, "stuck": 131, "hopeless": 38, "unknown": 99,
+        }  # fmt: skip
+        assert {name: values[name] for name in expected} == expected
+
+    def test_the_committed_report_is_that_of_the_committed_rows(self, rows):
+        assert report(rows).text == (COMMITTED / "wild.md").read_text(encoding="utf-8")
+        assert report(rows[::-1]).text == report(rows).text
+
+    def test_what_must_not_happen_is_in_the_numbers_and_in_the_table(self, rows):
+        one = next(row for row in rows if row.result["outcome"] == "solved")
+        wrong = replace(one, result={**one.result, "outcome": "wrong", "errors": ["tension"]})
+        dead = replace(one, status="timeout", reason="more than 120 s", result={}, seconds=120.0)
+        problems = problems_of([one, wrong, dead])
+        values = values_of(problems)
+        assert (values["solved"], values["wrong"], values["broken"], values["slow"]) == (1, 1, 1, 1)
+        assert problems.trouble.sum() == 2
+        assert "tension" in report([one, wrong, dead]).text
 
 
 def test_unknown_family_is_refused():

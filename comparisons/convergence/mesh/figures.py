@@ -14,7 +14,8 @@ from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import APART, COMPANION, GOAL, GRADED, UNIFORM
 from comparisons.convergence.mesh.tables import slug
 from comparisons.convergence.mesh.tractions import Field, Tractions
-from comparisons.lab.report import Figure, svg_text
+from comparisons.lab.report import svg_text
+from comparisons.lab.report.old import Figure
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.plots.style import (
     BLUE,

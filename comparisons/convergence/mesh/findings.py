@@ -7,8 +7,8 @@ from comparisons.convergence.mesh.overview import NAMES, SHOWN, Overview, cost, 
 from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GOAL, GRADED, STRICT, UNIFORM
 from comparisons.convergence.mesh.tables import slug
-from comparisons.lab.report import Finding
 from comparisons.lab.report.numbers import count_of, listing, scientific, significant
+from comparisons.lab.report.old import Finding
 
 _TARGET = 1e-4
 _CLOSED = 1e-12  # relative gap

@@ -11,10 +11,9 @@ from comparisons.convergence.mesh.overview import Overview, ends_of
 from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import MODELS, SEQUENCES
 from comparisons.convergence.mesh.task import STRICT, TOLERANCE
-from comparisons.lab.report import Report, Section
-from comparisons.lab.report.document import Exhibit
 from comparisons.lab.report.environment import environment_grids
 from comparisons.lab.report.numbers import count_of, scientific
+from comparisons.lab.report.old import Exhibit, Report, Section
 from comparisons.lab.study import Row
 from comparisons.lab.tables import Grid
 

@@ -19,8 +19,8 @@ from comparisons.convergence.mesh.errors import (
 from comparisons.convergence.mesh.overview import NAMES, SHOWN, TARGETS, Overview, cost, ends_of
 from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GRADED, STRICT, UNIFORM
-from comparisons.lab.report import Table
 from comparisons.lab.report.numbers import percent, scientific, seconds, significant
+from comparisons.lab.report.old import Table
 from comparisons.lab.tables import Grid
 
 _NOT_REACHED = "not reached"

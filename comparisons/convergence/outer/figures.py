@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 from comparisons.convergence.outer.entries import NAMES, Entries, Entry, body_name
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN, TOLERANCE
 from comparisons.convergence.outer.tables import NOMINAL, mesh_groups
-from comparisons.lab.report.document import Figure
+from comparisons.lab.report.old import Figure
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
 from qvi_contact.plots.inline import svg_text
 from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings

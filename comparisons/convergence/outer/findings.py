@@ -8,8 +8,8 @@ from typing import Final
 from comparisons.convergence.outer.entries import NAMES, Entries, Entry, body_name
 from comparisons.convergence.outer.loops import CONDENSED, PLAIN
 from comparisons.convergence.outer.tables import SOLUTIONS, mesh_groups, solution_found
-from comparisons.lab.report.document import Finding
 from comparisons.lab.report.numbers import count_of, listing, percent, significant
+from comparisons.lab.report.old import Finding
 
 _SPREAD: Final = 1.5
 """Largest over smallest contraction on several meshes up to which it is called independent of the mesh."""

@@ -8,8 +8,8 @@ from comparisons.convergence.outer.entries import Entries
 from comparisons.convergence.outer.figures import figures
 from comparisons.convergence.outer.findings import findings
 from comparisons.convergence.outer.loops import INNER, LOOPS, MAX_ITERATIONS, PATIENCE, TOLERANCE
-from comparisons.lab.report.document import Report, Section
 from comparisons.lab.report.environment import environment_grids
+from comparisons.lab.report.old import Report, Section
 from comparisons.lab.study import Row
 from comparisons.lab.tables import Grid
 

@@ -2,8 +2,8 @@
 
 from comparisons.convergence.outer.entries import NAMES, Entries, Entry, body_name
 from comparisons.convergence.outer.loops import PLAIN
-from comparisons.lab.report.document import Table
 from comparisons.lab.report.numbers import NOTHING, scientific, seconds, significant
+from comparisons.lab.report.old import Table
 from comparisons.lab.tables import Grid
 
 SOLUTIONS = (("open", 0.0), ("slip", 5.0 / 3.0), ("stick", 17.0 / 9.0))

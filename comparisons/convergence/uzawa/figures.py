@@ -7,8 +7,8 @@ import numpy as np
 
 from comparisons.convergence.uzawa.entries import Entries, Entry, Place, place_name
 from comparisons.convergence.uzawa.methods import METHODS
-from comparisons.lab.report.document import Figure
 from comparisons.lab.report.numbers import scientific
+from comparisons.lab.report.old import Figure
 from comparisons.paper.reference import load
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib

@@ -10,8 +10,8 @@ from comparisons.convergence.uzawa.methods import CONDENSED, METHODS, MOST, SHRI
 from comparisons.convergence.uzawa.study import HALF
 from comparisons.convergence.uzawa.tables import error_after
 from comparisons.convergence.uzawa.task import SEARCHED
-from comparisons.lab.report.document import Finding
 from comparisons.lab.report.numbers import count_of, is_number, listing, percent, scientific, seconds, significant
+from comparisons.lab.report.old import Finding
 from comparisons.paper.reference import load
 
 Sentences = Iterator[tuple[str, str]]

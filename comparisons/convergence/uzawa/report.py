@@ -9,8 +9,8 @@ from comparisons.convergence.uzawa.figures import figures
 from comparisons.convergence.uzawa.findings import condition_growth, findings
 from comparisons.convergence.uzawa.methods import METHODS, MOST
 from comparisons.convergence.uzawa.study import HALF
-from comparisons.lab.report.document import Report, Section
 from comparisons.lab.report.environment import environment_grids
+from comparisons.lab.report.old import Report, Section
 from comparisons.lab.study import Row
 from comparisons.lab.tables import Grid
 from comparisons.paper.reference import load

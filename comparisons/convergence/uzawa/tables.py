@@ -2,8 +2,8 @@
 
 from comparisons.convergence.uzawa.entries import Entries, Entry, place_name
 from comparisons.convergence.uzawa.task import ITERATIONS, LONG, SEARCHED
-from comparisons.lab.report.document import Table
 from comparisons.lab.report.numbers import NOTHING, percent, scientific, seconds, significant
+from comparisons.lab.report.old import Table
 from comparisons.lab.tables import Grid
 
 _UNIT = "ω_T in the problem's unit of length; without a mesh there is no unit."

@@ -1,30 +1,19 @@
-"""Reports of studies: findings first, then what they rest on, as one page of HTML and as Markdown.
+"""Reports of studies: a template that a person writes, filled in, as Markdown, as one page of HTML, on the terminal.
 
-    from comparisons.lab.report import Figure, Finding, Report, Section, Table, environment_grids, show, write_report
+    from comparisons.lab.report import environment_grids, render, show, write_report
 
-    settings = environment_grids(rows)
-    report = Report("solvers", "Solvers compared", "What was compared.", findings, sections, settings, limitations)
-    show(report, write_report(report, "results/solvers"))
+    report = render("comparisons.wild", "wild", values, tables, figures, environment_grids(rows))
+    show(report, write_report(report, "results/wild"))
 
-A report is made of data alone, so that the same rows give the same bytes. Formats of numbers are in `report.numbers`;
+The same rows give the same bytes. Formats of numbers are in `report.numbers`;
 ``python -m comparisons.lab.report.browser FILE…`` looks at pages in a real browser.
 """
 
-from comparisons.lab.report.document import Exhibit, Figure, Finding, Report, Section, Table
+from comparisons.lab.report.document import Document, fill, render
 from comparisons.lab.report.environment import environment_grids
 from comparisons.lab.report.files import write_report
+from comparisons.lab.report.reader import findings_of
 from comparisons.lab.report.terminal import show
 from qvi_contact.plots.inline import svg_text
 
-__all__ = [
-    "Exhibit",
-    "Figure",
-    "Finding",
-    "Report",
-    "Section",
-    "Table",
-    "environment_grids",
-    "show",
-    "svg_text",
-    "write_report",
-]
+__all__ = ["Document", "environment_grids", "fill", "findings_of", "render", "show", "svg_text", "write_report"]

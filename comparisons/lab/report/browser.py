@@ -1,6 +1,6 @@
 """Pages of reports looked at in a real browser without a window.
 
-    python -m comparisons.lab.report.browser comparisons/reports/*/*.html
+    python -m comparisons.lab.report.browser comparisons/reports/*/*.md
 
 Needs Playwright (extra ``browser``) and a Chromium that is installed; nothing is downloaded, and no page gets to the
 network.
@@ -13,11 +13,14 @@ from contextlib import contextmanager
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from comparisons.lab.report.order import position
+from comparisons.lab.cells import position
+from comparisons.lab.report.document import Document
+from comparisons.lab.report.page import as_page
 from qvi_contact.basics.terminal import run
 from qvi_contact.errors import InputError
 
@@ -100,7 +103,7 @@ def _first_line(error: "Error") -> str:
 def _existing(path: str | Path) -> Path:
     page = Path(path).resolve()
     if not page.is_file():
-        raise InputError("page", str(path), "is no file: give the HTML file of a report")
+        raise InputError("page", str(path), "is no file: give the HTML file or the Markdown of a report")
     return page
 
 
@@ -113,6 +116,7 @@ def problems_on(browser: "Browser", path: str | Path, widths: Sequence[int] = WI
         page.set_default_timeout(_PATIENCE)
         _listen(page, file, said)
         page.goto(file.as_uri(), wait_until="load")
+        page.evaluate("document.querySelectorAll('details').forEach((folded) => { folded.open = true; })")
         look = _script("facts.js")
         for width in widths:
             page.set_viewport_size({"width": width, "height": _HEIGHT})
@@ -257,11 +261,22 @@ def _in_order(cells: Sequence[str], way: str) -> bool:
     return places == sorted(places)
 
 
+def _made(path: Path, folder: Path) -> Path:
+    """The page itself, or the one of a report's Markdown, in this folder."""
+    if path.suffix != ".md":
+        return path
+    page = folder / path.with_suffix(".html").name
+    page.write_text(as_page(Document.read(path)), encoding="utf-8")
+    return page
+
+
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("pages", nargs=-1, required=True, metavar="FILE...")
 @click.option("--require", is_flag=True, help="Exit status 2, not 0, if there is no browser to look with.")
 def command(pages: tuple[str, ...], require: bool) -> int:
     """Look at pages in a headless Chromium, at the widths of a phone and of a desktop.
+
+    FILE is a page, or the Markdown of a report, of which the page is made.
 
     One line a page. The exit status is 1 if something is wrong with one of them, 0 if not, or if nothing could be
     checked because Playwright or Chromium is missing.
@@ -275,9 +290,9 @@ def command(pages: tuple[str, ...], require: bool) -> int:
     wrong = False
     for page in pages:
         _existing(page)
-    with open_browser() as browser:
+    with open_browser() as browser, TemporaryDirectory() as folder:
         for page in pages:
-            problems = problems_on(browser, page)
+            problems = problems_on(browser, _made(Path(page), Path(folder)))
             click.echo(f"{page}: {'; '.join(problems) or 'good'}")
             wrong |= bool(problems)
     return int(wrong)

@@ -1,114 +1,175 @@
-"""What a report consists of, before it is HTML or Markdown.
+"""A report: Markdown with pictures beside it, from a template that a person writes.
 
-Texts are plain, with two marks of Markdown: `code` and *emphasis*. Numbers are text already: whoever makes a table
-decides how many digits are worth printing.
+The template of an experiment is `report.md` in its folder, Markdown with numbers, tables and pictures to be filled in:
+
+    1. The condensed method takes {{ fastest | seconds }} ([table](#times)).
+
+    {{ figure("errors", "Error against time") }}
+
+    {{ table("times") }}
 """
 
-from collections.abc import Sequence
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
 
-from comparisons.lab.tables import Grid
+from comparisons.lab.report import numbers
+from comparisons.lab.report.marks import escaped
+from comparisons.lab.tables import Grid, markdown_table
+from qvi_contact.errors import InputError
 
-NO_FAILURE: Final = "nothing here can fail"
+NO_PICTURES: Final = "Not drawn: pictures need matplotlib, `python -m pip install 'qvi-contact[plot]'`."
+NO_ROWS: Final = "No rows."
 
-
-@dataclass(frozen=True)
-class Table:
-    """A table that can be sorted by its columns.
-
-    Attributes
-    ----------
-    name : str
-        Lower-case word for links, different from all others of the report.
-    grid : Grid
-        Title, headings with units, rows; its note is not used.
-    reading : str
-        How to read it.
-    failure : str
-        What counts as failure in it.
-
-    """
-
-    name: str
-    grid: Grid
-    reading: str
-    failure: str = NO_FAILURE
+_FILTERS: Final = ("listing", "memory", "percent", "scientific", "seconds", "significant")
+_NAME: Final = re.compile(r"[a-z0-9]+(?:[-_][a-z0-9]+)*")
+_LINK: Final = re.compile(r"\]\(#([^)]*)\)")
+_PICTURE: Final = re.compile(r"!\[[^\]]*\]\(([^)]*)\)")
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A picture.
-
-    Attributes
-    ----------
-    name : str
-        Lower-case word for links and files, different from all others of the report.
-    title : str
-        Title.
-    svg : str
-        The picture, see `qvi_contact.plots.inline.svg_text`; empty where matplotlib is not installed.
-    reading : str
-        How to read it: what the axes, curves and marks are.
-    failure : str
-        What counts as failure in it, and how it is drawn.
-
-    """
-
-    name: str
-    title: str
-    svg: str
-    reading: str
-    failure: str = NO_FAILURE
-
-
-Exhibit = Table | Figure
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A sentence computed from the data, and the name of the table or figure it can be seen in."""
-
-    text: str
-    see: str = ""
-
-
-@dataclass(frozen=True)
-class Section:
-    """Part of a report: title, paragraphs, tables and figures."""
-
-    title: str
-    paragraphs: Sequence[str]
-    exhibits: Sequence[Exhibit] = ()
-
-
-@dataclass(frozen=True)
-class Report:
-    """A report in the order in which it is read.
+class Document:
+    """A report as it is written.
 
     Attributes
     ----------
     name : str
         Stem of its files.
-    title : str
-        Title.
-    introduction : str
-        What was compared, on what, by which command: a paragraph.
-    findings : sequence of Finding
-        What was found, the most important first.
-    sections : sequence of Section
-        What the findings rest on.
-    settings : sequence of Grid
-        All settings, versions, machine, threads, seeds: whatever is needed to do it again.
-    limitations : sequence of str
-        What the numbers do not say.
+    text : str
+        Markdown.
+    pictures : Mapping
+        Name of a file → the picture in it, SVG.
 
     """
 
     name: str
-    title: str
-    introduction: str
-    findings: Sequence[Finding]
-    sections: Sequence[Section]
-    settings: Sequence[Grid]
-    limitations: Sequence[str]
+    text: str
+    pictures: Mapping[str, str]
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Document":
+        """The report in a file of Markdown, with the pictures beside it; `InputError` if one cannot be read."""
+        file = Path(path)
+        try:
+            text = file.read_text(encoding="utf-8")
+            pictures = {name: (file.parent / name).read_text(encoding="utf-8") for name in _PICTURE.findall(text)}
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError("report", str(path), f"cannot be read: {error}") from error
+        return cls(file.stem, text, pictures)
+
+
+def render(
+    package: str,
+    name: str,
+    values: Mapping[str, Any],
+    tables: Mapping[str, Grid],
+    figures: Mapping[str, str],
+    settings: Sequence[Grid] = (),
+) -> Document:
+    """The report of an experiment, by the template `report.md` in its folder; see `fill`."""
+    template = files(package).joinpath("report.md").read_text(encoding="utf-8")
+    return fill(template, name, values, tables, figures, settings)
+
+
+def fill(
+    template: str,
+    name: str,
+    values: Mapping[str, Any],
+    tables: Mapping[str, Grid],
+    figures: Mapping[str, str],
+    settings: Sequence[Grid] = (),
+) -> Document:
+    """The report by this template.
+
+    Parameters
+    ----------
+    template : str
+        Markdown in which Jinja finds `values` by their names, ``table(name)``, ``figure(name, title)`` and
+        ``settings``. None is printed as "none"; numbers are printed by the filters of `numbers`.
+    name : str
+        Stem of the report's files.
+    values : Mapping
+        Name → number or text.
+    tables : Mapping
+        Name → table; its title and note are not used, as the template says them better.
+    figures : Mapping
+        Name → picture, see `qvi_contact.plots.inline.svg_text`; empty where it could not be drawn.
+    settings : sequence of Grid
+        What it takes to do it again, see `environment_grids`.
+
+    Raises
+    ------
+    ValueError
+        If a table or figure is shown twice or not at all, a link within the report leads nowhere, or a name is none: a
+        mistake of the program, not of its user.
+
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    shown = _Exhibits(name, tables, figures)
+    environment = Environment(
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
+        finalize=lambda value: numbers.NOTHING if value is None else value, autoescape=False,
+    )  # fmt: skip
+    environment.filters |= {each: getattr(numbers, each) for each in _FILTERS}
+    text = environment.from_string(template).render(
+        **values, table=shown.table, figure=shown.figure, settings="\n".join(map(_setting, settings))
+    )
+    shown.check(text)
+    pictures = {picture_file(name, each): svg for each, svg in figures.items() if svg}
+    return Document(name, re.sub(r"\n{3,}", "\n\n", text).strip() + "\n", pictures)
+
+
+def picture_file(report: str, figure: str) -> str:
+    """Name of the file of a figure."""
+    return f"{report}-{figure}.svg"
+
+
+class _Exhibits:
+    """Tables and figures as the template asks for them."""
+
+    def __init__(self, report: str, tables: Mapping[str, Grid], figures: Mapping[str, str]) -> None:
+        self._report, self._tables, self._figures = report, tables, figures
+        self._shown: Counter[str] = Counter()
+
+    def table(self, name: str) -> str:
+        """The table with an anchor."""
+        self._shown[name] += 1
+        return f"{_anchor(name)}{table_text(self._tables[name])}"
+
+    def figure(self, name: str, title: str) -> str:
+        """The picture with an anchor."""
+        self._shown[name] += 1
+        if not self._figures[name]:
+            return f"{_anchor(name)}{title}. {NO_PICTURES}\n"
+        return f"{_anchor(name)}![{title}]({picture_file(self._report, name)})\n"
+
+    def check(self, text: str) -> None:
+        """Raise ValueError if something is missing, or is there twice."""
+        problems = [f"{name!r} is shown {self._shown[name]} times" for name in (*self._tables, *self._figures)
+                    if self._shown[name] != 1]  # fmt: skip
+        problems += [f"no table or figure is named {name!r}" for name in _LINK.findall(text) if not self._shown[name]]
+        problems += [f"{name!r} is no name of lower-case letters, digits, hyphens and underscores"
+                     for name in (self._report, *self._shown) if not _NAME.fullmatch(name)]  # fmt: skip
+        if problems:
+            raise ValueError(f"report {self._report!r}: {'; '.join(problems)}")
+
+
+def _anchor(name: str) -> str:
+    return f'<a id="{name}"></a>\n\n'
+
+
+def table_text(grid: Grid) -> str:
+    """The table in Markdown, whose cells mean nothing but what they say."""
+    if not grid.rows:
+        return f"{NO_ROWS}\n"
+    headings = tuple(escaped(heading.replace("-\n", "").replace("\n", " ")) for heading in grid.headings)
+    return markdown_table(Grid("", headings, [tuple(map(escaped, row)) for row in grid.rows]))
+
+
+def _setting(grid: Grid) -> str:
+    return f"**{grid.title}**\n\n{table_text(grid)}\n{grid.note}\n"

@@ -40,6 +40,11 @@ def clean(text: str) -> str:
     return _UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", _SPACES.sub(" ", text).strip(" "))
 
 
+def escaped(text: str) -> str:
+    """The text for Markdown, in which nothing means anything but what it says."""
+    return _escape_markdown(clean(text))
+
+
 def plain(text: str) -> str:
     """The text without its marks."""
     return "".join(words for _, words in _pieces(text))

@@ -1,127 +1,116 @@
-"""A report as one HTML page that loads nothing: style, script and pictures are inside."""
+"""A report as one HTML page that loads nothing: made from its Markdown, style, script and pictures inside."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+import html
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from importlib.resources import files
+from typing import TYPE_CHECKING, Final
 
-from markupsafe import Markup
-
-from comparisons.lab.cells import is_numeric
-from comparisons.lab.report.document import Exhibit, Figure, Report, Section, Table
-from comparisons.lab.report.labels import NO_PICTURES, NO_ROWS, NOTHING_DRAWN, heading_text, labels, title_of, undrawn
-from comparisons.lab.report.marks import as_html, plain
-from comparisons.lab.report.order import sort_key
+from comparisons.lab.cells import sort_key
+from comparisons.lab.report.document import Document
+from comparisons.lab.report.reader import headings, reader, title_of, words
 from comparisons.lab.study.outcome import FAILURES
-from comparisons.lab.tables import Grid
 from qvi_contact.plots.inline import inline_svg
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
+    from markdown_it.token import Token
 
-_FAILED: Final = frozenset({"failed", "fails", "lies"})
-_FAILURES: Final = frozenset(FAILURES)
-"""Cells that say so in words are also drawn so: anywhere, and in columns with the heading "status"."""
+_FAILED: Final = frozenset({"failed", "fails", "lies", *FAILURES})
+"""Cells that say so in words are also drawn so."""
 
 _WORDS: Final = 40  # letters of a cell that is a sentence
-_LONG: Final = 30  # rows of a table that has its own scroll bar
+_CONTENTS: Final = 3  # headings from which on a page has contents
 
 
-class Cell(NamedTuple):
-    """Text and attributes of a cell."""
-
-    text: Markup
-    look: Markup
-
-
-def as_page(report: Report) -> str:
+def as_page(document: Document) -> str:
     """The report as HTML."""
-    known = labels(report)
-    return (
-        page_environment("comparisons.lab.report")
-        .get_template("page.html")
-        .render(
-            report=report,
-            labels=known,
-            sections=[_section(section, number, known) for number, section in enumerate(report.sections, start=1)],
-            settings=[{"title": grid.title, "note": grid.note, "grid": _grid(grid, False)} for grid in report.settings],
-            undrawn=undrawn(report),
-            no_pictures=NO_PICTURES,
-            no_rows=NO_ROWS,
-            nothing_drawn=NOTHING_DRAWN,
-        )
+    from jinja2 import Environment, StrictUndefined
+
+    markdown = reader()
+    tokens = list(_adapted(markdown.parse(document.text), document))
+    template = Environment(undefined=StrictUndefined, autoescape=True, keep_trailing_newline=True).from_string(
+        _file("page.html")
     )
+    return template.render(
+        title=title_of(document.text), style=_file("page.css"), script=_file("sort.js"),
+        body=markdown.renderer.render(tokens, markdown.options, {}),
+    )  # fmt: skip
 
 
-def page_environment(package: str) -> "Environment":
-    """Templates of a package's folder; all they are given is escaped, and nothing may be missing."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader(package, "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters |= {"marked": _marked, "unmarked": plain}
-    return environment
+def _file(name: str) -> str:
+    return files("comparisons.lab.report").joinpath(name).read_text(encoding="utf-8")
 
 
-def _marked(text: str) -> Markup:
-    return Markup(as_html(text))
+def _adapted(tokens: Sequence["Token"], document: Document) -> Iterator["Token"]:
+    """The tokens with ids for headings, boxes around tables, pictures inside, and contents behind the first section."""
+    ids, sections, heading = Counter[str](), 0, ""
+    for place, token in enumerate(tokens):
+        if token.type == "heading_open":
+            heading = words(tokens[place + 1])
+            token.attrSet("id", _identifier(heading, ids))
+            sections += token.tag == "h2"
+            if (token.tag, sections) == ("h2", 2):
+                yield _raw(_contents(tokens))
+        elif token.type == "table_open":
+            token.attrSet("class", "sortable")
+            yield _raw(f'<div class="box" role="region" tabindex="0" aria-label="{html.escape(heading)}">\n')
+        elif token.type in ("th_open", "td_open"):
+            _dress(token, words(tokens[place + 1]))
+        if _is_picture(token):
+            yield _raw(_picture(token, document))
+        elif not any(_is_picture(other) for other in tokens[max(0, place - 1) : place + 2]):
+            yield token  # and not the paragraph around a picture
+        if token.type == "table_close":
+            yield _raw("</div>\n")
 
 
-def _section(section: Section, number: int, known: dict[str, str]) -> dict[str, Any]:
-    return {
-        "id": f"Section-{number}",  # the capital keeps it different from all names of tables and figures
-        "title": section.title,
-        "paragraphs": section.paragraphs,
-        "exhibits": [_exhibit(exhibit, known[exhibit.name]) for exhibit in section.exhibits],
-    }
+def _raw(text: str) -> "Token":
+    from markdown_it.token import Token
+
+    return Token("html_block", "", 0, content=text)
 
 
-def _exhibit(exhibit: Exhibit, label: str) -> dict[str, Any]:
-    title = title_of(exhibit)
-    return {
-        "name": exhibit.name,
-        "label": label,
-        "title": title,
-        "grid": _grid(exhibit.grid, True) if isinstance(exhibit, Table) else None,
-        "svg": _picture(exhibit, f"{label}: {plain(title)}") if isinstance(exhibit, Figure) else "",
-        "reading": exhibit.reading,
-        "failure": exhibit.failure,
-    }
+def _identifier(heading: str, ids: Counter[str]) -> str:
+    """An id of this heading that no other has; of capital letters, as names of tables and figures have none."""
+    name = re.sub(r"\W+", "-", heading).strip("-").capitalize() or "Section"
+    ids[name] += 1
+    return name if ids[name] == 1 else f"{name}-{ids[name]}"
 
 
-def _picture(figure: Figure, label: str) -> Markup:
-    return Markup(inline_svg(figure.svg, figure.name, label)) if figure.svg else Markup("")
+def _contents(tokens: Sequence["Token"]) -> str:
+    """Links to the sections behind the first."""
+    ids = Counter[str]()
+    links = [(level, _identifier(heading, ids), heading) for level, heading in headings(tokens)]
+    items = [f'<li><a href="#{name}">{html.escape(text)}</a></li>' for level, name, text in links if level == 2][1:]
+    if len(items) < _CONTENTS:
+        return ""
+    return "\n".join(['<nav aria-label="Contents">', "<ul>", *items, "</ul>", "</nav>\n"])
 
 
-def _grid(grid: Grid, sortable: bool) -> dict[str, Any]:
-    """Headings and rows as cells, column by column."""
-    columns = list(zip(*grid.rows, strict=True)) or [()] * len(grid.headings)
-    made = [
-        _column(heading_text(heading), cells, sortable) for heading, cells in zip(grid.headings, columns, strict=True)
-    ]
-    rows = list(zip(*(cells for _, cells in made), strict=True))
-    return {"headings": [heading for heading, _ in made], "rows": rows, "long": len(rows) > _LONG}
+def _dress(token: "Token", text: str) -> None:
+    """Class and key of a cell: numbers stand on the right, sentences get room, failures are drawn as such."""
+    look = ["number"] if "right" in str(token.attrs.pop("style", "")) else []
+    if token.type == "td_open":
+        look += ["words"] if not look and len(text) > _WORDS else []
+        look += ["failed"] if text.lower() in _FAILED else []
+        key = sort_key(text)
+        if key is not None:
+            token.attrSet("data-key", key)
+    if look:
+        token.attrSet("class", " ".join(look))
 
 
-def _column(heading: str, cells: Sequence[str], sortable: bool) -> tuple[Cell, list[Cell]]:
-    """The cells of a column; numbers stand on the right, sentences get room."""
-    texts = [plain(cell) for cell in cells]
-    look = ["number"] if is_numeric(texts) else ["words"] if max(map(len, texts), default=0) > _WORDS else []
-    failed = _FAILED | (_FAILURES if heading == "status" else frozenset())
-    looks = [
-        _look([*look, "failed"] if text.lower() in failed else look, sort_key(text) if sortable else None)
-        for text in texts
-    ]
-    return Cell(_marked(heading), _look(look)), [
-        Cell(_marked(cell), each) for cell, each in zip(cells, looks, strict=True)
-    ]
+def _is_picture(token: "Token") -> bool:
+    """Whether this is the inside of a paragraph that is one picture and nothing else."""
+    return token.type == "inline" and [child.type for child in token.children or ()] == ["image"]
 
 
-def _look(classes: Sequence[str], key: str | None = None) -> Markup:
-    """The attributes of a cell."""
-    classed = Markup(' class="{}"').format(" ".join(classes)) if classes else Markup("")
-    return classed + (Markup("") if key is None else Markup(' data-key="{}"').format(key))
+def _picture(token: "Token", document: Document) -> str:
+    """The figure in the place of its file's name."""
+    image = (token.children or [])[0]
+    file, label = str(image.attrs["src"]), image.content
+    name = file.removeprefix(f"{document.name}-").removesuffix(".svg")
+    box = f'<div class="box picture" role="region" tabindex="0" aria-label="{html.escape(label)}">'
+    svg = inline_svg(document.pictures[file], name, label)
+    return f'<figure aria-label="{html.escape(name)}">\n{box}\n{svg}</div>\n</figure>\n'

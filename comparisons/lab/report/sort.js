@@ -1,11 +1,10 @@
 // Makes each heading of a sortable table a button: up, down, and back to the order in which the rows were written.
-const PLAIN = /^[-+]?((\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|Infinity)$/;
 for (const table of document.querySelectorAll("table.sortable")) {
   const body = table.tBodies[0], written = [...body.rows], headings = [...table.tHead.rows[0].cells];
   const key = (row, column) => {
-    const cell = row.cells[column], text = cell.dataset.key ?? cell.textContent.trim();
-    return text === "" ? { kind: 2, value: 0 } // numbers, words, nothing: in either direction
-      : PLAIN.test(text) ? { kind: 0, value: Number(text) } : { kind: 1, value: text };
+    const cell = row.cells[column], number = cell.dataset.key;
+    return number === "" ? { kind: 2, value: 0 } // numbers, words, nothing: in either direction
+      : number ? { kind: 0, value: Number(number) } : { kind: 1, value: cell.textContent.trim() };
   };
   const compare = (a, b) => (a.kind === 1 && a.value.localeCompare(b.value, "en", { numeric: true }))
     || (a.value > b.value) - (a.value < b.value);

@@ -1,6 +1,7 @@
 """Rows of a study as they are read back: objects, columns, CSV, JSON."""
 
 import csv
+import gzip
 import io
 import json
 import math
@@ -9,13 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from qvi_contact.basics.writing import write_text
+from qvi_contact.basics.writing import replacing, write_text
 
 FORMAT: Final = "qvi-contact/study/1"
 """Schema of the exported JSON."""
 
 ENVIRONMENT: Final = ("threads", "timeout_seconds", "memory_mib", "machine", "versions")
 """Entries of a row's environment, in the order of their columns."""
+
+_OWN: Final = frozenset({
+    "position", "key", "status", "reason", "seconds", "finished", "load_average", "certificate",
+})  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -92,17 +97,54 @@ def columns(rows: Sequence[Row]) -> dict[str, list[Any]]:
 
 
 def write_csv(path: str | Path, rows: Sequence[Row]) -> None:
-    """One line for each row; lists and mappings as JSON, nothing for None."""
-    table = columns(rows)
+    """One line for each row, compressed if the name ends in ".gz"; the same bytes for the same rows.
+
+    All but texts is JSON, and so are texts that could be taken for it; a row that has no such entry has nothing there.
+    """
+    flat = [row.flat() for row in rows]
+    names = list(dict.fromkeys(name for each in flat for name in each))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table)
-    writer.writerows([_cell(value) for value in line] for line in zip(*table.values(), strict=True))
-    write_text(path, text.getvalue())
+    writer.writerow(names)
+    writer.writerows([_cell(each[name]) if name in each else "" for name in names] for each in flat)
+    content = text.getvalue().encode()
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(gzip.compress(content, mtime=0) if Path(path).suffix == ".gz" else content)
 
 
-def _cell(value: Any) -> Any:
-    return json.dumps(value, sort_keys=True) if isinstance(value, list | dict) else value
+def read_csv(path: str | Path) -> tuple[Row, ...]:
+    """The rows that `write_csv` wrote."""
+    content = Path(path).read_bytes()
+    text = (gzip.decompress(content) if Path(path).suffix == ".gz" else content).decode()
+    lines = csv.DictReader(io.StringIO(text, newline=""))
+    return tuple(_row({name: _value(cell) for name, cell in line.items() if cell}) for line in lines)
+
+
+def _cell(value: Any) -> str:
+    return value if isinstance(value, str) and _value(value) is value and value else json.dumps(value, sort_keys=True)
+
+
+def _value(cell: str) -> Any:
+    try:
+        return json.loads(cell)
+    except ValueError:
+        return cell
+
+
+def _row(flat: Mapping[str, Any]) -> Row:
+    """The row of which this is the `flat`."""
+    parts: dict[str, Any] = {"result": {}, "certificate": {}, "environment": {}, "case": {}}
+    for name, value in flat.items():
+        part, dot, entry = name.partition(".")
+        if dot:
+            parts[part][entry] = value
+        elif name in ENVIRONMENT:
+            parts["environment"][name] = value
+        elif name in _OWN:
+            parts[name] = value
+        else:
+            parts["case"][name] = value
+    return Row(**(parts | {"certificate": parts["certificate"] or None}))
 
 
 def write_json(path: str | Path, study: StoredStudy) -> None:
