@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Event, Lock, Timer
+from threading import Event, Lock, Timer, get_ident
 from typing import IO, Any, Final
 
 from comparisons.lab.study.limits import IDLE
@@ -59,11 +59,12 @@ class Terms:
 class Child:
     """A worker process, the leader of a process group so that it ends with all it started.
 
-    For one thread, except `stop`.
+    Cases are done one after the other; `close` may be called by any thread, at any time.
     """
 
     def __init__(self, terms: Terms) -> None:
         self._terms = terms
+        self._turn = Lock()  # one case at a time
         self._lock = Lock()  # so that nobody ends a process that was waited for, whose number may be another's by now
         self._process: subprocess.Popen[bytes] | None = None
         self._lifeline: int | None = None
@@ -74,33 +75,31 @@ class Child:
 
     def run(self, values: Mapping[str, Any]) -> Outcome:
         """Do a case, whatever comes of it; `REFUSED` or `CRAMPED` if there is no process to do it."""
-        refusal = self._start(self._terms.memory)
-        if refusal:
-            self._end()
-            return Outcome(CRAMPED if self._is_cramped() else REFUSED, refusal)
-        began = time.perf_counter()
-        answer, late = self._ask(values, self._terms.timeout)
-        seconds = time.perf_counter() - began
-        self._used = time.monotonic()
-        if answer is None:
-            status, reason = self._verdict(self._end(), late, self._terms.timeout)
-            return Outcome(status, reason, seconds=seconds, environment=self._environment)
-        if late or answer["status"] == MEMORY:  # it is dead, or what it left in its memory is unknown
-            self._end()
-        return Outcome(**answer, environment=self._environment)
+        with self._turn:
+            refusal = self._start(self._terms.memory)
+            if refusal:
+                self._end()
+                return Outcome(CRAMPED if self._is_cramped() else REFUSED, refusal)
+            began = time.perf_counter()
+            answer, late = self._ask(values, self._terms.timeout)
+            seconds = time.perf_counter() - began
+            self._used = time.monotonic()
+            if answer is None:
+                status, reason = self._verdict(self._end(), late, self._terms.timeout)
+                return Outcome(status, reason, seconds=seconds, environment=self._environment)
+            if late or answer["status"] == MEMORY:  # it is dead, or what it left in its memory is unknown
+                self._end()
+            return Outcome(**answer, environment=self._environment)
 
-    def stop(self) -> None:
-        """End the process from another thread; the case it is busy with fails, and there will not be another one."""
+    def close(self) -> None:
+        """End the process for good; a case that it is busy with fails, and there will not be another one."""
         with self._lock:
             self._stopped = True
             if self._process is not None:
                 _kill(self._process)
-
-    def close(self) -> None:
-        """End the process for good."""
-        self.stop()
-        self._end()
-        self._complaints.close()
+        with self._turn:
+            self._end()
+            self._complaints.close()
 
     def _is_cramped(self) -> bool:
         """Whether the process that could not be started can be without the limit of memory.
@@ -116,7 +115,9 @@ class Child:
     def _start(self, memory: int | None) -> str:
         """Start the process, with this limit of memory, unless there is one; returns why there is none."""
         rested = time.monotonic() - self._used
-        if self._process is not None and self._process.poll() is None and rested < IDLE / 2.0:
+        with self._lock:
+            runs = self._process is not None and self._process.poll() is None
+        if runs and rested < IDLE / 2.0:
             return ""  # a case for one that has waited longer might come just when it ends by itself
         self._end()
         try:
@@ -202,6 +203,33 @@ class Child:
         words = one_line(last_words(self._complaints))
         ending = f"signal {-code} ({signal.strsignal(-code)})" if code < 0 else f"exit status {code}"
         return (MEMORY if names_shortage(words) else CRASHED), f"{ending}: {words or 'no message'}"
+
+
+class Crew:
+    """The worker processes of a study, one for each thread that wants cases done."""
+
+    def __init__(self, terms: Terms) -> None:
+        self._terms = terms
+        self._lock = Lock()
+        self._children: dict[int, Child] = {}
+        self._closed = False
+
+    def run(self, values: Mapping[str, Any]) -> Outcome:
+        """Do a case, see `Child.run`."""
+        with self._lock:
+            if self._closed:
+                return Outcome(REFUSED, "stopped")
+            if get_ident() not in self._children:
+                self._children[get_ident()] = Child(self._terms)
+            child = self._children[get_ident()]
+        return child.run(values)
+
+    def close(self) -> None:
+        """End the processes for good, and with them the cases that threads wait for."""
+        with self._lock:
+            self._closed = True
+        for child in self._children.values():
+            child.close()
 
 
 def _kill(process: "subprocess.Popen[bytes]") -> None:

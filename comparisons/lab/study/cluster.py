@@ -14,13 +14,12 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
-from threading import Lock
 from typing import TYPE_CHECKING, Any, Final
 from uuid import uuid4
 
-from comparisons.lab.study.children import Child, Terms
+from comparisons.lab.study.children import Crew, Terms
 from comparisons.lab.study.declaration import Case
-from comparisons.lab.study.outcome import CRASHED, REFUSED, Outcome, one_line
+from comparisons.lab.study.outcome import CRASHED, Outcome, one_line
 from qvi_contact.errors import InputError
 
 if TYPE_CHECKING:
@@ -184,7 +183,7 @@ class _Dispatch:
             return
         with suppress(Exception):  # what the cluster has lost is ended already
             self._client.cancel(list(self._busy), force=True)
-            self._client.run(forget, self._run)
+            self._client.run(forget, self._run, self._terms)
 
     def _alive(self) -> Mapping[str, int]:
         """Address → threads of the workers there are now."""
@@ -254,46 +253,15 @@ class _Dispatch:
         return InputError("dask", self._address, "the scheduler was lost: give the same command again when it is back")
 
 
-class _Crew:
-    """The worker processes of one run in a worker of the cluster."""
-
-    def __init__(self) -> None:
-        self.idle: list[Child] = []
-        self.busy: list[Child] = []
-
-
-_CREWS: dict[str, _Crew] = {}
-_FORGOTTEN: set[str] = set()
-_LOCK = Lock()
+_CREWS: dict[str, Crew] = {}
+"""Run → its worker processes, in a worker of the cluster; those of a run that has ended refuse what comes too late."""
 
 
 def work(run: str, terms: Terms, values: Mapping[str, Any]) -> Outcome:
     """Do a case in a worker process of this run; called by a worker of the cluster."""
-    with _LOCK:
-        if run in _FORGOTTEN:  # taken back a moment too late
-            return Outcome(REFUSED, "stopped")
-        crew = _CREWS.setdefault(run, _Crew())
-        child = crew.idle.pop() if crew.idle else Child(terms)
-        crew.busy.append(child)
-    try:
-        return child.run(values)
-    finally:
-        with _LOCK:
-            crew.busy.remove(child)
-            kept = run not in _FORGOTTEN
-            if kept:
-                crew.idle.append(child)
-        if not kept:
-            child.close()
+    return _CREWS.setdefault(run, Crew(terms)).run(values)
 
 
-def forget(run: str) -> None:
+def forget(run: str, terms: Terms) -> None:
     """End the worker processes of a run; called by a worker of the cluster."""
-    with _LOCK:
-        _FORGOTTEN.add(run)
-        crew = _CREWS.pop(run, _Crew())
-        for child in crew.busy:  # the thread that waits for it closes it
-            child.stop()
-        idle = list(crew.idle)
-    for child in idle:
-        child.close()
+    _CREWS.setdefault(run, Crew(terms)).close()

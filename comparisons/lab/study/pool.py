@@ -1,10 +1,10 @@
-"""Cases on this machine: a few worker processes, each with a thread that waits for it."""
+"""Cases on this machine: a few threads, each of which waits for a worker process."""
 
 from collections.abc import Generator, Sequence
-from queue import Empty, SimpleQueue
-from threading import Thread
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import closing
 
-from comparisons.lab.study.children import Child, Terms
+from comparisons.lab.study.children import Crew, Terms
 from comparisons.lab.study.declaration import Case
 from comparisons.lab.study.outcome import Outcome
 
@@ -16,36 +16,13 @@ def outcomes(terms: Terms, cases: Sequence[Case], workers: int) -> Generator[Don
 
     When the iterator is closed, the processes are ended.
     """
-    waiting: SimpleQueue[Case] = SimpleQueue()
-    for case in cases:
-        waiting.put(case)
-    done: SimpleQueue[Done | BaseException] = SimpleQueue()
-    children = [Child(terms) for _ in range(min(workers, len(cases)))]
-    threads = [Thread(target=_work, args=(child, waiting, done), daemon=True) for child in children]
-    try:
-        for thread in threads:
-            thread.start()
-        for _ in cases:
-            found = done.get()
-            if isinstance(found, BaseException):
-                raise found
-            yield found
-    finally:
-        for child in children:
-            child.stop()
-        for thread, child in zip(threads, children, strict=True):
-            if thread.ident is not None:
-                thread.join()
-            child.close()
+    with ThreadPoolExecutor(workers) as threads, closing(Crew(terms)) as crew:
+        try:
+            for future in as_completed([threads.submit(_done, crew, case) for case in cases]):
+                yield future.result()
+        finally:
+            threads.shutdown(wait=False, cancel_futures=True)
 
 
-def _work(child: Child, waiting: "SimpleQueue[Case]", done: "SimpleQueue[Done | BaseException]") -> None:
-    try:
-        while True:
-            try:
-                case = waiting.get_nowait()
-            except Empty:
-                return
-            done.put((case, child.run(case.values)))
-    except BaseException as error:  # for the thread that waits
-        done.put(error)
+def _done(crew: Crew, case: Case) -> Done:
+    return case, crew.run(case.values)
