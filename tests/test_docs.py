@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 import pytest
+from click import shell_completion as completion
 
 from comparisons.cli import group as comparisons
 from comparisons.lab.study.outcome import DONE, FAILURES
@@ -253,3 +254,31 @@ def test_formulas_lead_to_the_code_and_back():
     defined = re.findall(r"^    .+  (\(D\d+\))$", text(DOCS / "theory.md"), re.M)
     assert listed == told
     assert {formula for formula, _ in listed} == set(defined)
+
+
+def test_the_tree_of_errors_is_the_one_of_the_page():
+    rows = re.findall(r"^((?:[│ ]   )*(?:[├└]── )?)(\w+Error) +(\S.*)$", text(DOCS / "errors.md").split("```")[1], re.M)
+    above = []
+    for indent, name, homes in rows:
+        depth = len(indent) // 4
+        for home in homes.split("     ")[0].split(", "):
+            error = getattr(import_module(home), name)
+            assert depth == 0 or issubclass(error, above[depth - 1])
+        above[depth:] = [error]
+    assert {name for _, name, _ in rows} == {each.__name__ for each in own_errors(above[0])}
+
+
+def own_errors(root):
+    """A class and all that inherit from it, those of tests left out."""
+    inside = {each for child in root.__subclasses__() for each in own_errors(child)}
+    return {each for each in {root} | inside if each.__module__.split(".")[0] in ("solvers", "qvi_contact")}
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_shell_completes_as_the_page_says(shell):
+    assert f"_QVI_CONTACT_COMPLETE={shell}_source qvi-contact" in text(DOCS / "commands.md")
+    made = completion.get_completion_class(shell)(qvi_contact, {}, "qvi-contact", "_QVI_CONTACT_COMPLETE")
+    assert "qvi-contact" in made.source_template % made.source_vars()
+    assert [item.value for item in made.get_completions([], "so")] == ["solve"]
+    assert [item.type for item in made.get_completions(["solve"], "examples/")] == ["file"]
+    assert "--plot" in [item.value for item in made.get_completions(["solve"], "--pl")]

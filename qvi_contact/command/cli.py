@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.verification.verification import Verification
 
-_FILE = click.argument("file", metavar="FILE")
+_FILE = click.argument("file", metavar="FILE", type=click.Path())  # of any kind: the shell completes its name
 _TIME_LIMIT = click.option(
     "--time-limit", type=float, metavar="SECONDS", help="Seconds for all solves together.  [default: none]"
 )
