@@ -156,7 +156,7 @@ def solve(
 
 
 @group.command()
-@click.argument("result", metavar="RESULT")
+@click.argument("result", metavar="RESULT", type=click.Path())
 @click.option("--tolerance", type=float, help="Of the certificate.  [default: the one of the result]")
 @click.option("-v", "--verbose", is_flag=True, help="Print every check, not only those that failed.")
 @_JSON
