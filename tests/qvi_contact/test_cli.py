@@ -354,10 +354,9 @@ main()
     assert "certificate passed" in done.stdout
 
 
-@pytest.mark.parametrize("command", ["solve", "check"])
-def test_a_wrong_back_end_of_matplotlib_is_one_line(plate, tmp_path, command):
+def test_a_wrong_back_end_of_matplotlib_is_one_line(plate, tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "qvi_contact", command, plate, "--plot", tmp_path / "a.png"],
+        [sys.executable, "-m", "qvi_contact", "solve", plate, "--plot", tmp_path / "a.png"],
         env=os.environ | {"MPLBACKEND": "nonsense"}, capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
@@ -415,12 +414,12 @@ def test_what_cannot_be_written_costs_nothing_else(shell, plate, tmp_path, monke
     monkeypatch.setattr(
         "solvers.basics.files._put", lambda *files: (full if files[1].suffix == ".json" else put)(*files)
     )
-    json_file, npz, picture = tmp_path / "a.json", tmp_path / "a.npz", tmp_path / "a.png"
-    status, out, err = shell("solve", plate, "--save-json", json_file, "--npz", npz, "--plot", picture)
+    json_file, npz, fields = tmp_path / "a.json", tmp_path / "a.npz", tmp_path / "a.vtu"
+    status, out, err = shell("solve", plate, "--save-json", json_file, "--npz", npz, "--vtk", fields)
     assert (status, len(err.splitlines())) == (2, 1)
     assert err.startswith(f"qvi-contact: --save-json: '{json_file}': cannot be written (No space left on device)")
     assert "certificate passed" in out
-    assert (json_file.exists(), npz.exists(), picture.exists()) == (False, True, True)
+    assert (json_file.exists(), npz.exists(), fields.exists()) == (False, True, True)
 
 
 @pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="no /dev/stdout")
@@ -598,7 +597,7 @@ def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
     """Most of the generated files are broken; those that are not are solved, or not, and checked."""
     path, endings = tmp_path / "broken.toml", []
 
-    @settings(max_examples=examples(250), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=examples(100), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
     @given(mutated())
     def one_file(content):
         path.write_bytes(content)
@@ -616,8 +615,8 @@ def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
             assert (status, err) == (0, "")
 
     one_file()
-    assert endings.count(2) >= examples(180)
-    assert endings.count(0) >= examples(4)
+    assert endings.count(2) >= examples(70)
+    assert endings.count(0) >= examples(1)
 
 
 @pytest.mark.parametrize("content", [b"\xff", b"version = 1\n[mesh]\nx = 3", b"x = [", b""])
@@ -626,13 +625,6 @@ def test_broken_files_end_alike(shell, tmp_path, content):
     status, out, err = shell("solve", tmp_path / "broken.toml")
     assert (status, out) == (2, "")
     assert len(err.splitlines()) == 1
-
-
-def test_a_broken_file_from_outside(tmp_path):
-    (tmp_path / "broken.toml").write_bytes(b"version = 1\n[mesh]\nx = 3")
-    done = command("solve", str(tmp_path / "broken.toml"))
-    assert (done.returncode, done.stdout) == (2, "")
-    assert len(done.stderr.splitlines()) == 1
 
 
 def test_a_terminal_without_greek_gets_question_marks():

@@ -223,7 +223,7 @@ def check_solved(result):
 def check_balance(result, force):
     """Σ of all boundary tractions + ∫ b = 0; with b = −∇φ, ∫ b = −∮ φ n, sides being taken one by one."""
     mesh, problem = result.problem.mesh, result.problem
-    total = np.zeros(3)
+    total, pushed = np.zeros(3), 0.0
     for side in SIDES:
         resultant = result.resultant(side)
         total += [resultant.x, resultant.y, resultant.moment]
@@ -240,10 +240,12 @@ def check_balance(result, force):
             phi = problem.body_potential(x, y) if callable(problem.body_potential) else problem.body_potential
             push = -sign * w * half * (phi + 0 * x)
             total[axis] += push.sum()
+            pushed += np.abs(push).sum()  # which rounds, however small what remains of it
             total[2] += (x * push if axis == 1 else -y * push).sum()
     reach = max(np.abs(mesh.x).max(), np.abs(mesh.y).max())
-    assert np.abs(total[:2]).max() <= 1e-7 * force
-    assert abs(total[2]) <= 1e-7 * force * reach
+    allowed = 1e-7 * force + 1e-13 * pushed
+    assert np.abs(total[:2]).max() <= allowed
+    assert abs(total[2]) <= allowed * reach
 
 
 def ends_well(draw, **options):
@@ -284,25 +286,25 @@ def generated(count):
     )
 
 
-@generated(180)
+@generated(70)
 @given(st.data())
 def test_condensed(data):
     ends_well(data.draw, method="condensed", max_iterations=100)
 
 
-@generated(80)
+@generated(30)
 @given(st.data())
 def test_fixed_point(data):
     ends_well(data.draw, method="fixed-point", max_iterations=40)
 
 
-@generated(50)
+@generated(20)
 @given(st.data())
 def test_another_inner_solver(data):
     ends_well(data.draw, inner="direct:clarabel", form="full", max_iterations=25)
 
 
-@generated(40)
+@generated(15)
 @given(st.data())
 def test_uzawa(data):
     ends_well(data.draw, method="uzawa", max_iterations=300, tolerance=1e-5)
@@ -313,7 +315,7 @@ def test_most_are_solved_and_all_ends_occur():
     if len(SEEN) < 2:
         pytest.skip("run on its own")
     total = sum(SEEN.values())
-    assert total >= examples(200)
+    assert total >= examples(75)
     assert SEEN["solved"] >= 0.4 * total
     assert SEEN["infeasible"] >= 0.03 * total
     assert SEEN["refused"] >= 0.08 * total

@@ -1,6 +1,7 @@
 """Strongly graded cells: exact discrete values where double precision holds them, a status where it does not."""
 
 from functools import cache
+from itertools import product
 
 import pytest
 
@@ -8,6 +9,7 @@ from qvi_contact import ContactState, InputError, discretize, solve
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from solvers.factorisation.augmented import ORTHOGONAL
+from tests.effort import thinned
 
 BONDED = {
     (18, 0.6): 214.366845874428,
@@ -32,9 +34,9 @@ def ratio(cells, grading):
     return grading ** (cells - 1)
 
 
-@pytest.mark.parametrize(("cells", "grading"), BONDED)
-@pytest.mark.parametrize("friction", [1.0, 2.0, 20.0])
-def test_full_stick_is_the_bonded_plate(cells, grading, friction):
+@pytest.mark.parametrize(("mesh", "friction"), thinned(product(BONDED, (1.0, 2.0, 20.0)), 9))
+def test_full_stick_is_the_bonded_plate(mesh, friction):
+    cells, grading = mesh
     result = condensed(friction, cells, grading)
     assert result.status is Status.SOLVED, result.message
     plate = result.contacts["plate"]
@@ -62,9 +64,12 @@ def test_the_factorisation_used_is_named(cells, grading, expected):
     assert used.startswith(f"{ORTHOGONAL}, ") == expected
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.02, 0.2, 0.5, 1.0])
-@pytest.mark.parametrize(("cells", "grading"), [(18, 0.6), (24, 0.6), (28, 0.6), (32, 0.65)])
-def test_few_iterations_and_a_force_between_slip_and_stick(friction, cells, grading):
+@pytest.mark.parametrize(
+    ("mesh", "friction"),
+    thinned(product([(18, 0.6), (24, 0.6), (28, 0.6), (32, 0.65)], (0.0, 0.02, 0.2, 0.5, 1.0)), 12),
+)
+def test_few_iterations_and_a_force_between_slip_and_stick(mesh, friction):
+    cells, grading = mesh
     result = condensed(friction, cells, grading)
     assert result.status is Status.SOLVED, result.message
     force = result.contacts["plate"].normal_force
@@ -103,9 +108,9 @@ WITHOUT_ANSWER = (
 @pytest.mark.parametrize(
     ("cells", "grading", "friction"),
     [
-        *((*mesh, friction) for mesh in [(30, 0.6), (32, 0.6), (24, 0.5)] for friction in (0.0, 0.2, 2.0, 20.0)),
-        *((40, 0.6, friction) for friction in (0.0, 2.0)),  # stalls, which takes its time
-        *((48, 0.6, friction) for friction in (0.0, 20.0)),  # refused
+        *((*mesh, friction) for mesh in [(30, 0.6), (24, 0.5)] for friction in (0.0, 0.2, 20.0)),
+        *((40, 0.6, friction) for friction in thinned([0.0, 2.0], 1)),  # stalls, which takes its time
+        *((48, 0.6, friction) for friction in thinned([0.0, 20.0], 1)),  # refused
     ],
 )
 def test_beyond_double_precision_there_is_no_wrong_number(cells, grading, friction):

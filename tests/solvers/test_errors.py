@@ -1,11 +1,13 @@
 """Messages of errors: one line, and long values keep both their ends."""
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solvers.errors import InputError
+from tests.effort import examples
 
 
+@settings(max_examples=examples(30), deadline=None)
 @given(st.text(max_size=400), st.integers(0, 300))
 def test_one_line_of_limited_length(text, count):
     for value in (text, list(range(count)), "/folder" * count):

@@ -245,8 +245,8 @@ def test_many_factorisations_leave_no_memory_behind(backend):
         gc.collect()
         return resident() - before
 
-    grow(20)
-    assert grow(60) < 60 * 0.1 * K.data.nbytes
+    grow(10)
+    assert grow(25) < 25 * 0.1 * K.data.nbytes
 
 
 def resident():
