@@ -8,12 +8,16 @@ from types import SimpleNamespace
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
+from hypothesis import settings
 
 from qvi_contact.discretization import families
 from solvers import InputError
 from solvers.basics import watch
 from solvers.factorisation import set_default
 from solvers.factorisation.registry import VARIABLE
+
+settings.register_profile("suite", deadline=None)  # no test depends on the time it takes
+settings.load_profile("suite")
 
 
 def pytest_addoption(parser):
