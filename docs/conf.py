@@ -11,7 +11,15 @@ project = "qvi_contact"
 author = "the authors of qvi_contact"
 version = release = qvi_contact.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_click", "docstrings", "gallery", "repository"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx_click",
+    "docstrings",
+    "gallery",
+    "problem_keys",
+    "repository",
+]
 exclude_patterns = ["_ext"]
 root_doc = "index"
 language = "en"

@@ -2,19 +2,24 @@
 
 import re
 import shlex
+import tomllib
 from contextlib import redirect_stdout, suppress
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from io import StringIO
 from pathlib import Path
+from typing import Annotated
 
 import click
 import pytest
 from click import shell_completion as completion
+from pydantic import TypeAdapter
 
 from comparisons.cli import group as comparisons
 from comparisons.lab.study.outcome import DONE, FAILURES
 from qvi_contact import RefinementStatus
 from qvi_contact.cli import group as qvi_contact
+from qvi_contact.files import problem_document
 from solvers import Status
 from solvers.certificate.measures import MEASURES
 
@@ -282,3 +287,31 @@ def test_the_shell_completes_as_the_page_says(shell):
     assert [item.value for item in made.get_completions([], "so")] == ["solve"]
     assert [item.type for item in made.get_completions(["solve"], "examples/")] == ["file"]
     assert "--plot" in [item.value for item in made.get_completions(["solve"], "--pl")]
+
+
+@pytest.fixture(scope="module")
+def problem_keys():
+
+    spec = spec_from_file_location("problem_keys", DOCS / "_ext" / "problem_keys.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_table_of_a_problem_file_is_on_the_page(problem_keys):
+    kinds = {kind for kind in vars(problem_document).values() if isinstance(kind, type)}
+    tables = {kind for kind in kinds if issubclass(kind, problem_document.Table) and kind.model_fields}
+    assert set(problem_keys.TABLES.values()) == tables - {problem_document.RingTable}
+    assert problem_keys.MARK in text(DOCS / "problem_files.md")
+
+
+def test_every_key_of_a_problem_file_has_an_example_that_is_taken(problem_keys):
+    for heading, table in problem_keys.TABLES.items():
+        assert [key.name for key in problem_keys.keys(table)] == list(table.model_fields)
+        for key in problem_keys.keys(table):
+            assert "|" not in key.meaning + key.example, (heading, key.name)
+            ((name, value),) = tomllib.loads(key.example).items()
+            assert name == key.name
+            field = table.model_fields[name]
+            kind = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+            TypeAdapter(kind).validate_python(value, strict=True)

@@ -70,6 +70,7 @@ class PolynomialTable(Table):
     """Σ_ij c_ij xⁱ yʲ, as ``{ polynomial = [[c00, c01], [c10]] }``."""
 
     polynomial: list[list[float]]
+    """Coefficients c_ij of Σ c_ij xⁱ yʲ, a list for each power of x: `polynomial = [[0.0, 1.0], [2.0]]`."""
 
 
 Name = Annotated[str, AfterValidator(_one_line)]
@@ -100,17 +101,24 @@ class UnitsTable(Table):
     """Labels; nothing is converted."""
 
     length: Name = "length"
+    """Unit of coordinates, a label only: `length = "mm"`."""
     stress: Name = "stress"
+    """Unit of stresses, a label only: `stress = "MPa"`."""
 
 
 class Segment(Table):
     """Grid lines from `start` to `stop`, see `qvi_contact.graded_lines`; `start` may be left out after another one."""
 
     start: float | None = None
+    """First grid line; left out after another piece: `start = 0.0`."""
     stop: float
+    """Last grid line: `stop = 2.0`."""
     cells: Annotated[int, Field(ge=1, le=_MOST_CELLS)]
+    """Number of cells: `cells = 8`."""
     grading: float = 1.0
+    """Size of each cell over that of the one before it: `grading = 0.9`."""
     both_ends: bool = False
+    """Whether cells shrink towards both ends: `both_ends = true`."""
 
 
 Axis = Annotated[
@@ -129,36 +137,52 @@ class Rectangle(Table):
     """Cells between grid lines; a range left out reaches across the whole mesh."""
 
     x: Pair | None = None
+    """Range along x: `x = [0.0, 1.0]`."""
     y: Pair | None = None
+    """Range along y: `y = [0.5, 2.0]`."""
 
 
 class RefineTable(Table):
     """See `qvi_contact.RectilinearMesh.refined`."""
 
     largest: float
+    """Largest cell: `largest = 0.25`."""
     smallest: float | None = None
+    """Smallest cell, at re-entrant corners and the ends named: `smallest = 0.01`."""
     ratio: Annotated[float, Field(ge=0.01, le=0.99)] = 0.5
+    """Size of a cell over that of its larger neighbour: `ratio = 0.7`."""
     towards: list[str] = []
+    """Edge sets at whose ends cells are small too: `towards = ["base"]`."""
 
 
 class CornerTable(Table):
     """See `qvi_contact.Corner`."""
 
     at: Pair
+    """The point: `at = [2.0, 0.0]`."""
     name: Name | None = None
+    """Name of the line from here to the next corner: `name = "base"`."""
     centre: Pair | None = None
+    """Centre of the arc to the next corner; a straight line without it: `centre = [1.0, 1.0]`."""
     clockwise: bool = False
+    """Which way the arc goes: `clockwise = true`."""
     size: float | None = None
+    """Size of the triangles here: `size = 0.02`."""
 
 
 class RingTable(Table):
     """A closed line: corners, or a circle."""
 
     name: Name | None = None
+    """Name of the line, of a circle or a region: `name = "bore"`."""
     corners: list[CornerTable] | None = None
+    """Corners in order: `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }]`."""
     centre: Pair | None = None
+    """Centre of a circle: `centre = [1.0, 1.0]`."""
     radius: float | None = None
+    """Radius of a circle: `radius = 0.4`."""
     size: float | None = None
+    """Size of the triangles along a circle: `size = 0.1`."""
 
     @model_validator(mode="after")
     def _is_one_line(self) -> "RingTable":
@@ -188,46 +212,73 @@ class InnerRegionTable(RingTable):
     """A region of an outline."""
 
     name: Name
+    """Name of the region: `name = "inclusion"`."""
 
 
 class InnerLineTable(Table):
     """A joint of an outline."""
 
     name: Name
+    """Name of the joint: `name = "joint"`."""
     corners: list[CornerTable]
+    """Corners of the open line: `corners = [{ at = [0.0, 0.5] }, { at = [1.0, 0.5] }]`."""
 
 
 class SizeTable(Table):
     """Size of the triangles at a point."""
 
     at: Pair
+    """The point: `at = [1.0, 0.5]`."""
     size: float
+    """Size of the triangles there: `size = 0.05`."""
 
 
 class OutlineTable(Table):
     """See `qvi_contact.TriangleMesh.outline`."""
 
     size: float
+    """Size of the triangles where nothing else is said: `size = 0.2`."""
     corners: list[CornerTable]
+    """Corners of the body, see `[[mesh.outline.corners]]`:
+    `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }]`.
+    """
     holes: Annotated[list[HoleTable], Field(max_length=_MOST_NAMES)] = []
+    """Holes, by corners or as circles: `holes = [{ centre = [1.0, 1.0], radius = 0.4 }]`."""
     joints: Annotated[list[InnerLineTable], Field(max_length=_MOST_NAMES)] = []
+    """Open lines inside the body:
+    `joints = [{ name = "joint", corners = [{ at = [0.0, 0.5] }, { at = [1.0, 0.5] }] }]`.
+    """
     regions: Annotated[list[InnerRegionTable], Field(max_length=_MOST_NAMES)] = []
+    """Regions of another material: `regions = [{ name = "inclusion", centre = [1.0, 1.0], radius = 0.2 }]`."""
     sizes: Annotated[list[SizeTable], Field(max_length=_MOST_NAMES)] = []
+    """Places where triangles have another size: `sizes = [{ at = [1.0, 0.5], size = 0.05 }]`."""
 
 
 class MeshTable(Table):
     """Grid lines, cells left out, refinement; or triangles: in this file, in a mesh file, or of an outline."""
 
     x: Axis | None = None
+    """Grid lines across x: all of them, a piece, or a list of pieces: `x = { start = 0.0, stop = 2.0, cells = 8 }`."""
     y: Axis | None = None
+    """Grid lines across y: `y = [0.0, 0.5, 1.0]`."""
     remove: list[Rectangle] = []
+    """Rectangles of the grid that are no part of the body: `remove = [{ x = [1.0, 2.0], y = [1.0, 2.0] }]`."""
     refine: RefineTable | None = None
+    """Finer towards re-entrant corners, see `[mesh.refine]`: `refine = { largest = 0.25, smallest = 0.01 }`."""
     file: Name | None = None
+    """Mesh file, .msh, .inp or .med, by its place beside the problem file: `file = "meshes/dam.msh"`."""
     outline: OutlineTable | None = None
+    """Outline that gmsh divides into triangles, see `[mesh.outline]`:
+    `outline = { size = 0.2, corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }] }`.
+    """
     vertices: list[Pair] | None = None
+    """Vertices of triangles: `vertices = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]`."""
     triangles: list[Triple] | None = None
+    """Three vertices for each triangle, counted from 0: `triangles = [[0, 1, 2]]`."""
     edges: Annotated[dict[Name, list[Edge]], Field(max_length=_MOST_NAMES)] = {}
+    """Named edges of triangles, two vertices each: `edges = { base = [[0, 1]] }`."""
     regions: Annotated[dict[Name, list[int]], Field(max_length=_MOST_NAMES)] = {}
+    """Named triangles: `regions = { core = [0] }`."""
 
     @property
     def is_grid(self) -> bool:
@@ -254,12 +305,19 @@ class EdgesTable(Table):
     """A named part of the boundary: of a grid see `RectilinearMesh.with_edges`, of triangles by segment or box."""
 
     name: Name
+    """What conditions call this part of the boundary: `name = "base"`."""
     side: Literal["bottom", "right", "top", "left"] | None = None
+    """Side of a grid: bottom, right, top or left: `side = "bottom"`."""
     start: float | None = None
+    """Where the part of the side begins: `start = 0.5`."""
     stop: float | None = None
+    """Where it ends: `stop = 1.5`."""
     at: float | None = None
+    """Which of several lines of the side, by the coordinate across it: `at = 0.0`."""
     segment: TwoPoints | None = None
+    """What lies between two points, on triangles: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
     box: Rectangle | None = None
+    """What lies inside a box, on triangles: `box = { y = [0.9, 1.1] }`."""
 
     @model_validator(mode="after")
     def _is_one_place(self) -> "EdgesTable":
@@ -271,11 +329,17 @@ class JointTable(Table):
     """A named line inside the body: of a grid see `RectilinearMesh.with_joint`, of triangles by segment."""
 
     name: Name
+    """What the contact calls this line: `name = "joint"`."""
     direction: Literal["horizontal", "vertical"] | None = None
+    """Direction on a grid: horizontal or vertical: `direction = "horizontal"`."""
     at: float | None = None
+    """Coordinate across the line: `at = 1.0`."""
     start: float | None = None
+    """Where the line begins: `start = 0.0`."""
     stop: float | None = None
+    """Where the line ends: `stop = 2.0`."""
     segment: TwoPoints | None = None
+    """The line between two points, on triangles: `segment = [[0.0, 1.0], [2.0, 1.0]]`."""
 
     @model_validator(mode="after")
     def _is_one_place(self) -> "JointTable":
@@ -299,62 +363,89 @@ class MaterialTable(Table):
     """The body's material."""
 
     young: Modulus
+    """Young's modulus [stress]: `young = 2.1e5`."""
     poisson: float
+    """Poisson's ratio: `poisson = 0.3`."""
     plane: Literal["stress", "strain"] = "stress"
+    """Plane stress or plane strain: `plane = "strain"`."""
 
 
 class RegionTable(Rectangle):
     """Cells of another material: ranges, or on triangles a region of the mesh by its name."""
 
     name: Name | None = None
+    """Region of the mesh, on triangles; instead of ranges: `name = "inclusion"`."""
     young: Modulus
+    """Young's modulus [stress]: `young = 7e4`."""
     poisson: float
+    """Poisson's ratio: `poisson = 0.3`."""
 
 
 class SymmetryTable(Table):
     """A line of symmetry."""
 
     edges: str
+    """Edge set that lies on a line of symmetry: `edges = "left"`."""
 
 
 class DisplacementTable(Table):
     """Prescribed displacements, by Cartesian components or by normal and tangential ones."""
 
     edges: str
+    """Edge set that the condition belongs to: `edges = "top"`."""
     x: FieldValue | None = None
+    """Component along x, a field: displacement [length], or traction on the body [stress]: `x = 0.0`."""
     y: FieldValue | None = None
+    """Component along y, a field: `y = "-1e-3 * t"`."""
     normal: FieldValue | None = None
+    """Outward component, a field; instead of x and y: `normal = -10.0`."""
     tangential: FieldValue | None = None
+    """Component along the tangent, a field: `tangential = 0.0`."""
 
 
 class TractionTable(DisplacementTable):
     """Prescribed tractions, by components as displacements."""
 
     name: Name | None = None
+    """What `limit` calls the load; loads of one name are scaled together: `name = "thrust"`."""
 
 
 class PlateTable(Table):
     """A rigid plate driven by force and moment."""
 
     force_x: Scalar | None = None
+    """Force on the body along x [stress × length]; the plate's place along x follows: `force_x = 1.0`."""
     force_y: Scalar | None = None
+    """Force on the body along y [stress × length]: `force_y = -10.0`."""
     moment: Scalar | None = None
+    """Moment on the body about the pivot [stress × length²]: `moment = 0.0`."""
     pivot: Pair = [0.0, 0.0]
+    """Point that moment and rotation refer to: `pivot = [0.5, 2.0]`."""
 
 
 class ContactTable(Table):
     """Contact with friction; `friction` may be left out of tied contacts only."""
 
     edges: str
+    """Edge set of the boundary, or joint: `edges = "bottom"`."""
     friction: FieldValue | None = None
+    """Coefficient of friction, a field; needed unless tied: `friction = 0.3`."""
     gap: FieldValue = 0.0
+    """Distance of the obstacle, a field [length]; negative: pressed in: `gap = -1e-3`."""
     offset: FieldValue = 0.0
+    """Displacement of the obstacle along the tangent, a field [length]: `offset = "1e-3 * sin(t)"`."""
     name: Name | None = None
+    """What results call the contact; that of the edges by default: `name = "base"`."""
     cohesion: FieldValue = 0.0
+    """Friction without pressure, a field [stress]: `cohesion = 0.1`."""
     shear_limit: FieldValue | None = None
+    """Largest friction, a field [stress]: `shear_limit = 5.0`."""
     law: Literal["unilateral", "bilateral", "tied"] = "unilateral"
+    """unilateral: may open; bilateral: keeps its distance; tied: does not move: `law = "bilateral"`."""
     plate: PlateTable | None = None
+    """Rigid plate driven by force, see `plate`: `plate = { force_y = -10.0 }`."""
     pore_pressure: FieldValue = 0.0
+    """Pressure of a fluid in the contact, a field [stress]: `pore_pressure = "0.01 * (40 - y)"`."""
 
     @model_validator(mode="after")
     def _friction_is_given(self) -> "ContactTable":
@@ -367,45 +458,85 @@ class SolveTable(Table):
     """Defaults for `qvi_contact.solve`; all but the first nine are options of a method."""
 
     element: Literal["bfs", "hct"] | None = None
+    """hct: triangles, into which rectangles are cut; bfs: rectangles. By default hct, but bfs where a rectangle is
+    more than 500 times as long as wide:
+    `element = "bfs"`.
+    """
     degree: int | None = None
+    """Degree of the element on triangles, 3 to 12; 4 by default: `degree = 5`."""
     contact_rows: Literal["bernstein", "gauss"] | None = None
+    """bernstein: the contact law on whole edges of triangles; gauss: at points. By default the first, the second
+    where friction varies along an edge:
+    `contact_rows = "gauss"`.
+    """
     method: str | None = None
+    """condensed (by default), fixed-point, pivoting or uzawa: `method = "fixed-point"`."""
     inner: str | None = None
+    """Inner solver of the fixed point, see `qvi-contact methods`; qp:clarabel by default:
+    `inner = "direct:clarabel"`.
+    """
     tolerance: float | None = None
+    """Accuracy that the certificate must confirm; 1e-8 by default: `tolerance = 1e-9`."""
     factorisation: str | None = None
+    """Sparse factorisation, see `qvi-contact methods`; auto by default: `factorisation = "superlu"`."""
     threads: int | None = None
+    """Threads of the linear algebra; one for small problems by default, else all cores: `threads = 2`."""
     time_limit: float | None = None
+    """Seconds for everything; no limit by default: `time_limit = 60.0`."""
     gap: float | None = None
+    """Condensed: complementarity at the end, relative; 1e-14 by default: `gap = 1e-12`."""
     variant: str | None = None
+    """Fixed point: anderson (by default), damped or plain: `variant = "damped"`."""
     damping: float | None = None
+    """Fixed point: damping or mixing, above 0, at most 1; 0.5 by default: `damping = 0.2`."""
     memory: int | None = None
+    """Fixed point: earlier iterations that anderson uses; 5 by default: `memory = 10`."""
     max_iterations: int | None = None
+    """Iterations at most; each method has its own default: `max_iterations = 200`."""
     inner_tolerance: float | None = None
+    """Fixed point: tolerance of the inner solver: `inner_tolerance = 1e-12`."""
     patience: int | None = None
+    """Fixed point: iterations without progress before it counts as stalled; 15 by default: `patience = 30`."""
     form: str | None = None
+    """Fixed point: unknowns of the inner problems, auto (by default), full or condensed: `form = "full"`."""
     rule: str | None = None
+    """Uzawa: accumulating (by default) or printed, as in the paper: `rule = "printed"`."""
     omega_T: float | None = None  # noqa: N815  # the name of the option
+    """Uzawa: step of the tangential multiplier; 0.01 by default: `omega_T = 0.001`."""
     omega_N: float | None = None  # noqa: N815
+    """Uzawa: step of the normal multiplier; from the matrix by default: `omega_N = 0.5`."""
     step_decay: float | None = None
+    """Uzawa: iterations in which the step halves; it does not shrink by default: `step_decay = 200.0`."""
     decay: str | None = None
+    """Uzawa: geometric (by default) or harmonic: `decay = "harmonic"`."""
     iterations: int | None = None
+    """Uzawa: do exactly so many, without any test: `iterations = 30`."""
 
 
 class RefinementTable(Table):
     """Defaults for `qvi_contact.refine`, beside those for `qvi_contact.solve`."""
 
     target: float | None = None
+    """Relative error asked for; 1e-3 by default: `target = 1e-4`."""
     quantity: str | None = None
+    """energy (by default), or the force of a contact, NAME.normal_force or NAME.tangential_force:
+    `quantity = "base.normal_force"`.
+    """
     max_unknowns: int | None = None
+    """Largest number of unknowns; 20000 by default: `max_unknowns = 50_000`."""
     max_rounds: int | None = None
+    """Largest number of rounds; 60 by default, 20 on rectangles: `max_rounds = 10`."""
 
 
 class TimeRange(Table):
     """Times from `start` to `stop`, both included, in equal steps."""
 
     start: float = 0.0
+    """First time: `start = 0.0`."""
     stop: float
+    """Last time: `stop = 6.3`."""
     steps: Annotated[int, Field(ge=1, le=_MOST_STEPS)]
+    """Number of steps: `steps = 20`."""
 
 
 class HistoryTable(Table):
@@ -419,29 +550,52 @@ class HistoryTable(Table):
             custom_error_message="give a list of times, or { start = 0.0, stop = 1.0, steps = 10 }",
         ),
     ]
+    """Values that t takes, a list or a range; friction remembers from one to the next:
+    `times = { start = 0.0, stop = 6.3, steps = 20 }`.
+    """
 
 
 class Document(Table):
     """A whole problem file."""
 
     version: Literal[1]
+    """Version of this format: `version = 1`."""
     title: str = ""
+    """Heading of pictures and reports: `title = "Dam on rock"`."""
     description: str = ""
+    """Anything else worth keeping: `description = "Water at 40 m"`."""
     body_potential: FieldValue = 0.0
+    """Field φ with the body force −∇φ; ρ g y under gravity: `body_potential = "0.024 * y"`."""
     units: UnitsTable = UnitsTable()
+    """Labels of units, see `[units]`: `units = { length = "mm", stress = "MPa" }`."""
     constants: dict[str, float] = {}
+    """Numbers that expressions may name: `constants = { mu = 0.3, p = 10.0 }`."""
     mesh: MeshTable
+    """The body, see `[mesh]`: `mesh = { x = [0.0, 1.0], y = [0.0, 1.0] }`."""
     edges: Annotated[list[EdgesTable], Field(max_length=_MOST_NAMES)] = []
+    """Named parts of the boundary, see `[[edges]]`: `edges = [{ name = "base", side = "bottom", stop = 0.5 }]`."""
     joints: Annotated[list[JointTable], Field(max_length=_MOST_NAMES)] = []
+    """Lines inside the body, see `[[joints]]`; each needs a contact:
+    `joints = [{ name = "joint", direction = "horizontal", at = 1.0 }]`.
+    """
     material: MaterialTable
+    """The body's material, see `[material]`: `material = { young = 2.1e5, poisson = 0.3 }`."""
     regions: list[RegionTable] = []
+    """Parts of another material, see `[[regions]]`: `regions = [{ y = [0.0, 0.5], young = 7e4, poisson = 0.3 }]`."""
     symmetry: list[SymmetryTable] = []
+    """Lines of symmetry, see `[[symmetry]]`: `symmetry = [{ edges = "left" }]`."""
     displacements: list[DisplacementTable] = []
+    """Prescribed displacements, see `[[displacements]]`: `displacements = [{ edges = "top", x = 0.0, y = -1e-3 }]`."""
     tractions: list[TractionTable] = []
+    """Prescribed tractions, see `[[tractions]]`: `tractions = [{ edges = "right", x = 0.0, y = 0.0 }]`."""
     contacts: list[ContactTable] = []
+    """Contacts, see `[[contacts]]`: `contacts = [{ edges = "bottom", friction = 0.3 }]`."""
     solve: SolveTable = SolveTable()
+    """How to solve it, see `[solve]`: `solve = { degree = 5 }`."""
     refine: RefinementTable = RefinementTable()
+    """How to refine it, see `[refine]`: `refine = { target = 1e-4 }`."""
     history: HistoryTable | None = None
+    """Load steps, see `[history]`: `history = { times = [0.0, 1.0, 2.0] }`."""
 
 
 def parse(text: str) -> Document:
