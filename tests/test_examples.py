@@ -81,11 +81,10 @@ def test_punch_carries_its_force_and_peaks_at_its_edges():
     assert line.normal_force == pytest.approx(100.0, rel=1e-9)
     assert line.tangential_force == pytest.approx(0.0, abs=5e-3)  # triangles are not symmetric
     middle = -np.interp(0.0, line.x, line.normal_stress)
-    assert middle == pytest.approx(100.0 / np.pi, rel=0.15)
+    assert middle == pytest.approx(100.0 / np.pi, rel=0.06)
     assert -line.normal_stress[[0, -1]].max() > 3.0 * middle
-    slips = np.abs(line.x[line.state == 2])
-    assert len(slips)
-    assert slips.min() > 0.9
+    assert line.shares["stick"] == pytest.approx(0.775, abs=0.03)
+    assert np.abs(line.x[line.state == 2]).min() > 0.74
 
 
 def test_bracket_obeys_statics():

@@ -8,6 +8,7 @@ import numpy as np
 from qvi_contact.basics.shown import shown
 from qvi_contact.basics.units import Units
 from qvi_contact.bracket.outcome import Bracket
+from qvi_contact.companion import CompanionResult
 
 
 def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
@@ -52,15 +53,21 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     for name, bounds in bracket.forces.items():
         yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}"
     for name, found in bracket.force_differences.items():
-        forces = f"normal {found.normal:.3g}, tangential {found.tangential:.3g} {units.engineering_force}"
+        normal, tangential = (shown(force, _least(bracket.own), 3) for force in (found.normal, found.tangential))
+        forces = f"normal {normal}, tangential {tangential} {units.engineering_force}"
         yield f"displacements with friction of their own: forces of {name} differ by {forces}"
     companion = bracket.companion
     if companion is not None and companion.has_state:
         yield f"displacements of degree {companion.degree}, {companion.unknowns} unknowns, for the same friction bound:"
         for name, contact in companion.contacts.items():
-            least = companion.scales.rounding.force
-            normal, tangential = (shown(force, least) for force in (contact.normal_force, contact.tangential_force))
+            forces = (contact.normal_force, contact.tangential_force)
+            normal, tangential = (shown(force, _least(companion)) for force in forces)
             yield f"  contact {name}: normal {normal}, tangential {tangential} {units.engineering_force}"
+
+
+def _least(companion: CompanionResult | None) -> float:
+    """Forces up to this are rounding."""
+    return 0.0 if companion is None else companion.scales.rounding.force
 
 
 def _quantity(value: float, unit: str) -> dict[str, Any]:

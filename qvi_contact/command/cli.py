@@ -447,9 +447,10 @@ def methods(as_json: bool) -> None:
 
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
     qpsolvers, "direct:…" solvers kept alive between outer iterations, "socp:…" second-order cone programs through
-    cvxpy. "strict:…" and "strict-direct:…" hold the contact law on whole edges instead of at their Gauss points. More
-    back ends come with: python -m pip install 'qvi-contact[solvers]'. For what of the factorisations is missing, the
-    list says how to install it.
+    cvxpy. On rectangles "strict:…" and "strict-direct:…" hold the contact law on whole edges instead of at their Gauss
+    points; triangles need none of them for that. More back ends come with:
+    python -m pip install 'qvi-contact[solvers]'. For what of the factorisations is missing, the list says how to
+    install it.
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
