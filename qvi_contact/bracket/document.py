@@ -60,8 +60,8 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     if companion is not None and companion.has_state:
         yield f"displacements of degree {companion.degree}, {companion.unknowns} unknowns, for the same friction bound:"
         for name, contact in companion.contacts.items():
-            forces = (contact.normal_force, contact.tangential_force)
-            normal, tangential = (shown(force, _least(companion)) for force in forces)
+            both = (contact.normal_force, contact.tangential_force)
+            normal, tangential = (shown(force, _least(companion)) for force in both)
             yield f"  contact {name}: normal {normal}, tangential {tangential} {units.engineering_force}"
 
 
