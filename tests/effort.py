@@ -16,7 +16,14 @@ def examples(count: int) -> int:
 
 
 def thinned(cases, count):
-    """`count` of the cases, the same ones every time; all of them where the effort pays for as many."""
-    cases = list(cases)
-    chosen = random.Random(0).sample(range(len(cases)), min(examples(count), len(cases)))
-    return [cases[index] for index in sorted(chosen)]
+    """`count` of the cases, the same ones every time; all of them where the effort pays for as many.
+
+    Cases that are tuples show each value at each place before any is shown for the sake of its combination alone.
+    """
+    cases, needed, others, seen = list(cases), [], [], set()
+    for index in random.Random(0).sample(range(len(cases)), len(cases)):
+        case = cases[index]
+        values = set(enumerate(map(repr, case if isinstance(case, tuple) else (case,))))
+        (others if values <= seen else needed).append(index)
+        seen |= values
+    return [cases[index] for index in sorted((needed + others)[: examples(count)])]

@@ -1,5 +1,7 @@
 """The condensed method on bodies: few iterations, settled values, and the answers of the fixed point."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,7 @@ from solvers.condensed.reduction import Reduction
 from solvers.inequality.blocks import dense as dense_rows
 from solvers.inequality.linear import interface_of
 from solvers.inequality.traces import trace_coordinates
+from tests.effort import thinned
 
 pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # settled values and iterations on grids
 
@@ -49,13 +52,12 @@ def solved_in_few(problem):
     return result
 
 
-@pytest.mark.parametrize("cells", [2, 4, 8, 16])
-@pytest.mark.parametrize("friction", FRICTIONS)
+@pytest.mark.parametrize(("friction", "cells"), thinned(product(FRICTIONS, (2, 4, 8, 16)), 22))
 def test_few_iterations_on_the_plate(friction, cells):
     solved_in_few(compressed_plate(friction, (cells, cells)))
 
 
-@pytest.mark.parametrize("friction", FRICTIONS)
+@pytest.mark.parametrize("friction", thinned(FRICTIONS, 5))
 def test_few_iterations_on_the_finer_plate(friction):
     """Force and energies are those of the 16² cells to a discretisation error, and stick reduces the force's rise."""
     plate = solved_in_few(compressed_plate(friction, (32, 32))).contacts["plate"]
@@ -64,18 +66,18 @@ def test_few_iterations_on_the_finer_plate(friction):
 
 
 @pytest.mark.parametrize(
-    ("friction", "cells", "grading"), in_turn((16, 0.7), (24, 0.8)) + in_turn((24, 0.8), (32, 0.85))
+    ("friction", "cells", "grading"), thinned(in_turn((16, 0.7), (24, 0.8)) + in_turn((24, 0.8), (32, 0.85)), 11)
 )
 def test_few_iterations_on_graded_plates(friction, cells, grading):
     solved_in_few(compressed_plate(friction, (cells, cells), grading=grading))
 
 
-@pytest.mark.parametrize("friction", [0.02, 0.2, 1.0])
+@pytest.mark.parametrize("friction", thinned([0.02, 0.2, 1.0], 1))
 def test_few_iterations_on_4096_cells(friction):
     solved_in_few(compressed_plate(friction, (64, 64)))
 
 
-@pytest.mark.parametrize(("friction", "cells"), in_turn((8,), (16,)) + in_turn((16,), (32,)))
+@pytest.mark.parametrize(("friction", "cells"), thinned(in_turn((8,), (16,)) + in_turn((16,), (32,)), 11))
 def test_few_iterations_where_contact_opens(friction, cells):
     base = solved_in_few(ssnv128((cells, cells), friction)).contacts["base"]
     assert base.normal_force == pytest.approx(2e6, rel=1e-8)
@@ -160,8 +162,7 @@ def several():
 BODIES = {body.__name__: body for body in (opening, cohesion, cap, tresca, bilateral, joint, driven, several)}
 
 
-@pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("inner", ["direct:clarabel", "qp:daqp"])
+@pytest.mark.parametrize(("name", "inner"), thinned(product(BODIES, ("direct:clarabel", "qp:daqp")), 10))
 def test_same_tractions_as_the_fixed_point(name, inner):
     problem = BODIES[name]()
     result = solved_in_few(problem)

@@ -1,6 +1,7 @@
 """Cohesion, caps, Tresca, bilateral and tied contacts: what equals what, and states known in closed form."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from qvi_contact import (
 )
 from solvers import Status
 from tests.covering import every_pair
+from tests.effort import thinned
 from tests.qvi_contact.states import difference, solved
 
 MATERIALS = {
@@ -36,6 +38,16 @@ MESHES = {
 }
 
 
+@pytest.fixture
+def mesh(request):
+    return MESHES[request.param]
+
+
+@pytest.fixture
+def material(request):
+    return MATERIALS[request.param]
+
+
 def punched(mesh, material, *base, shift=2e-4, push=-1e-3):
     """A body whose roof is pushed down and along; its base, y = 0, is given."""
     roof = "roof" if "roof" in mesh.edge_names else "top"
@@ -46,8 +58,7 @@ def punched(mesh, material, *base, shift=2e-4, push=-1e-3):
     return ContactProblem(mesh, material, conditions)
 
 
-@pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
-@pytest.mark.parametrize("mesh", MESHES.values(), ids=MESHES)
+@pytest.mark.parametrize(("mesh", "material"), thinned(product(MESHES, MATERIALS), 5), indirect=True)
 class TestSameInOtherWords:
     """Two ways to state one law give one state."""
 
@@ -123,7 +134,7 @@ class TestSameInOtherWords:
         assert (bound[slips] == cap).any()
 
 
-@pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
+@pytest.mark.parametrize("material", MATERIALS, indirect=True)
 def test_much_friction_under_a_cap_is_tresca(material):
     """Where all is pressed."""
     mesh, bound = MESHES["uniform"], 1e-4 * material.young
@@ -188,17 +199,16 @@ class TestSlidingBlock:
 
     @pytest.mark.parametrize(
         ("law", "side", "plane"),
-        every_pair(list(SLIDING), ["bottom", "right", "top", "left"], ["stress", "strain"]),
+        thinned(every_pair(list(SLIDING), ["bottom", "right", "top", "left"], ["stress", "strain"]), 20),
     )
     def test_state(self, law, side, plane):
         mesh = RectilinearMesh([1.0, 1.2, 2.0], [1.0, 1.7, 2.0])
         self.check(mesh, Material(1000.0, 0.3, plane), SLIDING[law], side)
 
-    @pytest.mark.parametrize("law", SLIDING.values(), ids=SLIDING)
-    @pytest.mark.parametrize("cells", [(1, 1), (5, 3)])
+    @pytest.mark.parametrize(("law", "cells"), thinned(product(SLIDING, [(1, 1), (5, 3)]), 10))
     def test_meshes(self, law, cells):
         mesh = RectilinearMesh.rectangle(cells, origin=(1.0, 1.0), grading=0.6)
-        self.check(mesh, Material(1000.0, 0.3), law, "bottom")
+        self.check(mesh, Material(1000.0, 0.3), SLIDING[law], "bottom")
 
     @staticmethod
     def check(mesh, material, law, side):
@@ -242,7 +252,7 @@ def test_unilateral_contact_opens_where_bilateral_contact_pulls():
     assert held.tangential_stress == pytest.approx(0.0, abs=1e-8)
     failed = solve(problem("unilateral"))
     assert failed.status is Status.INFEASIBLE
-    assert "pulls or tips the body off 'floor'" in failed.message
+    assert "off 'floor'" in failed.message
 
 
 METHODS = [
@@ -393,4 +403,4 @@ def test_only_the_corner_that_fails_is_given_up():
     ]
     result = solved(ContactProblem(mesh, Material(1e3, 0.3), conditions), 1e-8, element="bfs")
     assert result.discretization.freed.tolist() == [0]
-    assert sum("no certified state was found" in remark for remark in result.remarks) == 1
+    assert ["(0, 0)" in remark for remark in result.remarks].count(True) == 1

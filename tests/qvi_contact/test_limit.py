@@ -94,7 +94,7 @@ class TestAroundTheLimit:
         assert below.status is Status.SOLVED, below.message
         assert below.contacts["base"].tangential_force == pytest.approx(-0.99 * 3.0 * 2.0, rel=1e-8)
         assert above.status is Status.INFEASIBLE
-        assert above.message.startswith("The load exceeds what friction on 'base' can carry")
+        assert "friction on 'base'" in above.message
         assert not above.has_state
 
     def test_without_friction(self, cells):
@@ -299,7 +299,7 @@ class TestKindsOfLoads:
         assert limit_load_factor(problem, ["crane"]) == pytest.approx(7.0, rel=1e-6)
         failed = solve(ContactProblem(mesh, STEEL, conditions, body_potential=lambda _, y: 0.99 * y))
         assert failed.status is Status.INFEASIBLE
-        assert failed.message.startswith("The load pulls or tips the body off 'floor', where tension is not carried")
+        assert "off 'floor'" in failed.message
 
     @pytest.mark.parametrize("loads", [["tide"], [], "shear", ["shear", "bottom"], None, [3]])
     def test_unknown_loads(self, loads):

@@ -90,10 +90,9 @@ class TestTippingWall:
         assert below.status is Status.INFEASIBLE_ON_MESH
         assert below.mechanism is None
         assert not below.has_state
-        assert below.message.startswith("On this mesh the load ")
         assert above.status is Status.INFEASIBLE
         assert above.mechanism.overload == pytest.approx(1.1, rel=EXACT)
-        assert above.message.startswith("The load pulls or tips the body off 'base'")
+        assert "off 'base'" in above.message
         assert "1.1 times the work" in above.message
 
     def test_refined_the_mesh_comes_close(self):

@@ -58,7 +58,7 @@ def test_a_large_stress_elsewhere_does_not_hide_an_error_in_the_contact(side):
         Contact("top", friction=0.0, gap=-1e-3),
     ]
     result = solve(ContactProblem(mesh, Material(1000.0, 0.0), conditions))
-    assert side > 1e5 or result.status is Status.SOLVED
+    assert result.status in ((Status.SOLVED,) if side <= 1e5 else (Status.SOLVED, Status.INACCURATE))
     assert result.contacts["top"].normal_stress == pytest.approx(-1.0, rel=1e-5)
 
 
@@ -112,7 +112,7 @@ def test_loads_out_of_balance_show_beside_large_displacements():
 def test_large_slip_is_solved(translation):
     problem, _ = sliding_block((3, 2), translation=translation)
     result = solve(problem)
-    assert translation > 1e3 or result.status is Status.SOLVED
+    assert result.status in ((Status.SOLVED,) if translation <= 1e3 else (Status.SOLVED, Status.INACCURATE))
     assert result.contacts["base"].normal_force == pytest.approx(200.0, rel=1e-6)
 
 

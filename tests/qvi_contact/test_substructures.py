@@ -1,6 +1,7 @@
 """Schur complements and solutions of shared subdomains are those of the assembled K, whatever the boundary does."""
 
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from qvi_contact.discretization.bogner_fox_schmit.substructures import substruct
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from solvers.factorisation.dissection import SharedSubdomains
 from solvers.factorisation.threads import limited_blas
+from tests.effort import thinned
 
 pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # subdomains of rectangles
 
@@ -129,8 +131,7 @@ def schur(K, interface):
     return K[np.ix_(interface, interface)] - coupling.T @ np.linalg.solve(K[np.ix_(interior, interior)], coupling)
 
 
-@pytest.mark.parametrize("leaf", [2, 4, 8])
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize(("name", "leaf"), thinned(product(PROBLEMS, (2, 4, 8)), 20))
 def test_against_dense(name, leaf, monkeypatch):
     """S to 1e-10, and solutions of the assembled K but for its rounding, for several sizes of leaves."""
     monkeypatch.setattr(module, "_LEAF", leaf)

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solvers import certify
+from tests.effort import examples
 from tests.solvers.conftest import one_contact
 
 W = ((Fraction(1), Fraction(4, 5)), (Fraction(4, 5), Fraction(1)))
@@ -91,7 +92,7 @@ def test_it_fails_all_around_each(name, size):
 
 
 @pytest.mark.parametrize("name", REACTIONS)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(direction=st.tuples(*[st.floats(-1.0, 1.0)] * 4), exponent=st.floats(-6.0, 1.0), consistent=st.booleans())
 def test_it_fails_at_random_distances(name, direction, exponent, consistent):
     values = STATES[name] + 10.0**exponent * np.array(direction)
