@@ -2,6 +2,10 @@
 
 gmsh keeps one state for the whole process. It is started for one mesh and ended behind it, under a lock, without
 configuration files, signal handlers, threads of its own, or output; a session of the caller's is left as it was.
+
+Its start puts eleven signals back to what they do in a new program. Python ignores SIGPIPE, so that a pipe or socket
+whose reader has gone is an exception; the process would end there without a word. Handlers of SIGTERM and of crashes
+would be lost. They are kept.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.outline import Polygon, Polygons
 from qvi_contact.mesh.parts import MeshParts
@@ -78,7 +83,8 @@ def _session(gmsh: Any) -> Iterator[None]:
     """A model of its own, in a session of its own if there is none."""
     fresh = not gmsh.isInitialized()
     if fresh:
-        gmsh.initialize(["gmsh", "-v", "0"], readConfigFiles=False, interruptible=False)
+        with handlers_kept():
+            gmsh.initialize(["gmsh", "-v", "0"], readConfigFiles=False, interruptible=False)
     before = None if fresh else gmsh.model.getCurrent()
     kept = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
     try:

@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from qvi_contact import Corner, InputError, TriangleMesh, load_problem, solve
+from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.files.problem_writer import problem_to_toml
 from qvi_contact.mesh import mesher
@@ -25,7 +26,15 @@ except (ImportError, OSError) as error:  # OSError: a library of the system is m
     gmsh, MISSING = None, str(error)
 else:
     MISSING = ""
+STATUS = Path("/proc/self/status")
 needs_gmsh = pytest.mark.skipif(gmsh is None, reason=f"gmsh cannot be loaded: {MISSING}")
+
+
+def signals():
+    """Which signals this process ignores, and which it has handlers for, one bit each."""
+    lines = dict(line.split(":", 1) for line in STATUS.read_text(encoding="utf-8").splitlines())
+    return {name: int(lines[name], 16) & (1 << 31) - 1 for name in ("SigIgn", "SigCgt")}
+
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 ARCH = [
@@ -270,8 +279,21 @@ class TestMeshes:
         assert signal.getsignal(signal.SIGINT) is handler
         assert capfd.readouterr() == ("", "")
 
+    @pytest.mark.skipif(not STATUS.exists(), reason="reads what the kernel says of signals")
+    def test_signals_do_what_they_did(self):
+        """The start of gmsh puts eleven back; without SIGPIPE ignored a process ends where a pipe has no reader."""
+        before = signal.signal(signal.SIGTERM, lambda *_: None)
+        try:
+            state = signals()
+            assert state["SigIgn"] >> signal.SIGPIPE - 1 & 1
+            TriangleMesh.outline(SQUARE, 0.5)
+            assert signals() == state
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
     def test_a_session_of_the_caller_is_left_as_it_was(self):
-        gmsh.initialize(interruptible=False)
+        with handlers_kept():
+            gmsh.initialize(interruptible=False)
         try:
             gmsh.option.setNumber("General.Terminal", 0)
             gmsh.option.setNumber("Mesh.Algorithm", 5)

@@ -5,6 +5,7 @@ import pytest
 import skfem
 
 from qvi_contact import InputError, RectilinearMesh
+from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.mesh.topology import outward_normals
 from qvi_contact.mesh.triangles import TriangleMesh
 
@@ -377,7 +378,8 @@ class TestFiles:
     @pytest.mark.parametrize("binary", [0, 1])
     def test_gmsh_itself_writes_such_files(self, tmp_path, binary):
         gmsh = pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
-        gmsh.initialize(interruptible=False)
+        with handlers_kept():
+            gmsh.initialize(interruptible=False)
         try:
             gmsh.option.setNumber("General.Terminal", 0)
             gmsh.option.setNumber("Mesh.SaveAll", 1)
