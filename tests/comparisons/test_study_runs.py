@@ -200,10 +200,10 @@ class TestEnds:
         moments = random.Random(0)
         counts = []
         for attempt in range(10):
-            process = command("--workers", "2", seconds=0.1)
+            process = command("--workers", "2", seconds=0.2)
             if attempt % 2:  # any moment of the start is hit by the others
                 assert eventually(lambda: rows_in(tmp_path / "a") > max(counts, default=0))
-            time.sleep(moments.uniform(0.0, 0.4 if attempt % 2 == 0 else 0.1))
+            time.sleep(moments.uniform(0.0, 0.4 if attempt % 2 == 0 else 0.2))
             assert process.poll() is None
             process.kill()
             process.wait()
