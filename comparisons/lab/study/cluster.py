@@ -20,6 +20,7 @@ from uuid import uuid4
 from comparisons.lab.study.children import Crew, Terms
 from comparisons.lab.study.declaration import Case
 from comparisons.lab.study.outcome import CRASHED, Outcome, one_line
+from comparisons.lab.study.pool import Done
 from qvi_contact.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,21 +33,19 @@ _LOOK: Final = 0.5  # seconds between two looks at the cluster's workers
 _ATTEMPTS: Final = 2
 _WITHOUT_PORT: Final = ("inproc", "ucx")  # schemes whose addresses `distributed` itself does not take apart
 _REMEDY: Final = "give the address that dask scheduler prints, as tcp://host:8786"
-_LOST: Final = "the worker of the cluster was lost"
 
 
-def outcomes(terms: Terms, cases: Sequence[Case], address: str) -> Generator[tuple[Case, Outcome]]:
+def outcomes(terms: Terms, cases: Sequence[Case], address: str) -> Generator[Done]:
     """Do the cases on the cluster of this scheduler, and yield what became of each as it comes.
 
-    When the iterator is closed, the processes are ended.
+    The address has passed `check`. When the iterator is closed, the processes are ended.
 
     Raises
     ------
     InputError
-        If `distributed` is missing, or the cluster has no such address, cannot be reached, or is lost.
+        If the cluster cannot be reached, has no workers, cannot load this package or the task's, or is lost.
 
     """
-    check(address)
     with _quiet(), closing(_client(address)) as client:
         dispatch = _Dispatch(client, address, terms, deque(_Trial(case) for case in cases))
         try:
@@ -165,12 +164,12 @@ class _Dispatch:
         self._news: SimpleQueue[Future] = SimpleQueue()
         self._lost_scheduler = False
 
-    def outcomes(self) -> Iterator[tuple[Case, Outcome]]:
+    def outcomes(self) -> Iterator[Done]:
         """Until all cases are done; a worker that joins gets its share, without any worker it waits."""
         while self._waiting or self._busy:
             alive = self._alive()
             for future in [future for future, trial in self._busy.items() if trial.workers[-1] not in alive]:
-                yield from self._lost(future, _LOST)
+                yield from self._lost(future)
             self._submit(alive)
             with suppress(Empty):
                 future = self._news.get(timeout=_LOOK)
@@ -217,7 +216,7 @@ class _Dispatch:
             self._busy[future] = trial
             future.add_done_callback(self._news.put)
 
-    def _finished(self, future: "Future") -> Iterator[tuple[Case, Outcome]]:
+    def _finished(self, future: "Future") -> Iterator[Done]:
         if future.status != "finished":
             if self._client.status != "running":
                 raise self._gone()
@@ -225,16 +224,16 @@ class _Dispatch:
             if error is not None and type(error).__name__ != "KilledWorker":
                 remedy = f"install this package and the task's on its scheduler and workers ({one_line(str(error))})"
                 raise InputError("dask", self._address, remedy)
-            yield from self._lost(future, _LOST)
+            yield from self._lost(future)
             return
         try:
             outcome: Outcome = future.result(timeout=_FETCHING)
         except Exception:  # its worker was lost before it could be fetched
-            yield from self._lost(future, _LOST)
+            yield from self._lost(future)
             return
         yield self._busy.pop(future).case, outcome
 
-    def _lost(self, future: "Future", reason: str) -> Iterator[tuple[Case, Outcome]]:
+    def _lost(self, future: "Future") -> Iterator[Done]:
         """Try again, or tell that it failed twice."""
         trial = self._busy.pop(future)
         with suppress(Exception):
@@ -242,11 +241,9 @@ class _Dispatch:
         if len(trial.workers) < _ATTEMPTS:
             self._waiting.appendleft(trial)
             return
+        reason = f"the worker of the cluster was lost, {_ATTEMPTS} times"
         seconds = time.monotonic() - trial.began
-        yield (
-            trial.case,
-            Outcome(CRASHED, f"{reason}, {_ATTEMPTS} times", seconds=seconds, environment=self._terms.environment({})),
-        )
+        yield trial.case, Outcome(CRASHED, reason, seconds=seconds, environment=self._terms.environment({}))
 
     def _gone(self) -> InputError:
         self._lost_scheduler = True
