@@ -39,7 +39,7 @@ def required():
     """Names of the packages that users install."""
     extras = PROJECT["optional-dependencies"]
     lines = PROJECT["dependencies"] + [line for name in extras.keys() - FOR_DEVELOPERS for line in extras[name]]
-    return {Requirement(line).name for line in lines}
+    return {Requirement(line).name for line in lines} - {PROJECT["name"]}  # extras of extras
 
 
 def stated(name):
