@@ -1,7 +1,7 @@
 """What happens on the parts of a body: loads, supports, contacts of every law, plates."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -27,6 +27,7 @@ class Maker:
     mesh : the body
     stress, displacement : what loads and gaps are like [stress], [length]
     traits : what is wild about it, see `generator.FAMILIES`
+    wet : source of choices for fluids; None where there are none
 
     """
 
@@ -35,6 +36,7 @@ class Maker:
     stress: float
     displacement: float
     traits: frozenset[str]
+    wet: Dice | None = None
 
     def condition(self, part: Part) -> list[Condition]:
         """What happens on a part: mostly something that holds or presses the body, now and then anything."""
@@ -54,12 +56,13 @@ class Maker:
         law = dice.pick(("unilateral", "bilateral", "tied")) if "laws" in self.traits and dice.chance(0.5) else ""
         gap = self._gap(joint)
         offset = self._field(self._move()) if dice.chance(0.15) else 0.0
+        fluid = self._fluid(law)
         if law == "tied":
-            return Contact(edges, 0.0, gap, offset, law="tied", plate=plate)
+            return Contact(edges, 0.0, gap, offset, law="tied", plate=plate, pore_pressure=fluid)
         cohesion, cap = self._bounds()
         return Contact(
             edges, self._friction(), gap, offset, "", cohesion, cap,
-            "bilateral" if law == "bilateral" else "unilateral", plate,
+            "bilateral" if law == "bilateral" else "unilateral", plate, fluid,
         )  # fmt: skip
 
     def _nothing(self, part: Part) -> list[Condition]:
@@ -157,6 +160,13 @@ class Maker:
         if joint or dice.chance(0.6):
             return 0.0
         return self._field(self._move())
+
+    def _fluid(self, law: str) -> Field:
+        """The pressure of a fluid, constant, rising along an axis as water does, or of any other shape."""
+        if self.wet is None or law == "tied" or self.wet.chance(0.2):
+            return 0.0
+        size = abs(self.stress) * self.wet.pick((0.01, 0.1, 0.5, 1.0, 3.0, 100.0))
+        return replace(self, dice=self.wet)._field(size, True, 0.6)
 
     def _bounds(self) -> tuple[Field, Field | None]:
         """Cohesion and cap."""

@@ -25,18 +25,23 @@ FAMILIES: Final[Mapping[str, str]] = MappingProxyType({
     "gaps": "gaps with kinks, waves and jumps, obstacles far away or pushed into the body",
     "laws": "cohesion, caps, Tresca's law, bilateral and tied contacts",
     "plates": "plates driven by forces and moments about pivots far away",
+    "fluids": "fluids under pressure in contacts and joints",
+    "incompressible": "ν = 0.5 in plane strain, where only a traction says how large a constant pressure is",
     "idle": "bodies without any load",
     "everything": "half of all that at once",
     "nonsense": "one argument that is no number, no name, no shape or out of range",
 })  # fmt: skip
 """Family → what is wild about it."""
 
-_TRAITS: Final = tuple(name for name in FAMILIES if name not in ("everything", "nonsense", "idle"))
+_LATE: Final = ("fluids", "incompressible")
+"""Traits with dice of their own, so that the problems of families that were there before stay the same."""
+
+_TRAITS: Final = tuple(name for name in FAMILIES if name not in ("everything", "nonsense", "idle", *_LATE))
 _STRAY: Final = 0.04
 """Probability of a trait that is not the family's own."""
 
 _NEAR: Final = (0.5, 0.499999, 0.4999, 0.49, -0.9, -0.99, -0.9999, -0.999999)
-"""Poisson's ratios at the ends; 0.5 itself in plane stress alone."""
+"""Poisson's ratios at the ends; 0.5 itself in plane stress alone, see "incompressible" for plane strain."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,8 @@ def wild_problem(family: str, number: int) -> Wild:
     dice = Dice(family, number)
     if family == "nonsense":
         return Wild(*nonsense(dice))
-    return Wild(_problem(dice, _traits(dice, family)))
+    traits = _traits(dice, family)
+    return Wild(_problem(dice, traits | _late(family, number)))
 
 
 def _traits(dice: Dice, family: str) -> frozenset[str]:
@@ -70,11 +76,17 @@ def _traits(dice: Dice, family: str) -> frozenset[str]:
     return frozenset({family, *(name for name in _TRAITS if dice.chance(_STRAY))})
 
 
+def _late(family: str, number: int) -> frozenset[str]:
+    """Traits of `_LATE` that other families have now and then: "everything" in half of its problems."""
+    dice = Dice("late", family, number)
+    return frozenset(name for name in _LATE if dice.chance(0.5 if family == "everything" else 0.0))
+
+
 def _material(dice: Dice, young: float, traits: frozenset[str], plane: Any) -> Material:
     poisson = dice.pick((0.0, 0.2, 0.3, 0.45))
     if "poisson" in traits:
         poisson = dice.pick([value for value in _NEAR if value < 0.5 or plane == "stress"])
-    return Material(young, poisson, plane)
+    return Material(young, 0.5 if "incompressible" in traits else poisson, plane)
 
 
 def _problem(dice: Dice, traits: frozenset[str]) -> ContactProblem:
@@ -83,10 +95,12 @@ def _problem(dice: Dice, traits: frozenset[str]) -> ContactProblem:
     young = dice.magnitude(-9.0, 12.0) if wild else dice.pick((1.0, 1e3, 2.1e5))
     strain = dice.magnitude(-7.0, -1.0) if wild else dice.pick((1e-4, 1e-3, 1e-2))
     plane = dice.pick(("stress", "strain"))
+    plane = "strain" if "incompressible" in traits else plane
     mesh = body(dice, length, traits)
     mesh = with_joints(dice, mesh, dice.whole(1, 4)) if "joints" in traits else mesh
     mesh, parts = with_parts(dice, mesh)
-    maker = Maker(dice, mesh, strain * young, strain * length, traits)
+    wet = Dice("wet", dice.whole(0, 10**6)) if "fluids" in traits else None
+    maker = Maker(dice, mesh, strain * young, strain * length, traits, wet)
     conditions: list[Condition] = [condition for part in parts for condition in maker.condition(part)]
     conditions += [maker.contact(name, joint=True) for name in mesh.joint_names]
     material = _material(dice, young, traits, plane)

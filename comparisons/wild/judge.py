@@ -8,7 +8,8 @@ polynomials of degree 3 in x and in y, which the samples determine; everything b
 | equilibrium        | div (σ − φ 1) = 0 in every cell, the tractions of neighbours agree along their common edges  |
 | prescribed         | force and normal moment of every edge with a given traction                                  |
 | plates             | force and moment of every plate                                                              |
-| law                | σ_N ≤ 0 and |σ_T| ≤ min(c + μ|σ_N|, t_max) at four Gauss points of every edge                |
+| law                | σ_N' ≤ 0 and |σ_T| ≤ min(c + μ|σ_N'|, t_max) at four Gauss points of every edge, σ_N' = σ_N  |
+|                    | and the pressure of a fluid that is in the contact                                           |
 | compatibility      | no stress with the same friction bounds has less complementary energy, see `compare`         |
 """
 
@@ -42,6 +43,7 @@ def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
 
 _POINTS, _WEIGHTS = _gauss(4)
 _NOTHING: Final = 1e-6  # share of the stress that the data suggest
+_ZERO: Final = 1e-14  # share of the largest compliance that is none
 _REST: Final = 1e-6  # strain whose stress is taken where they suggest none; ν → −1 is far stiffer than E
 
 
@@ -65,7 +67,7 @@ def _values(field: Field, x: FloatArray, y: FloatArray) -> FloatArray:
 def floor(problem: ContactProblem) -> float:
     """A stress that is as good as none: 1e-6 of the largest that loads, supports and obstacles pushed in suggest."""
     mesh = problem.grid
-    stiffest = max(1.0 / float(np.linalg.eigvalsh(material.compliance)[0]) for material in problem.materials)
+    stiffest = max(1.0 / _least(np.linalg.eigvalsh(material.compliance)) for material in problem.materials)
     stresses, moves = [_REST / _NOTHING * stiffest], [0.0]
     for kind, sizes in ((Traction, stresses), (Displacement, moves)):
         for _, chosen, value in problem.by_component(kind):
@@ -74,12 +76,18 @@ def floor(problem: ContactProblem) -> float:
     for contact in problem.contacts:
         edges = mesh.edges(contact.edges)
         gap, offset = (_values(value, *mesh.points_along(edges, _POINTS)) for value in (contact.gap, contact.offset))
+        stresses.append(float(_values(contact.pore_pressure, *mesh.points_along(edges, _POINTS)).max()))
         pushed = -gap if contact.law == "unilateral" else np.abs(gap)
         moves += [float(pushed.max()), float(np.abs(offset).max())]
         if contact.plate is not None:
             length = float(mesh.edge_lengths(edges).sum())
             stresses += [abs(force or 0.0) / length for force in (contact.plate.force_x, contact.plate.force_y)]
     return _NOTHING * max(*stresses, stiffest * max(moves) / mesh.length)
+
+
+def _least(compliances: FloatArray) -> float:
+    """The smallest one that is not zero: an incompressible body is not compressed by any pressure."""
+    return float(compliances[compliances > _ZERO * compliances.max()].min())
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,6 +260,7 @@ def _laws(samples: Samples) -> Iterator[tuple[str, float]]:
         edges = mesh.edges(contact.edges)
         x, y = mesh.points_along(edges, _POINTS)
         normal, shear = normal_and_shear(edges, samples.on(edges))
+        normal = normal + _values(contact.pore_pressure, x, y)
         if contact.law == "unilateral":
             yield f"tension on {contact.name}", _relative(np.maximum(normal, 0.0), samples.largest)
         if contact.law != "tied":

@@ -433,8 +433,9 @@ def _check_pressure(problem: ContactProblem) -> None:
     given = (_normal_part(problem, prescribed) for prescribed in problem.prescribed(Traction))
     if not any(part.any() for part in given):
         remedy = (
-            "no traction determines the constant part of the pressure in this incompressible body: prescribe a normal "
-            "traction on a part of the boundary (0 where it is free), or take a number below 0.5"
+            "in plane strain a constant pressure does not strain this body, and no normal traction says how large it "
+            "is (forces on plates and contacts that open do not count): prescribe a normal traction on a part of the "
+            "boundary (0 where it is free), or take a number just below 0.5, such as 0.499"
         )
         raise InputError("Material.poisson", 0.5, remedy)
 

@@ -11,7 +11,7 @@ from comparisons.wild import task
 from comparisons.wild.dice import Dice
 from comparisons.wild.enumeration import EXISTS, NONE, enumerated
 from comparisons.wild.generator import FAMILIES, wild_problem
-from comparisons.wild.judge import compare, wrong
+from comparisons.wild.judge import compare, floor, wrong
 from comparisons.wild.measures import ORDER, counts_of, problems_of, values_of
 from comparisons.wild.report import report
 from comparisons.wild.study import declared
@@ -67,6 +67,8 @@ class TestGenerator:
         frictions = [c.friction for each in problems["friction"] for c in each.contacts if not callable(c.friction)]
         assert min(frictions) == 0.0
         assert max(frictions) == 1e3
+        assert any(callable(c.pore_pressure) for each in made("fluids", range(20)) for c in each.contacts)
+        assert all(m.incompressible for each in made("incompressible", range(20)) for m in each.materials)
         assert not any(c.x or c.y for each in problems["idle"] for c in each.conditions if isinstance(c, Traction))
 
 
@@ -150,6 +152,22 @@ class TestJudge:
         result = ContactResult(replace(right.discretization, problem=heavy), right.solution)
         assert not wrong(solve(heavy))
         assert wrong(result)
+
+    def test_a_fluid_that_is_not_there_is_seen(self):
+        """Friction holds what the sides press on each other, which is less than the whole pressure."""
+        wet = replace(pressed(), conditions=[Contact("bottom", 0.3, pore_pressure=8.0), *pressed().conditions[1:]])
+        result = solve(wet)
+        assert wrong(result) == []
+        less = replace(wet, conditions=[Contact("bottom", 0.3, pore_pressure=9.5), *wet.conditions[1:]])
+        assert any("on bottom" in text for text in wrong(forged(result, less)))
+        dry = solve(pressed())
+        assert any("on bottom" in text for text in wrong(forged(dry, wet)))
+
+    def test_a_pressure_strains_no_incompressible_body(self):
+        """The size of stresses that are as good as none stays finite."""
+        rubber = replace(pressed(), material=Material(1e3, 0.5, "strain"))
+        assert np.isfinite(floor(rubber))
+        assert wrong(solve(rubber)) == []
 
     def test_tension_is_seen(self):
         result = solve(pressed(top=(0.0, -10.0)))
