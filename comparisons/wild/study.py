@@ -8,7 +8,7 @@ from comparisons.lab.study import Study
 from comparisons.wild.generator import FAMILIES
 from qvi_contact.errors import InputError
 
-VERSION: Final = 2
+VERSION: Final = 3
 TASK: Final = "comparisons.wild.task:solve_case"
 NAME: Final = "wild"
 EACH, QUICK = 250, 5
