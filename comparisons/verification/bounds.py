@@ -8,10 +8,20 @@ import numpy as np
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE
 from comparisons.verification.chapter import Chapter
-from comparisons.verification.elements import BOTH, EVERY, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Element, on
 from comparisons.verification.proof import Proof, both, by_hand, certified
 from comparisons.verification.row import Kind, Row, absolute, at_least, at_most
-from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Symmetry, Traction
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    RectilinearMesh,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    refine,
+)
 from qvi_contact.bracket import Bracket, bracket
 from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, ssnv128
@@ -37,6 +47,10 @@ _FORCES: Final = {
 }
 _COARSE: Final = 16
 """Cells a side up to which triangles are tried: they close the bounds with fewer."""
+
+_CUBIC: Final = Element("triangles of degree 3", "hct", 3)
+_REFINED: Final = {_CUBIC: (1e-3, 3e-5), TRIANGLES: (1e-4, 1e-6), QUINTIC: (1e-4, 1e-6)}
+"""Relative bounds between which the order is taken."""
 
 _SYNGE: Final = "(D20): −J*(τ) ≤ J(u) ≤ J(v)"
 _ROUNDING: Final = 1e-12
@@ -141,6 +155,51 @@ def force_between_bounds(element: Element, quick: bool) -> Iterator[Row]:
                       1e-3, Kind.ANALYTIC, "(D21)", proof)  # fmt: skip
 
 
+@on(_CUBIC, TRIANGLES, QUINTIC, few=1)
+def orders_of_refined_bounds(element: Element, quick: bool) -> Iterator[Row]:
+    """How fast guaranteed bounds close by `refine` in the number of unknowns, whatever corners the body has.
+
+    Meshes of the best grading have order p − 1 in the end. While a mesh still grows into corners it may be more.
+    """
+    start, end = _REFINED[element]
+    for name, (problem, quantity, least) in list(_CORNERED.items())[: 1 if quick else None]:
+        outcome = refine(problem(), None, end, quantity, **element.options)
+        rounds = [each for each in outcome.rounds if each.estimate <= start]
+        order = np.log(rounds[0].estimate / outcome.estimate) / np.log(rounds[-1].unknowns / rounds[0].unknowns)
+        quantity, source = f"{name}: order of the bound in unknowns, {start:.0e} to {end:.0e}", f"p = {element.degree}"
+        proof = both(certified(outcome.result), by_hand(outcome.guaranteed, "a guaranteed bound"))
+        yield at_least(quantity, float(order), least[element], 0.0, Kind.ANALYTIC, source, proof)
+
+
+def _trapezoid() -> ContactProblem:
+    """A trapezoid pressed on a plane that is rough enough to hold all of its base."""
+    block = TriangleMesh.rectangle((4, 2), 2.0, 1.0, origin=(-1.0, 0.0))
+    x, y = block.vertices.T
+    mesh = replace(block, vertices=np.column_stack([x * (1.0 - y / 2.0), y]))
+    conditions: list[Condition] = [Contact("bottom", friction=0.8, gap=-_PUSH), Displacement("top", x=0.0, y=0.0)]
+    return ContactProblem(mesh, Material(1e4, 0.2, "strain"), [*conditions, *_free("left", "right")])
+
+
+def _l_shape() -> ContactProblem:
+    """An L of side 3 with a re-entrant corner at (1, 1), clamped below, its top displaced."""
+    lines = np.arange(4.0)
+    mesh = RectilinearMesh(lines, lines, np.array([[1, 1, 1], [1, 0, 0], [1, 0, 0]], dtype=bool))
+    mesh = mesh.with_edges("roof", "top", at=3.0).with_edges("step", "top", at=1.0)
+    conditions: list[Condition] = [Displacement("bottom", x=0.0, y=0.0), Displacement("roof", x=_PUSH, y=-_PUSH)]
+    return ContactProblem(mesh, Material(2.1e5, 0.3, "strain"), [*conditions, *_free("left", "right", "step")])
+
+
+def _free(*names: str) -> list[Condition]:
+    return [Traction(name, x=0.0, y=0.0) for name in names]
+
+
+_CORNERED: Final = {
+    "trapezoid": (_trapezoid, "bottom.normal_force", {_CUBIC: 1.8, TRIANGLES: 3.0, QUINTIC: 4.3}),
+    "L": (_l_shape, "energy", {_CUBIC: 1.8, TRIANGLES: 3.0, QUINTIC: 3.4}),
+}
+"""Bodies with corners, what is refined, and the least order."""
+
+
 def _meshes(element: Element, quick: bool) -> tuple[tuple[int, float], ...]:
     """Cells a side and grading."""
     if quick:
@@ -165,6 +224,7 @@ CHAPTER = Chapter(
     {
         "bounds-energy": energy_brackets,
         "bounds-rates": rates_of_the_gap,
+        "bounds-refined": orders_of_refined_bounds,
         "bounds-exact": exact_states_close_the_gap,
         "bounds-force": force_between_bounds,
     },

@@ -19,6 +19,7 @@ from qvi_contact.bracket.law import coefficients, contact_tractions, law_bound
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.companion import CompanionResult, solve_companions
+from qvi_contact.companion.cells import kind_of
 from qvi_contact.companion.scope import check_scope
 from qvi_contact.errors import InputError
 from qvi_contact.solution.followed import allowed_misfit
@@ -29,7 +30,6 @@ from solvers.basics.watch import watched
 
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
-_MOST = 4  # degree of the displacements by default: more gain little
 _POTENTIAL = 5  # degree of a body potential whose energy is integrated exactly
 _OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
@@ -64,7 +64,8 @@ def bracket(
     result : ContactResult
         A result with a stress state, from any method, collocated or strict.
     degree : int, optional
-        Of the displacement elements, see `solve_companion`; by default one less than that of Φ, at most 4.
+        Of the displacement elements, see `solve_companion`; by default on triangles that of Φ, at most 5,
+        on rectangles 2.
     tolerance : float
         Of the two solves, at most 1e-6. A stress that violates the contact law by less, relative to the largest
         stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
@@ -100,7 +101,7 @@ def bracket(
     check_scope(result.problem)
     given = given_problem(result)
     if degree is None:
-        degree = min(given.discretization.space.degree - 1, _MOST)
+        degree = kind_of(given.discretization.problem.mesh).beside(given.discretization.space.degree)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: bracket", verbose) as story:
         story.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance)

@@ -50,6 +50,11 @@ class Cell(Protocol):
     axes: ClassVar[tuple[int, int]]
     area: ClassVar[float]
 
+    @classmethod
+    def beside(cls, airy: int) -> int:
+        """The degree that goes with Airy functions of a degree, for bounds of the energy."""
+        ...
+
     @property
     def degree(self) -> int: ...  # noqa: D102  # described above
     @property

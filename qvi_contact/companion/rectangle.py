@@ -32,6 +32,11 @@ class Rectangle:
     axes: ClassVar[tuple[int, int]] = (1, 3)
     area: ClassVar[float] = 1.0
 
+    @classmethod
+    def beside(cls, airy: int) -> int:
+        """One less than Φ has, which is of the same order."""
+        return min(airy - 1, cls.degrees[-1])
+
     @property
     def _grid(self) -> IntArray:
         """Numbers of the coefficients as [along y, along x]."""

@@ -31,6 +31,11 @@ class Triangle:
     axes: ClassVar[tuple[int, int]] = (1, 2)
     area: ClassVar[float] = 0.5
 
+    @classmethod
+    def beside(cls, airy: int) -> int:
+        """As much as Φ has: displacements of one degree less are of the same order, but hold half of the gap."""
+        return min(airy, cls.degrees[-1])
+
     @cached_property
     def places(self) -> FloatArray:
         """The points α/p."""

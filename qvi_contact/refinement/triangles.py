@@ -31,6 +31,7 @@ DEGREE: Final = 5
 _HIGHEST: Final = 11  # degree that leaves one more for the closer look
 _FACTOR: Final = 0.4  # by which a bisection reduces what a corner holds, 2^(−2λ): λ is 0.66 or less where it matters
 _MARGIN: Final = 0.9  # share of the target below which a corner need not be bisected again
+_ABOVE: Final = 4.0  # what a triangle in a corner may hold, over the least that is bisected elsewhere
 _DEEPEST: Final = 3  # bisections in a corner in one round
 _NEAR: Final = 0.1  # accuracy of a look over the error that is told from it
 _QUICK: Final = MappingProxyType({"method": "condensed"})  # no other methods, no second opinion: it is no answer
@@ -202,14 +203,18 @@ def _usable(look: ContactResult, error: float, unit: float) -> bool:
 
 
 def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:
-    """Corners to bisect more than once, as long as they then still hold more than all the rest and than the goal.
+    """Corners to bisect more than once, which costs few triangles, as long as they then still hold much.
 
-    The goal is a share of the sum of the parts.
+    That is more than all the rest and than the goal, a share of the sum of the parts; or in one triangle a few times
+    what is bisected elsewhere. Bisected once a round, corners fall behind: errors elsewhere shrink faster.
     """
-    total = float(parts.sum())
-    held = np.array([parts[(mesh.cells == vertex).any(axis=1)].sum() for vertex in corners]) / (total or 1.0)
+    at = [(mesh.cells == vertex).any(axis=1) for vertex in corners]
+    held = np.array([parts[cells].sum() for cells in at]) / (float(parts.sum()) or 1.0)
     left = np.maximum(1.0 - held, _MARGIN * goal)
-    levels = [corners[held * _FACTOR**level > left] for level in range(1, _DEEPEST)]
+    largest = np.array([parts[cells].max() for cells in at])
+    enough = _ABOVE * parts[bulk(parts)].min()
+    shares = [_FACTOR**level for level in range(1, _DEEPEST)]
+    levels = [corners[(held * share > left) | (largest * share > enough)] for share in shares]
     return tuple(vertices for vertices in levels if len(vertices))
 
 

@@ -114,6 +114,16 @@ def test_triangles_gather_where_stick_changes_to_slip():
     assert edges.length[near].min() <= 0.5 * edges.length[middle < 0.5].min()
 
 
+def test_corners_do_not_fall_behind():
+    """Six corners of an L hold a fifth of the gap, in few triangles; bisected once a round they hold a third."""
+    outcome = refine(l_shape(Contact.tied("bottom")), None, 3e-4, degree=3)
+    mesh = outcome.problem.mesh
+    corners = places(outcome.problem, mesh, outcome.result).corners
+    held = outcome.indicator[np.isin(mesh.cells, corners).any(axis=1)]
+    assert held.sum() <= 0.27 * outcome.estimate
+    assert outcome.rounds[-1].unknowns <= 2700
+
+
 class TestBounds:
     """When they are taken instead of a closer look."""
 
