@@ -14,8 +14,8 @@ from comparisons.lab.options import folder_option
 from comparisons.lab.study.options import RunOptions, study_options
 
 if TYPE_CHECKING:
-    from comparisons.lab.report.old import Report
-    from comparisons.lab.study import Study
+    from comparisons.lab.report import Document
+    from comparisons.lab.study import Row, Study
 
 NAMES: Final = ("mesh", "outer", "uzawa")
 """The studies; each is a package beside this module."""
@@ -94,27 +94,38 @@ class _Part:
         if len(finished_keys(self.run.store, self.study)) < len(self.study.cases):
             writable_folder(self.run.store.parent, "store")
 
-    def done(self, out: Path, as_json: bool) -> dict[str, Any]:
-        """Run what is missing, write the report, show it; the JSON of it."""
-        from comparisons.lab.report.old import show, write_report
-        from comparisons.lab.study import read_study
+    def _report(self, rows: tuple[Row, ...]) -> Document:
+        from comparisons.lab.report.old import Report, as_document
 
-        self.run.run(self.study)
-        stored = read_study(self.run.store)
-        report: Report = import_module(f"comparisons.convergence.{self.name}.report").report(stored.rows)
+        module = import_module(f"comparisons.convergence.{self.name}.report")
+        if self.name == "uzawa":
+            made: Document = module.report(rows, self.quick)
+            return made
+        report: Report = module.report(rows)
         if self.quick:
             told, typed = f"convergence {self.name}`", f"convergence {self.name} --quick`"
             report = replace(
                 report, name=f"{report.name}-quick", title=f"{report.title} (quick)",
                 introduction=report.introduction.replace(told, typed),
             )  # fmt: skip
-        written = write_report(report, out)
+        return as_document(report)
+
+    def done(self, out: Path, as_json: bool) -> dict[str, Any]:
+        """Run what is missing, write the report, show it; the JSON of it."""
+        from comparisons.lab.report import findings_of, show, write_report
+        from comparisons.lab.study import read_study, write_csv
+
+        self.run.run(self.study)
+        stored = read_study(self.run.store)
+        report = self._report(stored.rows)
+        written = [*write_report(report, out), out / f"{report.name}.csv.gz"]
+        write_csv(written[-1], stored.rows)
         if not as_json:
             show(report, written)
         return {
             "name": self.name,
             "study": stored.declaration,
-            "findings": [finding.text for finding in report.findings],
+            "findings": findings_of(report.text),
             "rows": [row.flat() for row in stored.rows],
             "files": [path.name for path in written],
         }

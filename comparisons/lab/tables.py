@@ -54,7 +54,7 @@ def print_table(console: "Console", grid: Grid) -> None:
         return
     console.print(grid.title, style="bold", soft_wrap=True)
     for row in grid.rows:
-        console.print("\n" + row[0], soft_wrap=True)
+        console.print(f"\n{_one_line(grid.headings[0])}: {row[0]}", soft_wrap=True)
         for heading, cell in zip(grid.headings[1:], row[1:], strict=True):
             console.print(f"  {_one_line(heading)}: {cell}", soft_wrap=True)
     console.print()

@@ -1,22 +1,23 @@
 """The iteration of Uzawa: limits of its steps beside theory, the paper's run, study and report."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from comparisons.convergence.bodies import SLIDING_LIMIT, reference
 from comparisons.convergence.uzawa import figures, task
-from comparisons.convergence.uzawa.entries import Entries
-from comparisons.convergence.uzawa.findings import condition_growth, findings
+from comparisons.convergence.uzawa.measures import growth, paper_runs, runs_of, tables_of, values_of
 from comparisons.convergence.uzawa.report import report
 from comparisons.convergence.uzawa.study import Extent, study, study_of
-from comparisons.convergence.uzawa.tables import error_after
-from comparisons.lab.report.old import write_report
-from comparisons.lab.study import DONE, read_study, run_study
+from comparisons.lab.report import write_report
+from comparisons.lab.study import DONE, read_csv, read_study, run_study
 from comparisons.paper.reference import load
 from qvi_contact.plots import has_matplotlib
 from solvers import solve_qvi
+
+COMMITTED = Path(task.__file__).parents[2] / "reports" / "convergence"
 
 TINY = Extent(
     friction=(0.1,), map_cells=(2,), limit_cells=(), mesh_cells=(), steps=(0.5, 2.0), normal_steps=(0.5,),
@@ -119,174 +120,144 @@ def rows(tmp_path_factory):
     return read_study(path).rows
 
 
-@pytest.fixture
-def limit_rows(rows):
-    """Rows of searches for ω_T on two meshes, made from one row by hand."""
-    one = next(row for row in rows if row.case["run"] == "map")
-
-    def made(cells, largest, omega_T):
-        values = {"largest": largest, "smallest": 1.1 * largest, "foreseen": 1.5, "omega_T": omega_T}
-        place = {"run": "tangential limit", "place": ["plate", cells, 0.1]}
-        return replace(one, case={**one.case, **place}, result={**one.result, **values})
-
-    return [made(2, 1.3, 3e-5), made(4, 1.2, 2e-5), made(8, 1.1, 0.9e-5)]
+def made(row, run, place, **result):
+    """A row of another run, by hand."""
+    case = {**row.case, "run": run, "place": place, "tangential": None, "normal": 0.5, "target": None}
+    return replace(row, case=case, result={**row.result, **result})
 
 
-def said(rows):
-    """All findings in one text."""
-    return " ".join(finding.text for finding in findings(Entries.of(rows)))
+def found(rows):
+    """The numbers of the findings."""
+    return values_of(runs_of(rows))
 
 
-def paper_row(row, friction, **result):
-    """The paper's run at a friction, made by hand."""
-    values = {"linearised": 0.95, "omega_T": 1e-5, "limit_T": 4e-5, "condition": 13.0, "iterations": 2000, **result}
-    return replace(row, case={**row.case, "run": "paper", "place": ["plate", 2, friction]},
-                   result={**row.result, **values})  # fmt: skip
-
-
-def map_row(row, friction, needed, step=1.0, cells=2):
-    """A run of the map, made by hand."""
-    place = {"run": "map", "place": ["plate", cells, friction], "tangential": step, "normal": 0.5}
-    result = {**row.result, "settles": needed is not None, "needed": {"1e-04": needed}}
-    return replace(row, case={**row.case, **place}, result=result)
-
-
-class TestSentences:
-    """What is said of rows made by hand."""
+class TestNumbers:
+    """What is computed of rows made by hand."""
 
     @pytest.fixture
     def row(self, rows):
         return next(row for row in rows if row.case["run"] == "paper" and row.case["place"][2] > 0)
 
+    def mapped(self, row, friction, needed, step=1.0, normal=0.5):
+        other = made(row, "map", ["plate", 2, friction], settles=needed is not None, needed={"1e-04": needed})
+        return replace(other, case={**other.case, "tangential": step, "normal": normal})
+
     def test_what_the_step_costs_and_what_is_left(self, row):
-        runs = [paper_row(row, mu, needed={"1e-04": 100}) for mu in (0.1, 0.2)]
-        runs += [paper_row(row, 0.3, linearised=0.0, limit_T=1e-4, needed={"1e-04": 1})]
-        text = said([*runs, map_row(row, 0.1, 50), map_row(row, 0.1, 80, 0.5), map_row(row, 0.2, 4)])
-        assert "Where points slip (2 of 3 μ), ω_T = 1e-05 is 25 % of the limit" in text
-        assert "multiplies errors by 0.95 in each step, by 0.21 in 30" in text
-        assert "50 instead of 100 at μ = 0.1 (the step costs a factor of 2; condition 13)" in text
-        assert "4 instead of 100 at μ = 0.2 (the step costs a factor of 25; condition 13)" in text
-        assert "more than 30 are left at μ = 0.1, which" in text
-        assert "no more than 30 are left. The cond" in said([runs[1], map_row(row, 0.2, 4)])
-        assert "quickest step of the map" not in said(runs)
+        values = {"linearised": 0.95, "omega_T": 1e-5, "limit_T": 4e-5, "condition": 13.0}
+        runs = [made(row, "paper", ["plate", 2, mu], needed={"1e-04": 100}, **values) for mu in (0.1, 0.2)]
+        runs += [made(row, "paper", ["plate", 2, 0.3], needed={"1e-04": 1}, **(values | {"linearised": 0.0}))]
+        runs += [self.mapped(row, 0.1, 50), self.mapped(row, 0.1, 80, 0.5), self.mapped(row, 0.2, 4)]
+        assert found(runs)["quickest"] == "4 to 50"
+        assert (found(runs)["factors"], found(runs)["shares"], found(runs)["powers"]) == ("2 to 25", "25 %", "0.21")
+        assert (found(runs)["sliding"], found(runs)["frictions"], found(runs)["needed"]) == (2, 3, "100")
+        assert found(runs[:3])["quickest"] == "none"
 
-    def test_what_is_not_reached_is_not_reached_in_so_many_iterations(self, row):
-        text = said([paper_row(row, 0.1, needed={"1e-04": None}), paper_row(row, 0.0, settles=False, limit_T=None)])
-        assert "it is not reached for good in 2000 iterations for 1 of 1" in text
-        assert "does not settle in 2000 iterations" in text
-        assert "ever" not in text.replace("several", "")
-
-    def mesh_rows(self, row, counts, conditions):
+    def meshes(self, row, counts, conditions):
         """Runs at half the limits on 2², 4², … cells."""
         return [
-            replace(row, case={**row.case, "run": "mesh", "place": ["plate", 2 ** (k + 1), 0.1]},
-                    result={**row.result, "iterations": 20_000, "condition": condition,
-                            "needed": {"1e-04": count, "1e-06": None}})
+            made(row, "mesh", ["plate", 2 ** (k + 1), 0.1], condition=condition,
+                 needed={"1e-04": count, "1e-06": None})
             for k, (count, condition) in enumerate(zip(counts, conditions, strict=True))
         ]  # fmt: skip
 
-    def test_growth_says_what_is_not_monotone_and_what_is_missing(self, row):
-        found = self.mesh_rows(row, [10, 20, 40, 30, None], [1.0, 4.0, 16.0, 64.0, 256.0])
-        text = said(found)
-        assert "(10 on 2² cells, 30 on 16²; not monotone, the largest is 40 on 8²" in text
-        assert "not reached for good in 20000 on 32² cells)" in text
-        assert "1e-6 is not reached for good in 20000 iterations on 5 of 5 pairs" in text
-        condition = condition_growth(Entries.of(found))
-        assert "slipping points goes like h^−2.00 at μ = 0.1 (1 on 2² cells, 256 on 32²)." in condition
-        assert condition_growth(Entries.of(found[:2])) == ""
-        assert "go like h^−1.00 at μ = 0.1 (10 on 2² cells, 40 on 8²)" in said(found[:3])
-        none = self.mesh_rows(row, [None], [1.0])
-        assert "an unknown power of h at μ = 0.1 (not reached for good in 20000 on 2² cells)" in said(none)
+    def test_growth_with_the_mesh(self, row):
+        rows = self.meshes(row, [10, 20, 40, 30, None], [1.0, 4.0, 16.0, 64.0, 256.0])
+        (line,) = growth(runs_of(rows))
+        assert line["condition"] == pytest.approx(2.0)
+        assert line["most"] == 40
+        assert (found(rows)["slow"], found(rows)["meshes"]) == (5, 5)
+        assert growth(runs_of(rows[:3]))[0]["order"] == pytest.approx(1.0)
+        assert growth(runs_of(rows[:2]))[0]["order"] is None
+        assert growth(runs_of(self.meshes(row, [None], [1.0])))[0]["most"] is None
 
-    def test_the_condition_in_the_report_is_that_of_the_rows(self, row, monkeypatch):
-        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
-        sections = {section.title: section for section in report(self.mesh_rows(row, [1, 2, 3], [1, 8, 64])).sections}
-        assert "h^−3.00" in sections["Finer meshes"].paragraphs[0]
-        few = {section.title: section for section in report([row]).sections}
-        assert few["Finer meshes"].paragraphs == ()
+    def searched(self, row, *shares, **changes):
+        return [
+            made(row, "tangential limit", ["plate", 2 ** (k + 1), 0.1], **({
+                "largest": share, "smallest": share and 1.1 * share, "foreseen": 1.5, "omega_T": (3 - k) * 5e-6,
+                "limit_T": 1e-5, "slipping_T": 1e-5, **changes}))
+            for k, share in enumerate(shares)
+        ]  # fmt: skip
+
+    def test_limits_beside_both_of_theory(self, row):
+        rows = self.searched(row, 1.3, 1.2, 0.8)
+        values = found(rows)
+        assert (values["safe"], values["searches"], values["early"], values["foreseen"]) == (2, 3, 3, 3)
+        assert (values["largest"], values["local"], values["beyond"]) == ("0.8 to 1.3", "0.533 to 0.867", 0)
+        assert found(self.searched(row, 1.8))["beyond"] == 1
+
+    def test_a_search_in_which_every_step_fails_is_not_safe(self, row):
+        none = self.searched(row, None, smallest=0.25)
+        every = self.searched(row, 16.0, smallest=None)
+        assert found(none)["safe"] == 0
+        assert found(every)["safe"] == 1
+        assert found([*none, *every])["largest"] == "none"
+        assert "> 16" in tables_of(runs_of(every))["limit-table"].rows[0]
+
+    def test_a_printed_step_that_is_too_long_on_some_meshes(self, row):
+        rows = [*self.searched(row, 1.3, 1.2, 1.1), *self.meshes(row, [1, 2, 4], [1.0, 1.0, 1.0])]
+        assert growth(runs_of(rows))[0]["beyond"] == "8²"
 
     def test_half_the_limits_beside_the_best_of_the_map(self, row):
-        equal = replace(row, case={**row.case, "run": "Uzawa", "target": 1e-2, "place": ["plate", 2, 0.1]},
-                        result={**row.result, "status": "solved", "seconds": [1.0]})  # fmt: skip
-        text = said([equal, map_row(row, 0.1, 90, 0.5), map_row(row, 0.1, 30)])
-        assert "steps of 0.5 of their limits; in the maps of the same problems the quickest step takes 3 times" in text
-        assert "quickest step takes" not in said([equal, map_row(row, 0.2, 90, 0.5), map_row(row, 0.2, 30)])
+        equal = made(row, "Uzawa", ["plate", 2, 0.1], status="solved", seconds=[1.0, 3.0, 2.0])
+        equal = replace(equal, case={**equal.case, "target": 1e-2})
+        values = found([equal, self.mapped(row, 0.1, 90, 0.5), self.mapped(row, 0.1, 30)])
+        assert values["saved"] == "3"
+        assert values["targets"]["Uzawa"] == (1, 1)
+        assert runs_of([equal]).seconds[0] == 2.0
+        assert found([equal, self.mapped(row, 0.2, 90, 0.5), self.mapped(row, 0.2, 30)])["saved"] == "none"
 
-    def test_the_tightest_target_that_uzawa_meets(self, row):
-        def met(target, status):
-            return replace(row, case={**row.case, "run": "Uzawa", "target": target, "place": ["plate", 2, 0.1]},
-                           result={**row.result, "status": status, "seconds": [1.0]})  # fmt: skip
+    def test_whether_the_normal_step_matters(self, row):
+        same = [self.mapped(row, 0.1, 30, normal=normal) for normal in (0.5, 1.0)]
+        other = [self.mapped(row, 0.1, count, normal=normal) for count, normal in ((30, 0.5), (None, 1.0))]
+        assert [tables_of(runs_of(each))["maps"].rows[0][-1] for each in (same, other)] == ["no", "yes"]
 
-        assert "Uzawa meets 1e-2, the tightest target: " in said([met(1e-2, "solved")])
-        tighter = [met(1e-2, "solved"), met(1e-4, "max_iterations"), met(1e-6, "max_iterations")]
-        assert "Uzawa meets 1e-2, not 1e-4: " in said(tighter)
-
-    def test_a_printed_step_that_is_too_large_on_some_meshes(self, limit_rows):
-        steps = (0.5e-5, 2e-5, 0.5e-5)
-        found = [replace(r, result={**r.result, "omega_T": w}) for r, w in zip(limit_rows, steps, strict=True)]
-        assert "beyond the limit on 2² and 8² cells at μ = 0.1" in said(found)
+    def test_a_case_that_died_is_left_out_and_counted(self, rows):
+        dead = [
+            replace(row, status="timeout", result={}, certificate=None) if row.case["target"] else row for row in rows
+        ]
+        assert found(dead)["failed"] == 5
+        assert found(dead)["targets"]["condensed"] == (0, 0)
+        assert "5 runs ended without a result" in report(dead).text
 
 
 class TestReport:
-    """The report of a tiny study."""
+    """The report of a tiny study, and of the committed rows."""
 
     def test_every_row_is_done_and_has_a_certificate(self, rows):
         assert {row.status for row in rows} == {DONE}
         assert all(row.certificate["accuracy"] >= 0 for row in rows)
 
     def test_the_papers_run(self, rows):
-        runs = {entry.friction: entry for entry in Entries.of(rows).runs("paper")}
-        for friction, entry in runs.items():
-            assert entry.number("after") == pytest.approx(load().table[friction], abs=0.00501)
-        assert error_after(runs[0.1]) == pytest.approx(0.0033, abs=1e-4)
-        assert runs[0.1].needed("1e-04") > 5 * load().iterations
-        assert runs[0.0].needed("1e-04") is None
+        runs = paper_runs(runs_of(rows)).set_index("friction")
+        for friction, after in runs.after.items():
+            assert after == pytest.approx(load().table[friction], abs=0.00501)
+        assert runs.error[0.1] == pytest.approx(0.0033, abs=1e-4)
+        assert runs["to 1e-04"][0.1] > 5 * load().iterations
+        assert np.isnan(runs["to 1e-04"][0.0])
 
-    def test_findings_are_those_of_the_rows(self, rows, limit_rows):
-        texts = " ".join(finding.text for finding in findings(Entries.of([*rows, *limit_rows])))
-        assert "After the paper's 30 iterations P/2 is still wrong by up to 0.33 % (μ = 0.1)" in texts
-        assert "the accumulating rule gives 2 of 2 printed values to the last digit, the rule as printed 1" in texts
-        assert "was safe in 3 of 3 searches on the plate; the largest that settles is 1.1 to 1.3 times" in texts
-        assert (
-            "fail in 3 of 3: the largest that settles is 0.733 to 0.867 times that limit, and beyond it in 0" in texts
-        )
-        assert "beyond the limit from 8² cells on at μ = 0.1" in texts
-        assert "On the plate, 1 of 2 pairs of steps do not settle" in texts
-        assert "ω_N makes no difference" in texts
-
-    def test_runs_come_in_the_order_of_their_meshes(self, limit_rows):
-        runs = Entries.of(limit_rows[::-1]).runs("tangential limit")
-        assert [entry.cells for entry in runs] == [2, 4, 8]
-
-    def test_an_observed_limit_below_theory_is_told(self, rows, limit_rows):
-        low = replace(limit_rows[0], result={**limit_rows[0].result, "largest": 0.8, "smallest": 0.9})
-        high = replace(limit_rows[1], result={**limit_rows[1].result, "largest": 1.8, "smallest": 1.9})
-        texts = " ".join(finding.text for finding in findings(Entries.of([*rows, low, high])))
-        assert "was safe in 1 of 2 searches" in texts
-        assert "fail in 1 of 2: the largest that settles is 0.533 to 1.2 times that limit, and beyond it in 1" in texts
-
-    def test_a_search_in_which_every_step_fails_is_not_safe(self, limit_rows):
-        none = replace(limit_rows[0], result={**limit_rows[0].result, "largest": None, "smallest": 0.25})
-        every = replace(limit_rows[1], result={**limit_rows[1].result, "largest": 16.0, "smallest": None})
-        assert "was safe in 2 of 3 searches on the plate; the largest" in said([none, every, limit_rows[2]])
-        assert "was safe in 0 of 1 search on the plate." in said([none])
-
-    def test_files_and_pictures(self, rows, limit_rows, tmp_path):
-        made = report([*rows, *limit_rows])
-        assert len(write_report(made, tmp_path)) == (8 if has_matplotlib() else 2)
-        shown = next(exhibit for section in made.sections for exhibit in section.exhibits if exhibit.name == "limits")
-        assert figures.limits(Entries.of([*limit_rows[::-1], *rows])).svg == shown.svg
-
-    def test_it_is_the_same_whatever_the_order_of_rows(self, rows, tmp_path, monkeypatch):
-        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
-        first, second = (write_report(report(each), tmp_path / name) for name, each in
+    def test_it_is_the_same_whatever_the_order_of_rows(self, rows, tmp_path):
+        first, second = (write_report(report(each, quick=True), tmp_path / name) for name, each in
                          (("a", rows), ("b", rows[::-1])))  # fmt: skip
+        assert len(first) == (8 if has_matplotlib() else 2)
         assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+        assert all("convergence-uzawa-quick" in path.name for path in first)
 
-    def test_a_case_that_died_is_a_failure(self, rows):
-        dead = [
-            replace(row, status="timeout", result={}, certificate=None) if row.case["target"] else row for row in rows
-        ]
-        texts = " ".join(finding.text for finding in findings(Entries.of(dead)))
-        assert "5 runs ended without a result (timeout: 5)" in texts
-        assert "Targets confirmed" not in texts
+    def test_numbers_of_the_findings(self):
+        values = found(read_csv(COMMITTED / "convergence-uzawa.csv.gz"))
+        assert values["error"] == pytest.approx(0.0033, abs=5e-5)
+        assert values["tractions"] == pytest.approx(0.057, abs=5e-4)
+        expected = {
+            "error_at": 0.1, "needed": "82 to 194", "shares": "8 % to 39 %", "quickest": "5 to 76", "safe": 15,
+            "searches": 15, "early": 12, "foreseen": 15, "orders": "−0.63 to −0.99", "slow": 4, "meshes": 15,
+            "accumulating": 7, "printed": 7, "as_printed": 6, "failed": 0,
+        }  # fmt: skip
+        assert {name: values[name] for name in expected} == expected
+        assert values["targets"] == {
+            "Uzawa": (10, 20), "Uzawa, shrinking step": (7, 20), "fixed point, QP": (20, 20),
+            "fixed point, SOCP": (20, 20), "condensed": (20, 20),
+        }  # fmt: skip
+
+    def test_the_committed_report_is_that_of_the_committed_rows(self, monkeypatch):
+        monkeypatch.setattr(figures, "_drawn", lambda *_: "drawn")
+        committed = (COMMITTED / "convergence-uzawa.md").read_text(encoding="utf-8")
+        assert report(read_csv(COMMITTED / "convergence-uzawa.csv.gz")).text == committed

@@ -16,24 +16,24 @@ def printed(grid, width=120):
     return screen.getvalue()
 
 
-def wide(first=NAMES):
+def wide(cell):
     """More columns than a terminal has room for."""
     headings = ("solver", *(f"a long heading of {number}" for number in range(12)))
-    return Grid("Times", headings, [(name, *("12.3 microseconds",) * 12) for name in first])
+    return Grid("Times", headings, [(name, *(cell,) * 12) for name in NAMES])
 
 
 @pytest.mark.parametrize("width", [40, 80, 120])
 def test_no_number_is_broken_where_there_is_little_room(width):
     """Then a row is a list of its cells."""
-    lines = printed(wide(), width).splitlines()
+    lines = printed(wide("12.3 microseconds"), width).splitlines()
     assert sum("12.3 microseconds" in line for line in lines) == 36
-    assert [line for line in lines if line in NAMES] == list(NAMES)
-    assert sum("12.3 microseconds" in line for line in printed(wide(), 300).splitlines()) == 3
+    assert [line for line in lines if line.startswith("solver: ")] == [f"solver: {name}" for name in NAMES]
+    assert sum("12.3 microseconds" in line for line in printed(wide("12.3 microseconds"), 300).splitlines()) == 3
 
 
-@pytest.mark.parametrize("width", [80, 120])
+@pytest.mark.parametrize("width", [110, 120])
 def test_names_of_rows_are_not_cut(width):
-    lines = printed(wide(), width).splitlines()
+    lines = printed(wide("twelve"), width).splitlines()
     assert [line.split()[0] for line in lines if line.strip().startswith(("direct:", "qp:"))] == list(NAMES)
     assert max(map(len, lines)) <= width
 
