@@ -67,7 +67,7 @@ def _values(field: Field, x: FloatArray, y: FloatArray) -> FloatArray:
 def floor(problem: ContactProblem) -> float:
     """A stress that is as good as none: 1e-6 of the largest that loads, supports and obstacles pushed in suggest."""
     mesh = problem.grid
-    stiffest = max(1.0 / _least(np.asarray(np.linalg.eigvalsh(material.compliance), float)) for material in problem.materials)
+    stiffest = max(1.0 / _least(material.compliance) for material in problem.materials)
     stresses, moves = [_REST / _NOTHING * stiffest], [0.0]
     for kind, sizes in ((Traction, stresses), (Displacement, moves)):
         for _, chosen, value in problem.by_component(kind):
@@ -85,8 +85,9 @@ def floor(problem: ContactProblem) -> float:
     return _NOTHING * max(*stresses, stiffest * max(moves) / mesh.length)
 
 
-def _least(compliances: FloatArray) -> float:
-    """The smallest one that is not zero: an incompressible body is not compressed by any pressure."""
+def _least(compliance: FloatArray) -> float:
+    """The smallest eigenvalue that is not zero: an incompressible body is not compressed by any pressure."""
+    compliances = np.linalg.eigvalsh(compliance)
     return float(compliances[compliances > _ZERO * compliances.max()].min())
 
 
