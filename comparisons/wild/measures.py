@@ -52,8 +52,9 @@ def values_of(problems: "DataFrame") -> dict[str, Any]:
     """The numbers of the report's sentences."""
     unanswered = problems[problems.outcome == OPEN]
     solvable, admissible = problems[problems.solvable], problems[problems.admissible]
+    present = {name: text for name, text in FAMILIES.items() if name in set(problems.family)}
     return {
-        **counts_of(problems), "problems": len(problems), "families": dict(FAMILIES), "longest": LONGEST,
+        **counts_of(problems), "problems": len(problems), "families": present, "longest": LONGEST,
         "slow": int(problems.slow.sum()), "solvable": len(solvable), "admissible": len(admissible),
         "missed": int(unanswered.solvable.sum()), "stuck": int(unanswered.admissible.sum()),
         "hopeless": int((unanswered.exists == NONE).sum()), "unknown": int((unanswered.exists == UNDECIDED).sum()),
