@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
 from importlib.metadata import version
@@ -16,7 +17,8 @@ import pytest
 
 from comparisons.lab.study import FAILURES, limits, options, read_study, run_study
 from comparisons.lab.study import store as stores
-from comparisons.lab.study.children import Child, Terms
+from comparisons.lab.study.children import Child, Crew, Terms
+from comparisons.lab.study.outcome import REFUSED
 from comparisons.lab.study.progress import rate, study_progress
 from qvi_contact import InputError
 from qvi_contact.basics import terminal
@@ -290,6 +292,23 @@ class TestLimits:
             child._used -= limits.IDLE / 2.0
             other = child.run({"way": "plain"}).result["pid"]
         assert first == again != other
+
+    @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")
+    def test_a_crew_can_be_ended_while_it_works(self, monkeypatch):
+        """Each thread has its own process; afterwards there is none, and nobody gets a new one."""
+        mark = uuid4().hex
+        monkeypatch.setenv(MARK, mark)
+        crew = Crew(Terms("tests.comparisons.study_demo:failing", ()))
+        with ThreadPoolExecutor(1) as threads:
+            busy = threads.submit(crew.run, {"way": "hold"})
+            pids = {crew.run({"way": "plain"}).result["pid"] for _ in range(2)}
+            assert eventually(lambda: any("sleep" in line for line in marked(mark).values()))
+            assert len(pids) == 1
+            assert len(marked(mark)) == 3
+            crew.close()
+            assert busy.result(timeout=60).status == "crashed"
+            assert threads.submit(crew.run, {"way": "plain"}).result().status == REFUSED
+        assert eventually(lambda: not marked(mark)), marked(mark)
 
     @pytest.mark.skipif(os.name != "posix", reason="needs process groups")
     def test_a_worker_without_work_ends(self):
