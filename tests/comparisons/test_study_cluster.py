@@ -21,6 +21,14 @@ from tests.comparisons.study_processes import MARK, ROOT, commands, comparable, 
 pytest.importorskip("distributed")
 
 
+UNWATCHED = {
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "60s",
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "10s",
+}
+"""What Dask would measure of itself all the time."""
+
+
 class Cluster:
     """A scheduler and its workers."""
 
@@ -45,7 +53,7 @@ class Cluster:
     def _start(self, what, *options):
         words = [sys.executable, "-m", "dask", what, "--scheduler-file", str(self.file), *options]
         environment = {
-            **os.environ, "PYTHONPATH": str(self.path), MARK: self.mark, "DEMO_SECONDS": "0.04",
+            **os.environ, **UNWATCHED, "PYTHONPATH": str(self.path), MARK: self.mark, "DEMO_SECONDS": "0.04",
             "DEMO_FOLDER": str(self.file.parent),
         }  # fmt: skip
         return subprocess.Popen(
