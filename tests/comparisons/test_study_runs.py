@@ -310,6 +310,24 @@ class TestLimits:
             assert threads.submit(crew.run, {"way": "plain"}).result().status == REFUSED
         assert eventually(lambda: not marked(mark)), marked(mark)
 
+    @pytest.mark.skipif(not hasattr(os, "waitid"), reason="waits for a process and leaves its exit status")
+    def test_a_worker_that_dies_before_it_is_asked_does_not_take_the_runner_with_it(self):
+        """Even where SIGPIPE is not ignored, as gmsh leaves it: the test that is hit would end the suite."""
+        code = (
+            "import os, signal\nfrom comparisons.lab.study.children import Child, Terms\n"
+            "signal.signal(signal.SIGPIPE, signal.SIG_DFL)\n"
+            "child = Child(Terms('tests.comparisons.study_demo:failing', ()))\n"
+            "assert child.run({'way': 'plain'}).status == 'done'\n"
+            "os.kill(child._process.pid, signal.SIGKILL)\n"
+            "os.waitid(os.P_PID, child._process.pid, os.WEXITED | os.WNOWAIT)\n"
+            "print(child._ask({'way': 'plain'}, None), child.run({'way': 'plain'}).status)\n"
+            "child.close()\n"
+            "print(signal.SIGPIPE in signal.sigpending(), signal.pthread_sigmask(signal.SIG_BLOCK, ()))"
+        )
+        done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout == "(None, False) done\nFalse set()\n"
+
     @pytest.mark.skipif(os.name != "posix", reason="needs process groups")
     def test_a_worker_without_work_ends(self):
         code = "import sys\nfrom comparisons.lab.study import child, limits\nlimits.IDLE = 0.1\nchild.main()"

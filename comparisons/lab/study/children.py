@@ -7,8 +7,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Lock, Timer, get_ident
@@ -36,6 +36,22 @@ def last_words(complaints: IO[bytes]) -> str:
     complaints.seek(0)
     words = complaints.read().decode(errors="replace").strip().splitlines()
     return words[-1][-_LAST_WORDS:] if words else ""
+
+
+@contextmanager
+def _broken_pipes_raise() -> Iterator[None]:
+    """A pipe without a reader is an exception here, also where a library has put SIGPIPE back to ending the process."""
+    if os.name != "posix":
+        yield
+        return
+    pipe = {signal.SIGPIPE}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, pipe)
+    try:
+        yield
+    finally:
+        if signal.SIGPIPE in signal.sigpending():
+            signal.sigwait(pipe)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @dataclass(frozen=True)
@@ -163,7 +179,7 @@ class Child:
         if limit is not None:
             timer.start()
         try:
-            with suppress(BrokenPipeError):  # it has ended before, and reading will tell
+            with suppress(BrokenPipeError), _broken_pipes_raise():  # it has ended before, and reading will tell
                 process.stdin.write(json.dumps(document).encode() + b"\n")
                 process.stdin.flush()
             line = process.stdout.readline()
@@ -191,7 +207,7 @@ class Child:
             code = process.wait()
             self._process = None
         for stream in (process.stdin, process.stdout):
-            with suppress(BrokenPipeError):  # what it has not read is lost
+            with suppress(BrokenPipeError), _broken_pipes_raise():  # what it has not read is lost
                 if stream is not None:
                     stream.close()
         return code
