@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from solvers import FrictionQVI, certify
 from solvers.certificate.measures import MEASURES
 from solvers.inequality.residuals import law_residuals
+from tests.effort import examples
 from tests.solvers.conftest import one_contact, random_problem
 
 SCALES = {"stress": 2.0, "displacement": 0.5, "energy": 4.0}  # k = 4
@@ -39,7 +40,7 @@ def test_all_vanish_where_the_law_holds(p, t, m_N, m_T):
     assert found.work == found.bipotential == 0.0
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 @given(p=st.floats(0.0, 3.0), share=st.floats(-1.0, 1.0), m_N=st.floats(0.0, 3.0), m_T=finite)
 def test_the_bipotential_of_admissible_pairs_is_not_negative(p, share, m_N, m_T):
     """De Saxcé's inequality; with equality exactly where the law holds."""
@@ -52,7 +53,7 @@ def test_the_bipotential_of_admissible_pairs_is_not_negative(p, share, m_N, m_T)
     assert found.bipotential == pytest.approx(found.work, rel=1e-14, abs=1e-14)  # sums of products of up to 10
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 @given(p=finite, t=finite, m_N=finite, m_T=finite)
 def test_projections_vanish_only_where_the_law_holds(p, t, m_N, m_T):
     """Natural map and Alart-Curnier against the law written as inequalities and products."""

@@ -10,6 +10,7 @@ from solvers.inequality.edges import affine_basis, quadratic_basis
 from solvers.strict.natural import natural_bound, project, slip_size
 from solvers.strict.quadratics import affine_below, in_dual, is_nonnegative, largest, product, raised, smallest
 from solvers.strict.support import distance_to_dual, support
+from tests.effort import examples
 
 T = np.linspace(0.0, 1.0, 4001)
 AT = quadratic_basis(T)
@@ -27,7 +28,7 @@ ROOTS = arrays(float, (1, 2), elements=NUMBERS)
 EXTRA = st.floats(0, 10, allow_subnormal=False)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(ROW)
 def test_largest_and_smallest_against_sampling(b):
     values = (AT @ b.T)[:, 0]
@@ -37,7 +38,7 @@ def test_largest_and_smallest_against_sampling(b):
     assert largest(b)[0] >= values.max() - 1e-12
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(ROW)
 @example(np.array([[1.0, -(2.0**-14), 0.0]]))  # negative near one end only, between two samples
 def test_cone_is_where_the_quadratic_is_nonnegative(b):
@@ -48,7 +49,7 @@ def test_cone_is_where_the_quadratic_is_nonnegative(b):
         assert is_nonnegative(b)[0] == cone == bool((AT @ b.T).min() >= 0.0)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(ROOTS, EXTRA, st.floats(0, 1), st.floats(0, 1))
 def test_dual_pairing(root, extra, first, second):
     """Sums of point evaluations, and only such, are ≥ 0 on the cone."""
@@ -59,7 +60,7 @@ def test_dual_pairing(root, extra, first, second):
     assert distance_to_dual(q)[0] <= 1e-12
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(ROW)
 def test_distance_to_the_dual_cone(q):
     delta = distance_to_dual(q)
@@ -70,7 +71,7 @@ def test_distance_to_the_dual_cone(q):
         assert inside.min() < 0.0 or squares < 0.0
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(ROW)
 def test_outside_the_dual_cone_something_is_negative(q):
     if distance_to_dual(q)[0] > 1e-3:
@@ -79,7 +80,7 @@ def test_outside_the_dual_cone_something_is_negative(q):
         assert min(float((squares @ q[0]).min()), q[0, 1]) < 0.0
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(ROW, ROOTS, EXTRA)
 def test_support_function_bounds_all_admissible_shears(ell, root, extra):
     """It is ≥ ℓ·τ for sampled |τ| ≤ θ, and at least the work of θ itself."""
@@ -110,7 +111,7 @@ def test_support_of_a_closed_edge_is_nothing():
     assert support(np.array([[1.0, -2.0, 0.5]]), np.zeros((1, 3)))[0] == 0.0
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(arrays(float, (1, 2), elements=NUMBERS), arrays(float, (1, 2), elements=NUMBERS))
 def test_products_and_raised_degree(u, v):
     expected = (affine_basis(T) @ u[0]) * (affine_basis(T) @ v[0])
@@ -118,7 +119,7 @@ def test_products_and_raised_degree(u, v):
     assert np.abs(AT @ raised(u)[0] - affine_basis(T) @ u[0]).max() <= 1e-12
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(ROOTS, EXTRA)
 def test_affine_functions_below(root, extra):
     b = nonnegative(root, extra)
@@ -131,7 +132,7 @@ def test_an_affine_function_is_its_own_lower_bound():
     assert affine_below(raised(np.array([[0.3, 2.0]])))[0] == pytest.approx([0.3, 2.0])
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(30))
 @given(arrays(float, (1, 3), elements=NUMBERS))
 def test_projection_is_moreaus(v):
     """V = P_C(v) − y with y in the dual cone and orthogonal."""

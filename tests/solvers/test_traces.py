@@ -16,6 +16,7 @@ from solvers.factorisation.augmented import factorise_root
 from solvers.inequality.linear import interface_of
 from solvers.inequality.rows import echelon
 from solvers.inequality.traces import Traces, trace_coordinates
+from tests.effort import examples
 
 
 @st.composite
@@ -32,7 +33,7 @@ def planted(draw):
     return csr_array(rows * 10.0 ** random.uniform(-3, 3, len(rows))[:, None])
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(planted())
 def test_echelon_finds_the_rank_and_a_basis(Y):
     dense = Y.toarray()
