@@ -113,8 +113,9 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
     def of_rectangles(cls, mesh: RectilinearMesh) -> "TriangleMesh":
         """The same body with every rectangle cut into two triangles; edge sets and joints keep their names.
 
-        Diagonals run from lower left to upper right, in corners of the body into the corner. The triangles 2k and
-        2k + 1 lie in the active cell k, counted row by row.
+        Diagonals run away from the middle of the grid, so that symmetric bodies have symmetric triangles if their
+        number of cells across is even; in corners of the body into the corner. The triangles 2k and 2k + 1 lie in the
+        active cell k, counted row by row.
         """
         return cls._made(triangulated(mesh))
 

@@ -15,9 +15,12 @@ _SHARPEST: Final = 0.2  # sine of the angle below which no triangle is made
 def triangulated(mesh: RectilinearMesh) -> MeshParts:
     """The same body with every rectangle cut into two triangles; edge sets and joints keep their names.
 
-    Diagonals run from lower left to upper right, but in a corner of the body always into the corner: a triangle with
-    two edges on the boundary could follow the tractions on neither of them. The triangles 2k and 2k + 1 lie in the
-    active cell k, counted row by row.
+    Diagonals run away from the middle of the grid: from lower left to upper right in its lower left and upper right
+    quarters, from upper left to lower right in the others. So a body that is its own mirror image has triangles that
+    are, if the grid has an even number of cells across; a grid with twice the cells has triangles inside these. In a
+    middle row or column diagonals run from lower left to upper right, in a corner of the body always into the corner: a
+    triangle with two edges on the boundary could follow the tractions on neither of them. The triangles 2k and 2k + 1
+    lie in the active cell k, counted row by row.
     """
     row, column = np.nonzero(mesh.active)
     stride = len(mesh.x)
@@ -40,13 +43,18 @@ def _pairs(first: IntArray, second: IntArray) -> IntArray:
 
 
 def _falling(active: BoolArray) -> BoolArray:
-    """Cells (ny, nx) cut from upper left to lower right: those in more such corners of the body than of the others."""
+    """Cells (ny, nx) cut from upper left to lower right.
+
+    Those are the ones in more such corners of the body than of the others, and where that does not say it those in the
+    upper left and lower right quarters of the grid, by their number of cells.
+    """
     padded = np.pad(active, 1)
     below, above = ~padded[:-2, 1:-1], ~padded[2:, 1:-1]
     left, right = ~padded[1:-1, :-2], ~padded[1:-1, 2:]
     rising = (below & left).astype(int) + (above & right)
     falling = (below & right).astype(int) + (above & left)
-    return np.asarray(falling > rising)
+    from_middle = [2 * np.arange(count) + 1 - count for count in active.shape]
+    return np.asarray(np.where(falling == rising, np.multiply.outer(*from_middle) < 0, falling > rising))
 
 
 def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:

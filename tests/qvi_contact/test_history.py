@@ -131,16 +131,6 @@ class TestPartialSlip:
         assert history.slip("plate")[-1] == pytest.approx(np.sum(steps, axis=0))
 
 
-def test_shear_locked_in_settles_on_triangles_until_the_cycle_repeats():
-    """Turn by turn less, and nothing is left: what is handed from step to step loses and gains nothing by itself."""
-    path = 0.01 * ramp(0.0, *11 * (1.0, -1.0), 1.0, steps=2)
-    history = solve_history([pressed_block(w, (2, 1)) for w in path], element="hct")
-    turns = history.loop("plate")[1][1:-2].reshape(11, 4)
-    drift = np.abs(np.diff(turns, axis=0)).max(axis=1) / np.abs(turns).max()
-    assert (drift[:5] > 1e-3).all()
-    assert drift[-1] < 1e-8
-
-
 def test_energy_lost_tends_to_the_area_with_smaller_steps():
     gaps = []
     for steps in (2, 4, 6):  # none of which meets the beginning of sliding

@@ -61,6 +61,34 @@ class TestTopology:
             assert all(set(one) & set(two) for one, two in zip(ends, np.roll(ends, -1, axis=0), strict=True))
 
 
+class TestRectanglesCutInTwo:
+    """Diagonals run away from the middle, whatever the body's place."""
+
+    @staticmethod
+    def triangles(mesh, turned=(1.0, 1.0)):
+        """Corners as a set, on a body 2 × 3 about (1, 1.5) mirrored or not."""
+        corners = np.round((mesh.corners - mesh.vertices.mean(axis=0)) * turned, 9) + 0.0
+        return {tuple(sorted(map(tuple, each))) for each in corners.tolist()}
+
+    @pytest.mark.parametrize("cells", [(2, 2), (4, 6), (6, 4)])
+    @pytest.mark.parametrize("grading", [1.0, (0.5, 0.7)])
+    def test_a_symmetric_grid_has_symmetric_triangles(self, cells, grading):
+        grid = RectilinearMesh.rectangle((cells[0] // 2, cells[1] // 2), 1.0, 1.5, grading=grading)
+        x, y = (np.concatenate([line - line[-1], (line[-1] - line)[-2::-1]]) for line in (grid.x, grid.y))
+        for place in (0.0, 0.1, -1e3 / 3.0):
+            mesh = TriangleMesh.of_rectangles(RectilinearMesh(x + place, y - place))
+            assert self.triangles(mesh, (-1.0, 1.0)) == self.triangles(mesh) == self.triangles(mesh, (1.0, -1.0))
+
+    @pytest.mark.parametrize("cells", [(2, 2), (4, 2), (2, 8)])
+    def test_halved_cells_lie_inside_triangles(self, cells):
+        coarse, fine = (TriangleMesh.rectangle((k * cells[0], k * cells[1]), 2.0, 3.0) for k in (1, 2))
+        _, cell = coarse.around(fine.corners.mean(axis=1))
+        assert len(cell) == len(fine.cells)
+        for corner in np.moveaxis(fine.corners, 1, 0):
+            place = coarse.reference(cell, corner)
+            assert min(place.min(), 1.0 - place.sum(axis=1).max()) > -1e-12
+
+
 class TestRefusals:
     """What is no mesh, and names that do not fit."""
 
