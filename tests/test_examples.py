@@ -79,7 +79,7 @@ def test_ssnv128():
 def test_punch_carries_its_force_and_peaks_at_its_edges():
     line = answer("punch").contacts["punch"]
     assert line.normal_force == pytest.approx(100.0, rel=1e-9)
-    assert line.tangential_force == pytest.approx(0.0, abs=5e-3)  # triangles are not symmetric
+    assert line.tangential_force == pytest.approx(0.0, abs=1e-4)  # 2e-3 if triangles were not symmetric
     middle = -np.interp(0.0, line.x, line.normal_stress)
     assert middle == pytest.approx(100.0 / np.pi, rel=0.06)
     assert -line.normal_stress[[0, -1]].max() > 3.0 * middle
@@ -109,12 +109,14 @@ def test_gravity_column_weighs_on_the_ground():
 
 @pytest.mark.parametrize(("name", "factor"), [("dragged_block_holds", 1 / 0.99), ("dragged_block_slides", 1 / 1.01)])
 def test_dragged_block_has_its_limit_load(name, factor):
-    assert limit_load_factor(example(name).problem, ["drag", "right", "left"]) == pytest.approx(factor, rel=1e-6)
+    assert limit_load_factor(example(name).problem, ["drag"]) == pytest.approx(factor, rel=1e-6)
 
 
 def test_dragged_block_holds():
     assert forces("dragged_block_holds", "base") == (pytest.approx(20.0), pytest.approx(-9.9))
-    assert "friction on 'base'" in answer("dragged_block_slides").message
+    slides = answer("dragged_block_slides")
+    assert "friction on 'base'" in slides.message
+    assert slides.mechanism.overload == pytest.approx(1.01, rel=1e-9)
 
 
 def test_stacked_blocks_hand_their_forces_on():

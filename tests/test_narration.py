@@ -78,7 +78,7 @@ def test_histories_refinements_and_limits_have_a_line_for_each_step(capsys):
     refine(PLATE, target=1e-3, callback=rounds.append, verbose=True)
     table = capsys.readouterr().out.split("-" * 79)[1].splitlines()[2:]
     assert [int(line.split()[2]) for line in table] == [each.unknowns for each in rounds]
-    block, loads = load_problem(DRAGGED).problem, ["drag", "right", "left"]
+    block, loads = load_problem(DRAGGED).problem, ["drag"]
     limit = limit_load_factor(block, loads, verbose=True)
     assert f"{limit.lower:.9g}" in capsys.readouterr().out
     refine(block, quantity=LimitFactor(loads), verbose=True)

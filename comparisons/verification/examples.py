@@ -30,7 +30,7 @@ from solvers import Status
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
 _BALANCE: Final = 1e-9
 _OTHER_METHOD: Final = "qp:clarabel"
-_DRAG: Final = ("drag", "right", "left")
+_DRAG: Final = ("drag",)
 
 
 @on(*BOTH)

@@ -120,8 +120,10 @@ class Mechanism:
         """Work of the loads that drive the mechanism, over what the other loads and the contacts can take up.
 
         Above 1 the loads cannot be carried: all that drive would have to be smaller by this factor, while the others
-        stay. Loads count by their names, as driving if their work on this motion is positive. It is not the inverse
-        of `limit_load_factor`, where the loads to multiply are chosen. Infinity if nothing resists.
+        stay. Loads count by their names, as driving if their work on this motion is positive: parts of one load, such
+        as the shear on two ends that make a couple, want one name, or what one gains and another loses counts on both
+        sides and brings the factor nearer to 1. It is not the inverse of `limit_load_factor`, where the loads to
+        multiply are chosen. Infinity if nothing resists.
         """
         driving = sum(work for work in self.works.values() if work > 0.0)
         resisting = self.resistance + driving - self.work

@@ -560,7 +560,7 @@ def test_check_finds_loads_out_of_balance(shell, tmp_path):
 
 
 def test_limit(shell, sliding):
-    loads = [part for name in ("drag", "right", "left") for part in ("--load", name)]
+    loads = ["--load", "drag"]
     status, out, err = shell("limit", sliding, *loads, "--json")
     assert (status, err) == (0, "")
     document = json.loads(out)
@@ -574,7 +574,7 @@ def test_limit(shell, sliding):
 
 
 def test_limit_to_a_target(shell, sliding):
-    loads = [part for name in ("drag", "right", "left") for part in ("--load", name)]
+    loads = ["--load", "drag"]
     status, out, err = shell("limit", sliding, *loads, "--target", "1e-4", "--element", "hct", "--json")
     assert (status, err) == (0, "")
     refinement = json.loads(out)["refinement"]

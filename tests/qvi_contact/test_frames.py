@@ -54,7 +54,7 @@ def test_a_refinement_has_a_row_a_round():
 
 
 def test_a_limit_load_is_a_row(dragged):
-    loads = ["drag", "right", "left"]
+    loads = ["drag"]
     limit = limit_load_factor(dragged, loads)
     row = limit.to_frame().loc[0]
     assert (row["lower"], row["upper"], row["slides"]) == (limit.lower, limit.upper, "base")

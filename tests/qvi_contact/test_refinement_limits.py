@@ -67,9 +67,9 @@ CASES = {
     "wall tips, grid": (grid, ["wind"], {}, 6.25),
     "wall tips, grid cut": (grid, ["wind"], {"element": "hct", "degree": 3}, 6.25),
     "wedge": (wedge, ["F"], {}, 0.4 / 0.97),
-    "dragged block": (lambda: example("dragged_block_slides").problem, ["drag", "right", "left"], {}, 1.0 / 1.01),
+    "dragged block": (lambda: example("dragged_block_slides").problem, ["drag"], {}, 1.0 / 1.01),
     "dragged block, cut": (
-        lambda: example("dragged_block_slides").problem, ["drag", "right", "left"], {"element": "hct"}, 1.0 / 1.01,
+        lambda: example("dragged_block_slides").problem, ["drag"], {"element": "hct"}, 1.0 / 1.01,
     ),
     "stones slide": (lambda: dry_stone_wall(0.6), ["push"], {"element": "hct"}, 0.6 * 162.0),
     "stones tip": (lambda: dry_stone_wall(1.5), ["push"], {"element": "hct"}, 306.0 * 1.5 / 2.5),
