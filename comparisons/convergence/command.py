@@ -98,7 +98,7 @@ class _Part:
         from comparisons.lab.report.old import Report, as_document
 
         module = import_module(f"comparisons.convergence.{self.name}.report")
-        if self.name == "uzawa":
+        if self.name != "mesh":
             made: Document = module.report(rows, self.quick)
             return made
         report: Report = module.report(rows)

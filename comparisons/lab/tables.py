@@ -63,7 +63,12 @@ def print_table(console: "Console", grid: Grid) -> None:
 def _least(heading: str, cells: Sequence[str], numeric: bool) -> int:
     """Letters that a column needs, with the space behind it; words can be broken."""
     longest = max(map(len, cells))
-    return 1 + (max(longest, *map(len, wrap(heading, max(longest, _HEADING)))) if numeric else min(longest, _HEADING))
+    return 1 + (max(longest, *map(len, _wrapped(heading, longest))) if numeric else min(longest, _HEADING))
+
+
+def _wrapped(heading: str, widest: int) -> list[str]:
+    """The lines of a heading above numbers of so many letters."""
+    return wrap(_one_line(heading), max(widest, _HEADING), break_long_words=False, break_on_hyphens=False)
 
 
 def rich_table(grid: Grid) -> "Table":
@@ -79,8 +84,8 @@ def rich_table(grid: Grid) -> "Table":
     whole = all(len(row[0]) <= _LONGEST for row in grid.rows if row)
     for index, (heading, numeric) in enumerate(zip(grid.headings, _numeric(grid), strict=True)):
         if numeric:
-            widest = max(_HEADING, *(len(row[index]) for row in grid.rows))
-            table.add_column("\n".join(wrap(_one_line(heading), widest)), justify="right", no_wrap=True)
+            widest = max(len(row[index]) for row in grid.rows)
+            table.add_column("\n".join(_wrapped(heading, widest)), justify="right", no_wrap=True)
         else:
             table.add_column(heading, overflow="fold", no_wrap=whole and index == 0)
     for row in grid.rows:
