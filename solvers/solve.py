@@ -1,5 +1,7 @@
 """One entry for every method."""
 
+from __future__ import annotations
+
 import dataclasses
 import time
 from collections.abc import Mapping

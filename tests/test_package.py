@@ -1,10 +1,12 @@
 """What is installed: licences, version, names that clash."""
 
+import inspect
 import re
 import subprocess
 import sys
 import sysconfig
 import tomllib
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -12,9 +14,15 @@ import pytest
 from packaging.requirements import Requirement
 
 import qvi_contact
+import qvi_contact.types
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+MADE_BY_THE_PACKAGE = {
+    "Certificate", "ContactLine", "ContactResult", "ContactState", "Discretization", "EnergyRoot", "Feasibility",
+    "FrictionQVI", "History", "InputError", "Iteration", "LimitLoad", "LimitRefinement", "Mechanism", "ProblemFile",
+    "QVIError", "QVISolution", "Refinement", "RefinementStatus", "SolveError", "SolverUnavailableError", "Status",
+}  # fmt: skip
 FOR_DEVELOPERS = {"browser", "dev", "docs", "peers", "test"}
 
 # licence as docs/licences.md has it → what the metadata of such a package say
@@ -93,3 +101,20 @@ def test_the_citation_has_what_its_format_asks_for():
 def citation():
     """CITATION.cff as data."""
     return pytest.importorskip("yaml").safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("package", ["qvi_contact", "solvers"])
+def test_signatures_of_what_users_call_are_short(package):
+    module = import_module(package)
+    for name in set(module.__all__) - MADE_BY_THE_PACKAGE:
+        signature = str(inspect.signature(getattr(module, name)))
+        assert len(signature) < 420, name
+        assert not re.search(r"numpy|typing\.|collections\.abc|Literal", signature), name
+    assert len(str(inspect.signature(qvi_contact.Contact))) < 260
+
+
+def test_names_of_types_are_on_the_page():
+    section = (ROOT / "docs" / "api" / "problem.md").read_text(encoding="utf-8").split("## Types in signatures")[1]
+    rows = [line.split(" | ")[0] for line in section.splitlines() if line.startswith("| `")]
+    assert sorted(re.findall(r"`(\w+)`", " ".join(rows))) == qvi_contact.types.__all__
+    assert all(hasattr(qvi_contact.types, name) for name in qvi_contact.types.__all__)

@@ -3,6 +3,8 @@
 In `docs/theory.md`: (D19), (D20).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """Solve the displacement model: assemble, condense, solve for the contact forces, return to displacements."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -165,7 +167,7 @@ class _Model:
     remarks: tuple[str, ...]
 
     @classmethod
-    def of(cls, problem: ContactProblem, cell: Cell) -> "_Model":
+    def of(cls, problem: ContactProblem, cell: Cell) -> _Model:
         """Loads and supports."""
         scales = Scales.of(problem)
         space = Space.of(problem, cell, scales.length)

@@ -3,6 +3,8 @@
 In `docs/theory.md`: (D1).
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -120,7 +122,7 @@ class Discretization(Stated):
         ]
         return tuple(found)
 
-    def slipped(self, slip: Sequence[FloatArray], operator: Operator | None = None) -> "Discretization":
+    def slipped(self, slip: Sequence[FloatArray], operator: Operator | None = None) -> Discretization:
         """The same problem after earlier slip: the tangential offset w of each contact grows by `slip`, dimensionless.
 
         Parameters
@@ -144,19 +146,19 @@ class Discretization(Stated):
             changes["shared"] = operator
         return replace(self, contacts=contacts, qvi=self.qvi.changed(**changes))
 
-    def freeing(self, vertices: IntArray) -> "Discretization":
+    def freeing(self, vertices: IntArray) -> Discretization:
         """The same problem, in the same units and after the same slip, with the shear at the vertices given up."""
         return self._again(self.scales, vertices)
 
-    def everywhere(self) -> "Discretization":
+    def everywhere(self) -> Discretization:
         """The same problem, after the same slip, with all obstacles where they stand, however far."""
         return self._again(replace(self.scales, reach=np.inf), self.freed)
 
-    def _again(self, scales: Scales, freed: IntArray) -> "Discretization":
+    def _again(self, scales: Scales, freed: IntArray) -> Discretization:
         fresh = _discretized(self.problem, self.space, scales, freed)
         return fresh.slipped([old.offset - new.offset for old, new in zip(self.contacts, fresh.contacts, strict=True)])
 
-    def fitted(self) -> "Discretization":
+    def fitted(self) -> Discretization:
         """The same problem in units of the stress it would have without contact laws, if its own are far too large.
 
         `Scales` cannot foresee every load, such as an obstacle that drags the body along by friction. Stresses far

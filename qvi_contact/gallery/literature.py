@@ -1,6 +1,6 @@
 """Ready-made problems, with the data of their sources as defaults."""
 
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.gallery.exact import ExactState, problem_from_state, uniform
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.problem.conditions import Condition, Contact, Symmetry, Traction
-from qvi_contact.problem.material import Material
+from qvi_contact.problem.material import Material, Plane
 from qvi_contact.problem.problem import ContactProblem
 
 SSNV128_DISPLACEMENTS: Final = (
@@ -33,7 +33,7 @@ def compressed_plate(
     height: float = 1.0,
     young: float = 2.09e5,
     poisson: float = 0.3,
-    plane: Literal["stress", "strain"] = "stress",
+    plane: Plane = "stress",
     displacement: float = 1e-3,
     grading: float = 1.0,
 ) -> ContactProblem:
@@ -75,7 +75,7 @@ def sliding_block(
     height: float = 1.0,
     young: float = 1000.0,
     poisson: float = 0.3,
-    plane: Literal["stress", "strain"] = "stress",
+    plane: Plane = "stress",
     friction: float = 0.3,
     pressure: float = 100.0,
     side_stress: float = -20.0,
@@ -154,7 +154,7 @@ def stick_slip_block(
     height: float = 1.0,
     young: float = 1000.0,
     poisson: float = 0.3,
-    plane: Literal["stress", "strain"] = "stress",
+    plane: Plane = "stress",
     pressure: float = 100.0,
     pressure_drop: float = 0.0,
     shear: float = 30.0,

@@ -1,5 +1,7 @@
 """Mechanisms: rigid motions of the blocks that prove how much of a load no stress whatever can carry."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

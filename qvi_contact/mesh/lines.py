@@ -1,5 +1,7 @@
 """Grid lines: made, checked, looked up, and made denser where it matters."""
 
+from __future__ import annotations
+
 from itertools import pairwise
 from typing import Final
 

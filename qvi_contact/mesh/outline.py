@@ -5,6 +5,8 @@ as the triangles there are to be. A polygon of chords h on a circle of radius r 
 with arcs do not get better than that, whatever the degree, until the arcs are divided more finely.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, TypeAlias
@@ -63,7 +65,7 @@ class Corner:
             positive_number("Corner.size", self.size)
 
     @classmethod
-    def circle(cls, centre: Point, radius: float, name: str = "", size: float | None = None) -> "tuple[Corner, Corner]":
+    def circle(cls, centre: Point, radius: float, name: str = "", size: float | None = None) -> tuple[Corner, Corner]:
         """A whole circle as two arcs, for holes and regions."""
         (x, y), radius = _point("centre", centre), positive_number("radius", radius)
         return cls((x + radius, y), name, (x, y), size=size), cls((x - radius, y), name, (x, y), size=size)
@@ -152,7 +154,7 @@ class Polygons:
     sizes: FloatArray
     largest: float
 
-    def scaled(self, factor: float) -> "Polygons":
+    def scaled(self, factor: float) -> Polygons:
         """The same, so many times as large."""
 
         def scale(polygon: Polygon) -> Polygon:

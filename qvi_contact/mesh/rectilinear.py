@@ -1,5 +1,7 @@
 """Rectilinear grids of rectangular cells, their nodes, and their named boundary edges."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -143,7 +145,7 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
         *,
         origin: tuple[float, float] = (0.0, 0.0),
         grading: float | tuple[float, float] = 1.0,
-    ) -> "RectilinearMesh":
+    ) -> RectilinearMesh:
         """A rectangle of cells[0] × cells[1] cells, graded towards its right and top sides.
 
         `grading` is the ratio of each cell to the one before it (see `graded_lines`), one number for both directions
@@ -360,7 +362,7 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
 
     def with_edges(
         self, name: str, side: str, start: float | None = None, stop: float | None = None, at: float | None = None
-    ) -> "RectilinearMesh":
+    ) -> RectilinearMesh:
         """The same mesh with one more named edge set.
 
         Parameters
@@ -380,7 +382,7 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
 
     def with_joint(
         self, name: str, direction: str, at: float, start: float | None = None, stop: float | None = None
-    ) -> "RectilinearMesh":
+    ) -> RectilinearMesh:
         """The same mesh with a joint: edges inside the body along which a `Contact` may hold.
 
         Parameters
@@ -397,7 +399,7 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
         """
         return self._with(name, EdgeRange(one_of("direction", direction, DIRECTIONS), start, stop, at))
 
-    def _with(self, name: str, chosen: EdgeRange) -> "RectilinearMesh":
+    def _with(self, name: str, chosen: EdgeRange) -> RectilinearMesh:
         if not isinstance(name, str) or not name:
             raise InputError("name", name, "give a non-empty string")
         if name in (*self.edge_names, *self.joint_names):
@@ -410,7 +412,7 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
 
     def refined(
         self, largest: float, towards: Sequence[str] = (), smallest: float | None = None, ratio: float = 0.5
-    ) -> "RectilinearMesh":
+    ) -> RectilinearMesh:
         """The same body and edge sets on a finer grid that keeps all lines, graded towards where stresses are large.
 
         Cells are about `largest` wide, and shrink geometrically to `smallest` towards every re-entrant corner of the
@@ -448,7 +450,7 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
         )
         return self.on_lines(x, y)
 
-    def on_lines(self, x: ArrayLike, y: ArrayLike) -> "RectilinearMesh":
+    def on_lines(self, x: ArrayLike, y: ArrayLike) -> RectilinearMesh:
         """The same body and edge sets on other grid lines.
 
         Parameters

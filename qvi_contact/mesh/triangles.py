@@ -1,5 +1,7 @@
 """Meshes of triangles with named parts of the boundary, joints and regions."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -101,7 +103,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         *,
         origin: tuple[float, float] = (0.0, 0.0),
         grading: float | tuple[float, float] = 1.0,
-    ) -> "TriangleMesh":
+    ) -> TriangleMesh:
         """A rectangle of cells[0] × cells[1] rectangular cells, each cut into two triangles.
 
         Its sides are called "bottom", "right", "top" and "left". See `RectilinearMesh.rectangle` for the parameters
@@ -110,7 +112,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return cls.of_rectangles(RectilinearMesh.rectangle(cells, width, height, origin=origin, grading=grading))
 
     @classmethod
-    def of_rectangles(cls, mesh: RectilinearMesh) -> "TriangleMesh":
+    def of_rectangles(cls, mesh: RectilinearMesh) -> TriangleMesh:
         """The same body with every rectangle cut into two triangles; edge sets and joints keep their names.
 
         Diagonals run away from the middle of the grid, so that symmetric bodies have symmetric triangles if their
@@ -120,16 +122,16 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return cls._made(triangulated(mesh))
 
     @classmethod
-    def _made(cls, parts: MeshParts) -> "TriangleMesh":
+    def _made(cls, parts: MeshParts) -> TriangleMesh:
         return cls(parts.vertices, parts.cells, parts.edge_sets, parts.regions)
 
     @classmethod
-    def from_skfem(cls, mesh: object) -> "TriangleMesh":
+    def from_skfem(cls, mesh: object) -> TriangleMesh:
         """A `skfem.MeshTri` with its boundaries (joints where they lie inside the body) and subdomains."""
         return cls._made(from_skfem(mesh))
 
     @classmethod
-    def load(cls, path: str | Path) -> "TriangleMesh":
+    def load(cls, path: str | Path) -> TriangleMesh:
         """Read a mesh file by meshio: Gmsh (.msh), Abaqus or CalculiX (.inp), MED (.med).
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
@@ -147,7 +149,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         joints: Mapping[str, Line] | None = None,
         regions: Mapping[str, Line] | None = None,
         sizes: Mapping[Point, float] | None = None,
-    ) -> "TriangleMesh":
+    ) -> TriangleMesh:
         """A body given by its outline, divided into triangles by gmsh (extra ``mesh``).
 
         Parameters
@@ -305,7 +307,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         middle = points_along(self.vertices, edges, np.array([0.5]))[:, 0] - self.origin
         return float(((middle * edges.normal).sum(axis=1) * edges.length).sum() / 2.0)
 
-    def with_edges(self, name: str, where: Where) -> "TriangleMesh":
+    def with_edges(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more named part of the boundary.
 
         Parameters
@@ -318,11 +320,11 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         """
         return self._with(name, self._chosen(name, where, self.topology.boundary, "boundary"))
 
-    def with_joint(self, name: str, where: Where) -> "TriangleMesh":
+    def with_joint(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a joint: edges inside the body along which a `Contact` may hold; see `with_edges`."""
         return self._with(name, self._chosen(name, where, ~self.topology.boundary, "interior"))
 
-    def with_region(self, name: str, where: Where) -> "TriangleMesh":
+    def with_region(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a named region.
 
         Parameters
@@ -339,7 +341,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         chosen = _selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
         return replace(self, regions={**self.regions, name: np.asarray(chosen)})
 
-    def _with(self, name: str, pairs: IntArray) -> "TriangleMesh":
+    def _with(self, name: str, pairs: IntArray) -> TriangleMesh:
         _check_name(name)
         if name in self.edge_sets:
             raise InputError("name", name, "this edge set exists already: choose another name")
@@ -448,11 +450,11 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             and np.array_equal(self.cells, other.cells)
         )
 
-    def parents(self, coarse: "TriangleMesh") -> IntArray:
+    def parents(self, coarse: TriangleMesh) -> IntArray:
         """The triangle of a coarser mesh of the same body in which each triangle lies, shape (m,)."""
         return coarse.locate(self.corners.mean(axis=1))
 
-    def refined(self, marked: ArrayLike | None = None) -> "TriangleMesh":
+    def refined(self, marked: ArrayLike | None = None) -> TriangleMesh:
         """The same body with triangles halved in size, and neighbours as far as needed; names are carried over.
 
         Parameters
@@ -463,7 +465,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         """
         return self._made(bisected(MeshParts(self.vertices, self.cells, self.edge_sets, self.regions), marked))
 
-    def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> "TriangleMesh":
+    def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> TriangleMesh:
         """The same body with the triangles at points refined again and again; names are carried over.
 
         Parameters

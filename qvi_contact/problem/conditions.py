@@ -11,6 +11,8 @@ on horizontal edges, +y on vertical ones), whichever way the edge faces. σ_N = 
 the tangential component of the traction σn, u_N and u_T are the components of the displacement.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias, get_args
 
@@ -25,19 +27,19 @@ CARTESIAN: Final = ("x", "y")
 LOCAL: Final = ("normal", "tangential")
 
 
-def components(condition: "Traction | Displacement") -> dict[str, Field]:
+def components(condition: Traction | Displacement) -> dict[str, Field]:
     """The components that a condition gives, by name: "x", "y" or "normal", "tangential"."""
     values = {name: getattr(condition, name) for name in (*CARTESIAN, *LOCAL)}
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _check_edges(condition: "Condition") -> None:
+def _check_edges(condition: Condition) -> None:
     edges: object = condition.edges
     if not isinstance(edges, str):
         raise InputError(f"{type(condition).__name__}.edges", edges, "give the name of an edge set of the mesh")
 
 
-def _check_components(condition: "Traction | Displacement") -> None:
+def _check_components(condition: Traction | Displacement) -> None:
     kind, given = type(condition).__name__, components(condition)
     if not given:
         raise InputError(f"{kind}.x", None, "give at least one of the components x and y, or normal and tangential")
@@ -50,7 +52,7 @@ def _check_components(condition: "Traction | Displacement") -> None:
         check_field(f"{kind}.{name}", value)
 
 
-def _name_after_edges(condition: "Traction | Contact", kind: str) -> None:
+def _name_after_edges(condition: Traction | Contact, kind: str) -> None:
     """Check the name, and take that of the edge set if there is none."""
     if not isinstance(condition.name, str):
         raise InputError(f"{kind}.name", condition.name, "give a string")
@@ -271,17 +273,17 @@ class Contact:
         return callable(self.pore_pressure) or self.pore_pressure != 0.0
 
     @classmethod
-    def tresca(cls, edges: str, bound: Field, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> "Contact":
+    def tresca(cls, edges: str, bound: Field, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> Contact:
         """Unilateral contact with Tresca's law |σ_T| ≤ bound [stress], whatever the pressure."""
         return cls(edges, 0.0, gap, offset, name, cohesion=bound)
 
     @classmethod
-    def frictionless(cls, edges: str, gap: Field = 0.0, name: str = "") -> "Contact":
+    def frictionless(cls, edges: str, gap: Field = 0.0, name: str = "") -> Contact:
         """Unilateral contact without friction (Signorini)."""
         return cls(edges, 0.0, gap, 0.0, name)
 
     @classmethod
-    def tied(cls, edges: str, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> "Contact":
+    def tied(cls, edges: str, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> Contact:
         """Neither opens nor slips: u_N = g, u_T = w; reports tractions like any contact."""
         return cls(edges, 0.0, gap, offset, name, law="tied")
 

@@ -1,5 +1,7 @@
 """Functions of position that can be written down in a file: polynomials and expressions."""
 
+from __future__ import annotations
+
 import ast
 import warnings
 from collections.abc import Mapping, Sequence
@@ -143,7 +145,7 @@ class Expression:
         """Whether t occurs."""
         return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree))
 
-    def at_time(self, t: float) -> "Expression":
+    def at_time(self, t: float) -> Expression:
         """The same expression at another t."""
         return Expression(self.text, self.constants, finite_number("t", t))
 

@@ -1,8 +1,10 @@
 """Linear elastic material in plane stress or plane strain."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -11,6 +13,9 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.lines import on_line
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
+
+Plane: TypeAlias = Literal["stress", "strain"]
+"""Whether σ_zz or ε_zz is zero."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,7 @@ class Material:
 
     young: float
     poisson: float
-    plane: Literal["stress", "strain"] = "stress"
+    plane: Plane = "stress"
 
     def __post_init__(self) -> None:
         positive_number("Material.young", self.young)

@@ -1,5 +1,7 @@
 """The contact problem as the user states it: mesh, material, conditions, body force."""
 
+from __future__ import annotations
+
 import pickle
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -145,11 +147,11 @@ class ContactProblem(Stated):
                 raise InputError(name, value, remedy) from error
         return super().__getstate__()
 
-    def __copy__(self) -> "ContactProblem":
+    def __copy__(self) -> ContactProblem:
         """The problem itself: nothing in it can be changed."""
         return self
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "ContactProblem":
+    def __deepcopy__(self, memo: dict[int, Any]) -> ContactProblem:
         """The problem itself."""
         return self
 
@@ -212,7 +214,7 @@ class ContactProblem(Stated):
         """`owners`, and the frame in which each boundary edge is ruled (edges,)."""
         return _ruled(self)
 
-    def refined(self, largest: float, smallest: float | None = None, ratio: float = 0.5) -> "ContactProblem":
+    def refined(self, largest: float, smallest: float | None = None, ratio: float = 0.5) -> ContactProblem:
         """The same problem on a finer mesh, graded towards re-entrant corners and the ends of all contacts.
 
         See `RectilinearMesh.refined`: cells of about `largest` shrink by `ratio` to `smallest` [length].
@@ -220,11 +222,11 @@ class ContactProblem(Stated):
         towards = [contact.edges for contact in self.contacts]
         return replace(self, mesh=self.grid.refined(largest, towards, smallest, ratio))
 
-    def on_lines(self, x: ArrayLike, y: ArrayLike) -> "ContactProblem":
+    def on_lines(self, x: ArrayLike, y: ArrayLike) -> ContactProblem:
         """The same problem on other grid lines x, y [length]; see `RectilinearMesh.on_lines`."""
         return replace(self, mesh=self.grid.on_lines(x, y))
 
-    def triangulated(self) -> "ContactProblem":
+    def triangulated(self) -> ContactProblem:
         """The same problem with every rectangle of its mesh cut into two triangles.
 
         Edge sets and joints keep their names; regions are called "region 1", "region 2", … in their order. See

@@ -1,5 +1,7 @@
 """Refine a mesh until a quantity is as accurate as asked for."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from typing import Any, overload
@@ -185,7 +187,7 @@ def _refined_for(
     result: ContactResult | None,
     quantity: Quantity | LimitFactor,
     settings: Settings,
-    told: "_Told",
+    told: _Told,
 ) -> Refinement | LimitRefinement:
     """By quantity and kind of mesh."""
     if isinstance(quantity, LimitFactor):

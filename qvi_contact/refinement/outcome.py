@@ -1,5 +1,7 @@
 """What an adaptive refinement ends with."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -111,7 +113,7 @@ class Outcome:
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.message}>"
 
-    def to_frame(self) -> "DataFrame":
+    def to_frame(self) -> DataFrame:
         """One row a round as a pandas table; needs the extra ``frame`` (pandas).
 
         Columns are "round" (from 1), and the fields of `RefinementRound`, with "cells" multiplied out.

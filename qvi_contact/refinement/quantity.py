@@ -1,5 +1,7 @@
 """The number that a refinement is for, and what its error is relative to."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -39,7 +41,7 @@ class Measure:
     bounded: bool = True
 
     @classmethod
-    def of(cls, problem: ContactProblem, quantity: Quantity) -> "Measure":
+    def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
         """The measure that `refine` calls by this name, or a function; `InputError` if there is none."""
         if not isinstance(quantity, str):
             if not callable(quantity):

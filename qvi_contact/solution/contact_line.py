@@ -4,6 +4,8 @@ Displacements come from the multipliers: divided by the weights where the rows o
 the traces feel them, see `Basis.contact_displacements`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -173,7 +175,7 @@ class ContactLine:
         length = float(self.weights.sum())
         return {state.name.lower(): float(self.weights[self.state == state].sum()) / length for state in ContactState}
 
-    def to_frame(self, units: Units | None = None) -> "DataFrame":
+    def to_frame(self, units: Units | None = None) -> DataFrame:
         """All points in order along the contact as a pandas table; needs the extra ``frame`` (pandas).
 
         Parameters

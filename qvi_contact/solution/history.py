@@ -10,6 +10,8 @@ multipliers of the Gauss points, not as their projection, so that each step star
 it ended in.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -88,7 +90,7 @@ class History:
             one_of("contact", contact, names, f"name a contact: {', '.join(names) or 'there is none'}")
         return np.cumsum([step.contacts[contact].slip for step in self._states], axis=0)
 
-    def to_frame(self, units: "Units | None" = None) -> "DataFrame":
+    def to_frame(self, units: Units | None = None) -> DataFrame:
         """One row for each step and contact as a pandas table; needs the extra ``frame`` (pandas).
 
         Columns are "step" (from 1), "status", "contact", and those of `ContactResult.forces_frame`, in which slip is

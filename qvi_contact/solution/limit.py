@@ -1,5 +1,7 @@
 """Limit analysis: how much of a load friction and unilateral contact can carry, by a mesh and by the body at all."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -68,14 +70,14 @@ class LimitLoad(float):
 
     def __new__(
         cls, lower: float, upper: float, mechanism: Mechanism | None, bound: float, violation: float
-    ) -> "LimitLoad":
+    ) -> LimitLoad:
         """The number `lower` with its bounds."""
         made = super().__new__(cls, lower)
         made.lower, made.upper, made.mechanism = float(lower), float(upper), mechanism
         made.bound, made.violation = float(bound), float(violation)
         return made
 
-    def to_frame(self) -> "DataFrame":
+    def to_frame(self) -> DataFrame:
         """One row as a pandas table: "lower", "upper", "bound", "violation", and which contacts slide or open.
 
         "slides" and "opens" are the names of the contacts that do so in the mechanism, joined by ", ". Needs the extra
@@ -174,7 +176,7 @@ def limit_load(
 
 def _posed(
     problem: ContactProblem, loads: Sequence[str], *, element: ElementName | None = None, **space: Any
-) -> "LimitProblem":
+) -> LimitProblem:
     """The analysis of checked arguments."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
@@ -202,7 +204,7 @@ class LimitProblem:
     high: Discretization
 
     @classmethod
-    def of(cls, problem: ContactProblem, names: tuple[str, ...], **space: Any) -> "LimitProblem":
+    def of(cls, problem: ContactProblem, names: tuple[str, ...], **space: Any) -> LimitProblem:
         """The analysis of checked loads; `space` is for `discretize`."""
         return cls(problem, names, *_sampled(problem, names, {"element": element_on(problem.mesh), **space}))
 
@@ -211,7 +213,7 @@ class LimitProblem:
         """Unknowns of the algebraic problem."""
         return int(self.low.qvi.n)
 
-    def solved(self) -> "LimitAnalysis":
+    def solved(self) -> LimitAnalysis:
         """Both sides."""
         upper, mechanism = upper_bound(self.problem, self.names)
         carried, state = _carried(self.low, self.high)
@@ -236,7 +238,7 @@ class LimitAnalysis:
 
     posed: LimitProblem
     limit: LimitLoad
-    state: "LimitState | None"
+    state: LimitState | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,7 @@
 """The answer to a contact problem: status, certificate, stresses, contact tractions, forces and energies."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -137,7 +139,7 @@ class ContactResult(Stated):
         accuracy = f"certificate {certificate} with {self.certificate.accuracy:.1e}"
         return f"<ContactResult {'; '.join([f'{self.status}, {accuracy}', *forces])}>"
 
-    def to_frame(self, units: "Units | None" = None) -> "DataFrame":
+    def to_frame(self, units: Units | None = None) -> DataFrame:
         """All points of all contacts as a pandas table: "contact", then the columns of `ContactLine.to_frame`.
 
         Parameters
@@ -155,7 +157,7 @@ class ContactResult(Stated):
         joined: DataFrame = pandas().concat(tables, names=["contact"]).reset_index("contact").reset_index(drop=True)
         return joined
 
-    def forces_frame(self, units: "Units | None" = None) -> "DataFrame":
+    def forces_frame(self, units: Units | None = None) -> DataFrame:
         """One row a contact as a pandas table: forces, shares of its length in each state, extremes.
 
         Columns are "contact", "normal_force", "tangential_force" [stress × length], "share_open", "share_stick",
@@ -411,7 +413,7 @@ class ContactResult(Stated):
         return Energies(strain, load, strain - load, dissipation)
 
     @cached_property
-    def bracket(self) -> "Bracket":
+    def bracket(self) -> Bracket:
         """Bounds of the energy and an error indicator for each cell, computed on first use; see `bracket.bracket`.
 
         Displacement elements on the same mesh are solved for it. Raises `InputError` without a stress state, and for a

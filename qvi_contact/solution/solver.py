@@ -1,5 +1,7 @@
 """Solve a contact problem: discretise, solve the algebraic inequality, wrap the answer."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Stresses from the Airy function anywhere in the body, and principal stresses."""
 
+from __future__ import annotations
+
 from typing import Final
 
 import numpy as np

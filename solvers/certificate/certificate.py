@@ -57,6 +57,8 @@ the unknowns z for c z.
 In `docs/theory.md`: (D10).
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType

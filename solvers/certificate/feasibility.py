@@ -11,6 +11,8 @@ the data. If it is not, its point of least energy is a start: its pressure s mak
 a start only, never the answer: minimising over C is associated friction, which dilates.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +71,7 @@ class AdmissibleRows:
     tangential: BoolVector
 
     @classmethod
-    def of(cls, qvi: FrictionQVI) -> "AdmissibleRows":
+    def of(cls, qvi: FrictionQVI) -> AdmissibleRows:
         """Rows of a QVI."""
         one = eye_array(qvi.m, format="csc")
         normal = np.flatnonzero(~qvi.bilateral)

@@ -1,5 +1,7 @@
 """Rows that are samples of polynomials along each contact edge: σ_N and σ_T of given degrees."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -3,6 +3,8 @@
 In `docs/theory.md`: (D2).
 """
 
+from __future__ import annotations
+
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -156,7 +158,7 @@ class FrictionQVI:
                     remedy += "leave it to the contact points"
                     raise InputError(name, f"error {error:.1e}", remedy)
 
-    def strictly(self) -> "FrictionQVI":
+    def strictly(self) -> FrictionQVI:
         """The same problem with the bounds on whole edges; `InputError` if `edges` do not fit the rows."""
         return self if self.strict else self.changed(strict=True)
 
@@ -276,7 +278,7 @@ class FrictionQVI:
                 return self.traces.rows, own
         return self.contact_rows, weights
 
-    def changed(self, **changes: Any) -> "FrictionQVI":
+    def changed(self, **changes: Any) -> FrictionQVI:
         """The same problem with other fields, K, root and structure excepted; it shares the operator."""
         return replace(self, **{"shared": self.operator, **changes})
 

@@ -3,6 +3,8 @@
 In `docs/theory.md`: (D4).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 

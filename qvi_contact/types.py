@@ -1,0 +1,26 @@
+"""Names of the types in public signatures, for code of your own that is typed.
+
+from qvi_contact.types import Field, Law
+
+def pressed(friction: Field, law: Law = "unilateral") -> Contact: ...
+"""
+
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
+from qvi_contact.discretization.basis import RowKind
+from qvi_contact.discretization.families import ElementName
+from qvi_contact.problem.conditions import Condition, Law
+from qvi_contact.problem.material import Plane
+from qvi_contact.refinement.quantity import Quantity
+
+__all__ = [
+    "BoolArray",
+    "Condition",
+    "ElementName",
+    "Field",
+    "FloatArray",
+    "IntArray",
+    "Law",
+    "Plane",
+    "Quantity",
+    "RowKind",
+]
