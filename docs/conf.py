@@ -40,6 +40,8 @@ smartquotes = False  # two hyphens are an option, not a dash
 
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
+_ALIASES = ["Condition", "ElementName", "Field", "Law", "Plane", "Quantity", "RowKind"]  # of qvi_contact.types
+autodoc_type_aliases = {name: name for name in _ALIASES}
 autodoc_member_order = "bysource"
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80
@@ -53,6 +55,7 @@ nitpick_ignore_regex = [
         r"(Any|Array|ArrayLike|Axes|Console|DataFrame|PolyCollection|TriMesh|Figure|IO|Module|NDArray|Protocol|Self)",
     ),
     (r"py:.*", r"(str|int|float|bool|None|object|tuple|list|dict|Path|Mapping|Sequence|Callable|Iterable|Iterator)"),
+    (r"py:.*", "|".join(_ALIASES)),  # in a table of api/problem.md
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.basics\.shown\.Rounding"),
     (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),

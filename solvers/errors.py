@@ -3,6 +3,9 @@
 `QVIError` is the root of everything the project raises on purpose; the mechanics package adds no second root.
 """
 
+import pickle
+from typing import Any
+
 
 class QVIError(Exception):
     """Root of the project's exceptions: catch this one to catch them all."""
@@ -30,6 +33,10 @@ class InputError(QVIError, ValueError):
         self.remedy = remedy
         super().__init__(f"{field}: {_shorten(value)}: {remedy}")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickles, as worker processes send it; a value that cannot be pickled goes along as text."""
+        return type(self), (self.field, _as_sent(self.value), self.remedy), {"args": self.args}
+
 
 class SolverUnavailableError(InputError):
     """A solver was asked for that is unknown or not installed; the message lists what is."""
@@ -37,6 +44,14 @@ class SolverUnavailableError(InputError):
 
 class SolveError(QVIError):
     """Raised on request (``throw=True``) when a solve ends without a certified answer."""
+
+
+def _as_sent(value: object) -> object:
+    try:
+        pickle.dumps(value)
+    except Exception:  # whatever the value's own code raises
+        return _shorten(value)
+    return value
 
 
 def _shorten(value: object, limit: int = 120) -> str:

@@ -25,6 +25,7 @@ _CLASS = re.compile(r"(?<![\w`.])((?:[A-Z]+[a-z]+){2,}\d*)(?![\w`.(])")
 _WORD = re.compile(r"^(\S+) {2,}(.+)$")
 _STATUS = re.compile(r"^(Exit status:) (\d .+)$")
 _BULLET = re.compile(r"^([*-] +)(.*)$")
+_ALIAS = re.compile(r"TypeAliasForwardRef\('(\w+)'\)")  # what Sphinx makes of a name in a union
 _ARRAY = re.compile(r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[[^\]]*\]\]")
 _MATRIX = re.compile(r"~?numpy\.ndarray\[tuple\[[^\]]*\], ~?numpy\.dtype\[[^\]]*\]\]")
 
@@ -204,7 +205,7 @@ def _short(text: str | None) -> str | None:
         return None
     for pattern in (_ARRAY, _MATRIX):
         text = pattern.sub("Array", text)
-    return text.replace("<factory>", "...")
+    return _ALIAS.sub(r"\1", text).replace("<factory>", "...")
 
 
 def _short_types(_app: Sphinx, document: nodes.document) -> None:

@@ -21,6 +21,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import contact_states
 from qvi_contact.solution.result import PlateMotion
 from solvers import Certificate, QVISolution, Status
+from solvers.basics.pickles import Stated
 
 _DIGITS = 12  # of coordinates over the body's length: more is rounding
 
@@ -28,7 +29,7 @@ _InCells: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CompanionResult:
+class CompanionResult(Stated):
     """A displacement model solved, or not: check `status`.
 
     Without a state (loads that cannot be carried, failed back end) everything but status, certificate, message, problem

@@ -27,6 +27,10 @@ class UnbalancedLoadError(QVIError):
         self.imbalance = imbalance
         super().__init__(f"closed traction boundary out of balance by {imbalance:.3g} (dimensionless)")
 
+    def __reduce__(self) -> tuple[type["UnbalancedLoadError"], tuple[float]]:
+        """For pickles, as worker processes send it."""
+        return type(self), (self.imbalance,)
+
 
 @dataclass(frozen=True)
 class Elimination:

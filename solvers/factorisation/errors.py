@@ -1,6 +1,6 @@
 """The error of a factorisation that cannot be done."""
 
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 from solvers.errors import QVIError
 
@@ -29,4 +29,9 @@ class FactorisationError(QVIError):
     def __init__(self, reason: Reason, backend: str, detail: str) -> None:
         self.reason = reason
         self.backend = backend
+        self._detail = detail
         super().__init__(f"factorisation by {backend}: {detail}; {_REMEDY[reason]}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickles, as worker processes send it."""
+        return type(self), (self.reason, self.backend, self._detail)

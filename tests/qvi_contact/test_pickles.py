@@ -16,13 +16,21 @@ from qvi_contact import (
     Polynomial,
     RectilinearMesh,
     Region,
+    SolveError,
+    SolverUnavailableError,
     Traction,
     discretize,
+    limit_load_factor,
+    load_problem,
     solve,
+    solve_companion,
     solve_history,
 )
+from qvi_contact.bracket import bracket
+from qvi_contact.discretization.elimination import UnbalancedLoadError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.verification.verification import verify_result
+from solvers.factorisation import FactorisationError
 
 
 def half(x, y):
@@ -102,3 +110,48 @@ def test_triangles():
     assert verify_result(again).passed
     assert again.problem.mesh.edge_sets.keys() == result.problem.mesh.edge_sets.keys()
     assert not again.problem.mesh.vertices.flags.writeable
+
+
+COPIES = [through_pickle, copy.deepcopy, copy.copy]
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_limit_loads_and_their_mechanisms(copied, pytestconfig):
+    block = load_problem(pytestconfig.rootpath / "examples" / "dragged_block_slides.toml").problem
+    limit = limit_load_factor(block, ["drag", "right", "left"])
+    again = copied(limit)
+    assert (again.lower, again.upper, again.bound) == (limit.lower, limit.upper, limit.bound)
+    assert again.mechanism.works == limit.mechanism.works
+    assert again.mechanism.contacts["base"] == limit.mechanism.contacts["base"]
+    with pytest.raises(TypeError):
+        again.mechanism.works["drag"] = 0.0
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_displacements_and_bounds(copied):
+    plate = compressed_plate(0.2, (2, 2))
+    companion, between = solve_companion(plate), bracket(solve(plate))
+    force = companion.contacts["plate"].normal_force  # remembered
+    assert copied(companion).contacts["plate"].normal_force == pytest.approx(force, rel=1e-12)
+    assert copied(between).lower == between.lower
+
+
+@pytest.mark.parametrize("copied", COPIES)
+@pytest.mark.parametrize(
+    "error",
+    [
+        InputError("mesh", 3, "give a mesh"),
+        InputError("mesh", lambda x: x, "give a mesh"),
+        SolverUnavailableError("inner", "qp:none", "there is none"),
+        SolveError("stalled"),
+        FactorisationError("singular", "superlu", "a pivot is zero"),
+        UnbalancedLoadError(0.25),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_errors_come_back_from_other_processes(error, copied):
+    again = copied(error)
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    for name in ("field", "remedy", "reason", "backend", "imbalance"):
+        assert getattr(again, name, None) == getattr(error, name, None)
