@@ -328,6 +328,15 @@ class TestLimits:
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout == "(None, False) done\nFalse set()\n"
 
+    def test_nobody_is_ended_while_a_look_may_free_its_number(self):
+        with closing(Child(Terms("tests.comparisons.study_demo:failing", ()))) as child:
+            child.run({"way": "plain"})
+            looks, poll = [], child._process.poll
+            child._process.poll = lambda: looks.append(child._lock.locked()) or poll()
+            child.run({"way": "plain"})
+            assert looks == [True]
+            del child._process.poll
+
     @pytest.mark.skipif(os.name != "posix", reason="needs process groups")
     def test_a_worker_without_work_ends(self):
         code = "import sys\nfrom comparisons.lab.study import child, limits\nlimits.IDLE = 0.1\nchild.main()"
