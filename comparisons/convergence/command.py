@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,7 +15,7 @@ from comparisons.lab.study.options import RunOptions, study_options
 
 if TYPE_CHECKING:
     from comparisons.lab.report import Document
-    from comparisons.lab.study import Row, Study
+    from comparisons.lab.study import Study
 
 NAMES: Final = ("mesh", "outer", "uzawa")
 """The studies; each is a package beside this module."""
@@ -94,22 +94,6 @@ class _Part:
         if len(finished_keys(self.run.store, self.study)) < len(self.study.cases):
             writable_folder(self.run.store.parent, "store")
 
-    def _report(self, rows: tuple[Row, ...]) -> Document:
-        from comparisons.lab.report.old import Report, as_document
-
-        module = import_module(f"comparisons.convergence.{self.name}.report")
-        if self.name != "mesh":
-            made: Document = module.report(rows, self.quick)
-            return made
-        report: Report = module.report(rows)
-        if self.quick:
-            told, typed = f"convergence {self.name}`", f"convergence {self.name} --quick`"
-            report = replace(
-                report, name=f"{report.name}-quick", title=f"{report.title} (quick)",
-                introduction=report.introduction.replace(told, typed),
-            )  # fmt: skip
-        return as_document(report)
-
     def done(self, out: Path, as_json: bool) -> dict[str, Any]:
         """Run what is missing, write the report, show it; the JSON of it."""
         from comparisons.lab.report import findings_of, show, write_report
@@ -117,7 +101,7 @@ class _Part:
 
         self.run.run(self.study)
         stored = read_study(self.run.store)
-        report = self._report(stored.rows)
+        report: Document = import_module(f"comparisons.convergence.{self.name}.report").report(stored.rows, self.quick)
         written = [*write_report(report, out), out / f"{report.name}.csv.gz"]
         write_csv(written[-1], stored.rows)
         if not as_json:

@@ -14,15 +14,15 @@ from comparisons.convergence.mesh import figures, study, task
 from comparisons.convergence.mesh.corner import exponent
 from comparisons.convergence.mesh.data import Mesh, data_of
 from comparisons.convergence.mesh.errors import FORCE, TRACTIONS, Curve, curve
-from comparisons.convergence.mesh.findings import advantage, findings
+from comparisons.convergence.mesh.measures import advantage, values_of
 from comparisons.convergence.mesh.overview import Overview, cost
 from comparisons.convergence.mesh.problems import PROBLEMS, Expected, towards
 from comparisons.convergence.mesh.report import report
-from comparisons.convergence.mesh.tables import costs_table, failures_table, orders_table, verdict
+from comparisons.convergence.mesh.tables import failures_table, spacing, tables_of, verdict
 from comparisons.convergence.mesh.tractions import Tractions, difference, size
 from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
 from comparisons.convergence.orders import fitted_order, reached, successive_orders
-from comparisons.lab.report.old import write_report
+from comparisons.lab.report import findings_of, write_report
 from comparisons.lab.study import Study, read_study, run_study
 from qvi_contact import refine, solve
 from qvi_contact.basics import terminal
@@ -204,7 +204,7 @@ def made_up(errors, expected, least=0.0):
         ([1.0, 1.0, 1.0, 1.0], None, "does not fall"),
         ([1.0, 1.0, 1.0, 1.0], 1.0, "does not fall"),
         ([1.0, 0.5, 0.125, 0.1249], 1.0, "orders still change"),
-        ([1.0, 0.5, 1e-9, 1e-9], 1.0, "fewer than three errors that mean something"),
+        ([1.0, 0.5, 1e-9, 1e-9], 1.0, "too few points for an order"),
     ],
 )
 def test_verdicts(errors, order, said):
@@ -224,19 +224,19 @@ class TestAdvantage:
     @staticmethod
     def said(uniform, other):
         curves = {"uniform": made_up(uniform, None), "graded": replace(made_up(other, None), sequence="graded")}
-        return advantage({name: cost(found, 1e-4) for name, found in curves.items()}, curves)
+        return advantage(curves, 1e-4)
 
     def test_between_two_numbers(self):
-        assert "take 4 to 64 times" in self.said([1, 1, 1, 1e-5], [1, 1e-5])
-        assert self.said([1, 1, 1e-5], [1, 1e-5]) == ""  # the mesh before equal cells' may be as good
+        assert self.said([1, 1, 1, 1e-5], [1, 1e-5]) == (4.0, 64.0)
+        assert self.said([1, 1, 1e-5], [1, 1e-5]) == (None, None)  # the mesh before equal cells' may be as good
 
     def test_at_least_where_the_first_mesh_is_enough(self):
-        assert "take 4 or more times" in self.said([1, 1, 1e-5], [1e-5])
-        assert self.said([1e-5], [1e-5]) == ""
+        assert self.said([1, 1, 1e-5], [1e-5]) == (4.0, None)
+        assert self.said([1e-5], [1e-5]) == (None, None)
 
     def test_not_at_all(self):
-        assert "do not reach it with 256" in self.said([1, 1], [1, 1e-5])
-        assert self.said([1, 1e-5], [1, 1]) == ""
+        assert self.said([1, 1], [1, 1e-5]) == (1.0, None)
+        assert self.said([1, 1e-5], [1, 1]) == (None, None)
 
 
 CHOSEN = [
@@ -285,16 +285,14 @@ class TestRun:
             assert mesh.record["force_bounds"] == pytest.approx(
                 [2e3 * mesh.record["lower"], 2e3 * mesh.record["upper"]]
             )
-        (said,) = [finding.text for finding in findings(found) if "brackets" in finding.text]
-        assert "4 of 4 guaranteed brackets of the energy enclose" in said
+        assert [values_of(found)[name] for name in ("inside", "guaranteed")] == [4, 4]
 
     def test_a_bracket_beside_the_reference_is_said(self, rows):
         first = next(row for row in rows if row.case["model"] == "bracket")
         record = {**first.result["meshes"][0], "upper": 0.1071}
         wrong = replace(first, result={"meshes": [record]})
         changed = [wrong if row is first else row for row in rows]
-        (said,) = [each.text for each in findings(Overview(data_of(changed))) if "brackets" in each.text]
-        assert "3 of 4 guaranteed brackets" in said
+        assert [values_of(Overview(data_of(changed)))[name] for name in ("inside", "guaranteed")] == [3, 4]
 
     def test_the_block_is_exact_in_the_limit(self, rows):
         found = Overview(data_of(rows))
@@ -324,27 +322,28 @@ class TestRun:
         assert ("convergence-mesh-gaps.svg" in texts[0]) == has_matplotlib()
         page = texts[0]["convergence-mesh.md"].decode()
         assert "214.308143" in page
-        assert "(expected 1.52)" in page
-        assert "4 of 4 guaranteed brackets of the energy enclose the reference" in page
+        assert "| 1.52 |" in page
 
     @pytest.mark.skipif(not has_matplotlib(), reason="matplotlib is not installed")
     def test_pictures_of_tractions_and_ends(self, rows):
         found = Overview(data_of(rows))
         block = PROBLEMS["block"]
-        for figure in (figures.tractions_figure(found, block), figures.ends_figure(found, block)):
-            assert figure.svg.startswith("<svg")
-            assert all(
-                word in figure.svg for word in ("[length]", "σ_T" if "tractions" in figure.name else "stick ends")
-            )
+        drawn = figures.figures(found)
+        for name, word in (("tractions-block", "σ_T"), ("ends-block", "stick ends")):
+            assert drawn[name].startswith("<svg")
+            assert word in drawn[name]
+            assert "[length]" in drawn[name]
+        assert set(drawn) >= {f"errors-{problem}" for problem in ("plate-1", "plate-0_2", "block")}
+        assert block in found.problems
 
     def test_a_failed_row_is_shown_and_not_replaced(self, rows):
         lost = [row for row in rows if row.case["size"] != 16]
         (gone,) = (row for row in rows if row.case["size"] == 16 and row.case["problem"] == "plate 1")
         failed = replace(gone, status="timeout", reason="more than 1 s", result={}, certificate=None)
         found = Overview(data_of([*lost, failed]))
-        (line,) = [row for row in failures_table(found).grid.rows if "timeout" in row]
+        (line,) = [row for row in failures_table(found).rows if "timeout" in row]
         assert line == ("plate 1", "uniform", "size 16", "equilibrium", "timeout", "more than 1 s")
-        assert f"{len(found.data.meshes) - 1} of {len(found.data.meshes)} solves" in texts(found)
+        assert values_of(found)["certified"] == values_of(found)["solves"] - 1 == len(found.data.meshes) - 1
         assert len(found.curve_of(PROBLEMS["plate 1"], FORCE, "uniform").errors) == 2
 
 
@@ -377,9 +376,9 @@ class TestBrokenChains:
         assert statuses == ["solved", "solved", "unsolved"]
         chain = next(row for row in rows if row.case["sequence"] == "goal")
         seen = Overview(data_of([*(row for row in rows if row is not chain), replace(chain, result=found)]))
-        (line,) = [row for row in failures_table(seen).grid.rows if "unsolved" in row]
+        (line,) = [row for row in failures_table(seen).rows if "unsolved" in row]
         assert line == ("plate 0.2", "goal", "size 300", "equilibrium", "unsolved", last["message"])
-        assert f"{len(seen.data.meshes) - 1} of {len(seen.data.meshes)} solves" in texts(seen)
+        assert values_of(seen)["certified"] == values_of(seen)["solves"] - 1
 
     def test_a_mesh_that_cannot_be_made_has_one_too(self, monkeypatch):
         monkeypatch.setattr(task, "refine", partial(refine, thinnest=0.1))
@@ -400,36 +399,23 @@ def test_a_reference_of_the_same_models_proves_nothing(rows):
     known = found.references["plate 1"]
     own = replace(known.values["energy"], sequence="reference")
     found.references["plate 1"] = replace(known, values={**known.values, "energy": own})
-    assert "4 of 4 guaranteed brackets of the energy are consistent with the reference" in texts(found)
-    assert "enclose" not in texts(found)
+    assert values_of(found)["guaranteed"] == 0
+    (line,) = tables_of(found)["brackets"].rows
+    assert line[:4] == ("plate 1", "4", "4", "these models")
 
 
 def test_an_end_is_not_judged_by_itself(rows):
     found = Overview(data_of([row for row in rows if row.case["problem"] == "block"]))
     known = found.references["block"]
-    assert "equal cells are" in texts(found)
+    assert tables_of(found)["zones"].rows[0][5:7] == ("17 × 8", "2.0e-2")
     own = replace(known.values["stick ends"], sequence="uniform", uncertainty=0.1)
     found.references["block"] = replace(known, values={**known.values, "stick ends": own})
-    assert "a value that 17 × 8 equal cells gave themselves" in texts(found)
-    assert "within that" not in texts(found)
+    assert tables_of(found)["zones"].rows[0][5:7] == ("17 × 8", "gave the value")
 
 
-def test_the_report_says_what_verdicts_and_costs_are(rows, monkeypatch):
-    found = Overview(data_of(rows))
-    assert "within 10 % of the expected order" in orders_table(found).reading
-    costs = costs_table(found)
-    assert "up to 4 times apart" in costs.reading
-    assert "leave out the solves before" in costs.reading
-    assert costs.failure.endswith("the finest mesh of the sequence is still above.")
-    assert "the solves before it are extra" not in texts(found)  # none of them reaches the target
-    monkeypatch.setattr("comparisons.convergence.mesh.findings._TARGET", 0.1)
-    assert texts(found).count("the solves before it are extra") == 1
-    assert costs_table(Overview(data_of([]))).grid.rows == []
-
-
-def texts(found):
-    """All findings in one text."""
-    return " ".join(finding.text for finding in findings(found))
+def test_costs_are_known_to_the_spacing_of_meshes(rows):
+    assert spacing(Overview(data_of(rows))) == pytest.approx(4.0)
+    assert tables_of(Overview(data_of([])))["costs"].rows == []
 
 
 def test_a_reference_makes_errors_below_it_meaningless(rows):
@@ -521,7 +507,7 @@ class TestCommand:
 
     def test_json_and_files_of_its_own_for_quick(self, rows, capfd, tmp_path, monkeypatch):
         stores = []
-        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
+        monkeypatch.setattr(figures, "_drawn", lambda *_: "")
         monkeypatch.setattr(command.RunOptions, "run", lambda self, _: stores.append(self.store))
         monkeypatch.setattr(
             "comparisons.lab.study.read_study", lambda _: type("Stored", (), {"declaration": {}, "rows": rows})
@@ -536,7 +522,7 @@ class TestCommand:
         (part,) = document["studies"]
         assert (document["schema"], document["quick"], part["name"]) == (command.SCHEMA, True, "mesh")
         assert len(part["rows"]) == len(rows)
-        assert part["findings"] == [finding.text for finding in report(rows).findings]
+        assert part["findings"] == findings_of(report(rows, quick=True).text)
         assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(part["files"])
         assert "convergence-mesh-quick.html" in part["files"]
         text = (tmp_path / "out" / "convergence-mesh-quick.md").read_text(encoding="utf-8")

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from comparisons.convergence.mesh.data import Mesh
 from comparisons.convergence.mesh.errors import ENERGY, FORCE, TRACTIONS, Curve, Reference, end_of, error_of
-from comparisons.convergence.mesh.overview import NAMES, SHOWN, Overview, ends_of
+from comparisons.convergence.mesh.overview import NAMES, SHOWN, Overview, ends_of, slug
 from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import APART, COMPANION, GOAL, GRADED, UNIFORM
-from comparisons.convergence.mesh.tables import slug
 from comparisons.convergence.mesh.tractions import Field, Tractions
 from comparisons.lab.report import svg_text
-from comparisons.lab.report.old import Figure
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.plots.style import (
     BLUE,
@@ -45,21 +44,21 @@ _KINDS: Final = ((GREY, ":"), (ORANGE, "--"), (BLUE, "-"), (VERMILLION, "-."), (
 _SIDE: Final = 3.4  # inch, of a panel
 
 
-def errors_figure(overview: Overview, problem: Problem) -> Figure:
-    """Errors against unknowns, a panel for each measure."""
-    name = f"errors-{slug(problem)}"
-    reading = (
-        "Relative errors against unknowns, both logarithmic; a straight line falls with an order. Circles: equal "
-        "cells, squares: graded, triangles: adaptive for the force, diamonds: adaptive where the bounds are apart, "
-        "crosses: displacements on equal cells. Grey lines have the slope of the order expected on equal cells; in the "
-        "grey band "
-        "errors are below the reference's uncertainty and their marks are hollow."
-    )
-    failure = "Curves that do not fall, or not like the grey line where there is one. Meshes that failed have no mark."
-    return Figure(name, f"{problem.title}: errors", _drawn(name, lambda: _errors(overview, problem)), reading, failure)
+def figures(overview: Overview) -> dict[str, str]:
+    """Name → picture; empty where matplotlib is not installed."""
+    drawings: dict[str, Callable[[], Drawing]] = {"gaps": partial(_gaps, overview)}
+    for problem in overview.problems:
+        known = overview.references[problem.name]
+        drawings[f"errors-{slug(problem)}"] = partial(_errors, overview, problem)
+        if TRACTIONS in known.measures:
+            drawings[f"tractions-{slug(problem)}"] = partial(_tractions, overview, problem)
+        if ends_of(known):
+            drawings[f"ends-{slug(problem)}"] = partial(_ends, overview, problem)
+    return {name: _drawn(name, draw) for name, draw in drawings.items()}
 
 
 def _errors(overview: Overview, problem: Problem) -> Drawing:
+    """Errors against unknowns, a panel for each measure."""
     known = overview.references[problem.name]
     measures = [measure for measure in (FORCE, ENERGY, TRACTIONS) if measure in known.measures]
     figure = new_figure(_SIDE * max(len(measures), 2), 3.5)
@@ -119,19 +118,6 @@ def _draw_slope(axes: Axes, curve: Curve | None) -> None:
     axes.plot(x, 0.6 * error * (x / last) ** -power, color=GREY, linewidth=1.0, label="expected order, equal cells")
 
 
-def tractions_figure(overview: Overview, problem: Problem) -> Figure:
-    """Tractions along the contact on three meshes and the reference."""
-    name = f"tractions-{slug(problem)}"
-    reading = (
-        "Normal and tangential traction along the contact on the coarsest, a middle and the finest mesh of equal cells "
-        "(of up to 32 along the contact), and the reference; dots are the ends of edges. σ_N jumps between edges, σ_T "
-        "does not. Peaks on the outermost 1 % of the contact are cut off."
-    )
-    failure = "Curves that do not approach the reference. Jumps where edges meet are the discretisation's own."
-    svg = _drawn(name, lambda: _tractions(overview, problem))
-    return Figure(name, f"{problem.title}: tractions on the contact", svg, reading, failure)
-
-
 def _three(meshes: Sequence[Mesh]) -> list[Mesh]:
     """Coarsest, middle and finest of those that are not too fine to be seen."""
     few = [mesh for mesh in meshes if mesh.size <= 32] or list(meshes)
@@ -139,6 +125,7 @@ def _three(meshes: Sequence[Mesh]) -> list[Mesh]:
 
 
 def _tractions(overview: Overview, problem: Problem) -> Drawing:
+    """Tractions along the contact on three meshes and the reference."""
     known = overview.references[problem.name]
     figure = new_figure(2.3 * _SIDE, 3.3)
     panels = figure.subplots(1, 2)
@@ -183,23 +170,8 @@ def _samples(lines: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points, points[:, [0, -1]]
 
 
-def ends_figure(overview: Overview, problem: Problem) -> Figure:
-    """Ends of zones against the size of the mesh."""
-    name = f"ends-{slug(problem)}"
-    reading = (
-        "Where zones of the contact end, against h = (number of cells)^−½, finer meshes on the left. Filled marks: the "
-        "first root of the pressure (contact) or of μ|σ_N| − |σ_T| (stick) beyond the last edge that is wholly in the "
-        "zone; bars: the Gauss points around it, between which the state changes. Hollow marks: the zero of a line "
-        "through the square of that function on the zone's last edge, better where it falls like the root of the "
-        "distance. Grey: the reference with its uncertainty."
-    )
-    failure = "Marks that do not approach the grey line. A mesh without the zone, or with several, has no mark."
-    return Figure(
-        name, f"{problem.title}: ends of zones", _drawn(name, lambda: _ends(overview, problem)), reading, failure
-    )
-
-
 def _ends(overview: Overview, problem: Problem) -> Drawing:
+    """Ends of zones against the size of the mesh."""
     known = overview.references[problem.name]
     kinds = ends_of(known)
     figure = new_figure(_SIDE * max(len(kinds), 2) * 0.95, 3.3)
@@ -238,21 +210,8 @@ def _draw_ends(axes: Axes, meshes: Sequence[Mesh], kind: str, sequence: str) -> 
                   linestyle="")  # fmt: skip
 
 
-def gaps_figure(overview: Overview) -> Figure:
-    """Gap of the brackets against the size of the mesh."""
-    reading = (
-        "Distance of the two bounds of the energy over the strain energy against h = (number of cells)^−½, both "
-        "logarithmic, a panel for each sequence of meshes. Filled marks and full lines: guaranteed bounds; hollow "
-        "marks "
-        "and dotted lines: indicators, with the friction bound of the computed state held fixed. Problems whose gap is "
-        "closed to rounding everywhere are left out."
-    )
-    failure = "Gaps that do not close; a bound that could not be computed has no mark and is in the table of failures."
-    svg = _drawn("gaps", lambda: _gaps(overview))
-    return Figure("gaps", "Gap of the bounds of the energy", svg, reading, failure)
-
-
 def _gaps(overview: Overview) -> Drawing:
+    """Gap of the brackets against the size of the mesh."""
     colours = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, GREY)
     markers = "os^vDPX*<>"
     figure = new_figure(3.0 * _SIDE, 3.9)

@@ -82,6 +82,11 @@ def cost(found: Curve | None, target: float) -> float | None:
     return reached([float(mesh.unknowns) for mesh in found.meshes], found.errors, target)
 
 
+def slug(problem: Problem) -> str:
+    """The problem's name as a word for links."""
+    return problem.name.replace(" ", "-").replace(".", "_")
+
+
 def ends_of(known: References) -> list[str]:
     """The kinds of ends of zones that a problem has."""
     return [measure for measure in known.measures if measure not in (FORCE, ENERGY, TRACTIONS)]

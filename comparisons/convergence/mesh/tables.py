@@ -6,43 +6,39 @@ from itertools import pairwise
 from comparisons.convergence.mesh.data import Mesh
 from comparisons.convergence.mesh.errors import (
     ENERGY,
-    FLAT,
     FORCE,
-    SAME,
-    STEADY,
     TRACTIONS,
     Curve,
     References,
     end_of,
     error_of,
 )
-from comparisons.convergence.mesh.overview import NAMES, SHOWN, TARGETS, Overview, cost, ends_of
+from comparisons.convergence.mesh.measures import CLOSED, advantage, changes_of, enclosing, force_curves, side_of
+from comparisons.convergence.mesh.overview import NAMES, SHOWN, TARGETS, Overview, cost, ends_of, slug
 from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GRADED, STRICT, UNIFORM
-from comparisons.lab.report.numbers import percent, scientific, seconds, significant
-from comparisons.lab.report.old import Table
+from comparisons.lab.report.numbers import NOTHING, scientific, seconds, significant
 from comparisons.lab.tables import Grid
 
 _NOT_REACHED = "not reached"
 _ORDERS = ("observed, last two", "observed, last three", "expected", "because", "verdict")
 
 
-def slug(problem: Problem) -> str:
-    """The problem's name as a word for links."""
-    return problem.name.replace(" ", "-").replace(".", "_")
+def tables_of(overview: Overview) -> dict[str, Grid]:
+    """The tables by name."""
+    return {
+        "costs": costs_table(overview), "orders": orders_table(overview), "brackets": brackets_table(overview),
+        "models": models_table(overview), "zones": zones_table(overview), "references": references_table(overview),
+        "failures": failures_table(overview),
+        **{f"meshes-{slug(problem)}": meshes_table(overview, problem) for problem in overview.problems},
+    }  # fmt: skip
 
 
-def references_table(overview: Overview) -> Table:
+def references_table(overview: Overview) -> Grid:
     """What errors are taken against."""
     rows = [row for problem in overview.problems for row in _reference_rows(problem, overview.references[problem.name])]
     headings = ("problem", "measure", "value", "relative uncertainty", "source")
-    return Table(
-        "references",
-        Grid("What the meshes are compared with", headings, rows),
-        "The uncertainty is relative to the value, for ends of zones to the length of the contact, for tractions to "
-        "their L² norm. Errors below it are shown in brackets and are not used for orders.",
-        "An uncertainty as large as the errors that are judged by it: then no order is given.",
-    )
+    return Grid("", headings, rows)
 
 
 def _reference_rows(problem: Problem, known: References) -> Iterator[tuple[str, ...]]:
@@ -55,26 +51,19 @@ def _reference_rows(problem: Problem, known: References) -> Iterator[tuple[str, 
             yield problem.name, measure, significant(value.value, 9), share, value.source
 
 
-def costs_table(overview: Overview) -> Table:
+def costs_table(overview: Overview) -> Grid:
     """Unknowns needed for given errors of the force."""
     rows = []
     for problem in overview.problems:
         for target in TARGETS:
             costs = [_cost(overview, problem, sequence, target) for sequence in SHOWN]
-            rows.append((problem.name, scientific(target, 1), *costs))
-    headings = ("problem", "relative error of the force", *(f"unknowns, {NAMES[each]}" for each in SHOWN))
-    return Table(
-        "costs",
-        Grid("Unknowns for a given error of the force", headings, rows),
-        "The unknowns of the smallest mesh from which on all errors of the sequence stay within the target. Meshes of "
-        f"a sequence are up to {significant(_spacing(overview), 2)} times apart in unknowns, and numbers are known to "
-        "that factor. Those of adaptive sequences are of the mesh alone and leave out the solves before it. Targets "
-        "below the reference's uncertainty have no entry.",
-        f"“{_NOT_REACHED}”: the finest mesh of the sequence is still above.",
-    )
+            rows.append((problem.name, scientific(target, 1), *costs, _advantage(overview, problem, target)))
+    shown = (f"unknowns, {NAMES[each]}" for each in SHOWN)
+    headings = ("problem", "relative error of the force", *shown, "equal cells over the best of the others")
+    return Grid("", headings, rows)
 
 
-def _spacing(overview: Overview) -> float | None:
+def spacing(overview: Overview) -> float | None:
     """The largest ratio of unknowns on two successive meshes of a sequence."""
     found = [
         after.unknowns / before.unknowns
@@ -83,6 +72,13 @@ def _spacing(overview: Overview) -> float | None:
         for before, after in pairwise(sorted(curve.meshes, key=lambda mesh: mesh.unknowns))
     ]
     return max(found, default=None)
+
+
+def _advantage(overview: Overview, problem: Problem, target: float) -> str:
+    low, high = advantage(force_curves(overview, problem), target)
+    if low is None or target < overview.references[problem.name].least(FORCE):
+        return ""
+    return f"> {significant(low, 2)}" if high is None else f"{significant(low, 2)} to {significant(high, 2)}"
 
 
 def _cost(overview: Overview, problem: Problem, sequence: str, target: float) -> str:
@@ -95,24 +91,14 @@ def _cost(overview: Overview, problem: Problem, sequence: str, target: float) ->
     return _NOT_REACHED if found is None else f"{found:.0f}"
 
 
-def orders_table(overview: Overview) -> Table:
+def orders_table(overview: Overview) -> Grid:
     """Observed beside expected orders."""
     rows = [
         (curve.problem.name, curve.measure, NAMES[curve.sequence], *_orders(curve))
         for curve in overview.curves
         if not overview.is_exact(curve.problem)
     ]
-    return Table(
-        "orders",
-        Grid("Orders of convergence", ("problem", "measure", "meshes", *_ORDERS), rows),
-        "p of error ~ hᵖ with h = (number of cells)^−½, which is the cells' side where they are equal. The second "
-        "order is by least squares. Expected ones are those of the singularity on equal cells. For ends of zones the "
-        f"position is the root described with the figures. “As expected” is within {percent(SAME)} of the expected "
-        f"order; orders have settled if the last three are within {percent(STEADY)} of each other; where both "
-        f"orders are {FLAT:g} or less the error does not fall.",
-        "A verdict other than “as expected” where an order is expected: not in the asymptotic range, or not that "
-        "order.",
-    )
+    return Grid("", ("problem", "measure", "meshes", *_ORDERS), rows)
 
 
 def _orders(curve: Curve) -> tuple[str, ...]:
@@ -134,7 +120,70 @@ def verdict(curve: Curve) -> str:
     return "settled" if curve.expected is None else "settled on another order"
 
 
-def meshes_table(overview: Overview, problem: Problem) -> Table:
+def brackets_table(overview: Overview) -> Grid:
+    """Whether guaranteed bounds enclose the reference, and how close they get."""
+    rows = []
+    for problem in overview.problems:
+        for found in enclosing(overview, problem):
+            gap = "closed" if found.gap < CLOSED else scientific(found.gap)
+            where = f"{found.best.cells} cells, {NAMES[found.best.sequence]}"
+            source = "these models" if found.own else "elsewhere"
+            rows.append((problem.name, str(found.number), str(found.inside), source, gap, where))
+    headings = (
+        "problem",
+        "guaranteed brackets",
+        "enclose the reference",
+        "which is from",
+        "closest, relative gap",
+        "on",
+    )
+    return Grid("", headings, rows)
+
+
+def models_table(overview: Overview) -> Grid:
+    """On which side of the reference both models are, and what the law on whole edges changes."""
+    rows = []
+    words = {None: NOTHING, True: "too large", False: "too small"}
+    changes = changes_of(overview)
+    for problem in overview.problems:
+        cells, change = changes.get(problem.name, ("", None))
+        shown = "" if change is None else "0" if abs(change) < CLOSED else f"{scientific(change)}"
+        sides = [words[side_of(overview, problem, model)] for model in (None, COMPANION)]
+        rows.append((problem.name, *sides, shown, cells))
+    headings = (
+        "problem",
+        "force by stresses",
+        "force by displacements",
+        "law on whole edges changes the force by",
+        "on",
+    )
+    return Grid("", headings, rows)
+
+
+def zones_table(overview: Overview) -> Grid:
+    """Where zones end, and how far off the finest equal cells are."""
+    rows = [
+        (problem.name, kind, *_zone(overview, problem, kind))
+        for problem in overview.problems
+        for kind in ends_of(overview.references[problem.name])
+    ]
+    headings = ("problem", "end", "at x", "uncertainty", "unit", "finest equal cells", "are off by", "not shown on")
+    return Grid("", headings, rows)
+
+
+def _zone(overview: Overview, problem: Problem, kind: str) -> tuple[str, ...]:
+    place, unit = overview.references[problem.name].values[kind], problem.units[1]
+    known = (significant(place.value, 4), scientific(place.uncertainty) if place.uncertainty else "exact", unit)
+    curve = overview.curve_of(problem, kind, UNIFORM)
+    if curve is None:
+        return (*known, NOTHING, "", "all")
+    missed = [mesh.cells for mesh in overview.data.of(problem, UNIFORM) if end_of(mesh, kind) is None]
+    off = scientific(curve.errors[-1] * place.unit) if curve.meant[-1] else "within the uncertainty"
+    own = "gave the value" if place.sequence == UNIFORM else off
+    return (*known, curve.meshes[-1].cells, own, ", ".join(missed))
+
+
+def meshes_table(overview: Overview, problem: Problem) -> Grid:
     """Every mesh of a problem."""
     known = overview.references[problem.name]
     ends = ends_of(known)
@@ -149,16 +198,7 @@ def meshes_table(overview: Overview, problem: Problem) -> Table:
         *(f"{end} at [{length}]" for end in ends), "force, law on whole edges", "force by displacements",
         "lower energy", "upper energy", "bounds", "time",
     )  # fmt: skip
-    return Table(
-        f"meshes-{slug(problem)}",
-        Grid(f"{problem.title}: all meshes", headings, rows),
-        "Errors are relative; those in brackets are below the reference's uncertainty. Ends of zones stand with the "
-        "extrapolated value behind the root. Bounds of the energy [stress length²] are guaranteed for the problem, or "
-        "indicators with the friction bound held fixed. The time is that of one solve, for adaptive meshes all that "
-        "was spent up to it.",
-        "A cell without a number where the column has them: that model was not run on so fine a mesh, or failed (see "
-        "the table of failures), or the mesh shows other zones than the reference.",
-    )
+    return Grid("", headings, rows)
 
 
 def _mesh_row(overview: Overview, known: References, sequence: str, mesh: Mesh, ends: list[str]) -> tuple[str, ...]:
@@ -209,7 +249,7 @@ def _end(mesh: Mesh, kind: str) -> str:
     return f"{significant(end['position'], 4)}{other}"
 
 
-def failures_table(overview: Overview) -> Table:
+def failures_table(overview: Overview) -> Grid:
     """Meshes without a certified answer, and bounds that are missing."""
     rows = [
         (mesh.problem.name, mesh.sequence, mesh.cells, mesh.model, mesh.status, mesh.message)
@@ -220,14 +260,7 @@ def failures_table(overview: Overview) -> Table:
         for mesh in overview.data.meshes
         if mesh.solved and mesh.model == BRACKET and mesh.record["gap"] is None
     ]
-    return Table(
-        "failures",
-        Grid("Failures", ("problem", "meshes", "cells", "model", "status", "message"), rows),
-        "Every mesh on which a model gave no certified answer, or a bound of the energy could not be computed. Chains "
-        "of adaptive meshes end there.",
-        "Every line of it. “Bound missing” is what the theory allows: on coarse meshes no stress may obey the contact "
-        "law on whole edges.",
-    )
+    return Grid("", ("problem", "meshes", "cells", "model", "status", "message"), rows)
 
 
 def _number(order: float | None) -> str:
