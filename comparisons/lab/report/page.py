@@ -4,13 +4,13 @@ import html
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from importlib.resources import files
 from typing import TYPE_CHECKING, Final
 
 from comparisons.lab.cells import sort_key
 from comparisons.lab.report.document import Document
 from comparisons.lab.report.reader import headings, reader, title_of, words
 from comparisons.lab.study.outcome import FAILURES
+from qvi_contact.basics.page import page_template
 from qvi_contact.plots.inline import inline_svg
 
 if TYPE_CHECKING:
@@ -25,21 +25,10 @@ _CONTENTS: Final = 3  # headings from which on a page has contents
 
 def as_page(document: Document) -> str:
     """The report as HTML."""
-    from jinja2 import Environment, StrictUndefined
-
     markdown = reader()
     tokens = list(_adapted(markdown.parse(document.text), document))
-    template = Environment(undefined=StrictUndefined, autoescape=True, keep_trailing_newline=True).from_string(
-        _file("page.html")
-    )
-    return template.render(
-        title=title_of(document.text), style=_file("page.css"), script=_file("sort.js"),
-        body=markdown.renderer.render(tokens, markdown.options, {}),
-    )  # fmt: skip
-
-
-def _file(name: str) -> str:
-    return files("comparisons.lab.report").joinpath(name).read_text(encoding="utf-8")
+    body = markdown.renderer.render(tokens, markdown.options, {})
+    return page_template("comparisons.lab.report").render(title=title_of(document.text), body=body)
 
 
 def _adapted(tokens: Sequence["Token"], document: Document) -> Iterator["Token"]:

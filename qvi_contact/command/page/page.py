@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from markupsafe import Markup
 
 from qvi_contact import __version__
+from qvi_contact.basics.page import page_template
 from qvi_contact.basics.units import Units
 from qvi_contact.command.page.fields import contact_data, field_data
 from qvi_contact.command.page.numbers import (
@@ -34,7 +35,6 @@ from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult
 
 if TYPE_CHECKING:
-    from jinja2 import Template
     from matplotlib.figure import Figure
 
     from qvi_contact.bracket import Bracket
@@ -94,7 +94,7 @@ def result_page(
     shown = _shown(result, bracket, file.units) if result.has_state else {"field": None, "contacts": [], "tables": []}
     figure = problem_figure(result.problem, file.units) if result.has_state else result_figure(result, file.units)
     names = [contact.name for contact in result.problem.contacts]
-    text: str = _template().render(
+    text: str = page_template("qvi_contact.command.page").render(
         title=file.title or "Contact problem",
         paragraphs=[part for part in file.description.split("\n\n") if part.strip()],
         made=datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -113,19 +113,6 @@ def result_page(
         **shown,
     )
     return text
-
-
-def _template() -> "Template":
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("qvi_contact.command.page", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html")
 
 
 def _bracket(result: ContactResult, time_limit: float | None) -> "tuple[Bracket | None, str]":
