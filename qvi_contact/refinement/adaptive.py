@@ -250,9 +250,9 @@ def _refined(
         status=ended.stop.status,
         quantity=measure.name,
         target=strategy.settings.target,
-        value=float("nan") if last is None else last.value,
+        value=float("nan") if last is None else last.accuracy.value,
         estimate=float("inf") if last is None else last.estimate,
-        unit=float("nan") if last is None else last.unit,
+        unit=float("nan") if last is None else last.accuracy.unit,
         indicator=known.problem.mesh.arranged(np.zeros(known.problem.mesh.cell_count))
         if last is None
         else last.indicator,
@@ -278,9 +278,9 @@ def _limit_refined(
         status=ended.stop.status,
         quantity=f"limit load factor of {', '.join(strategy.names)}",
         target=settings.target,
-        value=last.value,
+        value=last.accuracy.value,
         estimate=last.estimate,
-        unit=last.unit,
+        unit=last.accuracy.unit,
         indicator=last.indicator,
         rounds=tuple(each.record for each in ended.rounds),
         reason=ended.stop.reason,

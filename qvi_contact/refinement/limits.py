@@ -21,7 +21,7 @@ from qvi_contact.refinement.closer import at_contacts
 from qvi_contact.refinement.doerfler import bulk
 from qvi_contact.refinement.law_gap import law_gap
 from qvi_contact.refinement.outcome import RefinementStatus
-from qvi_contact.refinement.rounds import Round, Settings, StopError, TooLargeError
+from qvi_contact.refinement.rounds import Accuracy, Round, Settings, StopError, TooLargeError
 from qvi_contact.solution.followed import loads_followed
 from qvi_contact.solution.limit import LimitAnalysis, LimitLoad, LimitProblem
 from qvi_contact.solution.result import ContactResult
@@ -32,7 +32,7 @@ _TWICE: Final = 2  # bisections of a triangle that halve all its edges
 _VIOLATED: Final = 1e-7  # of the largest limit of tractions: violation that counts as rounding
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LimitRound(Round):
     """A limit load on one mesh.
 
@@ -91,7 +91,13 @@ class _Limits:
         indicator = mesh.arranged(shares * (estimate / total) if known else np.zeros(mesh.cell_count))
         exact = np.isfinite(estimate) and loads_followed(answer.posed.low) and loads_followed(answer.posed.high)
         return LimitRound(
-            problem, answer.posed.unknowns, limit.lower, unit, estimate, exact, cells, indicator, limit, parts
+            problem=problem,
+            unknowns=answer.posed.unknowns,
+            accuracy=Accuracy(limit.lower, unit, estimate, bool(exact)),
+            cells=cells,
+            indicator=indicator,
+            limit=limit,
+            parts=parts,
         )
 
     def next(self, rounds: Sequence[LimitRound]) -> ContactProblem:

@@ -17,7 +17,15 @@ from qvi_contact.refinement.grids import coarser, finer
 from qvi_contact.refinement.marking import marked_lines
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.quantity import Measure
-from qvi_contact.refinement.rounds import ResultRound, Settings, StopError, TooLargeError, check_solved, unknowns_of
+from qvi_contact.refinement.rounds import (
+    Accuracy,
+    ResultRound,
+    Settings,
+    StopError,
+    TooLargeError,
+    check_solved,
+    unknowns_of,
+)
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import solve
 from solvers import Status
@@ -30,7 +38,7 @@ _SLOWEST: Final = 0.8  # largest reduction of the error between two rounds that 
 _APART: Final = 8.0  # how far the two estimates may be apart
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LineRound(ResultRound):
     """A round on grids; `problem` is that on the middle one.
 
@@ -88,7 +96,16 @@ class LineRefinement:
         indicator = _shared(errors, estimate) if errors is not None else np.zeros(mesh.shape)
         cells = mesh.shape[::-1]
         size = unknowns_of(result)
-        return LineRound(problem, size, value, unit, estimate, False, cells, indicator, result, errors, sensitivity)
+        return LineRound(
+            problem=problem,
+            unknowns=size,
+            accuracy=Accuracy(value, unit, estimate),
+            cells=cells,
+            indicator=indicator,
+            result=result,
+            errors=errors,
+            sensitivity=sensitivity,
+        )
 
     def next(self, rounds: Sequence[LineRound]) -> ContactProblem:
         """The next mesh, of which all intervals will be bisected."""
@@ -133,5 +150,5 @@ def _estimate(value: float, missing: float, sensitivity: float, last: LineRound 
         return sensitivity * missing
     companion = max(sensitivity, last.sensitivity) * missing
     reduction = min(missing / last.errors.total, _SLOWEST)
-    rounds = abs(value - last.value) * reduction / (1.0 - reduction)
+    rounds = abs(value - last.accuracy.value) * reduction / (1.0 - reduction)
     return float(np.sqrt(companion * np.clip(rounds, companion / _APART, companion * _APART)))

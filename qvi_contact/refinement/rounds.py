@@ -42,7 +42,28 @@ class Settings:
     options: Mapping[str, Any]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
+class Accuracy:
+    """The quantity of a round, and how far off it is.
+
+    Attributes
+    ----------
+    value, unit : float
+        The quantity, and what its error is relative to.
+    estimate : float
+        Relative error; infinity if there is none.
+    guaranteed : bool
+        Whether the estimate is a bound.
+
+    """
+
+    value: float
+    unit: float
+    estimate: float
+    guaranteed: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Round:
     """An answer and how far it is off.
 
@@ -52,12 +73,8 @@ class Round:
         What the next round's mesh is made from.
     unknowns : int
         Unknowns of the answer.
-    value, unit : float
-        The quantity, and what its error is relative to.
-    estimate : float
-        Relative error; infinity if there is none.
-    guaranteed : bool
-        Whether the estimate is a bound.
+    accuracy : Accuracy
+        The quantity of the answer, and how far off it is.
     cells : tuple of int
         Grid cells along x and y, or the number of triangles.
     indicator : array
@@ -67,20 +84,23 @@ class Round:
 
     problem: ContactProblem
     unknowns: int
-    value: float
-    unit: float
-    estimate: float
-    guaranteed: bool
+    accuracy: Accuracy
     cells: tuple[int, ...]
     indicator: FloatArray
 
     @property
+    def estimate(self) -> float:
+        """Relative error; infinity if there is none."""
+        return self.accuracy.estimate
+
+    @property
     def record(self) -> RefinementRound:
         """What is kept of the round."""
-        return RefinementRound(self.cells, self.unknowns, self.value, self.estimate, self.guaranteed)
+        known = self.accuracy
+        return RefinementRound(self.cells, self.unknowns, known.value, known.estimate, known.guaranteed)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ResultRound(Round):
     """A round that solves the problem.
 

@@ -19,7 +19,15 @@ from qvi_contact.refinement.comparison import Comparison, bounded, coulomb_conta
 from qvi_contact.refinement.doerfler import bulk
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.quantity import Measure
-from qvi_contact.refinement.rounds import ResultRound, Settings, StopError, TooLargeError, check_solved, unknowns_of
+from qvi_contact.refinement.rounds import (
+    Accuracy,
+    ResultRound,
+    Settings,
+    StopError,
+    TooLargeError,
+    check_solved,
+    unknowns_of,
+)
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import posed, solve
 from solvers import Status
@@ -39,15 +47,30 @@ _POSING: Final = ("degree", "contact_rows")  # options of the discretisation, no
 
 
 @dataclass(frozen=True, eq=False)
+class Marks:
+    """What to bisect next.
+
+    Attributes
+    ----------
+    cells : (m,) bool array
+        Triangles.
+    deeper : tuple of int arrays
+        Vertices at which triangles are bisected once more, twice more and so on.
+
+    """
+
+    cells: BoolArray
+    deeper: tuple[IntArray, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TriangleRound(ResultRound):
     """A round on triangles.
 
     Attributes
     ----------
-    marked : (m,) bool array
-        Triangles to bisect next.
-    deeper : tuple of int arrays
-        Vertices at which triangles are bisected once more, twice more and so on.
+    marks : Marks
+        What to bisect next.
     tried : bool
         Whether bounds were computed.
     looked : float
@@ -55,8 +78,7 @@ class TriangleRound(ResultRound):
 
     """
 
-    marked: BoolArray
-    deeper: tuple[IntArray, ...]
+    marks: Marks
     tried: bool
     looked: float = np.nan
 
@@ -98,58 +120,42 @@ class TriangleRefinement:
         mesh, measure = _mesh(problem), self.measure
         value, unit = measure.value(result), measure.unit(result)
         at = places(problem, mesh, result)
-        hopeless = any(each.tried and not each.guaranteed for each in earlier)
+        hopeless = any(each.tried and not each.accuracy.guaranteed for each in earlier)
         tried = measure.bounded and not hopeless and sticks(result)
         found = bounded(measure, value, result) if tried else None
         if found is None or (found.error <= self.settings.target * unit and coulomb_contacts(problem)):
             found = self._looked(problem, result, value, at, found)
-        if found is None and any(np.isfinite(each.estimate) for each in earlier):  # nobody could tell its accuracy
-            late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.UNSOLVED
-            raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be told")
-        if found is None:
-            found = Comparison(np.inf, False, np.ones(len(mesh.cells)))
-        if earlier and not found.guaranteed:  # looks that still move are no measure of an error below their steps
-            found = replace(found, error=float(np.fmax(found.error, abs(found.looked - earlier[-1].looked))))
+        found = _settled(found, result, earlier)
         estimate = found.error / unit if unit > 0.0 else 0.0
-        count = (len(mesh.cells),)
-        shares = _shared(found.parts, estimate)
-        marked, deeper = self._marked(mesh, at, found, estimate)
-        size = unknowns_of(result)
         return TriangleRound(
-            problem,
-            size,
-            value,
-            unit,
-            estimate,
-            found.guaranteed,
-            count,
-            shares,
-            result,
-            marked,
-            deeper,
-            tried,
-            found.looked,
+            problem=problem,
+            unknowns=unknowns_of(result),
+            accuracy=Accuracy(value, unit, estimate, found.guaranteed),
+            cells=(len(mesh.cells),),
+            indicator=_shared(found.parts, estimate),
+            result=result,
+            marks=self._marks(mesh, at, found, estimate),
+            tried=tried,
+            looked=found.looked,
         )
 
-    def _marked(
-        self, mesh: TriangleMesh, at: Places, found: Comparison, estimate: float
-    ) -> tuple[BoolArray, tuple[IntArray, ...]]:
+    def _marks(self, mesh: TriangleMesh, at: Places, found: Comparison, estimate: float) -> Marks:
         """Triangles to bisect, and vertices where to go on."""
         if not np.isfinite(estimate):
-            return np.ones(len(mesh.cells), dtype=bool), ()
+            return Marks(np.ones(len(mesh.cells), dtype=bool))
         marked = bulk(found.parts)
         if found.guaranteed or not len(at.cells):
-            return marked, _deeper(mesh, at.corners, found.parts, self.settings.target / (estimate or 1.0))
+            return Marks(marked, _deeper(mesh, at.corners, found.parts, self.settings.target / (estimate or 1.0)))
         marked[at.cells] = True  # changes of state matter more for a force than their share says
-        return marked, ()
+        return Marks(marked)
 
     def next(self, rounds: Sequence[TriangleRound]) -> ContactProblem:
         """The problem with marked triangles bisected, but for those that are as small as allowed."""
         last = rounds[-1]
-        mesh = self._bisected(_mesh(last.problem), last.marked)
+        mesh = self._bisected(_mesh(last.problem), last.marks.cells)
         if mesh is None:
             raise StopError(RefinementStatus.THIN_CELLS)
-        for vertices in last.deeper:  # old vertices keep their numbers
+        for vertices in last.marks.deeper:  # old vertices keep their numbers
             mesh = self._bisected(mesh, np.asarray(np.isin(mesh.cells, vertices).any(axis=1))) or mesh
         return replace(last.problem, mesh=mesh)
 
@@ -189,6 +195,18 @@ class TriangleRefinement:
         if discretization.qvi.n > most:
             raise TooLargeError(discretization.qvi.n)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
+
+
+def _settled(found: Comparison | None, result: ContactResult, earlier: Sequence[TriangleRound]) -> Comparison:
+    """What is known of the error of an answer, once the rounds before are looked at; `StopError` if that is over."""
+    if found is None and any(np.isfinite(each.estimate) for each in earlier):  # nobody could tell its accuracy
+        late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.UNSOLVED
+        raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be told")
+    if found is None:
+        found = Comparison(np.inf, False, np.ones(len(_mesh(result.problem).cells)))
+    if earlier and not found.guaranteed:  # looks that still move are no measure of an error below their steps
+        found = replace(found, error=float(np.fmax(found.error, abs(found.looked - earlier[-1].looked))))
+    return found
 
 
 def _mesh(problem: ContactProblem) -> TriangleMesh:
