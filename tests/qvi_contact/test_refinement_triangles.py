@@ -20,6 +20,7 @@ from qvi_contact import (
     refine,
     solve,
 )
+from qvi_contact.discretization.hsieh_clough_tocher import frames
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.refinement import triangles as triangle_refinement
 from qvi_contact.refinement.closer import closer_problem, differences, places
@@ -135,10 +136,10 @@ class TestBounds:
         assert error < outcome.estimate < 4.0 * error
 
     def test_rounding_in_small_cells_is_no_misfit_of_the_loads(self):
-        """Tractions on edges of 2^-13 miss zero by rounding alone, more than 1e-9 of the stress: bounds hold."""
+        """Tractions on edges of 2^-13 in two places miss zero by rounding alone: bounds hold."""
         problem = l_shape(Contact.tied("bottom"))
         result = solve(replace(problem, mesh=problem.mesh.graded([(0.0, 0.0), (1.0, 1.0)], 13)), degree=3)
-        assert result.traction_misfit > 1e-9 * result.discretization.scales.stress
+        assert result.traction_misfit < 1e-10 * result.discretization.scales.stress
         assert result.bracket.guaranteed
 
     def test_without_friction(self):
@@ -357,8 +358,9 @@ class TestEnds:
         assert outcome.status is RefinementStatus.THIN_CELLS
         assert outcome.problem.mesh.cell_range[0] >= 0.1
 
-    def test_cells_too_thin_for_double_precision(self):
-        """Small cells in two places of a contact, of which one only can have the gauge: tractions lose digits."""
+    def test_cells_too_thin_for_double_precision(self, monkeypatch):
+        """Small cells in two places of a contact, of which one only has the gauge: tractions lose digits."""
+        monkeypatch.setattr(frames, "_FAR", np.inf)
         problem = plate(0.2)
         deep = replace(problem, mesh=problem.mesh.graded([(1.0, 1.0), (0.5, 1.0)], 16))
         outcome = refine(deep, None, 1e-9, degree=3, method="condensed")

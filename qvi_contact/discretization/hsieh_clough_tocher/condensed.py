@@ -170,6 +170,10 @@ class Differences:
         What one unit of them is: value = unit × degree of freedom.
     size : int
         Degrees of freedom of the body.
+    across : (c,) int array
+        Triangles whose corners count from several affine functions.
+    beyond : (9 c, size) sparse array
+        What is added to the values in their corners; see `Frames.beyond`.
 
     """
 
@@ -177,10 +181,16 @@ class Differences:
     dofs: IntArray
     units: FloatArray
     size: int
+    across: IntArray
+    beyond: sparse.csr_array
 
     def apply(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(Φ, Φ_x, Φ_y) in the first corner (n, 3), and the differences w (n, k), of degrees of freedom (size,)."""
+        """(Φ, Φ_x, Φ_y) in the first corner (n, 3), and the differences w (n, k), of degrees of freedom (size,).
+
+        Φ counts from where it does at that corner.
+        """
         values = self.units * u[self.dofs]
+        values[self.across, : 3 * _AFFINE] += (self.beyond @ u).reshape(-1, 3 * _AFFINE)
         affine, w = values[:, :_AFFINE], values[:, _AFFINE:]
         slope = affine[:, 1:]
         for corner in (0, 1):
@@ -191,31 +201,47 @@ class Differences:
 
     def adjoint(self, w: FloatArray) -> FloatArray:
         """The transposed map from w (n, k) to degrees of freedom (size,)."""
-        values = self.units * self.expanded(w[:, None])[:, 0]
-        return np.asarray(np.bincount(self.dofs.ravel(), values.ravel(), self.size), dtype=np.float64)
+        values = self.expanded(w[:, None])[:, 0]
+        found = np.bincount(self.dofs.ravel(), (self.units * values).ravel(), self.size)
+        return np.asarray(found + self.beyond.T @ values[self.across, : 3 * _AFFINE].ravel(), dtype=np.float64)
 
     def magnitudes(self, sizes: FloatArray) -> FloatArray:
         """`apply` with + for every −: the size (n, k) of the numbers that enter, from sizes (size,)."""
         values = self.units * sizes[self.dofs]
+        values[self.across, : 3 * _AFFINE] += (abs(self.beyond) @ sizes).reshape(-1, 3 * _AFFINE)
         w = values[:, _AFFINE:].copy()
         for corner in (0, 1):
             w[:, 3 * corner] += values[:, 0] + (np.abs(self.arms[:, corner]) * values[:, 1:3]).sum(axis=1)
             w[:, 3 * corner + 1 : 3 * corner + 3] += values[:, 1:3]
         return w
 
-    def expanded(self, rows: FloatArray) -> FloatArray:
-        """Rows on differences (n, r, k) as rows on the values of each triangle (n, r, shared), units left out."""
+    def expanded(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> FloatArray:
+        """Rows on differences (n, r, k) as rows on the values of these triangles (n, r, shared), units left out."""
         full = np.zeros((*rows.shape[:2], rows.shape[2] + _AFFINE))
         full[:, :, _AFFINE:] = rows
         for corner in (0, 1):
             value, slope = rows[:, :, [3 * corner]], rows[:, :, 3 * corner + 1 : 3 * corner + 3]
             full[:, :, 0] -= value[:, :, 0]
-            full[:, :, 1:3] -= self.arms[:, None, corner] * value + slope
+            full[:, :, 1:3] -= self.arms[triangles, None, corner] * value + slope
         return full
 
     def rows(self, roots: FloatArray) -> FloatArray:
         """R, rows (n, k, shared) on the degrees of freedom of each triangle."""
         return self.expanded(roots) * self.units[:, None, :]
+
+    def spread(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> sparse.csr_array:
+        """Rows (n, r, shared) on the degrees of freedom of these triangles as rows of the body, (n r, size)."""
+        n, r, shared = rows.shape
+        columns = np.repeat(self.dofs[triangles], r, axis=0).ravel()
+        return sparse.csr_array((rows.ravel(), columns, shared * np.arange(n * r + 1)), shape=(n * r, self.size))
+
+    def rows_beyond(self, roots: FloatArray) -> sparse.csr_array:
+        """What R has beside `rows` in the c triangles across parts, shape (c k, size)."""
+        corners = self.expanded(roots[self.across], self.across)[:, :, : 3 * _AFFINE]
+        c, k, width = corners.shape
+        columns = np.repeat(np.arange(c * width).reshape(c, width), k, axis=0).ravel()
+        blocks = sparse.csr_array((corners.ravel(), columns, width * np.arange(c * k + 1)), shape=(c * k, c * width))
+        return sparse.csr_array(blocks @ self.beyond)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,11 +281,12 @@ class TriangleRoot:
 
     def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
         """(R with RᵀR = K, the centre of each row's triangle); the last n rows, which are zero, left out."""
-        rows = self.differences.rows(self.condensed.roots)
-        count, k, shared = rows.shape
-        columns = np.repeat(self.differences.dofs, k, axis=0).ravel()
-        pointers = shared * np.arange(count * k + 1)
-        full = sparse.csr_array((rows.ravel(), columns, pointers), shape=(count * k, self.differences.size))
+        differences, k = self.differences, self.condensed.roots.shape[1]
+        full = differences.spread(differences.rows(self.condensed.roots))
+        if len(differences.across):
+            own = (k * differences.across[:, None] + np.arange(k)).ravel()
+            place = sparse.csr_array((np.ones(len(own)), (own, np.arange(len(own)))), shape=(full.shape[0], len(own)))
+            full = full + place @ differences.rows_beyond(self.condensed.roots)
         return sparse.csr_array(full @ self.basis), np.repeat(self.centres, k, axis=0)
 
     def rounding(self, z: FloatArray) -> float:
@@ -286,7 +313,16 @@ def energy_matrix(condensed: CondensedTriangles, differences: Differences) -> sp
     blocks = rows.swapaxes(1, 2) @ rows
     at = (np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, dofs.shape[1]).ravel())
     shape = (differences.size, differences.size)
-    return sparse.coo_array((blocks.ravel(), at), shape=shape).tocsr()
+    found = sparse.coo_array((blocks.ravel(), at), shape=shape).tocsr()
+    return found + _energy_beyond(rows, condensed, differences) if len(differences.across) else found
+
+
+def _energy_beyond(rows: FloatArray, condensed: CondensedTriangles, differences: Differences) -> sparse.csr_array:
+    """What triangles across parts add: of (R + Q)ᵀ(R + Q), with Q beside their rows R, all but RᵀR."""
+    R = differences.spread(rows[differences.across], differences.across)
+    Q = differences.rows_beyond(condensed.roots)
+    mixed = sparse.csr_array(R.T @ Q)
+    return sparse.csr_array(mixed + mixed.T + Q.T @ Q)
 
 
 def _index_type(size: int) -> type[np.signedinteger[Any]]:

@@ -56,6 +56,9 @@ class TriangleEnergy:
         the reference triangle, which make the rest.
         """
         affine, w = self.space.differences.apply(u)
+        frames, first = self.space.frames, self.space.mesh.cells[:, 0]
+        if frames.several:
+            affine += (frames.affine(first) @ u[frames.columns(first)][:, :, None])[:, :, 0]
         B = self.space.element.transformations(self.space.triangles)[:, 3:, 3:]
         shared = (B @ w[:, :, None])[:, :, 0]
         return np.hstack([affine, shared, self.condensed.interior(shared)])

@@ -5,7 +5,8 @@ Degrees of freedom are those of `element.hsieh_clough_tocher` in units that make
     Φ/s, Φ_x, Φ_y   at vertices, from three times the vertex's number on,
     h N_k, h Q_k    on edges, behind those of the vertices
 
-with s the length of the shortest edge at the vertex and h the edge's own.
+with s the length of the shortest edge at the vertex and h the edge's own. Where a mesh has small cells in places far
+from each other, Φ counts from an affine function in each, see `frames`.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.hsieh_clough_tocher.condensed import Differences
+from qvi_contact.discretization.hsieh_clough_tocher.frames import Frames
 from qvi_contact.discretization.hsieh_clough_tocher.functionals import EdgeFunctionals
 from qvi_contact.element.affine import AffineTriangles
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
@@ -73,8 +75,17 @@ class TriangleSpace:
     @cached_property
     def differences(self) -> Differences:
         """Degrees of freedom triangle by triangle."""
-        corners = self.triangles.corners
-        return Differences(corners[:, 1:] - corners[:, :1], self.dofs, self.units[self.dofs], self.size)
+        corners, frames = self.triangles.corners, self.frames
+        units, across = self.units[self.dofs], frames.across(self.mesh.cells)
+        if frames.several:
+            units[:, :9] *= np.repeat(~frames.is_centre[self.mesh.cells], 3, axis=1)
+        beyond = frames.beyond(self.mesh.cells[across], self.size)
+        return Differences(corners[:, 1:] - corners[:, :1], self.dofs, units, self.size, np.flatnonzero(across), beyond)
+
+    @cached_property
+    def frames(self) -> Frames:
+        """From where Φ counts; centres lie on the boundary rather than inside."""
+        return Frames.of(self.vertices, self.sizes, np.isin(np.arange(len(self.vertices)), self.mesh.boundary.first))
 
     @cached_property
     def sizes(self) -> FloatArray:
@@ -85,7 +96,8 @@ class TriangleSpace:
     def units(self) -> FloatArray:
         """Φ, its slopes, N_k or Q_k over the degree of freedom that stands for it, shape (N,)."""
         first, second = self.vertices[self.mesh.topology.ends].swapaxes(0, 1)
-        at_vertices = np.column_stack([self.sizes, np.ones((len(self.sizes), 2))]).ravel()
+        values = np.where(self.frames.is_centre & self.frames.several, 1.0, self.sizes)
+        at_vertices = np.column_stack([values, np.ones((len(self.sizes), 2))]).ravel()
         return np.concatenate([at_vertices, np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)])
 
     def number(self, edges: Edges) -> IntArray:
@@ -147,7 +159,20 @@ class TriangleSpace:
     def _scaled(self, on_values: EdgeFunctionals) -> EdgeFunctionals:
         """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
         values = on_values.values * self.units[on_values.columns][:, None]
-        return EdgeFunctionals(on_values.columns, values, self.size)
+        found = EdgeFunctionals(on_values.columns, values, self.size)
+        return self._framed(on_values, found) if self.frames.several else found
+
+    def _framed(self, on_values: EdgeFunctionals, found: EdgeFunctionals) -> EdgeFunctionals:
+        """The same with six more columns an edge, of the centres of its ends, which count on edges across parts."""
+        frames, values, ends = self.frames, found.values, on_values.columns[:, [0, 3]] // 3
+        across = frames.across(ends)
+        more: FloatArray = np.zeros((*values.shape[:2], 6))
+        for end in (0, 1):
+            own = slice(3 * end, 3 * end + 3)
+            values[:, :, own] *= ~frames.is_centre[ends[:, end], None, None]
+            more[across, :, own] = on_values.values[across, :, own] @ frames.affine(ends[across, end])
+        columns = np.hstack([found.columns, frames.columns(ends[:, 0]), frames.columns(ends[:, 1])])
+        return EdgeFunctionals(columns, np.concatenate([values, more], axis=2), self.size)
 
 
 def frame(edges: Edges) -> tuple[FloatArray, FloatArray]:

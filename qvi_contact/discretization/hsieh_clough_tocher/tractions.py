@@ -81,7 +81,10 @@ class Conditions:
 
 
 def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> Elimination:
-    """Solve the prescribed tractions and the gauge, which is zero at the vertex with the smallest cells.
+    """Solve the prescribed tractions and the gauge, which is zero at the first centre, where cells are smallest.
+
+    Rows are taken along lines, part by part of one centre and beginning at it or where cells are small, so that degrees
+    of freedom there do not follow from large ones far away; edges across parts come last and tie the centres.
 
     Raises
     ------
@@ -92,7 +95,7 @@ def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction
     tractions = _projected(space, given)
     lines = space.mesh.topology.ends[np.unique(tractions.number)]
     gauge = _gauge(space, lines)
-    place, age = walk(lines, gauge, len(space.vertices))
+    place, age = _walked(space, lines, gauge)
     rows = _conditions(space, tractions)
     order = np.argsort(place[np.searchsorted(np.unique(tractions.number), rows.number)], kind="stable")
     on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
@@ -174,23 +177,43 @@ def _of_components(space: TriangleSpace, tractions: EdgeTractions) -> Conditions
     return Conditions(C, (tractions.coefficients * scale).ravel(), is_load, np.repeat(tractions.number, rows))
 
 
+def _walked(space: TriangleSpace, lines: IntArray, gauge: int) -> tuple[IntArray, IntArray]:
+    """`walk` along the lines (n, 2), those across parts last; centres are solved for where nothing else is left."""
+    frames = space.frames
+    if not frames.several:
+        return walk(lines, gauge, len(space.vertices))
+    across = frames.across(lines)
+    small = np.argsort(np.round(np.log2(space.sizes)), kind="stable")
+    seeds = [*frames.centres.tolist(), *small[np.isin(small, lines)].tolist()]
+    inside, age = walk(lines[~across], seeds, len(space.vertices))
+    place = np.full(len(lines), len(lines))
+    place[~across] = inside
+    age[frames.centres] = 0
+    return place, age
+
+
 def _gauge(space: TriangleSpace, lines: IntArray) -> int:
-    """The vertex with the smallest cells; of several one on the lines (n, 2), and of those the one of lowest number."""
+    """The first of several centres; else the vertex with the smallest cells.
+
+    Of several vertices it is one on the lines (n, 2), and of those the one of lowest number.
+    """
+    if space.frames.several:
+        return int(space.frames.centres[0])
     small = space.sizes <= _ALIKE * space.sizes.min()
     on_lines = np.zeros_like(small)
     on_lines[lines] = True
     return int(np.argmax(small & on_lines if (small & on_lines).any() else small))
 
 
-def walk(ends: IntArray, start: int, vertices: int) -> tuple[IntArray, IntArray]:
+def walk(ends: IntArray, start: int | Sequence[int], vertices: int) -> tuple[IntArray, IntArray]:
     """An order of edges in which each one, if it can, meets those before it in one vertex.
 
     Parameters
     ----------
     ends : (n, 2) int array
         Vertices of the edges.
-    start : int
-        The vertex to begin at. Lines that do not hold it begin at their end of lowest number, closed ones at their
+    start : int, or sequence of int
+        The vertices to begin at. Lines that hold none of them begin at their end of lowest number, closed ones at their
         vertex of lowest number.
     vertices : int
         Number of vertices.
@@ -211,7 +234,7 @@ def walk(ends: IntArray, start: int, vertices: int) -> tuple[IntArray, IntArray]
     place, age = np.full(len(ends), -1), np.zeros(vertices, dtype=np.int64)
     step, met = 0, 0
     line_ends = sorted(vertex for vertex, edges in at.items() if len(edges) == 1)
-    for seed in (start, *line_ends, *sorted(at)):
+    for seed in (*([start] if isinstance(start, int) else start), *line_ends, *sorted(at)):
         waiting = [seed] if seed in at and not age[seed] else []
         while waiting:
             vertex = waiting.pop()
