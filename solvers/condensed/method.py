@@ -53,6 +53,8 @@ _LARGEST_SADDLE = 2500  # unknowns of them
 _FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
 _PATIENCE = 6  # iterations without progress
 _PROGRESS = 0.7
+_SMALL_SHARE = 2e-3  # of the contact that belongs to one point, below which the gap has to be smaller
+_LEAST_GAP = 1e-19  # that is asked for: out of reach, so that iterations go on as long as they gain
 _ENOUGH = 1e-12  # relative defect correction that is not worth another one
 _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
 _HALVED = 0.5
@@ -70,7 +72,8 @@ class CondensedOptions:
 
     Attributes
     ----------
-    gap : complementarity at which the interior point method stops, relative to stress × displacement × length
+    gap : complementarity at which the interior point method stops, relative to stress × displacement × length; less
+        by the square of the least share that a point has in the contact, where that is below 2e-3
     max_iterations : factorisations of the Newton matrix at most
     callback : called with every `Iteration`
 
@@ -111,6 +114,18 @@ class _Run:
     scale: float = 0.0  # energy norm of the first step
     steps: list[float] = field(default_factory=list)  # relative lengths of the steps between corrections
     sizes: list[float] = field(default_factory=list)  # relative sizes of the corrections
+
+    @property
+    def final_gap(self) -> float:
+        """The gap at which the interior point method stops.
+
+        At a distance r from where slip ends s λ is about r², in the unit of the gap: points of an edge of that length
+        have no sticking or slipping of their own before the gap is well below. The more so for tractions, which are
+        λ over r.
+        """
+        weights = self.problem.weights
+        share = float(weights.min() / weights.sum()) if len(weights) else 1.0
+        return min(self.options.gap, max(self.options.gap * (share / _SMALL_SHARE) ** 2, _LEAST_GAP))
 
     def relative(self, length: float) -> float:
         """An energy norm over that of the first step."""
@@ -184,7 +199,8 @@ def _start(
 
 def _iterate(run: _Run) -> None:
     """Interior point method and defect corrections in turn, until the next correction would be lost in rounding."""
-    gap, final = max(run.options.gap, _FIRST_GAP), run.options.gap
+    final = run.final_gap
+    gap = max(final, _FIRST_GAP)
     while True:
         _reach(run, gap)
         if run.reason is not None:
@@ -291,7 +307,7 @@ def _settled(run: _Run, residuals: Residuals) -> bool:
 
 def _stalled(run: _Run, measures: Measures) -> bool:
     """Whether nothing was gained for `_PATIENCE` iterations."""
-    worst = max(measures.gap / run.options.gap, measures.slack / _SLACK, measures.kink / _SLACK)
+    worst = max(measures.gap / run.final_gap, measures.slack / _SLACK, measures.kink / _SLACK)
     if worst < _PROGRESS * run.best[0]:
         run.best = (worst, len(run.history))
     return len(run.history) - run.best[1] >= _PATIENCE

@@ -123,3 +123,13 @@ def test_a_contact_with_small_edges_in_two_places(friction, place, force):
     assert result.status is Status.SOLVED
     assert result.stress_rounding <= 1e-9 * result.discretization.scales.stress
     assert result.contacts["plate"].normal_force == pytest.approx(force, rel=1e-9)
+
+
+def test_a_slip_zone_ends_in_an_edge_of_a_millionth():
+    """The transition of the plate, in edges of 2^-17 and of 2^-21: the force does not depend on how small they are."""
+    problem = compressed_plate(0.2, (2, 2)).triangulated()
+    meshes = [problem.mesh.graded([(1.0, 1.0), (0.749, 1.0)], depth) for depth in (16, 20)]
+    results = [solve(replace(problem, mesh=mesh), degree=3, method="condensed") for mesh in meshes]
+    assert [result.status for result in results] == [Status.SOLVED] * 2
+    forces = [result.contacts["plate"].normal_force for result in results]
+    assert forces[0] == pytest.approx(forces[1], rel=2e-11)
