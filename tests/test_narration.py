@@ -57,7 +57,7 @@ def test_every_method_counts_and_calls_back(method, capsys):
     assert numbers(printed) == [entry.number for entry in called]
     assert printed.count(f"qvi_contact {qvi_contact.__version__}: solve\n") == 1
     assert "status          solved\n" in printed
-    stopped = solve(PLATE, method=method, tolerance=1e-15, max_iterations=1)
+    stopped = solve(PLATE, method=method, tolerance=1e-30, max_iterations=1)
     assert (stopped.solution.iterations, stopped.status) == (1, Status.MAX_ITERATIONS)
     with pytest.raises(InputError, match="max_iterations"):
         solve(PLATE, method=method, max_iterations=0)

@@ -212,8 +212,9 @@ def _short_types(_app: Sphinx, document: nodes.document) -> None:
     """The same for the types of attributes and properties."""
     for annotation in document.findall(desc_annotation):
         text = annotation.astext()
-        if "ndarray[" in text:
-            annotation.children = [nodes.Text(_SHOWN_ARRAY.sub("Array", text))]
+        short = _SHOWN_ARRAY.sub("Array", _ALIAS.sub(r"\1", text))
+        if short != text:
+            annotation.children = [nodes.Text(short)]
 
 
 def _process_command(_app: Sphinx, _context: Any, lines: list[str]) -> None:
