@@ -30,17 +30,22 @@ def pytest_configure(config):
     except InputError as error:
         raise pytest.UsageError(str(error)) from error
     config.option.loadscopereorder = False  # else files of few long tests come last, and one process waits for another
-    gc.disable()  # what is imported and collected stays: looking through it again and again takes a third of the time
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """What is imported and collected stays: to look through it for garbage again and again is a third of the time."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_collection_modifyitems(items):
     """Whole pages and examples first, single formulas last: processes that share files end at about the same time."""
     items.sort(key=lambda item: len(item.path.parts))
-
-
-def pytest_collection_finish():
-    gc.freeze()
-    gc.enable()
 
 
 @pytest.fixture(autouse=True, scope="module")
