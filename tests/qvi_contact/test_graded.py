@@ -9,7 +9,7 @@ from qvi_contact import ContactState, InputError, discretize, solve
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from solvers.factorisation.augmented import ORTHOGONAL
-from tests.effort import thinned
+from tests.effort import examples, thinned
 
 BONDED = {
     (18, 0.6): 214.366845874428,
@@ -109,7 +109,7 @@ WITHOUT_ANSWER = (
     ("cells", "grading", "friction"),
     [
         *((*mesh, friction) for mesh in [(30, 0.6), (24, 0.5)] for friction in (0.0, 0.2, 20.0)),
-        *((40, 0.6, friction) for friction in thinned([0.0, 2.0], 1)),  # stalls, which takes its time
+        *((40, 0.6, friction) for friction in (0.0, 2.0)[: examples(1)]),  # stalls, which takes its time
         *((48, 0.6, friction) for friction in thinned([0.0, 20.0], 1)),  # refused
     ],
 )
