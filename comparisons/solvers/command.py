@@ -36,8 +36,8 @@ def solvers(options: RunOptions, quick: bool, only: tuple[str, ...], out: Path, 
         python -m comparisons solvers --quick --workers 2
         python -m comparisons solvers --only qp:osqp direct:osqp --store results/osqp.sqlite --out results/osqp
     """  # noqa: D301
-    from comparisons.lab.report.old import show, write_report
-    from comparisons.lab.study import read_study
+    from comparisons.lab.report import show, write_report
+    from comparisons.lab.study import read_study, write_csv
     from comparisons.solvers.report import report_of
     from comparisons.solvers.study import declared
     from qvi_contact.basics.writing import writable_folder
@@ -48,7 +48,8 @@ def solvers(options: RunOptions, quick: bool, only: tuple[str, ...], out: Path, 
     options.run(study)
     stored = read_study(options.store)
     report = report_of(stored)
-    written = write_report(report, folder)
+    written = [*write_report(report, folder), folder / f"{report.name}.csv.gz"]
+    write_csv(written[-1], stored.rows)
     if as_json:
         click.echo(json.dumps(_document(stored, report, written), indent=1, ensure_ascii=False))
     else:
@@ -87,17 +88,18 @@ def _chosen(only: Sequence[str]) -> tuple[str, ...]:
 
 def _document(stored: Any, report: Any, written: Sequence[Path]) -> dict[str, Any]:
     """Declaration, findings, outcomes of every solver, tables as text."""
-    from comparisons.lab.report.old import exhibits
+    from comparisons.lab.report import findings_of
     from comparisons.solvers.measures import outcome_counts, runs_of
+    from comparisons.solvers.tables import tables_of
 
-    tables = {each.name: each.grid for each in exhibits(report) if hasattr(each, "grid")}
     return {
         "schema": "qvi-contact/solvers/1",
         "study": stored.declaration,
-        "findings": [finding.text for finding in report.findings],
+        "findings": findings_of(report.text),
         "outcomes": {solver: dict(counts) for solver, counts in outcome_counts(runs_of(stored.rows)).items()},
         "tables": {
-            name: [dict(zip(grid.headings, row, strict=True)) for row in grid.rows] for name, grid in tables.items()
+            name: [dict(zip(grid.headings, row, strict=True)) for row in grid.rows]
+            for name, grid in tables_of(stored).items()
         },
         "files": [str(path) for path in written],
     }

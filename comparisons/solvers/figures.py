@@ -12,6 +12,7 @@ from comparisons.solvers.measures import (
     finite,
     geometric_mean,
     grouped,
+    of_kind,
     outcome_counts,
     performance_ratios,
     steps,
@@ -33,6 +34,7 @@ HIGHLIGHTED: Final = 5
 """Curves of a panel that have a colour."""
 
 _RATIOS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that axes tell
+KINDS: Final = ("inner", "sequence", "outer")
 _PALE: Final = "#c8c8c8"
 _COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, "#000000")
 _MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*", "p")
@@ -42,6 +44,15 @@ _BARS: Final[Mapping[str, tuple[str, str]]] = {
     RIGHT: (BLUE, ""), UNTRUE: (VERMILLION, "////"), FALSE_ALARM: (PURPLE, "xxxx"), MODEST: (SKY, "...."),
     GAVE_UP: ("#dddddd", ""), NO_ANSWER: (GREY, "\\\\\\\\"),
 }  # fmt: skip
+
+
+def figures(runs: Sequence[Run]) -> dict[str, str]:
+    """Name → picture; empty where matplotlib is not installed."""
+    drawn = {f"profiles-{kind}": profiles(of_kind(runs, kind), f"profiles-{kind}") for kind in KINDS}
+    return {
+        "truth-shares": truth(runs, "truth-shares"), **drawn, "warmth": warmth(runs, "warmth"),
+        "accuracies": accuracy(runs, "accuracies"),
+    }  # fmt: skip
 
 
 def profiles(runs: Sequence[Run], name: str) -> str:

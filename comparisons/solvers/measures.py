@@ -146,6 +146,15 @@ def as_used(runs: Sequence[Run]) -> list[Run]:
     ]
 
 
+def of_kind(runs: Sequence[Run], kind: str) -> list[Run]:
+    """The runs of a kind of task on problems that have a solution.
+
+    Outer loops are those in condensed form, which is what the package's own methods are compared with.
+    """
+    chosen = as_used(runs) if kind == "sequence" else [run for run in runs if run.task == kind]
+    return [run for run in chosen if run.feasible and (kind != OUTER or run.form == "condensed")]
+
+
 def times_of(runs: Iterable[Run]) -> dict[Hashable, dict[str, float | None]]:
     """Times of problems that have a solution; cold and warm sequences are the same instance."""
     found: dict[Hashable, dict[str, float | None]] = {}

@@ -10,10 +10,10 @@ import pytest
 
 from comparisons.lab.study import Row
 from comparisons.solvers import accuracies, figures, measures, tables, tasks
-from comparisons.solvers.findings import findings
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE, outcome
 from comparisons.solvers.problems import PROBLEMS, Described, Instance, instance
 from comparisons.solvers.study import QUICK, declared, keep
+from comparisons.solvers.values import numbers_of
 from qvi_contact import InputError
 from solvers import Status, available, solve_qvi
 from solvers.inner.guard import BackendFailure, attempt
@@ -61,10 +61,6 @@ def said_by_fake(monkeypatch, status, **case):
     monkeypatch.setattr(tasks, "make_inner", partial(Fake, status))
     tasks._first_use.cache_clear()
     return tasks.solve_case({**CASE, **case})
-
-
-def text_of(found):
-    return " ".join(finding.text for finding in found)
 
 
 class TestAccuracies:
@@ -228,36 +224,31 @@ class TestOutcomes:
         runs = measures.runs_of(rows)
         assert [each.certified for each in runs] == [True, False]
         assert runs[1].time is None
-        said = text_of(findings(runs))
-        assert (
-            "untrue, by the certificate at the tolerance of the level, in the answers of qp:osqp 100 % (1 of 1)" in said
-        )
-        assert (
-            'Whenever qp:quadprog (1 time) said "solved" of an inner problem that has a solution, it was true' in said
-        )
-        grid = tables.truth(runs).grid
+        assert (numbers_of(runs)["often"], numbers_of(runs)["seldom"]) == (["qp:osqp (100 % of 1)"], 1)
+        grid = tables.truth(runs)
         assert [line[:3] for line in grid.rows] == [("qp:quadprog", "1", "0"), ("qp:osqp", "0", "1")]
-        assert tables.overview(runs).grid.rows[1][-2] == "100 %"
+        assert tables.overview(runs).rows[1][-2] == "100 %"
 
     def test_shares_are_of_what_was_called_solved(self):
         runs = [run(problem=name) for name in ("plate_4", "plate_8", "plate_16")]
         runs += [run(solver="b", outcomes={UNTRUE: 1, RIGHT: 2, GAVE_UP: 5}, certified=False)]
-        assert "in the answers of b 33 % (1 of 3)" in text_of(findings(runs))
-        assert [cells[-1] for cells in tables.truth(runs).grid.rows] == ["100 %", "67 %"]
+        assert numbers_of(runs)["often"] == ["b (33 % of 3)"]
+        assert [cells[-1] for cells in tables.truth(runs).rows] == ["100 %", "67 %"]
 
     def test_a_false_alarm_is_shown_as_such(self, monkeypatch):
         honest = {**CASE, "solver": "qp:quadprog"}
         rows = [row(honest, tasks.solve_case(honest))]
         rows.append(row({**CASE, "solver": "qp:osqp"}, said_by_fake(monkeypatch, Status.INFEASIBLE, solver="qp:osqp")))
         runs = measures.runs_of(rows)
-        assert "called infeasible or unbounded by qp:osqp (1 time)" in text_of(findings(runs))
+        assert numbers_of(runs)["alarms"] == 1
+        assert [line[-1] for line in tables.overview(runs).rows] == ["0", "1"]
 
     def test_the_lie_that_a_problem_without_solution_is_solved(self, monkeypatch):
         found = said_by_fake(monkeypatch, Status.SOLVED, solver="qp:osqp", problem="pulled_block")
         runs = measures.runs_of([row({**CASE, "solver": "qp:osqp", "problem": "pulled_block"}, found)])
         assert (found["outcomes"], runs[0].certified) == ({UNTRUE: 1}, False)
-        assert 'qp:osqp (1 time) said "solved"' in text_of(findings(runs))
-        assert tables.infeasible(runs).grid.rows == [("qp:osqp", "solved (1)")]
+        assert numbers_of(runs)["lied"] == 1
+        assert tables.infeasible(runs).rows == [("qp:osqp", "solved (1)")]
 
     @pytest.mark.parametrize("problem", ["pulled_block", "dragged_block"])
     def test_who_says_infeasible_of_what_has_no_solution_is_right(self, problem):
@@ -265,7 +256,7 @@ class TestOutcomes:
         found = tasks.solve_case(case)
         runs = measures.runs_of([row(case, found)])
         assert (found["status"], found["outcomes"], runs[0].certified) == ("infeasible", {RIGHT: 1}, True)
-        assert "called infeasible by qp:quadprog" in text_of(findings(runs))
+        assert numbers_of(runs)["right"] == ["qp:quadprog"]
 
 
 class TestTasks:
@@ -380,8 +371,7 @@ class TestMeasures:
             run(task="cold", seconds=3.0, level="high"), run(task="warm", seconds=1.0, level="high", certified=False),
         ]  # fmt: skip
         assert measures.warm_ratios(runs) == {"a": [0.5]}
-        text = text_of(findings(runs))
-        assert "less with a (0.5)" in text
+        assert numbers_of(runs)["gaining"] == "a"
 
     def test_no_two_solvers_look_alike(self):
         looks = figures._looks([["a", "b", "c", "d", "e"], ["e", "f", "a"], ["g"]])
@@ -403,8 +393,8 @@ class TestMeasures:
         runs = measures.runs_of(rows)
         assert (runs[1].time, runs[1].outcomes) == (None, {NO_ANSWER: 1})
         assert measures.performance_ratios(measures.times_of(runs))["qp:scs"] == [math.inf]
-        assert "1 run ended without an answer: 1 out of time" in text_of(findings(runs))
-        assert tables.failures(runs).grid.rows[0][:3] == ("qp:scs", "timeout", "1")
+        assert numbers_of(runs)["lost"] == 1
+        assert tables.failures(runs).rows[0][:3] == ("qp:scs", "timeout", "1")
 
     def test_times_of_problems_without_a_solution_are_no_part_of_profiles(self):
         assert measures.times_of([run(problem="pulled_block")]) == {}
