@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.discretization.basis import Basis, ContactRule
 from qvi_contact.discretization.edge_points import EdgePoints
-from qvi_contact.discretization.loads import physical
+from qvi_contact.discretization.loads import LOAD_POINTS, physical
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element import legendre
 from qvi_contact.mesh.edges import points_along
 from qvi_contact.problem.conditions import Contact, Law
+from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem
 
 _LOOKED_AT: FloatArray = np.linspace(0.0, 1.0, 9)  # places on an edge where it is seen whether a law varies
@@ -69,7 +71,11 @@ class ContactRows:
     gap, offset : (m,) arrays
         Obstacle position g and tangential offset w at the points, dimensionless.
     pore_pressure : (m,) array
-        Pressure p_w of a fluid in the contact at the points, dimensionless; σ_N' = σ_N + p_w obeys the law.
+        Pressure p_w of a fluid in the contact at the points, dimensionless; σ_N' = σ_N + p_w obeys the law. It is the
+        polynomial through as many points an edge that is nearest in the mean square, so that every edge keeps its
+        resultant force and moment.
+    pore_misfit : float
+        Largest difference of that polynomial from p_w, dimensionless.
     reach : float
         An obstacle that is farther counts as that far, see `Scales`.
 
@@ -88,6 +94,7 @@ class ContactRows:
     gap: FloatArray
     offset: FloatArray
     pore_pressure: FloatArray
+    pore_misfit: float
     reach: float = np.inf
 
     @property
@@ -176,9 +183,23 @@ def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: Edg
         limits.cap,
         evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
         evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
-        evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0) / scales.stress,
+        *_pore_pressure(problem, scales, contact, points),
         scales.reach,
     )
+
+
+def _pore_pressure(
+    problem: ContactProblem, scales: Scales, contact: Contact, points: EdgePoints
+) -> tuple[FloatArray, float]:
+    """Pressure at the points of the polynomials taken for it, and their largest difference from it, dimensionless."""
+    field = contact.pore_pressure
+    if not callable(field):
+        return np.full(len(points.weights), float(field) / scales.stress), 0.0
+    name, degree = "Contact.pore_pressure", points.count - 1
+    found = along_edges(problem.mesh, points.edges, name, field, max(LOAD_POINTS, degree + 3), minimum=0.0)
+    coefficients = found.coefficients(degree)
+    values = coefficients @ legendre.basis(degree, points.reference).T
+    return values.ravel() / scales.stress, found.misfit(coefficients) / scales.stress
 
 
 def _limits(contact: Contact, scales: Scales, x: FloatArray, y: FloatArray) -> Limits:

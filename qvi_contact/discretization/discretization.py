@@ -38,6 +38,7 @@ from solvers.inequality.operator import Operator
 
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
+_MISFIT = 1e-6  # difference of data from what is taken for them, in units of the problem, that needs no word
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
 
 
@@ -115,6 +116,13 @@ class Discretization(Stated):
             )
             taken = f"At the corner {place} the other side prescribes the shear stress of contact {contact!r} as well."
             found.append(given_up if vertex in self.freed else taken)
+        found += [
+            f"On {rows.name!r} the pore pressure that is taken differs from the given one by up to "
+            f"{rows.pore_misfit * self.scales.stress:.3g} [stress] at single points. Its force and moment on every "
+            "edge are right. To reduce the difference, let an edge end where the pressure jumps, or refine there."
+            for rows in self.contacts
+            if rows.pore_misfit > _MISFIT
+        ]
         found += [
             f"Equilibrium with the other loads already determines {row.component} of the plate at {row.contact!r}. "
             "The plate's motion in that component is not determined, and is given as zero."

@@ -23,6 +23,7 @@ _POLYNOMIAL: Final = 1e-11  # difference at samples, relative to the largest val
 _NOTHING: Final = 1e-14  # integral of a difference on one part, relative to the largest value
 _DEEPEST: Final = 48  # halvings of an edge: then a part is as small as rounding of t
 _MOST: Final = 512  # parts of one edge, in the mean, that may wait
+_SEEN: Final = 1e-3  # of an edge: a part that counts where values are compared
 _ENDS: Final = bernstein.SAMPLES[[0, -1]]  # of a part: a jump may lie between its Gauss points and its ends
 
 
@@ -58,6 +59,16 @@ class EdgeQuadrature:
         Mean and first moment of the function are kept from degree 1 on.
         """
         return self.integrals(legendre.basis(degree, self.t)) * (2.0 * np.arange(degree + 1) + 1.0)
+
+    def misfit(self, coefficients: FloatArray) -> float:
+        """Largest difference from polynomials of coefficients (n, k) at the points.
+
+        Parts that are next to nothing are left out: nearer to a jump or a singular point nobody looks.
+        """
+        seen = self.weights.sum(axis=1) >= _SEEN
+        shapes = legendre.basis(coefficients.shape[1] - 1, self.t[seen])
+        values = (shapes @ coefficients[self.edge[seen], :, None])[..., 0]
+        return float(np.abs(values - self.values[seen]).max(initial=0.0))
 
     def integrals(self, shapes: FloatArray) -> FloatArray:
         """∫₀¹ f s_j dt on every edge (n, j) of shape functions s_j at the points, (k, q, j)."""

@@ -6,17 +6,19 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.mesh import Mesh
 
 
-def along_edges(mesh: Mesh, edges: Edges, name: str, field: Field, points: int = 8) -> EdgeQuadrature:
+def along_edges(
+    mesh: Mesh, edges: Edges, name: str, field: Field, points: int = 8, *, minimum: float | None = None
+) -> EdgeQuadrature:
     """A field on edges; so many Gauss points on each, or on each of its parts where the field jumps or bends.
 
     Raises
     ------
     InputError
-        If the field fails or is not finite somewhere; `name` is what it is called then.
+        If the field fails, is not finite or is below the minimum somewhere; `name` is what it is called then.
 
     """
 
     def values(edge: IntArray, t: FloatArray) -> FloatArray:
-        return evaluate(name, field, *mesh.points_along(edges.take(edge), t))
+        return evaluate(name, field, *mesh.points_along(edges.take(edge), t), minimum=minimum)
 
     return adapted(values, len(edges), points)

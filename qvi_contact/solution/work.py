@@ -1,7 +1,6 @@
 """Tractions of a stress on edges, and what they do along prescribed displacements."""
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 
@@ -18,8 +17,6 @@ from qvi_contact.discretization.loads import (
 from qvi_contact.element import legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.problem.conditions import Contact
-
-_SEEN: Final = 1e-3  # of an edge: nearer to a jump or a singular point nobody looks
 
 
 def support_work(discretization: Discretization, u: FloatArray) -> float:
@@ -83,13 +80,8 @@ def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
 
     The points are those that integrate the data, but for parts of edges that are next to nothing.
     """
-    largest = 0.0
-    for wanted, computed in prescribed_and_computed(discretization, u):
-        seen = wanted.weights.sum(axis=1) >= _SEEN
-        shapes = legendre.basis(computed.shape[1] - 1, wanted.t[seen])
-        values = (shapes @ computed[wanted.edge[seen], :, None])[..., 0]
-        largest = max(largest, float(np.abs(values - wanted.values[seen]).max(initial=0.0)))
-    return largest * discretization.scales.stress
+    pairs = prescribed_and_computed(discretization, u)
+    return discretization.scales.stress * max((wanted.misfit(computed) for wanted, computed in pairs), default=0.0)
 
 
 def prescribed_and_computed(

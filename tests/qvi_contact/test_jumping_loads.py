@@ -133,6 +133,37 @@ class TestMechanism:
         assert 0.9999 * limit.upper < limit.lower <= limit.upper * (1.0 + 1e-8)
 
 
+class TestUplift:
+    """A block pressed by 10 and lifted by 6 on a part of its base: it slides at μ (10 − 6 part)."""
+
+    PART = 0.6180339
+
+    def block(self, mesh):
+        def fluid(x, y):
+            return np.where(x < self.PART, 6.0, 0.0) + 0.0 * y
+
+        drag = [Traction("top", x=1.0, name="drag")]
+        drag += [Traction(side, 0.0, y, name="drag") for side, y in (("left", -1.0), ("right", 1.0))]
+        base = Contact("bottom", 0.5, name="base", pore_pressure=fluid)
+        return ContactProblem(mesh, Material(1e3, 0.2), [base, Traction("top", y=-10.0), *drag])
+
+    @pytest.mark.parametrize("cells", [1, 2, 3, 8])
+    @pytest.mark.parametrize("element", ["bfs", "hct"])
+    def test_no_mesh_carries_more_than_the_body(self, cells, element):
+        limit = limit_load_factor(self.block(RectilinearMesh.rectangle((cells, cells))), ["drag"], element=element)
+        assert limit.upper == pytest.approx(0.5 * (10.0 - 6.0 * self.PART), rel=1e-11)
+        assert limit.lower <= limit.upper * (1.0 + 1e-8)
+
+    @pytest.mark.parametrize("element", ["bfs", "hct"])
+    def test_what_is_taken_has_the_same_force_and_moment(self, element):
+        result = solve(self.block(RectilinearMesh.rectangle((3, 3))), element=element)
+        base = result.contacts["base"]
+        assert base.weights @ base.pore_pressure == pytest.approx(6.0 * self.PART, rel=1e-12)
+        assert base.weights @ (base.x * base.pore_pressure) == pytest.approx(3.0 * self.PART**2, rel=1e-12)
+        (remark,) = (each for each in result.remarks if "pore pressure" in each)
+        assert "'base'" in remark
+
+
 def test_what_check_tells():
     file = problem_from_toml(f"""
         version = 1
