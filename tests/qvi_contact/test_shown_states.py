@@ -5,7 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Displacement, Expression, Material, RectilinearMesh, Traction
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Expression,
+    Material,
+    RectilinearMesh,
+    RigidPlate,
+    Traction,
+)
 from qvi_contact.files.problem_file import load_problem
 from qvi_contact.gallery import compressed_plate
 from tests.qvi_contact.states import solved
@@ -39,6 +48,31 @@ def test_flat_punch_slips_beside_its_edges_only(degree):
     assert np.abs(x[state == STICK]).max() <= 0.79
     assert np.abs(x[state == SLIP]).min() >= 0.76
     assert punch.weights[punch.state == STICK].sum() / 2.0 == pytest.approx(0.775, abs=0.015)
+
+
+def away(smallest, length):
+    """Lines from 0 to a length, each interval 1.25 times as long as the one before or a little more."""
+    sizes = smallest * 1.25 ** np.arange(1 + int(np.log(length / smallest / 4.0) / np.log(1.25)))
+    lines = np.concatenate([[0.0], np.cumsum(sizes)])
+    return lines * (length / lines[-1])
+
+
+@pytest.mark.parametrize("rows", ["bernstein", "gauss"])
+def test_flat_punch_on_a_wide_block_sticks_on_some_four_fifths(rows):
+    """Half width 20: displacements of degree 2 on lines down to 0.02 stick up to 0.764 and slip from 0.800 on."""
+    half, outer = 1.0 - away(0.05, 1.0)[::-1], 1.0 + away(0.05, 19.0)
+    right = np.concatenate([half, outer[1:]])
+    mesh = RectilinearMesh(np.concatenate([-right[:0:-1], right]), -away(0.05, 20.0)[::-1])
+    mesh = mesh.with_edges("punch", "top", start=-1.0, stop=1.0)
+    mesh = mesh.with_edges("free left", "top", stop=-1.0).with_edges("free right", "top", start=1.0)
+    free = [Traction(side, 0.0, 0.0) for side in ("left", "right", "free left", "free right")]
+    contact = Contact("punch", 0.3, plate=RigidPlate(force_y=-100.0))
+    steel = Material(2.1e5, 0.3, "strain")
+    problem = ContactProblem(mesh, steel, [Displacement("bottom", 0.0, 0.0), *free, contact])
+    punch = solved(problem.triangulated(), degree=4, contact_rows=rows).contacts["punch"]
+    assert zones(punch) == [SLIP, STICK, SLIP]
+    assert punch.weights[punch.state == STICK].sum() / 2.0 == pytest.approx(0.785, abs=0.035)
+    assert abs(punch.tangential_force) < 1e-6 * punch.normal_force
 
 
 @DEGREES
