@@ -40,7 +40,7 @@ smartquotes = False  # two hyphens are an option, not a dash
 
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
-_ALIASES = ["Condition", "ElementName", "Field", "Law", "Plane", "Quantity", "RowKind"]  # of qvi_contact.types
+_ALIASES = ["ElementName", "Field", "Law", "Plane", "Quantity", "RowKind"]  # of qvi_contact.types
 autodoc_type_aliases = {name: name for name in _ALIASES}
 autodoc_member_order = "bysource"
 python_use_unqualified_type_names = True
