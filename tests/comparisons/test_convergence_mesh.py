@@ -4,6 +4,7 @@ import json
 import sys
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from comparisons.convergence.mesh.tractions import Tractions, difference, size
 from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
 from comparisons.convergence.orders import fitted_order, reached, successive_orders
 from comparisons.lab.report import findings_of, write_report
-from comparisons.lab.study import Study, read_study, run_study
+from comparisons.lab.study import Study, read_csv, read_study, run_study
 from qvi_contact import refine, solve
 from qvi_contact.basics import terminal
 from qvi_contact.plots.style import has_matplotlib
@@ -248,6 +249,15 @@ CHOSEN = [
 ]  # fmt: skip
 
 
+COMMITTED = Path(task.__file__).parents[2] / "reports" / "convergence"
+
+
+@pytest.fixture(scope="module")
+def committed():
+    """The committed rows."""
+    return read_csv(COMMITTED / "convergence-mesh.csv.gz")
+
+
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
     """Rows of a small part of the study, through the runner."""
@@ -392,6 +402,26 @@ class TestBrokenChains:
         found = self.result("goal", size=256)
         assert [mesh["status"] for mesh in found["meshes"]] == ["solved"]
         assert found["certificate"]["passed"]
+
+
+class TestCommitted:
+    """The committed rows, and what the report says of them."""
+
+    def test_numbers_of_the_findings(self, committed):
+        values = values_of(Overview(data_of(committed)))
+        expected = {
+            "slipping": "0.804 to 0.937", "slipping_expected": "0.793 to 0.94", "sticking": "1.51",
+            "sticking_expected": "1.52", "best": "64 to 4030", "saved": "2.54 to 4100", "missed": 2, "judged": 9,
+            "inside": 32, "guaranteed": 32, "change_at": "block", "certified": 503, "solves": 503, "open": 0,
+            "brackets": 188,
+        }  # fmt: skip
+        assert {name: values[name] for name in expected} == expected
+        assert values["closest"] == pytest.approx(3.8e-9, rel=0.02)
+        assert values["change"] == pytest.approx(3.7e-4, rel=0.02)
+
+    def test_the_committed_report_is_that_of_the_committed_rows(self, committed, monkeypatch):
+        monkeypatch.setattr(figures, "_drawn", lambda *_: "drawn")
+        assert report(committed).text == (COMMITTED / "convergence-mesh.md").read_text(encoding="utf-8")
 
 
 def test_a_reference_of_the_same_models_proves_nothing(rows):
