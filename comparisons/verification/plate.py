@@ -54,6 +54,11 @@ def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
         known = "a bound" if friction == 1.0 else "an estimate"
         quantity, source = f"the error of P/2 at μ = {friction:g} is", "only where all sticks is there a bound"
         yield word(quantity, outcome, known, Kind.ANALYTIC, source, proof)
+        if not refined.guaranteed:
+            quantity, source = f"{{}} estimate over error in a round, μ = {friction:g}", LIMITS_SOURCE
+            ratios = [each.estimate / abs(each.value / limit - 1.0) for each in refined.rounds]
+            yield at_least(quantity.format("least"), min(ratios), 1.0 / 3.0, 0.0, Kind.EXTERNAL, source, proof)
+            yield at_most(quantity.format("largest"), max(ratios), 3.0, 0.0, Kind.EXTERNAL, source, proof)
 
 
 @on(*EVERY, few=1)
