@@ -79,7 +79,7 @@ def test_a_file_of_the_user_that_has_taken_the_name_of_a_package_is_named(tmp_pa
     path = tmp_path / taken
     path.parent.mkdir(exist_ok=True)
     path.write_text("mine = True\n", encoding="utf-8")
-    folders = [str(tmp_path), str(ROOT), sysconfig.get_path("purelib")]
+    folders = [str(tmp_path), str(Path(qvi_contact.__file__).parents[1]), sysconfig.get_path("purelib")]
     code = f"import sys; sys.path[:0] = {folders}; from qvi_contact import QVIError"
     done = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=False)
     assert f"ImportError: 'solvers' is {path}" in done.stderr
