@@ -121,15 +121,18 @@ def linearised(solution: QVISolution) -> Linearised:
     """Linearise at a solution, best one of an interior point method, whose multipliers decide who slips."""
     qvi, z = solution.problem, solution.z
     stiffness, weights = qvi.contact_stiffness, np.sqrt(np.concatenate([qvi.W, qvi.W]))
-    normal, tangential, threshold = qvi.normal(z), qvi.tangential(z), qvi.threshold(qvi.pressure(z))
+    normal, tangential = qvi.normal(z), qvi.tangential(z)
     lambda_N, lambda_T = solution.normal_multiplier / qvi.W, solution.tangential_multiplier / qvi.W
+    is_open = (lambda_N * stiffness > -normal) & ~qvi.bilateral
+    pressure = np.where(is_open, 0.0, qvi.pressure(z))  # what is left of it there is rounding
+    threshold = qvi.threshold(pressure)
     return Linearised(
         weights[:, None] * Compliance(qvi).dense * weights,
         threshold,
         np.abs(lambda_T) * stiffness > threshold - np.abs(tangential),
-        (lambda_N * stiffness > -normal) & ~qvi.bilateral,
+        is_open,
         np.sign(tangential),
-        np.where(qvi.cohesion + qvi.mu * qvi.pressure(z) < qvi.cap, qvi.mu, 0.0),
+        np.where(qvi.cohesion + qvi.mu * pressure < qvi.cap, qvi.mu, 0.0),
         _pressing(qvi, normal),
     )
 

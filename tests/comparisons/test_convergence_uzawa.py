@@ -99,6 +99,13 @@ class TestLimits:
         assert found["last_error"] > task.NEAR
         assert found["last_change"] < task.STILL
 
+    def test_what_rounding_leaves_of_a_pressure_is_no_bound(self):
+        """Of an open point the limit would be that of a bound of 1e-16: no step at all."""
+        local = reference("ssnv128", 4, 1.0).linearised
+        assert local.open.any()
+        assert not local.threshold[local.open].any()
+        assert local.tangential_limit(everywhere=True) > 1e-3
+
     def test_without_friction_there_is_no_limit_to_be_a_share_of(self):
         with pytest.raises(ArithmeticError, match="no limit"):
             task.run(case("map", ("plate", 2, 0.0), tangential=0.5, normal=0.5))
@@ -253,7 +260,7 @@ class TestReport:
         }  # fmt: skip
         assert {name: values[name] for name in expected} == expected
         assert values["targets"] == {
-            "Uzawa": (10, 20), "Uzawa, shrinking step": (7, 20), "fixed point, QP": (20, 20),
+            "Uzawa": (11, 20), "Uzawa, shrinking step": (7, 20), "fixed point, QP": (20, 20),
             "fixed point, SOCP": (20, 20), "condensed": (20, 20),
         }  # fmt: skip
 

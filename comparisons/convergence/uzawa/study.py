@@ -9,7 +9,7 @@ from comparisons.convergence.uzawa.methods import METHODS
 from comparisons.lab.study import Study
 from comparisons.paper.reference import load
 
-VERSION: Final = 1
+VERSION: Final = 2
 """To be raised when the task computes something else."""
 
 TASK: Final = "comparisons.convergence.uzawa.task:run"
