@@ -48,10 +48,12 @@ def peers(
         python -m comparisons peers --getfem /usr/bin/python3
         python -m comparisons peers --friction 0.2 --cells 8 16 --levels 3 --store small.sqlite --out results/small
     """  # noqa: D301
-    from comparisons.lab.report.old import show
-    from comparisons.lab.study import read_study
-    from comparisons.peers import measure, report
+    from comparisons.lab.report import show, write_report
+    from comparisons.lab.study import read_study, write_csv
+    from comparisons.peers import measure
     from comparisons.peers.cases import peers_study
+    from comparisons.peers.report import as_json as json_of
+    from comparisons.peers.report import report
     from qvi_contact.basics.writing import writable_folder
     from qvi_contact.errors import InputError
 
@@ -63,14 +65,10 @@ def peers(
     folder = writable_folder(out)
     options.run(study)
     rows = read_study(options.store).rows
+    made = report(rows)
+    written = [*write_report(made, folder), folder / f"{made.name}.csv.gz"]
+    write_csv(written[-1], rows)
     if as_json:
-        click.echo(report.as_json(rows))
-    document, written = report.write_peers(rows, _command(study.factors["friction"], cells, levels, repeat), folder)
-    if not as_json:
-        show(document, written)
-
-
-def _command(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repeat: int) -> str:
-    """The command that measures the same, without the place of its files and of other Pythons."""
-    words = ["python -m comparisons peers --friction", *(f"{mu:g}" for mu in friction)]
-    return " ".join([*words, "--cells", *map(str, sorted(set(cells))), f"--levels {levels} --repeat {repeat}"])
+        click.echo(json_of(rows, made))
+    else:
+        show(made, written)

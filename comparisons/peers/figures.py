@@ -1,22 +1,18 @@
 """Pictures of a run: errors against costs, and bounds against the mesh."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from comparisons.lab.report import svg_text
-from comparisons.lab.report.numbers import listing, scientific
-from comparisons.lab.report.old import Figure
-from comparisons.peers.findings import slug
-from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, MODELS, Model
-from comparisons.peers.points import KINDS, Point, Reference, contradictory
-from comparisons.peers.reach import errors_at, lasting_error
+from comparisons.peers.measures import Reference, by_friction, slug
+from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED
 from qvi_contact.plots import GREY, has_matplotlib
 from qvi_contact.plots.style import new_figure, settings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 _WIDTH, _PANEL, _LINE = 5.2, 3.2, 0.18  # of a picture, of a panel, of a line of a legend [inch]
 _COLUMNS: Final = 2
@@ -26,121 +22,85 @@ _MARGIN: Final = 2.0  # factor between the outermost marks and the frame
 _UNRESOLVED: Final = 1.0 / 3.0  # of what is resolved: the height of all marks in the grey band
 _NARROW: Final = 30.0  # largest over smallest cost, below which powers of ten are too few to label an axis
 
-_GUARANTEED: Final = (
-    "Crosses are no errors but what the bracket guarantees of them without any reference: half the distance of its "
-    "bounds, for the time and unknowns of stress and displacement together."
-)
+Panels = list[tuple[str, Any]]
+"""Title of each panel of a picture, and the runs in it."""
 
 
-Panels = list[tuple[str, list[Point]]]
-"""Title of each panel of a picture, and the points in it."""
-
-
-@dataclass(frozen=True)
-class Cost:
-    """What an error is drawn against."""
+class Cost(NamedTuple):
+    """What an error is drawn against: a column of the runs, and the label of its axis."""
 
     name: str
-    bound: str
+    column: str
     label: str
-    of: Callable[[Point], float | None]
 
 
 COSTS: Final = (
-    Cost("unknowns", "number of unknowns", "unknowns [-]", lambda point: point.unknowns),
-    Cost("time", "time", "processor time of set-up and solve [s]", lambda point: point.seconds),
+    Cost("unknowns", "unknowns", "unknowns [-]"),
+    Cost("time", "seconds", "processor time of set-up and solve [s]"),
 )
 
 
-def error_figure(found: Sequence[Point], known: Reference, cost: Cost) -> Figure:
-    """Errors of P/2 at one μ against a cost: a panel for each kind of grading, a curve for each model."""
-    here = [point for point in found if point.friction == known.friction]
-    name = f"error-{cost.name}-{slug(known.friction)}"
-    return Figure(
-        name,
-        f"Error of P/2 against {cost.name}, μ = {known.friction:g}",
-        _drawn(name, by_grading(here), lambda axes, points: _error_curves(axes, points, known, cost)),
-        "Both axes are logarithmic, the heights of the two panels differ; along a curve meshes get finer. Down and to "
-        f"the left is better. Errors are relative to {known.value:.6f} MPa × length, {known.source}; in the grey band, "
-        f"below {scientific(known.floor)}, nothing is resolved, and marks in it stand at one height."
-        + (f" {_GUARANTEED}" if _guaranteed(here) else ""),
-        "Runs without a solution have no mark; the table of all runs names them.",
-    )
+def figures(runs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, str]:
+    """Name → picture; empty where matplotlib is not installed.
+
+    For each μ at which P/2 is known, and some error, those of errors against costs; for each with brackets, of these.
+    """
+    found = {}
+    for friction, here in by_friction(runs):
+        name, value = slug(friction), known.get(friction)
+        for cost in COSTS if here.error.notna().any() else ():
+            found[f"best-{cost.name}-{name}"] = _best(here, cost, name)
+            found[f"error-{cost.name}-{name}"] = _errors(here, cost, name)
+        if (here.solved & here.width.notna()).any():
+            found[f"bounds-{name}"] = _bounds(here, value, name)
+    return found
 
 
-def best_figure(found: Sequence[Point], known: Reference, cost: Cost) -> Figure:
+def _best(here: "DataFrame", cost: Cost, name: str) -> str:
     """The best that each code has for its cost, over all its models and meshes."""
-    name = f"best-{cost.name}-{slug(known.friction)}"
-    panels = [("", [point for point in found if point.friction == known.friction])]
-    return Figure(
-        name,
-        f"The best error of each code against {cost.name}, μ = {known.friction:g}",
-        _drawn(name, panels, lambda axes, points: _fronts(axes, points, known, cost)),
-        f"Of all models of a code the smallest error of P/2 within each {cost.bound}. An error counts for a mesh only "
-        "if no finer mesh of the same model has a larger one. Both axes are logarithmic; down and left is better. "
-        f"Errors are relative to {known.value:.7f} MPa × length, {known.source}; below "
-        f"{scientific(known.floor)} nothing is resolved.",
-    )  # fmt: skip
+    return _drawn(f"best-{cost.name}-{name}", [("", here)], lambda axes, runs: _fronts(axes, runs, cost))
 
 
-def bounds_figure(found: Sequence[Point], known: Reference | None, friction: float) -> Figure:
+def _errors(here: "DataFrame", cost: Cost, name: str) -> str:
+    """Errors of P/2 at one μ against a cost: a panel for each kind of grading, a curve for each model."""
+    return _drawn(f"error-{cost.name}-{name}", by_grading(here), lambda axes, runs: _error_curves(axes, runs, cost))
+
+
+def _bounds(here: "DataFrame", known: Reference | None, name: str) -> str:
     """What brackets say on each mesh: intervals of P/2 and the codes' values, or an indicator."""
-    here = [point for point in found if point.friction == friction]
-    name = f"bounds-{slug(friction)}"
-    failure = (
-        "Beyond rounding and the tolerance of the solves, a mark of the equilibrium model, or of the companion of the "
-        "bracket's degree, outside the bar of its mesh. Brackets without a solution or with the lower end above the "
-        "upper one have no bar; the table of failures names them."
-    )
-    doubt = " These bounds contradict each other: something is wrong." if contradictory(here, friction) else ""
-    if known is not None and _guaranteed(here):
-        drawn = _drawn(name, by_family(here), lambda axes, points: _intervals(axes, points, known))
-        reading = (
-            "Bars: where P/2 is guaranteed to lie, by stress and displacement on one mesh, up to rounding and the "
-            "tolerance of the solves. Marks: the forces of the models on the same mesh, beside the bar. Heights are "
-            f"relative to {known.value:.6f} MPa × length, {known.source}, on a scale that is logarithmic on both sides "
-            f"and linear within the grey band of ± {scientific(known.floor)}; the heights of the two panels differ. A "
-            f"force alone comes without bounds.{doubt}"
-        )
-        return Figure(name, f"Guaranteed bounds of P/2, μ = {friction:g}", drawn, reading, failure)
-    drawn = _drawn(name, by_family(here), lambda axes, points: _indicators(axes, points, known))
-    reading = (
-        f"{doubt.strip() or 'P has no guaranteed bounds.'} Crosses: half the gap of the energies over their mean, "
-        f"for {_kinds(here)}; an indicator, not a bound. Circles: the error of P/2 by the equilibrium model, not below "
-        "what is resolved. The heights of the two panels differ."
-    )
-    return Figure(name, f"Indicator of the bracket, μ = {friction:g}", drawn, reading)
+
+    def draw(axes: "Axes", runs: "DataFrame") -> None:
+        if known is not None and has_bounds(here):
+            _intervals(axes, runs, known)
+        else:
+            _indicators(axes, runs)
+
+    return _drawn(f"bounds-{name}", by_family(here), draw)
 
 
-def _kinds(points: Sequence[Point]) -> str:
-    """What is bracketed."""
-    return listing(list(dict.fromkeys(KINDS[point.bounds.kind] for point in points if point.bounds)))
-
-
-def _guaranteed(points: Sequence[Point]) -> bool:
+def has_bounds(runs: "DataFrame") -> bool:
     """Whether P has guaranteed bounds somewhere."""
-    return any(point.solved and point.bounds and point.bounds.force for point in points)
+    return bool((runs.solved & runs.low.notna()).any())
 
 
-def by_grading(points: Sequence[Point]) -> Panels:
-    """Points on equal cells or graded to the corner, and on meshes graded to corner and transition."""
+def by_grading(runs: "DataFrame") -> Panels:
+    """Runs on equal cells or graded to the corner, and on meshes graded to corner and transition."""
     titles = {False: "equal cells, or graded to the free corner", True: "graded to corner and transition"}
-    panels = [(title, [p for p in points if p.model.family.to_transition == kind]) for kind, title in titles.items()]
-    return [(title, here) for title, here in panels if here]
+    return [(title, here) for kind, title in titles.items() if len(here := runs[runs.toward == kind])]
 
 
-def by_family(points: Sequence[Point]) -> Panels:
-    """Points on each family of meshes on which something is bracketed."""
-    families = dict.fromkeys(point.model.mesh for point in points if point.model.code == BRACKET)
-    return [(f"{family} meshes", [p for p in points if p.model.mesh == family]) for family in families]
+def by_family(runs: "DataFrame") -> Panels:
+    """Runs on each family of meshes on which something is bracketed."""
+    families = runs[runs.code == BRACKET].mesh.unique()
+    return [(f"{family} meshes", runs[runs.mesh == family]) for family in families]
 
 
-def _drawn(name: str, panels: Panels, draw: Callable[["Axes", Sequence[Point]], None]) -> str:
+def _drawn(name: str, panels: Panels, draw: "Callable[[Axes, DataFrame], None]") -> str:
     """A picture of panels, one below the other, each with its legend; nothing without matplotlib."""
-    if not has_matplotlib() or not panels:
+    if not has_matplotlib():
         return ""
     with settings():
-        lines = 1 + max(len({point.model.name for point in here}) for _, here in panels) // _COLUMNS
+        lines = 1 + max(here.model.nunique() for _, here in panels) // _COLUMNS
         figure = new_figure(_WIDTH, len(panels) * (_PANEL + _LINE * lines))
         axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
         for (title, here), each in zip(panels, axes, strict=True):
@@ -159,126 +119,113 @@ def _finish(axes: "Axes", title: str) -> None:
                 frameon=False, columnspacing=1.0)  # fmt: skip
 
 
-def _fronts(axes: "Axes", points: Sequence[Point], known: Reference, cost: Cost) -> None:
+def _fronts(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
     """For each code its costs in ascending order, where the error falls."""
     axes.set_xscale("log")
     axes.set_yscale("log")
-    rows = errors_at(points, known)
+    known = runs[runs.error.notna()]
     for code, about in CODES.items():
-        here = [point for point, _ in rows if point.model.code == code]
-        pairs = [(x, max(lasting_error(rows, point), known.floor)) for point in here if (x := cost.of(point))]
-        front: list[tuple[float, float]] = []
-        for place, error in sorted(pairs):
-            if not front or error < front[-1][1]:
-                front.append((place, error))
-        if front:
-            axes.plot(*zip(*front, strict=True), color=about.colour, marker=about.marker, linewidth=1.2, markersize=5,
-                      label=about.name)  # fmt: skip
-    _label_closely(axes, [x for point, _ in rows if (x := cost.of(point))])
+        here = known[(known.code == code) & (known[cost.column] > 0.0)]
+        here = here.assign(height=here.lasting.clip(lower=here.floor)).sort_values([cost.column, "height"])
+        front = here[here.height < here.height.cummin().shift(fill_value=math.inf)]
+        if len(front):
+            axes.plot(front[cost.column], front.height, color=about.colour, marker=about.marker, linewidth=1.2,
+                      markersize=5, label=about.name)  # fmt: skip
+    _label_closely(axes, known[cost.column])
     axes.set_xlabel(cost.label)
     axes.set_ylabel("relative error of P/2 [-]")
 
 
-def _error_curves(axes: "Axes", points: Sequence[Point], known: Reference, cost: Cost) -> None:
+def _error_curves(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
     """A curve for each model that has an error, and the band in which errors mean nothing."""
     from matplotlib.ticker import NullFormatter
 
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.xaxis.set_minor_formatter(NullFormatter())
-    heights = [height for point in points if (height := _height(point, known))]
-    for model in MODELS:
-        pairs = [(cost.of(p), _height(p, known)) for p in points if p.model == model]
-        shown = [(x, y) for x, y in pairs if x and y]
-        if shown:
-            label = _label(model) + (": guaranteed" if model.code == BRACKET else "")
-            axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,
-                      markersize=6, linewidth=1.2, label=label)  # fmt: skip
-    least, most = min(heights, default=known.floor), max(heights, default=known.floor)
-    if least < 10.0 * known.floor:
-        axes.axhspan(known.floor / 10.0, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
-        least = _MARGIN * known.floor / 10.0
+    shown, floor = runs.assign(height=heights(runs)), runs.floor.iloc[0]
+    shown = shown[shown.height.notna() & (shown[cost.column] > 0.0)]
+    for name, here in shown.groupby("model", sort=False):
+        model = NAMED[str(name)]
+        label = _label(model.name) + (": guaranteed" if model.code == BRACKET else "")
+        axes.plot(here[cost.column], here.height, color=model.colour, marker=model.marker, linestyle=model.line,
+                  markersize=6, linewidth=1.2, label=label)  # fmt: skip
+    least, most = min(shown.height, default=floor), max(shown.height, default=floor)
+    if least < 10.0 * floor:
+        axes.axhspan(floor / 10.0, floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
+        least = _MARGIN * floor / 10.0
     axes.set_ylim(least / _MARGIN, _MARGIN * most)
-    _label_closely(axes, [x for point in points if (x := cost.of(point)) and _height(point, known)])
+    _label_closely(axes, shown[cost.column])
     axes.set_xlabel(cost.label)
     axes.set_ylabel("relative error of P/2 [-]")
 
 
-def _label_closely(axes: "Axes", costs: Sequence[float]) -> None:
+def _label_closely(axes: "Axes", costs: "Sequence[float]") -> None:
     """Labels at 1, 2 and 5 times powers of ten where there would be few others."""
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
-    if costs and max(costs) < _NARROW * min(costs):
+    if len(costs) and max(costs) < _NARROW * min(costs):
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
 
-def _height(point: Point, known: Reference) -> float | None:
-    """The error, or half the distance of guaranteed bounds; what is not resolved is inside the band."""
-    value = known.error(point)
-    if point.bounds is not None:
-        value = point.bounds.width if point.solved and point.bounds.force else None
-    return None if value is None else value if value > known.floor else _UNRESOLVED * known.floor
+def heights(runs: "DataFrame") -> Any:
+    """Errors, and half the distances of guaranteed bounds; what is not resolved is inside the band."""
+    value = runs.error.fillna(runs.width.where(runs.solved & runs.low.notna()))
+    return value.where(value.isna() | (value > runs.floor), _UNRESOLVED * runs.floor)
 
 
-def _intervals(axes: "Axes", points: Sequence[Point], known: Reference) -> None:
+def _intervals(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
     """A bar for each mesh, and beside it what the models say."""
-    cells = sorted({point.number for point in points})
+    cells = sorted(set(runs.number))
     place = {each: float(number) for number, each in enumerate(cells)}
     axes.set_yscale("symlog", linthresh=known.floor)
     axes.axhspan(-known.floor, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
-    for point in points:
-        force = point.bounds.force if point.bounds and point.solved else None
-        if force is not None:
-            low, high = (end / known.value - 1.0 for end in force)
-            axes.bar(place[point.number] - 0.36, high - low, 0.14, low, color=_BAR, edgecolor=point.model.colour,
-                     label=f"{_label(point.model)}: guaranteed")  # fmt: skip
-    models = [model for model in MODELS if model.code != BRACKET and any(p.model == model for p in points)]
-    for number, model in enumerate(models):
-        forces = {p.number: p.half_force for p in points if p.model == model and p.solved}
-        shown = [(place[n] - 0.22 + _BESIDE * number, f / known.value - 1.0) for n, f in forces.items() if f]
-        if shown:
-            axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle="none",
-                      markersize=5, label=_label(model))  # fmt: skip
+    for run in runs[runs.solved & runs.low.notna()].itertuples():
+        low, high = (end / known.value - 1.0 for end in (run.lower, run.upper))
+        axes.bar(place[run.number] - 0.36, high - low, 0.14, low, color=_BAR, edgecolor=NAMED[run.model].colour,
+                 label=f"{_label(run.model)}: guaranteed")  # fmt: skip
+    others = runs[(runs.code != BRACKET) & runs.solved & runs.half_force.notna()]
+    for number, (name, here) in enumerate(others.groupby("model", sort=False)):
+        model = NAMED[str(name)]
+        axes.plot([place[each] - 0.22 + _BESIDE * number for each in here.number], here.half_force / known.value - 1.0,
+                  color=model.colour, marker=model.marker, linestyle="none", markersize=5,
+                  label=_label(model.name))  # fmt: skip
     _mesh_axis(axes, cells)
-    bottom, top = _limits(points, known)
+    bottom, top = limits(runs, known)
     axes.set_ylim(bottom, top)
-    axes.set_yticks(_ticks(bottom, top, known.floor))
+    axes.set_yticks(ticks(bottom, top, known.floor))
     axes.set_yticks([], minor=True)
     axes.set_ylabel("P/2, relative difference [-]")
     _name_once(axes)
 
 
-def _limits(points: Sequence[Point], known: Reference) -> tuple[float, float]:
+def limits(runs: "DataFrame", known: Reference) -> tuple[float, float]:
     """Bottom and top of a picture of intervals: all bars and marks are between them, and so is the grey band."""
-    ends = [end for p in points if p.solved and p.bounds and p.bounds.force for end in p.bounds.force]
-    ends += [p.half_force for p in points if p.solved and p.half_force is not None]
+    sure = runs[runs.solved & runs.low.notna()]
+    ends = [*sure.lower, *sure.upper, *runs.half_force[runs.solved].dropna()]
     heights = [end / known.value - 1.0 for end in ends]
     return _MARGIN * min(-known.floor, *heights), _MARGIN * max(known.floor, *heights)
 
 
-def _ticks(bottom: float, top: float, floor: float) -> list[float]:
+def ticks(bottom: float, top: float, floor: float) -> list[float]:
     """Zero, and powers of ten on both sides that are well outside the grey band, so that labels do not meet."""
     powers = range(math.ceil(math.log10(3.0 * floor)), math.floor(math.log10(max(top, -bottom))) + 1)
     chosen = [10.0**power for power in powers]
     return [0.0, *(each for each in chosen if each <= top), *(-each for each in chosen if -each >= bottom)]
 
 
-def _indicators(axes: "Axes", points: Sequence[Point], known: Reference | None) -> None:
+def _indicators(axes: "Axes", runs: "DataFrame") -> None:
     """The width of the energies on each mesh, and the error of P/2 where it is known."""
-    cells = sorted({point.number for point in points})
-    place = {each: float(number) for number, each in enumerate(cells)}
+    cells = sorted(set(runs.number))
     axes.set_yscale("log")
-    for model in MODELS:
-        here = [p for p in points if p.model == model and p.solved]
-        shown = [(place[p.number], p.bounds.width) for p in here if p.bounds]
-        label = f"{_label(model)}: indicator"
-        if known is not None and model.code == EQUILIBRIUM:
-            shown = [(place[p.number], max(error, known.floor)) for p in here if (error := known.error(p)) is not None]
-            label = f"{_label(model)}: error of P/2"
-        if shown:
-            axes.plot(*zip(*shown, strict=True), color=model.colour, marker=model.marker, linestyle=model.line,
-                      markersize=6, linewidth=1.2, label=label)  # fmt: skip
+    for name, here in runs[runs.solved].groupby("model", sort=False):
+        model = NAMED[str(name)]
+        height = here.width if model.code == BRACKET else here.error.clip(lower=here.floor)
+        if model.code in (BRACKET, EQUILIBRIUM) and height.notna().any():
+            label = f"{_label(model.name)}: {'indicator' if model.code == BRACKET else 'error of P/2'}"
+            axes.plot([cells.index(each) for each in here.number], height, color=model.colour, marker=model.marker,
+                      linestyle=model.line, markersize=6, linewidth=1.2, label=label)  # fmt: skip
     _mesh_axis(axes, cells)
     axes.set_ylabel("relative [-]")
 
@@ -298,6 +245,6 @@ def _name_once(axes: "Axes") -> None:
         seen.add(str(container.get_label()))
 
 
-def _label(model: Model) -> str:
+def _label(name: str) -> str:
     """A model's name in a legend, where the symmetric variant is that which is not named."""
-    return model.name.replace(", symmetric", "")
+    return name.replace(", symmetric", "")

@@ -1,230 +1,182 @@
-"""Tables of a run."""
+"""Tables of the report."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.benchmark.ratios import median, ratio
 from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
-from comparisons.lab.report.numbers import listing, percent, scientific, significant
-from comparisons.lab.report.old import Table
-from comparisons.lab.tables import Grid
-from comparisons.peers.findings import slug
+from comparisons.lab.report.numbers import NOTHING, listing, memory, percent, scientific, seconds, significant
+from comparisons.lab.tables import Grid, grid_of
+from comparisons.peers.measures import Reference, at_most, by_friction, compared_of, costs_of, least_of, missing, slug
 from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.meshes import ratio as shrinking
-from comparisons.peers.models import BRACKET, CODES, MODELS, TRIANGLES
-from comparisons.peers.points import KINDS, Point, Reference, missing, named
-from comparisons.peers.reach import Reach, all_reached, confirmed, errors_at
+from comparisons.peers.models import BRACKET, CODES, NAMED
 
-_NOTHING = "-"
-_MIB = 2.0**20
-_READING = (
-    "Times are processor times of set-up and solve together on one thread, the smallest over the runs of one process, "
-    "after a tiny case that loads all libraries (spread: largest less smallest over the median). Memory: the largest "
-    "resident memory of the process after its first solve; what its libraries take is in the table of models."
-)
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+KINDS: Final = {
+    "PROBLEM": "the problem itself",
+    "STICKING": "the tied problem",
+    "GIVEN_BOUND": "the problem with the friction bound of the computed state held fixed",
+}
+"""Name of a `BracketKind` → what is bracketed."""
 
 
-def costs_table(found: Sequence[Point], known: Reference) -> Table | None:
-    """Time and unknowns of each code to reach an error, and how they compare; None if no error is reached."""
-    rows_with_errors = errors_at(found, known)
-    reaches = all_reached(rows_with_errors, known)
-    own = {each.target: each for each in reaches if each.code == TRIANGLES}
-    headings = ("error [-]", "code", "time [ms]", "over triangles", "by", "fewest unknowns", "over triangles", "by")
+def count(value: float) -> str:
+    """A number of unknowns."""
+    return NOTHING if value != value else str(int(value))
+
+
+def force(value: float) -> str:
+    """P/2 [N/mm], to the digits that are resolved."""
+    return NOTHING if value != value else f"{value:.7f}"
+
+
+def _factor(value: float) -> str:
+    return significant(value, 2)
+
+
+_COSTS: Final[Mapping[str, Callable[[Any], str]]] = {
+    "friction": "{:g}".format, "target": lambda value: scientific(value, 1), "own": seconds, "seconds": seconds,
+    "time_ratio": _factor, "own_unknowns": count, "unknowns": count, "unknowns_ratio": _factor,
+}  # fmt: skip
+_RUNS: Final[Mapping[str, Callable[[Any], str]]] = {
+    "unknowns": count, "half_force": force, "first_setup": seconds, "seconds": seconds, "spread": percent,
+    "peak": memory, "residual": lambda value: scientific(value, 1), "low": force, "high": force, "lower": force,
+    "upper": force, "width": scientific, "strain_error": scientific,
+}  # fmt: skip
+
+
+def tables_of(runs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, Grid]:
+    """The tables by name."""
+    costs = costs_of(runs)
+    tables = {
+        "costs": _compared_table(compared_of(costs)), "least": _least_table(least_of(runs)),
+        "failures": _failures_table(runs[~runs.solved]), "missing": _missing_table(missing(runs)),
+        "reported": _reported_table(runs, known.get(CONVERGED_FRICTION)),
+    }  # fmt: skip
+    for friction, here in by_friction(runs):
+        name, bracket = slug(friction), here.code == BRACKET
+        tables[f"costs-{name}"] = _costs_table(costs[costs.friction == friction])
+        tables[f"brackets-{name}"] = _brackets_table(here[bracket])
+        tables[f"rows-{name}"] = _rows_table(here[~bracket])
+    return tables
+
+
+def _compared_table(compared: "DataFrame") -> Grid:
+    headings = {
+        "friction": "μ", "target": "error", "own": "triangles", "seconds": "other code", "code": "which",
+        "time_ratio": "times as long", "own_unknowns": "unknowns of triangles", "unknowns": "of the other code",
+        "smallest_code": "which", "unknowns_ratio": "times as many",
+    }  # fmt: skip
+    return grid_of(compared, headings, _COSTS)
+
+
+def _costs_table(costs: "DataFrame") -> Grid:
+    shown = costs.assign(name=[CODES[code].name for code in costs.code])
+    headings = {
+        "target": "error", "name": "code", "seconds": "time", "time_ratio": "over triangles", "quickest": "by",
+        "unknowns": "fewest unknowns", "unknowns_ratio": "over triangles", "smallest": "by",
+    }  # fmt: skip
+    return grid_of(shown, headings, _COSTS)
+
+
+def _least_table(least: "DataFrame") -> Grid:
+    shown = least.assign(
+        name=[CODES[code].name for code in least.code],
+        shown=[_error(run.lasting, run.floor) for run in least.itertuples()],
+    )
+    headings = {
+        "friction": "μ", "name": "code", "shown": "smallest error", "unknowns": "unknowns", "seconds": "time",
+        "run": "by",
+    }  # fmt: skip
+    return grid_of(shown, headings, {**_RUNS, "friction": "{:g}".format})
+
+
+def _rows_table(here: "DataFrame") -> Grid:
+    shown = here.assign(
+        first_setup=[min(times, default=None) for times in here.setup],
+        shown=[_error(run.error, run.floor) for run in here.itertuples()],
+    )
+    headings = {
+        "model": "model", "label": "mesh", "unknowns": "unknowns", "status": "status", "half_force": "P/2 [N/mm]",
+        "shown": "error", "first_setup": "set-up", "seconds": "time", "spread": "spread", "peak": "memory",
+        "residual": "residual",
+    }  # fmt: skip
+    return grid_of(shown, headings, _RUNS)
+
+
+def _brackets_table(here: "DataFrame") -> Grid:
+    sure = here.guaranteed & here.solved
+    shown = here.assign(
+        sure=["yes" if each else "no" for each in sure], what=[KINDS.get(kind, NOTHING) for kind in here.kind],
+        lower=here.lower.where(here.guaranteed), upper=here.upper.where(here.guaranteed),
+    )  # fmt: skip
+    headings = {
+        "model": "bracket", "label": "mesh", "unknowns": "unknowns", "status": "status", "lower": "lower P/2 [N/mm]",
+        "upper": "upper P/2 [N/mm]", "width": "half width", "strain_error": "stress error", "sure": "guaranteed",
+        "seconds": "time", "spread": "spread", "peak": "memory", "what": "of",
+    }  # fmt: skip
+    return grid_of(shown, headings, _RUNS)
+
+
+def _error(error: float, floor: float) -> str:
+    """An error; one that is not resolved as what it is at most."""
+    return f"{'' if error != error or error > floor else '≤ '}{scientific(at_most(error, floor))}"
+
+
+def _failures_table(failed: "DataFrame") -> Grid:
+    headings = {"model": "model", "friction": "μ", "label": "mesh", "status": "status", "message": "message"}
+    return grid_of(failed, headings, {"friction": "{:g}".format, "message": lambda text: text or NOTHING})
+
+
+def _missing_table(keys: list[str]) -> Grid:
+    return Grid("", ("code", "how to get it"), [(CODES[key].name, CODES[key].remedy) for key in keys])
+
+
+def _reported_table(runs: "DataFrame", known: Reference | None) -> Grid:
+    """What codes that are not in this run reported on another day."""
+    names = {CODES[code].name for code in runs.code}
     rows = [
-        (
-            scientific(each.target, 1), CODES[each.code].name,
-            *_reach(each.quickest, _milliseconds(each.quickest), each.quickest.seconds, own.get(each.target), 0),
-            *_reach(each.smallest, str(each.smallest.unknowns), each.smallest.unknowns, own.get(each.target), 1),
-        )
-        for each in reaches
+        (peer.code, f"{peer.half_force:.5f}", scientific(abs(peer.half_force / known.value - 1.0)),
+         seconds(peer.seconds))
+        for peer in PEERS if known and peer.code.split(",")[0] not in names
     ]  # fmt: skip
-    unconfirmed = sorted({
-        named(point) for each in reaches for point in each[2:] if not confirmed(rows_with_errors, point)
-    })  # fmt: skip
-    rest = f" Not confirmed by a finer mesh: {listing(unconfirmed)}." if unconfirmed else ""
-    return Table(
-        f"costs-{slug(known.friction)}",
-        Grid(f"Time and unknowns to reach an error of P/2, μ = {known.friction:g}", headings, rows),
-        "For each error the quickest model of each code, and the one with the fewest unknowns. An error counts for a "
-        "mesh only if no finer mesh of the same model has a larger one, and the uncertainty of the reference counts "
-        "against it. Unknowns are as each code counts them: NGSolve's include those inside cells, which it condenses, "
-        "those on triangles do not. Over triangles: divided by the same of this package on triangles, so that a number "
-        f"above 1 says that the code needs more.{rest}",
-        "A code without a line reaches the error on no mesh here.",
-    ) if rows else None  # fmt: skip
+    return Grid("", ("code", "P/2 [N/mm]", "error", "reported time"), rows)
 
 
-def _reach(point: Point, text: str, cost: float | None, own: Reach | None, which: int) -> tuple[str, str, str]:
-    """A cost, its ratio to that of the triangles, model and mesh."""
-    least = None if own is None else (own.quickest.seconds, own.smallest.unknowns)[which]
-    relative = ratio(cost, least)
-    return text, _NOTHING if relative is None else significant(relative, 2), named(point)
+def settings_of(runs: "DataFrame", known: Mapping[float, Reference]) -> list[Grid]:
+    """Values that errors are relative to, models with the memory of their processes before a case, and meshes."""
+    return [_references(known), _models(runs), _meshes(runs)]
 
 
-def _milliseconds(point: Point) -> str:
-    return _NOTHING if point.seconds is None else significant(1e3 * point.seconds)
-
-
-def rows_table(found: Sequence[Point], known: Reference | None, friction: float) -> Table:
-    """Every model that gives a force, on every mesh, at one μ."""
-    headings = ("model", "mesh", "unknowns", "status", "P/2 [MPa × length]", "error [-]", "set-up [s]", "time [s]",
-                "spread", "memory [MiB]", "residual [-]")  # fmt: skip
+def _references(known: Mapping[float, Reference]) -> Grid:
     rows = [
-        (
-            p.model.name, _mesh(p), _number(p.unknowns, "d"), p.status, _number(p.half_force, ".7f"),
-            _error(p, known), _seconds(min(p.setup, default=None)), *_costs(p), _number(p.residual, ".0e"),
-        )
-        for p in found
-        if p.friction == friction and p.model.code != BRACKET
-    ]  # fmt: skip
-    return Table(
-        f"rows-{slug(friction)}",
-        Grid(f"All runs at μ = {friction:g}", headings, rows),
-        f"{_errors(known)} {_READING} Displacement codes assemble in every Newton step, so that the whole time is to "
-        "be compared.",
-        "A status other than solved; such a row has no error. Residuals are those of each code's own check and cannot "
-        "be compared between codes.",
-    )
-
-
-def bounds_table(found: Sequence[Point], friction: float) -> Table:
-    """What brackets say at one μ."""
-    headings = ("bracket", "mesh", "unknowns", "status", "lower P/2 [MPa × length]", "upper P/2 [MPa × length]",
-                "half width [-]", "stress error [-]", "guaranteed", "time [s]", "spread", "memory [MiB]")  # fmt: skip
-    rows = [
-        (p.model.name, _mesh(p), _number(p.unknowns, "d"), p.status, *_bounds(p), *_costs(p))
-        for p in found
-        if p.friction == friction and p.model.code == BRACKET
+        (f"{friction:g}", force(each.value), scientific(each.uncertainty), scientific(each.floor), each.source)
+        for friction, each in known.items()
     ]
-    kinds = dict.fromkeys(KINDS[p.bounds.kind] for p in found if p.friction == friction and p.bounds)
-    return Table(
-        f"brackets-{slug(friction)}",
-        Grid(f"Brackets at μ = {friction:g}", headings, rows),
-        f"What is bracketed: {listing(list(kinds))}. The half width is half the difference of the two energies over "
-        "their mean, and of P/2 where P has bounds. The stress error bounds that of the stresses, in the energy norm "
-        "and relative. Guaranteed: up to rounding and the tolerance of the solves, 1e-8; where it says no, the numbers "
-        f"are an indicator. {_READING} The solve of the equilibrium model is in them; unknowns are those of stress and "
-        "displacement.",
-        "A lower bound above the upper one, or a status other than solved.",
-    )
-
-
-def failures_table(found: Sequence[Point]) -> Table | None:
-    """Every run without a solution and why; None if all have one."""
-    failed = [point for point in found if not point.solved]
-    rows = [(p.model.name, f"{p.friction:g}", _mesh(p), p.status, p.message or _NOTHING) for p in failed]
-    return Table(
-        "failures",
-        Grid("Runs without a solution", ("model", "μ", "mesh", "status", "message"), rows),
-        "What the code, its process or this report says of each. Inverted: the code gives bounds, the lower one above "
-        "the upper one by more than rounding and the tolerance of the solves.",
-        "Every line.",
-    ) if rows else None  # fmt: skip
-
-
-def missing_table(found: Sequence[Point]) -> Table:
-    """Codes that are not installed."""
-    rows = [(CODES[key].name, CODES[key].remedy) for key in missing(found)]
-    reading = "The command that gets each code; the same run then needs another store."
-    return Table("missing", Grid("Not installed, not run", ("code", "how to get it"), rows), reading)
-
-
-def reported_table(found: Sequence[Point], known: Reference | None) -> Table | None:
-    """What codes that are not in this run reported on another day; None without such codes."""
-    names = {CODES[point.model.code].name for point in found}
-    rows = [
-        (peer.code, f"{peer.half_force:.5f}", scientific(abs(peer.half_force / known.value - 1.0)), f"{peer.seconds:g}")
-        for peer in PEERS
-        if known and known.friction == CONVERGED_FRICTION and peer.code.split(",")[0] not in names
-    ]
-    headings = ("code", "P/2 [MPa × length]", "error [-]", "reported time [s]")
-    reading = (
-        f"At μ = {CONVERGED_FRICTION:g}. Measured once on another day, the solve alone; not part of this run, and "
-        "times not to be compared with those above."
-    )
-    return Table("reported", Grid("Reported, not run here", headings, rows), reading) if rows else None
-
-
-def models_grid(found: Sequence[Point]) -> Grid:
-    """How each model was set up, and the memory of its process before a case."""
-    rows = []
-    for model in MODELS:
-        here = [point for point in found if point.model == model]
-        said = {point.version for point in here if point.version} or {_NOTHING}
-        before = median([point.before for point in here if point.before is not None])
-        if here:
-            options = ", ".join(f"{name} = {value}" for name, value in model.options.items()) or _NOTHING
-            rows.append((model.name, CODES[model.code].name, ", ".join(sorted(said)), options, _mebibytes(before)))
-    headings = ("model", "code", "version, as it says", "options", "memory with its libraries [MiB]")
-    return Grid("Models", headings, rows)
-
-
-def meshes_grid(found: Sequence[Point]) -> Grid:
-    """What the families of meshes are."""
-    used = {point.model.mesh for point in found}
-    rows = [(name, family.reading, _numbers(found, name)) for name, family in FAMILIES.items() if name in used]
-    return Grid("Meshes", ("family", "what it is", "cells a side, or levels"), rows)
-
-
-def _numbers(found: Sequence[Point], family: str) -> str:
-    numbers = sorted({point.number for point in found if point.model.mesh == family})
-    if family == "graded":
-        return listing([f"{number} (each cell {shrinking(number):g} of the one before it)" for number in numbers])
-    return listing([str(number) for number in numbers])
-
-
-def references_grid(references: Sequence[Reference]) -> Grid:
-    """The values that errors are relative to."""
-    rows = [
-        (f"{each.friction:g}", f"{each.value:.7f}", scientific(each.uncertainty), scientific(each.floor), each.source)
-        for each in references
-    ]
-    headings = ("μ", "P/2 [MPa × length]", "±", "smallest error resolved [-]", "from")
+    headings = ("μ", "P/2 [N/mm]", "±", "smallest error resolved", "from")
     return Grid("Values that errors are relative to", headings, rows)
 
 
-def _mesh(point: Point) -> str:
-    return point.model.family.label(point.number)
+def _models(runs: "DataFrame") -> Grid:
+    rows = []
+    for name, found in runs.sort_values("order", kind="stable").groupby("model", sort=False):
+        model, said = NAMED[str(name)], sorted(set(found.version.dropna()) - {""})
+        options = ", ".join(f"{option} = {value}" for option, value in model.options.items()) or NOTHING
+        rows.append((
+            model.name, CODES[model.code].name, ", ".join(said) or NOTHING, options, memory(found.before.median())
+        ))  # fmt: skip
+    headings = ("model", "code", "version, as it says", "options", "memory with its libraries")
+    return Grid("Models", headings, rows)
 
 
-def _errors(known: Reference | None) -> str:
-    if known is None:
-        return "No value is known that errors could be relative to."
-    return (
-        f"Errors are relative to {known.value:.7f} ± {scientific(known.uncertainty)}, {known.source}: below "
-        f"{scientific(known.floor)} nothing is resolved. There the table says what an error is at most, with this "
-        "uncertainty (≤)."
-    )
-
-
-def _error(point: Point, known: Reference | None) -> str:
-    value = known.error(point) if known else None
-    if value is None or known is None:
-        return _NOTHING
-    return scientific(value) if value > known.floor else f"≤ {scientific(value + known.floor)}"
-
-
-def _bounds(point: Point) -> tuple[str, ...]:
-    found = point.bounds
-    if found is None:
-        return (_NOTHING,) * 5
-    return (
-        _number(found.lower, ".7f"), _number(found.upper, ".7f"), scientific(found.width),
-        scientific(found.strain_error), "yes" if found.guaranteed else "no",
-    )  # fmt: skip
-
-
-def _costs(point: Point) -> tuple[str, ...]:
-    """Time, spread, memory."""
-    return _seconds(point.seconds), _NOTHING if point.spread is None else percent(point.spread), _mebibytes(point.peak)
-
-
-def _seconds(value: float | None) -> str:
-    return _NOTHING if value is None else significant(value)
-
-
-def _number(value: float | None, form: str) -> str:
-    return _NOTHING if value is None else format(value, form)
-
-
-def _mebibytes(value: float | None) -> str:
-    return _number(None if value is None else value / _MIB, ".0f")
+def _meshes(runs: "DataFrame") -> Grid:
+    rows = []
+    for name, family in FAMILIES.items():
+        numbers = sorted(set(runs[runs.mesh == name].number))
+        told = [f"{each} (each cell {shrinking(each):g} of the one before it)" if name == "graded" else str(each)
+                for each in numbers]  # fmt: skip
+        if numbers:
+            rows.append((name, family.reading, listing(told)))
+    return Grid("Meshes", ("family", "what it is", "cells a side, or levels"), rows)

@@ -3,7 +3,6 @@
 One small run is shared by the tests of a process.
 """
 
-import html
 import json
 import os
 import shutil
@@ -19,14 +18,24 @@ import pytest
 from click.testing import CliRunner
 
 from comparisons.cli import group
-from comparisons.lab.study import read_study
+from comparisons.lab.study import read_csv, read_study
 from comparisons.lab.study.rows import Row
-from comparisons.peers import LEVELS, cases, command, figures, measure, meshes, models, report, tables
+from comparisons.peers import LEVELS, cases, command, figures, measure, meshes, models
 from comparisons.peers.codes import companion, equilibrium, ngsolve_nitsche, process
-from comparisons.peers.figures import COSTS, best_figure, bounds_figure, error_figure
-from comparisons.peers.findings import error_text, findings
-from comparisons.peers.points import RESOLUTION, points, reference
-from comparisons.peers.reach import TARGETS, all_reached, comparison, errors_at, lasting_error
+from comparisons.peers.figures import COSTS
+from comparisons.peers.measures import (
+    RESOLUTION,
+    TARGETS,
+    compared_of,
+    contradictory,
+    costs_of,
+    known_of,
+    reference,
+    runs_of,
+    values_of,
+)
+from comparisons.peers.report import SCHEMA, as_json, report
+from comparisons.peers.tables import tables_of
 from comparisons.settled import LIMITS, SETTLED, UNCERTAINTY
 from qvi_contact import InputError, solve
 from qvi_contact.basics import terminal
@@ -39,12 +48,13 @@ posix = pytest.mark.skipif(os.name != "posix", reason="the other Python is a she
 LIMIT = {friction: value for friction, (value, _) in LIMITS.items()}
 FLOOR = LIMITS[0.2][1] / LIMIT[0.2]
 CHOSEN = (
-    "triangles, p = 3, bisected",
     "rectangles, graded",
+    "triangles, p = 3, bisected",
     "companion, p = 3, graded",
     "NGSolve, p = 2, symmetric, uniform",
     "bracket, p = 3, graded",
 )
+COMMITTED = Path(__file__).parents[2] / "comparisons" / "reports" / "peers" / "peers"
 EMPTY = {"case": {}, "warm_up": {}, "options": {}, "repetitions": 1}
 
 
@@ -65,7 +75,8 @@ def ran(tmp_path_factory):
         patch.setattr(cases, "find_spec", lambda name: None if name == "getfem" else find_spec(name))
         done = CliRunner().invoke(group, words, catch_exceptions=False)
     assert done.exit_code == 0
-    files = {path.name: path.read_text(encoding="utf-8") for path in (folder / "out").iterdir()}
+    files = {path.name: path.read_text(encoding="utf-8") for path in (folder / "out").iterdir() if path.suffix != ".gz"}
+    assert read_csv(folder / "out" / "peers.csv.gz") == read_study(folder / "a.sqlite").rows
     return done.stdout, done.stderr, files, read_study(folder / "a.sqlite").rows
 
 
@@ -232,7 +243,7 @@ class TestRun:
 
     def test_nothing_but_json_on_standard_output(self, ran, document):
         assert ran[1] == ""
-        assert document["schema"] == report.SCHEMA
+        assert document["schema"] == SCHEMA
         assert [row["model"] for row in document["rows"]] == [
             n for n in CHOSEN if find_spec("ngsolve") or "NG" not in n
         ]
@@ -280,25 +291,55 @@ class TestRun:
     def test_a_missing_code_says_how_to_get_it(self, ran, document):
         remedy = models.CODES["getfem"].remedy
         assert "getfem" in document["missing"]
-        assert any(remedy in sentence for sentence in document["findings"])
         assert remedy in ran[2]["peers.md"]
         assert remedy in ran[2]["peers.html"]
 
     def test_files(self, ran, document):
         names = [f"{kind}-{cost.name}-mu-1" for cost in COSTS for kind in ("best", "error")] + ["bounds-mu-1"]
         pictures = [f"peers-{name}.svg" for name in names] if has_matplotlib() else []
-        assert sorted(ran[2]) == sorted(["peers.csv", "peers.html", "peers.md", *pictures])
-        lines = ran[2]["peers.csv"].splitlines()
-        assert [line.split('"')[1] for line in lines[1:]] == [row["model"] for row in document["rows"]]
+        assert sorted(ran[2]) == sorted(["peers.html", "peers.md", *pictures])
         text = ran[2]["peers.md"]
         assert all(f"{row['half_force']:.7f}" in text for row in document["rows"] if row["half_force"])
         assert "python -m comparisons peers --friction 1 --cells 8 --levels 1 --repeat 2" in text
 
-    def test_the_report_is_made_of_the_rows_alone(self, ran, monkeypatch):
-        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
-        made = report.peers_report(ran[3], "python -m comparisons peers --friction 1 --cells 8 --levels 1 --repeat 2")
-        assert all(finding.text.split("(")[0] in html.unescape(ran[2]["peers.html"]) for finding in made.findings)
-        assert {exhibit.svg for exhibit in made.sections[0].exhibits if hasattr(exhibit, "svg")} == {""}
+    def test_the_report_is_made_of_the_rows_alone(self, ran):
+        made = report(ran[3][::-1])
+        assert (made.text, set(made.pictures)) == (ran[2]["peers.md"], {name for name in ran[2] if "svg" in name})
+
+
+@pytest.mark.skipif(not COMMITTED.with_suffix(".csv.gz").exists(), reason="no run is committed with its rows")
+class TestCommitted:
+    """The run in `comparisons/reports`."""
+
+    def test_the_committed_report_is_that_of_the_committed_rows(self, monkeypatch):
+        monkeypatch.setattr(figures, "_drawn", lambda *_: "drawn")
+        text = COMMITTED.with_suffix(".md").read_text(encoding="utf-8")
+        assert report(read_csv(COMMITTED.with_suffix(".csv.gz"))).text == text
+
+    def test_numbers_of_the_findings(self):
+        """From the rows, without the frame."""
+        rows = read_csv(COMMITTED.with_suffix(".csv.gz"))
+        values = told(*rows)
+        solved = [row for row in rows if row.result.get("status") == "solved"]
+        assert (values["runs"], values["solved"]) == (len(rows), len(solved))
+        for friction, (value, uncertainty) in LIMITS.items():
+            by_code = {code: self.least(solved, friction, value, uncertainty, code) for code in models.CODES}
+            ours, theirs = by_code[models.TRIANGLES], min(by_code["ngsolve"], by_code["getfem"])
+            lines = compared_of(costs_of(runs_of(rows))).query("target == 1e-8").set_index("friction")
+            assert lines.loc[friction, ["own", "seconds"]].tolist() == pytest.approx([ours, theirs])
+
+    def least(self, rows, friction, value, uncertainty, code):
+        """Time of a code to an error of 1e-8 that no finer mesh contradicts; of those that one confirms, if any."""
+        found = [(True, float("inf"))]
+        for name in (name for name, model in models.NAMED.items() if model.code == code):
+            curve = [row for row in rows if (row.case["model"], row.case["friction"]) == (name, friction)]
+            errors = {row.case["number"]: abs((row.result["half_force"] or 0.0) / value - 1.0) for row in curve}
+            for row in curve:
+                worst = max(error for number, error in errors.items() if number >= row.case["number"])
+                if worst + uncertainty / value <= 1e-8:
+                    sums = map(sum, zip(row.result["setup"], row.result["solve"], strict=True))
+                    found.append((row.case["number"] == max(errors), min(sums)))
+        return min(found)[1]
 
 
 @posix
@@ -339,10 +380,8 @@ class TestFailures:
             patch.setenv(measure.GETFEM, "")
             done = CliRunner().invoke(group, words, catch_exceptions=False)
         assert done.exit_code == 0
-        (found,) = points(read_study(tmp_path / "a.sqlite").rows)
-        assert (found.status, found.message, found.half_force) == ("timeout", "more than 0.5 s", None)
-        assert "Runs that end with a solution: 0 of 1." in done.stdout
-        assert "GetFEM, Q2, uniform (μ = 0.2: timeout on 4² cells)." in done.stdout
+        (found,) = runs_of(read_study(tmp_path / "a.sqlite").rows).itertuples()
+        assert (found.status, found.message, np.isnan(found.half_force)) == ("timeout", "more than 0.5 s", True)
         page = (tmp_path / "out" / "peers.html").read_text(encoding="utf-8")
         assert "timeout" in page
         assert str(tmp_path) not in page
@@ -390,15 +429,13 @@ def bracketed(lower, upper, friction=1.0, guaranteed=True, cells=8):
     return solution("bracket, p = 3, graded", cells, None, 0.1, friction, kind=kind.name, **bounds, **more)
 
 
-def said(*rows):
-    """The findings of these rows."""
-    return [finding.text for finding in findings(points(rows))]
+def costs(*rows):
+    return costs_of(runs_of(rows))
 
 
-def sentence(start, *rows):
-    """The one that begins so."""
-    (found,) = (text for text in said(*rows) if text.startswith(start))
-    return found
+def told(*rows):
+    """The numbers of the findings."""
+    return values_of(runs_of(rows))
 
 
 class TestReach:
@@ -406,104 +443,94 @@ class TestReach:
 
     OURS, THEIRS, OTHERS = "triangles, p = 4, bisected", "NGSolve, p = 3, symmetric, bisected", "GetFEM, Q2, uniform"
 
-    def reaches(self, *rows):
-        found = points(rows)
-        known = reference(found, 0.2)
-        return all_reached(errors_at(found, known), known)
-
     def near(self, model, number, error, seconds):
         return solution(model, number, LIMIT[0.2] * (1.0 + error), seconds)
 
     def test_the_quickest_and_the_smallest_of_each_code(self):
         rows = [self.near(self.OURS, 3, 2e-6, 0.02), self.near(self.OURS, 4, 1e-7, 0.01)]
         rows += [self.near(self.THEIRS, 5, 2e-6, 0.04), self.near(self.OTHERS, 4, 2e-6, 0.05)]
-        found = self.reaches(*rows)
-        (ours,) = (each for each in found if each.code == models.TRIANGLES and each.target == 3e-6)
-        assert (ours.quickest.number, ours.smallest.number) == (3, 3)  # the finest mesh of a model is not confirmed
-        assert {each.target for each in found if each.code == models.TRIANGLES} == set(TARGETS[:4])
-        compared = comparison(found, 3e-6)
-        assert compared.time == pytest.approx(2.0)
-        assert compared.unknowns == pytest.approx(16 / 9)
-        assert (compared.quickest.model.name, compared.smallest.model.name) == (self.THEIRS, self.OTHERS)
-        assert comparison(found, 1e-7) is None
+        found = costs(*rows)
+        ours = found[found.code == models.TRIANGLES].set_index("target")
+        assert ours.loc[3e-6, ["quickest", "smallest"]].tolist() == 2 * [f"{self.OURS}, level 3"]  # it is confirmed
+        assert set(ours.index) == set(TARGETS[:4])
+        compared = compared_of(found).set_index("target")
+        assert compared.loc[3e-6, ["code", "smallest_code"]].tolist() == ["NGSolve", "GetFEM"]
+        assert compared.time_ratio[3e-6] == pytest.approx(2.0)
+        assert compared.unknowns_ratio[3e-6] == pytest.approx(16 / 9)
+        assert 1e-7 not in compared.index
 
     def test_an_error_is_reached_with_the_uncertainty_of_the_reference(self):
         for share, there in ((0.98, True), (1.02, False)):
-            found = self.reaches(self.near(self.OTHERS, 8, 1e-8 * share - FLOOR, 0.1))
-            assert (1e-8 in [each.target for each in found]) == there
+            found = costs(self.near(self.OTHERS, 8, 1e-8 * share - FLOOR, 0.1))
+            assert (1e-8 in set(found.target)) == there
 
     def test_an_error_that_a_finer_mesh_does_not_confirm_is_chance(self):
         rows = [self.near(self.OTHERS, 4, 1e-7, 0.01), self.near(self.OTHERS, 8, 1e-5, 0.02)]
-        found = points(rows)
-        known = reference(found, 0.2)
-        first, last = pairs = errors_at(found, known)
-        assert lasting_error(pairs, first[0]) == last[1] == lasting_error(pairs, last[0]) > first[1]
-        assert [each.target for each in self.reaches(*rows)] == [1e-4, 2e-5]
-        assert not self.reaches(rows[0], self.near(self.OTHERS, 8, 1e-3, 0.02))
+        first, last = runs_of(rows).itertuples()
+        assert first.lasting == last.error == last.lasting > first.error
+        assert costs(*rows).target.tolist() == [1e-4, 2e-5]
+        assert costs(rows[0], self.near(self.OTHERS, 8, 1e-3, 0.02)).empty
 
     def test_a_finer_mesh_that_fails_confirms_nothing(self):
-        fails = row("GetFEM, Q2, graded", 16, status="crashed", reason="signal 11")
-        rows = [solution("GetFEM, Q2, graded", 8, 214.23325, 0.01), fails]
-        unconfirmed = "Not confirmed by a finer mesh: GetFEM, Q2, graded, 8² cells."
-        for more, told in (([], True), ([solution("GetFEM, Q2, graded", 32, 214.23325, 5.0)], False)):
-            found = points([*rows, *more])
-            assert (unconfirmed in tables.costs_table(found, reference(found, 0.2)).reading) == told
+        rows = [solution("GetFEM, Q2, graded", 8, 214.23325, 0.01)]
+        rows += [row("GetFEM, Q2, graded", 16, status="crashed", reason="signal 11")]
+        last = solution("GetFEM, Q2, graded", 32, 214.23325, 5.0)
+        assert not costs(*rows).sure.any()
+        assert "Not confirmed by a finer mesh: GetFEM, Q2, graded, 8² cells." in report(rows).text
+        assert costs(*rows, last).sure.all()
+        assert "Not confirmed by a finer mesh: none." in report([*rows, last]).text
 
     def test_what_is_confirmed_comes_first(self):
         rows = [solution("GetFEM, Q2, graded", 8, 214.23325, 0.01)]
         rows += [solution("GetFEM, Q2, uniform", cells, 214.23325, 0.05) for cells in (8, 16)]
-        assert {each.quickest.model.name for each in self.reaches(*rows)} == {"GetFEM, Q2, uniform"}
+        assert set(costs(*rows).quickest) == {"GetFEM, Q2, uniform, 8² cells"}
 
     def test_the_table_has_times_unknowns_and_what_they_are_over_those_of_triangles(self):
         rows = [self.near(self.OURS, n, 2e-6, 0.02) for n in (4, 5)] + [self.near(self.OTHERS, 8, 2e-6, 0.05)]
-        found = points(rows)
-        lines = {line[:2]: line[2:] for line in tables.costs_table(found, reference(found, 0.2)).grid.rows}
-        assert lines["3e-6", "this package on triangles"][:2] == ("20", "1")
+        runs = runs_of(rows)
+        lines = {line[:2]: line[2:] for line in tables_of(runs, known_of(runs))["costs-mu-0_2"].rows}
+        assert lines["3e-6", "this package on triangles"][:2] == ("20 ms", "1")
         named = "GetFEM, Q2, uniform, 8² cells"
-        assert lines["3e-6", "GetFEM"] == ("50", "2.5", named, "64", "4", named)
+        assert lines["3e-6", "GetFEM"] == ("50 ms", "2.5", named, "64", "4", named)
         assert ("1e-6", "GetFEM") not in lines
 
 
 class TestFindings:
-    """Sentences follow the numbers."""
+    """The numbers of the sentences."""
 
     def test_costs(self):
         ours, theirs = "triangles, p = 4, bisected", "NGSolve, p = 3, symmetric, bisected"
         rows = [solution(ours, number, LIMIT[0.2] * (1.0 + 5e-7), 0.02) for number in (4, 5)]
         rows += [solution(theirs, number, LIMIT[0.2] * (1.0 - 5e-7), 0.05) for number in (5, 6)]
-        text = sentence("At μ = 0.2 an error of 3e-6", *rows)
-        cost = "takes 20 ms on triangles and 50 ms with NGSolve, 2.5 times as long, and 16 unknowns beside 25"
-        assert text.startswith(f"At μ = 0.2 an error of 3e-6 {cost}; an error of 1e-6 {cost}. ")
+        cost = {"own": "20 ms", "ratios": "2.5", "unknowns": "1.6"}
+        values = told(*rows)
+        assert (values["fine"], values["coarse"]) == ({"target": 1e-6, **cost}, {"target": 3e-6, **cost})
 
-    def test_costs_of_one_code_alone(self):
-        rows = [solution("GetFEM, Q2, uniform", 8, 214.233, 0.2), solution("GetFEM, Q2, uniform", 16, 214.233, 2.0)]
-        assert "GetFEM 3e-6 in 200 ms" in sentence("At μ = 0.2 the smallest error asked for", *rows)
+    def test_costs_of_one_code_alone_are_not_compared(self):
+        values = told(*(solution("GetFEM, Q2, uniform", cells, 214.233, 0.2) for cells in (8, 16)))
+        assert (values["fine"], values["coarse"], values["triangles"]) == (None, None, None)
 
     def test_rectangles_beside_triangles(self):
         rows = [solution("rectangles, graded", n, LIMIT[0.2] * (1.0 - 1e-4 / n), 0.1) for n in (8, 16)]
         rows += [solution("triangles, p = 4, bisected", n, LIMIT[0.2] * (1.0 - 1e-6 / n), 0.1) for n in (4, 5)]
-        text = sentence("On rectangles", *rows)
-        assert "is 1.2e-5 with 64 unknowns at μ = 0.2 (triangles: 2.5e-7 with 16)." in text
-
-    def test_errors_near_the_uncertainty_say_so(self):
-        known = reference([], 0.2)
-        assert error_text(3.0 * known.floor, known) == "2.8e-9 ± 9.3e-10"
-        assert error_text(0.0, known) == "at most 9.3e-10"
-        assert error_text(1e-6, known) == "1.0e-6"
+        values = told(*rows)
+        assert values["rectangles"] == "1.2e-5"
+        assert values["triangles"] == pytest.approx(2.5e-7, rel=1e-3)
 
     def test_guaranteed_bounds_are_widened_by_what_the_solves_hold_to(self):
-        text = sentence("At μ = 1 P/2 is guaranteed", bracketed(214.3677, 214.3678), bracketed(214.2, 214.4))
-        assert "between 214.3676979 and 214.3678021 MPa × length, 2.4e-7 either way" in text
+        (found,) = told(bracketed(214.3677, 214.3678), bracketed(214.2, 214.4))["bounds"]
+        assert (found["low"], found["high"]) == pytest.approx((214.3676979, 214.3678021), abs=5e-8)
 
     def test_bounds_that_contradict_each_other_are_not_used(self):
-        rows = [bracketed(214.367650, 214.367655), bracketed(214.367670, 214.367675)]
-        assert "2 meshes contradict each other" in " ".join(said(*rows))
-        assert reference(points(rows), 1.0).value == LIMIT[1.0]
-        assert "guaranteed to lie" not in " ".join(said(*rows))
+        runs = runs_of([bracketed(214.367650, 214.367655), bracketed(214.367670, 214.367675)])
+        assert contradictory(runs)
+        assert reference(runs, 1.0).value == LIMIT[1.0]
+        values = values_of(runs)
+        assert (values["bounds"], values["doubtful"]) == ([], [{"friction": 1.0, "count": 2}])
 
     def test_an_indicator_is_no_bound(self):
         rows = [bracketed(214.1, 214.3, 0.2, guaranteed=False), solution("rectangles, graded", 8, 214.2, 0.1)]
-        assert "guaranteed to lie" not in " ".join(said(*rows))
+        assert told(*rows)["bounds"] == []
 
     def test_failures_are_counted_and_told(self, monkeypatch):
         monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
@@ -511,71 +538,65 @@ class TestFindings:
         rows = [row("GetFEM, Q2, strips", n, result=result) for n in (1, 2)]
         rows += [row("GetFEM, Q2, strips", 3, status="crashed", reason="signal 11")]
         rows += [solution("rectangles, graded", 8, 214.2, 0.1)]
-        text = "Without: GetFEM, Q2, strips (μ = 0.2: not converged on level 1 and level 2, crashed on level 3)."
-        assert sentence("Runs that end with a solution: 1 of 4.", *rows).endswith(text)
-        told = tables.failures_table(points(rows)).grid.rows
-        assert [line[-2:] for line in told[1:]] == [("not converged", "residual 1e-3"), ("crashed", "signal 11")]
-        assert "failures" in [each.name for part in report.peers_report(rows, "").sections for each in part.exhibits]
-        assert tables.failures_table(points(rows[3:])) is None
-        (shown,) = {reference(points(rows), 0.2).error(point) for point in points(rows)[:3]}
-        assert shown is None
-        report.as_json(rows)
+        runs = runs_of(rows)
+        values, lines = values_of(runs), tables_of(runs, known_of(runs))["failures"].rows
+        assert (values["runs"], values["solved"], values["failing"]) == (4, 1, "3 of GetFEM")
+        assert [line[-2:] for line in lines[1:]] == [("not converged", "residual 1e-3"), ("crashed", "signal 11")]
+        assert runs.error[~runs.solved].isna().all()
+        json.loads(as_json(rows, report(rows)))
 
     def test_without_any_known_value(self):
-        rows = [solution("GetFEM, Q2, uniform", 8, 214.4, 0.1, 0.12)]
-        assert "no value of P/2 is known" in sentence("At μ = 0.12", *rows)
-        made = report.peers_report(rows, "command")
-        assert [exhibit.name for exhibit in made.sections[0].exhibits] == ["rows-mu-0_12"]
-        assert "No value is known" in made.sections[0].exhibits[0].reading
+        made = report([solution("GetFEM, Q2, uniform", 8, 214.4, 0.1, 0.12)])
+        assert "No value of P/2 is known" in made.text
+        assert made.pictures == {}
 
 
 class TestReference:
     """What errors are relative to."""
 
+    NONE = runs_of([solution("GetFEM, Q2, uniform", 8, 214.4, 0.1)])
+
     def test_limits_and_what_codes_settle_on(self):
-        known = reference([], 0.2)
-        assert (known.value, known.uncertainty) == LIMITS[0.2]
-        assert reference([], 0.4).value == LIMIT[1.0]
-        known = reference([], 0.1)
-        assert (known.value, known.uncertainty) == (SETTLED[0.1], UNCERTAINTY)
-        assert reference([], 0.12) is None
+        assert reference(self.NONE, 0.2)[:2] == LIMITS[0.2]
+        assert reference(self.NONE, 0.4).value == LIMIT[1.0]
+        assert reference(self.NONE, 0.1)[:2] == (SETTLED[0.1], UNCERTAINTY)
+        assert reference(self.NONE, 0.12) is None
 
     def test_limits_are_those_that_codes_settle_on(self):
         assert all(abs(value - SETTLED[friction]) < UNCERTAINTY for friction, value in LIMIT.items())
 
     def test_guaranteed_bounds_if_nothing_narrower_is_known(self):
         wide, narrow = bracketed(214.3, 214.4, 0.12), bracketed(214.36765, 214.36766, 0.12)
-        known = reference(points([wide, narrow]), 0.12)
+        known = reference(runs_of([wide, narrow]), 0.12)
         assert known.value == pytest.approx(214.367655, abs=1e-9)
         assert known.uncertainty == pytest.approx(5e-6 + RESOLUTION * known.value)
         assert "guaranteed bounds of bracket, p = 3, graded, 8² cells" in known.source
-        assert reference(points([bracketed(214.2, 214.21, 0.12, False)]), 0.12) is None
-        assert reference(points([bracketed(214.36765, 214.36766)]), 1.0).value == LIMIT[1.0]
+        assert reference(runs_of([bracketed(214.2, 214.21, 0.12, False)]), 0.12) is None
+        assert reference(runs_of([bracketed(214.36765, 214.36766)]), 1.0).value == LIMIT[1.0]
 
     def test_nothing_below_the_tolerance_is_resolved(self):
-        assert reference(points([bracketed(209.0, 209.0 + 1e-12, 0.0)]), 0.0).floor >= RESOLUTION
+        assert reference(runs_of([bracketed(209.0, 209.0 + 1e-12, 0.0)]), 0.0).floor >= RESOLUTION
 
     @pytest.mark.parametrize("guaranteed", [True, False])
     def test_inverted_bounds_are_a_failure(self, guaranteed):
         rows = [bracketed(214.3678, 214.3677, 1.0, guaranteed), bracketed(214.3, 214.4, 1.0, guaranteed)]
-        inverted, right = points(rows)
+        runs = runs_of(rows)
+        inverted, right = runs.itertuples()
         assert (inverted.status, inverted.solved, right.solved) == ("inverted", False, True)
-        assert "lower end is above the upper one: half width -2.3e-7" in inverted.message
-        assert reference([inverted, right], 1.0).value == LIMIT[1.0]
-        assert "Without: bracket, p = 3, graded (μ = 1: inverted on 8² cells)." in " ".join(said(*rows))
-        assert "2.3e-7" not in " ".join(said(*rows))
-        shown = tables.bounds_table([inverted], 1.0).grid.rows[0]
-        assert "inverted" in shown
+        assert "half width -2.3e-7" in inverted.message
+        assert reference(runs, 1.0).value == LIMIT[1.0]
+        assert values_of(runs)["failing"] == "1 of the bracket"
+        assert "inverted" in tables_of(runs, known_of(runs))["brackets-mu-1"].rows[0]
 
     def test_rounding_inverts_nothing(self):
-        (point,) = points([bracketed(209.0 + 1e-6, 209.0, 0.0)])
-        assert point.solved
-        assert reference([point], 0.0).uncertainty > 0.0
+        runs = runs_of([bracketed(209.0 + 1e-6, 209.0, 0.0)])
+        assert runs.solved.all()
+        assert reference(runs, 0.0).uncertainty > 0.0
 
 
 def test_errors_below_the_uncertainty_are_shown_as_such():
-    found = points([solution("rectangles, graded", 8, LIMIT[0.2] * (1.0 + 5e-10), 0.1)])
-    (cells,) = tables.rows_table(found, reference(found, 0.2), 0.2).grid.rows
+    runs = runs_of([solution("rectangles, graded", 8, LIMIT[0.2] * (1.0 + 5e-10), 0.1)])
+    (cells,) = tables_of(runs, known_of(runs))["rows-mu-0_2"].rows
     assert "≤ 1.4e-9" in cells  # with the uncertainty of the value itself
 
 
@@ -592,67 +613,62 @@ class TestFigures:
     )
     BRACKET = "bracket, p = 3, graded"
 
-    def labels(self, figure):
+    def drawn(self, *rows):
+        runs = runs_of(rows)
+        return figures.figures(runs, known_of(runs))
+
+    def labels(self, svg):
         names = ("rectangles, graded", "GetFEM, Q2, strips", "GetFEM, Q2, graded", f"{self.BRACKET}: guaranteed")
-        return [name for name in names if f">{name}<" in figure.svg]
+        return [name for name in names if f">{name}<" in svg]
 
     def test_errors_have_a_curve_for_each_model_that_was_solved(self):
-        found = points(self.ROWS)
-        figure = error_figure(found, reference(found, 1.0), COSTS[1])
-        assert self.labels(figure) == ["rectangles, graded", "GetFEM, Q2, strips", f"{self.BRACKET}: guaranteed"]
-        assert [title for title, _ in figures.by_grading(found)] == [
-            "equal cells, or graded to the free corner", "graded to corner and transition",
-        ]  # fmt: skip
-        assert COSTS[1].label in figure.svg
-        assert "Crosses" in figure.reading
+        found = self.drawn(*self.ROWS)
+        assert set(found) == {"bounds-mu-0_2", "bounds-mu-1"} | {
+            f"{kind}-{cost.name}-mu-1" for kind in ("best", "error") for cost in COSTS
+        }
+        svg = found["error-time-mu-1"]
+        assert self.labels(svg) == ["rectangles, graded", "GetFEM, Q2, strips", f"{self.BRACKET}: guaranteed"]
+        for text in ("equal cells, or graded to the free corner", "graded to corner and transition", COSTS[1].label):
+            assert f">{text}<" in svg
 
     def test_an_indicator_is_no_error(self):
-        found = points([*self.ROWS, solution("rectangles, graded", 8, 214.2, 0.1)])
-        figure = error_figure(found, reference(found, 0.2), COSTS[0])
-        assert self.labels(figure) == ["rectangles, graded"]
-        assert "Crosses" not in figure.reading
+        svg = self.drawn(*self.ROWS, solution("rectangles, graded", 8, 214.2, 0.1))["error-unknowns-mu-0_2"]
+        assert self.labels(svg) == ["rectangles, graded"]
 
     def test_the_best_of_each_code_has_its_name(self):
-        found = points(self.ROWS)
-        figure = best_figure(found, reference(found, 1.0), COSTS[0])
-        names = [code.name for code in models.CODES.values() if f">{code.name}<" in figure.svg]
+        svg = self.drawn(*self.ROWS)["best-unknowns-mu-1"]
+        names = [code.name for code in models.CODES.values() if f">{code.name}<" in svg]
         assert names == ["this package on rectangles", "GetFEM"]
 
-    def test_a_point_is_drawn_at_its_cost_and_error(self):
-        (point,) = points(self.ROWS[:1])
-        assert [cost.of(point) for cost in COSTS] == [64, 0.1]
-        known = reference([point], 1.0)
-        assert figures._height(point, known) == pytest.approx(abs(214.365 / LIMIT[1.0] - 1.0))
-        (bounds,) = points([bracketed(214.365, 214.368)])
-        assert figures._height(bounds, known) == pytest.approx(0.0015 / 214.3665)
+    def test_a_run_is_drawn_at_its_cost_and_error(self):
+        runs = runs_of([self.ROWS[0], bracketed(214.365, 214.368)])
+        assert runs.loc[0, [cost.column for cost in COSTS]].tolist() == [64, 0.1]
+        expected = [abs(214.365 / LIMIT[1.0] - 1.0), 0.0015 / 214.3665]
+        assert figures.heights(runs).tolist() == pytest.approx(expected)
 
     def test_marks_that_are_not_resolved_stand_at_one_height(self):
         rows = [solution("rectangles, graded", n, LIMIT[0.2] * (1.0 + n * 1e-11), 0.1) for n in (8, 16)]
-        found = points(rows)
-        known = reference(found, 0.2)
-        (height,) = {figures._height(point, known) for point in found}
-        assert known.floor / 10.0 < height < known.floor
+        (height,) = set(figures.heights(runs_of(rows)))
+        assert FLOOR / 10.0 < height < FLOOR
 
     @pytest.mark.parametrize("last", [(213.9, 214.5), (214.36, 214.37)])
     def test_all_bars_and_marks_are_inside_the_picture_of_bounds(self, last):
-        found = points([bracketed(*last), *self.ROWS[:3], bracketed(214.365, 214.368)])
-        known = reference(found, 1.0)
-        graded = [point for point in found if point.friction == 1.0 and point.model.mesh == "graded"]
-        bottom, top = figures._limits(graded, known)
+        runs = runs_of([bracketed(*last), *self.ROWS[:3], bracketed(214.365, 214.368)])
+        known = reference(runs, 1.0)
+        bottom, top = figures.limits(runs[runs.mesh == "graded"], known)
         ends = [end / known.value - 1.0 for end in (*last, 214.365, 214.368)]
         assert bottom < min(ends) < max(ends) < top
-        ticks = figures._ticks(bottom, top, known.floor)
+        ticks = figures.ticks(bottom, top, known.floor)
         assert bottom <= min(ticks) < 0.0 < max(ticks) <= top
 
     def test_bounds_are_bars_and_an_indicator_is_named_so(self):
-        found = points(self.ROWS)
-        figure = bounds_figure(found, reference(found, 1.0), 1.0)
-        assert figure.title.startswith("Guaranteed bounds")
-        assert self.labels(figure) == ["rectangles, graded", f"{self.BRACKET}: guaranteed"]
-        figure = bounds_figure(found, reference(found, 0.2), 0.2)
-        assert figure.title.startswith("Indicator")
-        assert f">{self.BRACKET}: indicator<" in figure.svg
-        assert "guaranteed<" not in figure.svg
+        found = self.drawn(*self.ROWS)
+        assert self.labels(found["bounds-mu-1"]) == ["rectangles, graded", f"{self.BRACKET}: guaranteed"]
+        assert f">{self.BRACKET}: indicator<" in found["bounds-mu-0_2"]
+        assert "guaranteed<" not in found["bounds-mu-0_2"]
+        text = report(self.ROWS).text
+        assert "![Guaranteed bounds of P/2, μ = 1]" in text
+        assert "![Indicator of the bracket, μ = 0.2]" in text
 
 
 def test_models_can_be_told_apart_and_their_codes_exist():

@@ -8,7 +8,7 @@ from comparisons.convergence.rates import growth_order
 from comparisons.convergence.uzawa.methods import METHODS
 from comparisons.convergence.uzawa.study import HALF
 from comparisons.convergence.uzawa.task import TARGETS
-from comparisons.lab.report.numbers import NOTHING, listing, percent, scientific, seconds, significant
+from comparisons.lab.report.numbers import NOTHING, listing, percent, scientific, seconds, significant, span
 from comparisons.lab.study import DONE, Row
 from comparisons.lab.tables import Grid, grid_of
 from comparisons.paper.reference import load
@@ -289,12 +289,6 @@ def _accuracy_table(found: "DataFrame") -> Grid:
 def count(value: float | None) -> str:
     """A number of iterations or points."""
     return NOTHING if value is None or value != value else str(int(value))
-
-
-def span(values: Any, text: Any = significant) -> str:
-    """Smallest and largest as texts, once if they are the same; "none" without any."""
-    known = [value for value in values if value is not None and value == value]
-    return " to ".join(dict.fromkeys(text(end) for end in (min(known), max(known)))) if known else NOTHING
 
 
 def _power(order: float | None) -> str:

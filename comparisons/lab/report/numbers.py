@@ -4,8 +4,8 @@ What is missing (None) or no number (nan, infinity) is `NOTHING` everywhere.
 """
 
 import math
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Final
 
 import numpy as np
 
@@ -89,6 +89,12 @@ def plural_of(noun: str) -> str:
     else:
         word = last + ("es" if last.endswith(_HISSING) else "s")
     return " ".join([*before, word])
+
+
+def span(values: Iterable[float | None], text: Callable[[Any], str] = significant) -> str:
+    """Smallest and largest number, "0.5 to 2", once if they read the same; `NOTHING` without any."""
+    known = [value for value in values if value is not None and math.isfinite(value)]
+    return " to ".join(dict.fromkeys(text(end) for end in (min(known), max(known)))) if known else NOTHING
 
 
 def listing(words: Sequence[str], conjunction: str = "and") -> str:
