@@ -76,3 +76,14 @@ class TestReach:
         assert result.contacts["right"].normal_force == pytest.approx(8.0)
         assert np.abs(result.contacts["right"].gap).max() < 1e-6
         assert result.contacts["bottom"].slip == pytest.approx(20.0, abs=0.1)
+
+    @pytest.mark.parametrize("method", [None, "condensed"])
+    def test_a_cell_without_unknowns_that_is_pulled_off_it(self, method):
+        """No unknown is undefined where there is none: that does not make a state."""
+        free = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        conditions = [Contact("top", 0.3, gap=1e3), Traction("bottom", 0.0, -1.0), *free]
+        cell = RectilinearMesh.rectangle((1, 1))
+        result = solve(ContactProblem(cell, STEEL, conditions), element="bfs", method=method)
+        assert result.discretization.qvi.n == 0
+        assert result.status == "infeasible"
+        assert not result.has_state
