@@ -195,16 +195,16 @@ def _second(
         with watched(seconds):
             vertex = _attempt(qvi, "pivoting", "", tolerance, {"callback": options.get("callback")})
         if vertex.solved:
-            return _remarked(vertex, f"Pivoting found this: {tried}.")
+            return _remarked(vertex, f"Pivoting found this solution after {tried}.")
     tell(Progress("fixed-point", remark=tried))
     with watched(seconds):
         second = _attempt(qvi, "fixed-point", DEFAULT_INNER, tolerance, kept)
     better = second.certificate.accuracy < first.certificate.accuracy
     if second.solved or (second.status is Status.INACCURATE and better):
-        return _remarked(second, f"The fixed point found this: {tried}.")
+        return _remarked(second, f"The fixed point found this solution after {tried}.")
     if expired():
         best = second if better else first
-        return _remarked(out_of_time(best), f"The fixed point was at work: {tried}.")
+        return _remarked(out_of_time(best), f"The time limit ended the fixed point, which was tried because {tried}.")
     if second.status is Status.TIME_LIMIT:
         stopped = f"The fixed point, tried next, was stopped after {seconds:.0f} seconds"
         return _remarked(first, f"{stopped}: method='fixed-point' gives it more time.")

@@ -198,7 +198,9 @@ def _reasons(
     data = data_reasons(given.discretization, companion.degree)
     found = [*given.reasons, *data, *companion.reasons]
     if given.lowered and not data:
-        found.append("A friction bound is no polynomial of the stress's degree on every edge; a lower one is taken.")
+        found.append(
+            "A friction bound is not a polynomial of the stress's degree on every edge. A lower one is used there."
+        )
     if not stress.found:
         found.append(stress.message)
     if not companion.has_state:

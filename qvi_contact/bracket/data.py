@@ -37,12 +37,12 @@ def data_reasons(discretization: Discretization, degree: int) -> tuple[str, ...]
     """
     problem = discretization.problem
     found = [
-        f"{_SPOKEN.get(name, name)} on {place!r} is no polynomial of degree {most} on every edge."
+        f"{_SPOKEN.get(name, name)} on {place!r} is not a polynomial of degree {most} on every edge."
         for name, place, edges, field, most in _on_edges(discretization, degree)
         if callable(field) and not is_polynomial(problem, edges, name, field, most)
     ]
     if callable(problem.body_potential) and not _cells_hold(discretization, problem.body_potential):
-        found.append(f"The body potential is no polynomial of degree {_CELL_DEGREE} on every cell.")
+        found.append(f"The body potential is not a polynomial of degree {_CELL_DEGREE} on every cell.")
     return tuple(dict.fromkeys(found))
 
 

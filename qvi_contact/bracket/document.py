@@ -49,16 +49,16 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     if parts:
         yield f"gap of the energy [{units.engineering_energy}]: {parts}"
     if parts and bracket.outer > 0.0:
-        yield f"holding the friction bound fixed may add up to {bracket.outer:.3g} {units.engineering_energy}"
+        yield f"error from fixing the friction bound: up to {bracket.outer:.3g} {units.engineering_energy}"
     for name, bounds in bracket.forces.items():
         yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}"
     for name, found in bracket.force_differences.items():
         normal, tangential = (shown(force, _least(bracket.own), 3) for force in (found.normal, found.tangential))
         forces = f"normal {normal}, tangential {tangential} {units.engineering_force}"
-        yield f"displacements with friction of their own: forces of {name} differ by {forces}"
+        yield f"displacement model with its own friction bound: forces of {name} differ by {forces}"
     companion = bracket.companion
     if companion is not None and companion.has_state:
-        yield f"displacements of degree {companion.degree}, {companion.unknowns} unknowns, for the same friction bound:"
+        yield f"displacement model, degree {companion.degree}, {companion.unknowns} unknowns, same friction bound:"
         for name, contact in companion.contacts.items():
             both = (contact.normal_force, contact.tangential_force)
             normal, tangential = (shown(force, _least(companion)) for force in both)

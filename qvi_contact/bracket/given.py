@@ -85,7 +85,7 @@ def given_problem(result: ContactResult) -> GivenProblem:
     elif sliding:
         kind = BracketKind.GIVEN_BOUND
         names = ", ".join(repr(contact.name) for contact in sliding if not _sticks(result, contact))
-        reasons.append(f"The friction bound on {names} depends on the pressure, which the bracket holds fixed.")
+        reasons.append(f"The friction bound on {names} was taken from the computed pressure.")
     if discretization.space.contact_rule.kind != discretization.space.strict_rows:
         discretization = _posed(discretization, discretization.problem)
     threshold, exact = _threshold(discretization, result.dofs)

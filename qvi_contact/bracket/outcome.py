@@ -22,7 +22,7 @@ class BracketKind(Enum):
 
     PROBLEM = "the problem itself"
     STICKING = "the problem with its friction contacts tied, as all of them stick in the computed state"
-    GIVEN_BOUND = "the problem with the friction bound s = μ|σ_N| of the computed state held fixed"
+    GIVEN_BOUND = "the problem with the friction bound s = μ|σ_N| fixed at the computed pressure"
 
 
 class Bounds(NamedTuple):
@@ -176,13 +176,13 @@ class Bracket:
     def sentence(self, units: Units | None = None) -> str:
         """`message` with units."""
         units = units or Units()
-        what = "Guaranteed bounds for" if self.guaranteed else "Indicator, for"
+        what = "Guaranteed bounds for" if self.guaranteed else "Estimate, not a bound, for"
         bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.engineering_energy}"
         if not np.isfinite(self.lower):
             bounds = f"energy below {self.upper:.9g} {units.energy}, no lower bound"
         if not np.isfinite(self.upper):
             bounds = f"energy above {self.lower:.9g} {units.energy}, no upper bound"
-        error = ", farther apart than the strain energy" if np.isfinite(self.gap) else ""
+        error = ", a gap larger than the strain energy" if np.isfinite(self.gap) else ""
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{what} {self.kind.value}: {bounds}{error}."

@@ -31,21 +31,19 @@ _DEGREE = click.option("--degree", type=int, help="Degree of the element on tria
 _ROWS = click.option(
     "--contact-rows",
     type=click.Choice(["bernstein", "gauss"]),
-    help="On triangles: the contact law on whole edges, or at points.  [default: bernstein; gauss if friction varies]",
+    help="On triangles: the law on whole edges, or at Gauss points.  [default: bernstein; gauss if friction varies]",
 )
-_JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 
 _PLOT = click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
 _VTK = click.option(
-    "--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu), contacts beside: _contacts.vtu."
+    "--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu), and the contacts to …_contacts.vtu."
 )
 _NPZ = click.option(
-    "--npz", metavar="NPZ", help="Write all as NumPy arrays (.npz), which qvi-contact verify can check."
+    "--npz", metavar="NPZ", help="Write problem and result as NumPy arrays (.npz), for qvi-contact verify."
 )
 _SAVE_JSON = click.option("--save-json", metavar="JSON", help="Write what --json prints to a file.")
-_REPORT = click.option(
-    "--report", metavar="HTML", help="Write one page to file or mail: pictures, forces, bounds (.html)."
-)
+_REPORT = click.option("--report", metavar="HTML", help="Write a report on one page (.html): pictures, forces, bounds.")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -53,8 +51,8 @@ _REPORT = click.option(
 def group() -> None:
     """Frictional contact computed from the stress side.
 
-    An elastic body is described by an Airy stress function, so every computed stress is in equilibrium; contact with
-    Coulomb friction is a complementarity problem on the contact, and every answer carries a certificate.
+    The unknown is an Airy stress function, so every computed stress is in equilibrium. Contact with Coulomb friction
+    is a complementarity problem on the contact. Every answer has a certificate, computed from the original data.
 
     \b
     Problems are TOML files; the folder examples has commented ones:
@@ -62,7 +60,7 @@ def group() -> None:
         qvi-contact solve examples/punch.toml --plot answer.png --npz answer.npz
         qvi-contact verify answer.npz
     \b
-    The paper the method comes from:
+    Reproduce the paper that the method comes from:
         python -m comparisons paper
     """  # noqa: D301  # click wants the character \b, not the two
 
@@ -75,7 +73,9 @@ def group() -> None:
 @click.option("--method", help="Outer method, see: qvi-contact methods")
 @click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
 @click.option("--factorisation", help="Sparse factorisation, see: qvi-contact methods")
-@click.option("--threads", type=int, help="Threads of the linear algebra.  [default: one; all if it pays]")
+@click.option(
+    "--threads", type=int, help="Threads of the linear algebra.  [default: one; all to factorise large meshes]"
+)
 @click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
 @_TIME_LIMIT
 @_JSON
@@ -84,7 +84,7 @@ def group() -> None:
 @_NPZ
 @_SAVE_JSON
 @_REPORT
-@click.option("--certificate", is_flag=True, help="Check the result anew and print the table: numbers and meanings.")
+@click.option("--certificate", is_flag=True, help="Compute the certificate again and print it as a table.")
 def solve(
     file: str,
     element: str | None,
@@ -106,16 +106,15 @@ def solve(
 ) -> int:
     """Solve the problem in FILE and report forces and states of its contacts.
 
-    Options override what [solve] says in the file. A file with a [history] is solved step by step; the picture is then
-    one of forces and loops, and fields are those of the last step. After --time-limit seconds the best state found so
-    far is the result, with the status time_limit. With --certificate all that the result (of each
-    step) claims is computed anew: the exit status is 1 if anything disagrees, and --json has it as "verification".
-    The page of --report needs no network and no other file; the bounds it states take a second solve, in at most
-    --time-limit seconds more.
+    Options override [solve] in the file. A file with a [history] is solved step by step. Its picture shows forces and
+    loops, and its fields are those of the last step. After --time-limit seconds the result is the best state found so
+    far, with the status time_limit. --certificate computes every number of the result (of each step) again and
+    compares them; the exit status is 1 if any differ, and --json lists them as "verification". The page of --report is
+    one file. Its energy bounds take a second solve, of at most --time-limit seconds.
 
     \b
     Exit status: 0 solved, with a passing certificate
-                 1 not solved: the message says why, such as a load that friction cannot carry, or too little time
+                 1 not solved: the message gives the reason, such as a load beyond friction, or the time limit
                  2 something is wrong with the input
 
     \b
@@ -157,24 +156,24 @@ def solve(
 
 @group.command()
 @click.argument("result", metavar="RESULT", type=click.Path())
-@click.option("--tolerance", type=float, help="Of the certificate.  [default: the one of the result]")
+@click.option("--tolerance", type=float, help="Tolerance of the certificate.  [default: that of the result]")
 @click.option("-v", "--verbose", is_flag=True, help="Print every check, not only those that failed.")
 @_JSON
 def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -> int:
-    """Check everything that the file RESULT claims, from the file alone.
+    """Check the stored result RESULT against the problem stored with it.
 
-    RESULT is an archive written by "qvi-contact solve --npz" or qvi_contact.export.write_npz. The problem in it is
-    discretised anew, the certificate computed anew from unknowns and multipliers, and tractions, gaps, slips, states,
-    forces, energies and stresses are computed anew and compared with those in the file. The last line says whether
-    everything holds; above it are the checks that failed: what was found, what is allowed, and what it means.
+    RESULT is an archive written by "qvi-contact solve --npz" or qvi_contact.export.write_npz. It holds the problem,
+    which is discretised again. The certificate is computed again from unknowns and multipliers. Tractions, gaps, slips,
+    states, forces, energies and stresses are computed again and compared with those in the file. The output lists the
+    checks that failed, each with its value, limit and meaning. The last line is the verdict.
 
-    A result that was not solved fails; where its certificate is good enough for you, say so by --tolerance. Files with
-    Python functions for loads or gaps cannot hold their problem and cannot be checked.
+    A result that was not solved fails. If its accuracy is good enough for you, give that by --tolerance. A problem with
+    Python functions for loads or gaps cannot be stored, so its result cannot be checked.
 
     \b
     Exit status: 0 everything holds
-                 1 something does not: the last line names it
-                 2 the file cannot be read, or is no result
+                 1 a check failed: the last line names it
+                 2 the file cannot be read, or is not a result
 
     \b
     Examples:
@@ -207,9 +206,9 @@ def check(
     plot: str | None,
     as_json: bool,
 ) -> None:
-    """Read FILE and say what was understood, without solving.
+    """Read FILE and print what it describes, without solving.
 
-    Builds the mesh, finds every boundary part its condition, adds up the loads, and counts the unknowns.
+    Builds the mesh, assigns a condition to every part of the boundary, adds up the loads, and counts the unknowns.
 
     \b
     Example:
@@ -239,12 +238,14 @@ def check(
 @_FILE
 @_ELEMENT
 @click.option(
-    "--degree", type=int, help="Of the displacements: 1 to 5, by default 3; on rectangles 2 to 4, by default 2."
+    "--degree", type=int, help="Degree of the displacements.  [default: 3, from 1 to 5; on rectangles 2, from 2 to 4]"
 )
-@click.option("--tolerance", type=float, default=1e-8, show_default=True, help="Of all solves, at most 1e-6.")
+@click.option(
+    "--tolerance", type=float, default=1e-8, show_default=True, help="Tolerance of both solves, at most 1e-6."
+)
 @_TIME_LIMIT
 @_JSON
-@click.option("--plot", metavar="PICTURE", help="Draw where the bounds are apart: .png, .svg or .pdf.")
+@click.option("--plot", metavar="PICTURE", help="Draw the gap of the bounds over the body: .png, .svg or .pdf.")
 @click.option("--vtk", metavar="VTU", help="Write the displacements for ParaView (.vtu).")
 def bracket(
     file: str,
@@ -256,16 +257,17 @@ def bracket(
     plot: str | None,
     vtk: str | None,
 ) -> int:
-    """Solve the problem in FILE from both sides, which says how far off the answer can be.
+    """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
 
-    Beside the stress, displacement elements are solved on the same mesh. The two energies enclose that of the exact
-    solution. For contacts without Coulomb friction, and where all of them stick, the bounds are guaranteed; where they
-    slip the friction bound is held fixed, and the gap is an indicator. Where one displacement drives the problem, its
-    force is enclosed too. The output names what is bracketed, and every reason why it is not guaranteed.
+    The stress model gives a lower bound of the energy, a displacement model on the same mesh an upper bound. The bounds
+    are guaranteed for contacts without Coulomb friction, and where all of them stick. Where contacts slip, the friction
+    bound is taken from the computed pressure, and the bounds are an estimate. If one prescribed displacement drives the
+    problem, its force is bounded too. The output names the bounded problem, and every reason why bounds are not
+    guaranteed.
 
     \b
     Exit status: 0 solved, and both bounds found
-                 1 not so: the message says why
+                 1 not solved, or a bound is missing: the message gives the reason
                  2 something is wrong with the input
 
     \b
@@ -299,13 +301,13 @@ def bracket(
 
 @group.command()
 @_FILE
-@click.option("--target", type=float, help="Relative error asked for.  [default: 1e-3]")
+@click.option("--target", type=float, help="Largest relative error.  [default: 1e-3]")
 @click.option(
     "--quantity",
     metavar="NAME",
     help="energy, or a contact's CONTACT.normal_force or CONTACT.tangential_force.  [default: energy]",
 )
-@click.option("--max-unknowns", type=int, metavar="N", help="Of the last answer.  [default: 20000]")
+@click.option("--max-unknowns", type=int, metavar="N", help="Largest number of unknowns.  [default: 20000]")
 @click.option("--max-rounds", type=int, metavar="N", help="Largest number of meshes.  [default: 60; on rectangles 20]")
 @_ELEMENT
 @click.option("--degree", type=int, help="Degree of the element on triangles, 3 to 11.  [default: 5]")
@@ -342,18 +344,18 @@ def refine(
 ) -> int:
     """Refine the mesh of the problem in FILE until a number is as accurate as you ask.
 
-    Starts from the mesh in the file, so let that be coarse. Each round solves the problem, finds how far off the
-    quantity is, and divides the cells that matter most. The table has a row for each round: unknowns, value, and
-    relative error, which is a guaranteed bound or an estimate. It is a bound for the energy, and for the force of a
-    contact that one prescribed displacement drives, where no contact slips under Coulomb friction. All files are
-    those of "qvi-contact solve", about the answer on the last mesh.
+    The first mesh is the one in the file: make it coarse. Each round solves the problem, computes the error of the
+    quantity, and divides the cells that contribute most to it. The table has a row for each round: unknowns, value, and
+    relative error. The error is a guaranteed bound or an estimate. It is a bound if no contact slips under Coulomb
+    friction, for the energy, and for the force of a contact that one prescribed displacement drives. The files written
+    are those of "qvi-contact solve", for the answer on the last mesh.
 
-    Options override what [refine] and [solve] say in the file. After --time-limit seconds the answer is that of the
-    last round done in time. The bounds on the page of --report take one more solve.
+    Options override [refine] and [solve] in the file. After --time-limit seconds the answer is that of the last round
+    done in time. The energy bounds on the page of --report take one more solve.
 
     \b
     Exit status: 0 the target was reached
-                 1 it was not: the message says why, and the answer is the best one found
+                 1 it was not: the message gives the reason, and the answer is the best one found
                  2 something is wrong with the input
 
     \b
@@ -392,8 +394,17 @@ def refine(
 
 @group.command()
 @_FILE
-@click.option("--load", "loads", metavar="NAME", multiple=True, required=True, help="A load to multiply; repeatable.")
-@click.option("--target", type=float, help="Refine the mesh until both sides agree to this, such as 1e-4.")
+@click.option(
+    "--load",
+    "loads",
+    metavar="NAME",
+    multiple=True,
+    required=True,
+    help="Name of a load to multiply; may be given several times.",
+)
+@click.option(
+    "--target", type=float, help="Refine the mesh until the two bounds agree to this relative difference, such as 1e-4."
+)
 @_ELEMENT
 @_DEGREE
 @_ROWS
@@ -409,14 +420,15 @@ def limit(
     time_limit: float | None,
     as_json: bool,
 ) -> int:
-    """Largest multiple of the named loads that the contacts can carry while the others stay, from both sides.
+    """Bounds of the largest multiple of the named loads that the contacts can carry. The other loads are fixed.
 
-    This mesh carries the first number, with stresses that keep the contact laws; no stress of the body carries more
-    than the second, which a mechanism of rigid blocks proves. With --target the mesh is refined until the difference
-    is within this share of the second number. Coulomb friction may give way before, which only solve can tell. Loads
-    of one name are multiplied together. NAME is the name of a traction (its edge set if it has none), of a contact
-    whose plate is driven by force, or "body" for the body force. With a [history] the problem at its first time is
-    taken. The exit status is 1 if the mesh carries no multiple, or if the target was not reached.
+    The first number is a multiple that stresses of this mesh carry within the contact laws. The second is a multiple
+    that no stress of the body exceeds, proved by a mechanism of rigid blocks. With --target the mesh is refined until
+    the difference is within this share of the second number. Under Coulomb friction the body may slide below these
+    loads; check a load by "qvi-contact solve". NAME is the name of a traction (its edge set if it has none), of a
+    contact whose plate is driven by force, or "body" for the body force. Loads of one name are multiplied together.
+    With a [history] the problem at its first time is used. The exit status is 1 if the mesh carries no multiple, or if
+    the target was not reached.
 
     \b
     Examples:
@@ -446,11 +458,10 @@ def methods(as_json: bool) -> None:
     """List the methods, inner solvers and factorisations that can be used here.
 
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
-    qpsolvers, "direct:…" solvers kept alive between outer iterations, "socp:…" second-order cone programs through
-    cvxpy. On rectangles "strict:…" and "strict-direct:…" hold the contact law on whole edges instead of at their Gauss
-    points; triangles need none of them for that. More back ends come with:
-    python -m pip install 'qvi-contact[solvers]'. For what of the factorisations is missing, the list says how to
-    install it.
+    qpsolvers, "direct:…" solvers that keep their set-up between outer iterations, "socp:…" second-order cone programs
+    through cvxpy. On rectangles "strict:…" and "strict-direct:…" impose the contact law on whole edges instead of at
+    Gauss points; triangles do so by default. More back ends come with: python -m pip install 'qvi-contact[solvers]'.
+    The list also names factorisations that are not installed, and how to install them.
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
@@ -539,7 +550,7 @@ def _refuse_history(file: "ProblemFile", what: str) -> None:
         from qvi_contact.errors import InputError
 
         raise InputError(
-            "history", f"{len(file.times)} steps", f"{what} is of one problem: give a file without [history]"
+            "history", f"{len(file.times)} steps", f"{what} needs a single problem: give a file without [history]"
         )
 
 

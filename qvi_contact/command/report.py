@@ -40,7 +40,7 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     for line in result.contacts.values():
         if line.has_fluid:
             effective = shown(line.effective_normal_force, least.force)
-            yield f"contact {line.name} has a fluid in it: its effective normal force is {effective} {force}"
+            yield f"contact {line.name}: effective normal force, without the pore pressure, {effective} {force}"
     for name, motion in result.plates.items():
         x, y = (shown(part, least.displacement) for part in (motion.x, motion.y))
         turned = shown(motion.rotation, least.rotation)

@@ -51,7 +51,7 @@ class _Line:
         self._update()
         if progress.remark:
             console = terminal.error_console() if self._bar is None else self._bar.console
-            said = f"{self._title}: {progress.remark}; {progress.method} is next"
+            said = f"{self._title}: {progress.remark}; next method: {progress.method}"
             if console.is_terminal:
                 console.print(said, markup=False, highlight=False)
 

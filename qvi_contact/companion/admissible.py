@@ -102,6 +102,4 @@ def _reasons(problem: DualProblem, c: FloatArray) -> tuple[str, ...]:
         if index < start + trace.count:
             break
         start += trace.count
-    return (
-        f"The displacement enters the obstacle of {trace.name!r} by {worst:.1e} of its size: supports push it there.",
-    )
+    return (f"Prescribed displacements contradict the obstacle of {trace.name!r}, by {worst:.1e} of their size.",)

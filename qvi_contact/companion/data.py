@@ -82,7 +82,7 @@ class EdgeMoments:
         if self.misfit <= MISFIT * max(1.0, float(np.abs(self.values).max(initial=0.0))):
             return ()
         size = self.misfit * scales.stress
-        return (f"{what} is no polynomial on each edge: what is integrated differs by up to {size:.2g} [stress].",)
+        return (f"{what} is not a polynomial on each edge. The integrated values differ by up to {size:.2g} [stress].",)
 
 
 def edge_moments(
@@ -126,7 +126,7 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
     if error <= _QUADRATURE * max(float(np.abs(second).max(initial=0.0)), _QUADRATURE):
         return first, remarks
     force = error * scales.stress * scales.length
-    changed = f"Loads are no polynomials on each edge or cell: quadrature changes them by {force:.1e} [force]."
+    changed = f"Loads are not polynomials on each edge or cell. Quadrature changes them by {force:.1e} [force]."
     return second, (changed, *remarks)
 
 
@@ -141,7 +141,9 @@ def _traction_load(problem: ContactProblem, space: Space, scales: Scales) -> tup
         _add(load, space.along(edges), lengths[:, None] * found.integrals(shapes) / scales.stress, given.direction)
         if found.error > MISFIT * float(np.abs(found.values).max(initial=0.0)):
             size = f"{found.error:.2g} [stress]"
-            remarks.append(f"{given.name} jumps or grows so that quadrature leaves {size} times an edge's length.")
+            remarks.append(
+                f"{given.name} jumps or grows steeply. Quadrature leaves an error of {size} times an edge's length."
+            )
     return load, tuple(dict.fromkeys(remarks))
 
 

@@ -37,7 +37,7 @@ from solvers.factorisation.choice import Request
 
 _FAILURES = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY}
 
-_INDICATOR = "The friction bound follows from this model's own contact forces: the energy is that of a moving bound."
+_INDICATOR = "The friction bound was taken from the displacement model's own contact forces: its energy is no bound."
 
 
 def solve_companion(

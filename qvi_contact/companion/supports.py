@@ -78,7 +78,7 @@ def supports(problem: ContactProblem, space: Space, scales: Scales) -> Supports:
             wrong.append(coefficient)
     if wrong:
         x, y = problem.mesh.origin + scales.length * space.places[min(wrong)]
-        reasons.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}): their mean is taken.")
+        reasons.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}). Their mean is used.")
     index, values = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.argsort(index)
     return Supports(index[order], values[order], _turned(space.size, axes), bool(axes), tuple(reasons))
@@ -103,7 +103,7 @@ def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Give
 
 def _interpolated(name: str, misfit: float, degree: int) -> str:
     return (
-        f"{name} is no polynomial of degree {degree} on each edge: it is interpolated, and differs by up to "
+        f"{name} is not a polynomial of degree {degree} on each edge. It is interpolated, with an error of up to "
         f"{misfit:.2g} [length]."
     )
 

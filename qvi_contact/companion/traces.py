@@ -248,8 +248,8 @@ def _obstacle(
         misfit = max(misfit, float(np.abs(least[columns] - data.coefficients).max(initial=0.0)))
     if misfit > MISFIT * size:
         reasons.append(
-            f"The {kind} of {contact.name!r} is no continuous polynomial of degree {space.degree} on each edge: it is "
-            f"interpolated, and differs by up to {misfit * scales.displacement:.2g} [length]."
+            f"The {kind} of {contact.name!r} is not a continuous polynomial of degree {space.degree} on each edge. "
+            f"It is interpolated, with an error of up to {misfit * scales.displacement:.2g} [length]."
         )
     return least
 

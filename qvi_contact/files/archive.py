@@ -79,7 +79,7 @@ class Archive:
         except Exception as error:  # zip, zlib, numpy, tokenize: what broken bytes raise there is not documented
             raise InputError("result", self.path, f"cannot be read ({_reason(error)}): {_REMEDY}") from error
         if "format" not in self.arrays or self.text("format") != FORMAT:
-            raise InputError("result", self.path, f"is no result that can be checked: {_REMEDY}")
+            raise InputError("result", self.path, f"is not a result that can be checked: {_REMEDY}")
         version = self.number("format_version")
         if version != FORMAT_VERSION:
             remedy = f"only version {FORMAT_VERSION} is known here: take the version of qvi-contact that wrote the file"
@@ -148,5 +148,7 @@ def _reason(error: BaseException) -> str:
     """Why a file cannot be read, on one line."""
     text = getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
     return (
-        "it is no archive, or holds pickled objects" if "pickle" in text or isinstance(error, BadZipFile) else str(text)
+        "it is not an archive, or holds pickled objects"
+        if "pickle" in text or isinstance(error, BadZipFile)
+        else str(text)
     )

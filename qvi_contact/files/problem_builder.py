@@ -106,7 +106,7 @@ class Reader:
         assert isinstance(expression, Expression)
         here, there = (evaluate(path, expression, np.array([x]), np.array([y])) for x, y in ((0.0, 0.0), (0.7, 0.3)))
         if here != there:
-            raise InputError(path, value, "this is one number: x and y mean nothing here")
+            raise InputError(path, value, "this is one number: it cannot depend on x and y")
         return float(here[0])
 
     def mesh(self) -> Mesh:

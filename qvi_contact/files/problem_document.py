@@ -616,7 +616,7 @@ def parse(text: str) -> Document:
     except ValueError as error:  # also whole numbers of too many digits
         raise InputError("TOML", _wrong_line(text, str(error)), f"correct the syntax: {error}") from error
     except RecursionError as error:
-        remedy = "lists and tables are nested more deeply than those of any problem: take brackets away"
+        remedy = "lists and tables are nested too deeply: remove brackets"
         raise InputError("TOML", text[:100], remedy) from error
     try:
         return Document.model_validate(data)
@@ -654,7 +654,7 @@ def _check_values(value: object, path: str) -> None:
         )
     elif not isinstance(value, int | float | str):
         raise InputError(
-            path, str(value), "give a number, a text in quotes, a list or a table; dates mean nothing here"
+            path, str(value), "give a number, a text in quotes, a list or a table; dates are not used here"
         )
 
 

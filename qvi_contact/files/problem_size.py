@@ -46,9 +46,9 @@ def check_size(text: str) -> None:
         raise InputError("TOML", text[:_SHOWN], remedy)
     deep, long = _DEEP_KEY.search(bare), _LONG_WORD.search(bare)
     if deep is not None:
-        raise InputError("TOML", deep[0], "no key of a problem file has so many parts: write it as the examples do")
+        raise InputError("TOML", deep[0], "this key has too many parts: write it as in the examples")
     if long is not None:
-        raise InputError("TOML", long[0], "no number or key of a problem file is so long: shorten it")
+        raise InputError("TOML", long[0], "this number or key is too long: shorten it")
 
 
 def _placeholder(found: re.Match[str]) -> str:

@@ -141,7 +141,9 @@ def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
     except InputError as error:
         if error.field == "result":  # names the file already
             raise
-        raise InputError("result", archive.path, f"entry 'problem' holds none that can be solved ({error})") from error
+        raise InputError(
+            "result", archive.path, f"entry 'problem' holds a problem that cannot be solved ({error})"
+        ) from error
     raise InputError("result", archive.path, "entry 'freed' names nodes that are not in the mesh")
 
 
@@ -162,7 +164,7 @@ def _strict(archive: Archive, qvi: FrictionQVI) -> FrictionQVI:
 def _count(archive: Archive, name: str) -> int:
     value = archive.number(name)
     if not np.isfinite(value) or value < 0.0 or value != int(value):
-        raise InputError("result", archive.path, f"entry {name!r} is {value:g}, which is no number of {name}")
+        raise InputError("result", archive.path, f"entry {name!r} is {value:g}, which is not a number of {name}")
     return int(value)
 
 
@@ -206,20 +208,20 @@ def _numbers_of(archive: Archive, group: object) -> dict[str, float]:
     if not isinstance(group, dict) or not all(
         value is None or (isinstance(value, int | float) and not isinstance(value, bool)) for value in group.values()
     ):
-        raise InputError("result", archive.path, "entry 'certificate' holds something else than numbers")
+        raise InputError("result", archive.path, "entry 'certificate' holds entries that are not numbers")
     try:
         return {name: np.inf if value is None else float(value) for name, value in group.items()}
     except OverflowError as error:
-        raise InputError("result", archive.path, "entry 'certificate' holds numbers beyond range") from error
+        raise InputError("result", archive.path, "entry 'certificate' holds numbers too large for a float") from error
 
 
 def _json(archive: Archive, name: str) -> dict[str, Any]:
     try:
         found = json.loads(archive.text(name))
     except (ValueError, RecursionError) as error:
-        raise InputError("result", archive.path, f"entry {name!r} is no JSON document") from error
+        raise InputError("result", archive.path, f"entry {name!r} is not a JSON document") from error
     if not isinstance(found, dict):
-        raise InputError("result", archive.path, f"entry {name!r} is no JSON object")
+        raise InputError("result", archive.path, f"entry {name!r} is not a JSON object")
     return found
 
 

@@ -181,7 +181,8 @@ def upper_bound(problem: ContactProblem, loads: Sequence[str]) -> tuple[float, M
         return math.inf, None
     if motion.violation > _CERTAIN:
         raise SolveError(
-            f"limit load: the mechanism misses a contact law by {motion.violation:.1e}: leave out tiny blocks or edges"
+            f"limit load: the mechanism violates a contact law by {motion.violation:.1e}: leave out "
+            "tiny blocks or edges"
         )
     driving = sum(motion.works[name] for name in named)
     resisting = motion.resistance - sum(motion.works[name] for name in others)

@@ -300,7 +300,7 @@ class _Program:
         if answer.status == INFEASIBLE:
             return None
         if answer.status == TIME_LIMIT:
-            raise SolveError("mechanism: the time limit came first: allow more (time_limit=…)")
+            raise SolveError("mechanism: the time limit was reached: allow more (time_limit=…)")
         if answer.status != 0:
             raise SolveError(f"mechanism: the linear program was not solved ({answer.message})")
         return np.asarray(self._basis @ answer.x[: self._motions]), float(answer.fun)

@@ -75,7 +75,7 @@ def checked_lines(name: str, lines: ArrayLike) -> FloatArray:
         raise InputError(name, lines, "give strictly increasing grid lines")
     resolution = 1e3 * np.finfo(float).eps * np.abs(values).max()
     if steps.min() <= resolution:
-        remedy = f"cells below {resolution:.1e} vanish in rounding: move the domain to the origin or merge lines"
+        remedy = f"cells below {resolution:.1e} are lost to rounding: move the domain to the origin or merge lines"
         raise InputError(name, float(steps.min()), remedy)
     values.flags.writeable = False
     return values

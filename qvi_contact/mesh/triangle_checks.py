@@ -136,14 +136,14 @@ def _refuse_pieces(vertices: FloatArray, cells: IntArray, topology: Topology) ->
     boundary = topology.ends[topology.boundary]
     pinched = np.flatnonzero(np.bincount(boundary.ravel()) > 2)
     if len(pinched):
-        remedy = "parts of the body hang together by this vertex at {} only: fill or cut there"
+        remedy = "this vertex at {} alone connects two parts of the body: fill or cut there"
         _refuse(int(pinched[0]), remedy, vertices[pinched[0]])
     inner = topology.cells[topology.count == 2]
     graph = sparse.coo_array((np.ones(len(inner)), inner.T), shape=(len(cells), len(cells)))
     pieces, label = csgraph.connected_components(graph, directed=False)
     if pieces > 1:
         apart = vertices[cells[label == 1]].mean(axis=(0, 1))
-        _refuse(pieces, "the body falls into so many pieces, one of them around {}: give one piece", apart)
+        _refuse(pieces, "the body consists of this many pieces, one of them around {}: give one piece", apart)
 
 
 def checked_pairs(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray) -> IntArray:

@@ -167,13 +167,13 @@ def _check_node(text: str, node: ast.AST, names: Sequence[str]) -> None:
     elif isinstance(node, ast.Call):
         if not isinstance(node.func, ast.Name) or node.func.id not in FUNCTIONS or node.keywords:
             called = ast.unparse(node.func)
-            raise InputError("expression", text, f"{called} is no known function; there are {', '.join(FUNCTIONS)}")
+            raise InputError("expression", text, f"{called} is not a known function; there are {', '.join(FUNCTIONS)}")
         wanted = _ARGUMENTS.get(node.func.id, 1)  # more would be taken for the place to write the result to
         if len(node.args) != wanted:
             raise InputError("expression", text, f"{node.func.id} takes {wanted} argument{'s' if wanted > 1 else ''}")
     elif isinstance(node, ast.Name):
         if node.id not in names:
-            raise InputError("expression", text, f"{node.id} is no known name; there are {', '.join(names)}")
+            raise InputError("expression", text, f"{node.id} is not a known name; there are {', '.join(names)}")
     elif not isinstance(node, (*_NODES, *_OPERATORS)):
         part = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__
         hint = {ast.BitXor: "write ** for powers", ast.IfExp: "write where(condition, then, else)"}.get(type(node))

@@ -364,7 +364,7 @@ def _ruled(problem: ContactProblem) -> tuple[IntArray, IntArray]:
             taken = owner[slot, chosen]
             if (taken >= 0).any():
                 at = int(np.argmax(taken >= 0))
-                remedy = f"is already ruled by {_name(problem.conditions[taken[at]])}: {_OVERLAP}"
+                remedy = f"already has the condition {_name(problem.conditions[taken[at]])}: {_OVERLAP}"
                 local = bool(frame[chosen[at]])
                 _raise_on_edge(problem.mesh, condition.edges, int(slot[at]), int(chosen[at]), remedy, local)
             owner[slot, chosen] = number
@@ -390,7 +390,7 @@ def _refuse_mixture(problem: ContactProblem, condition: Condition, name: str, ed
     x, y = _midpoint(problem.mesh, edge)
     remedy = (
         f"gives the {name} component of the slanted edge around ({x:.6g}, {y:.6g}), and another condition one of the "
-        "other kind: rule both components of an edge by x and y, or both by normal and tangential ones"
+        "other kind: give both components of an edge as x and y, or both as normal and tangential"
     )
     raise InputError("ContactProblem.conditions", condition.edges, remedy)
 
@@ -435,8 +435,8 @@ def _check_pressure(problem: ContactProblem) -> None:
     given = (_normal_part(problem, prescribed) for prescribed in problem.prescribed(Traction))
     if not any(part.any() for part in given):
         remedy = (
-            "in plane strain a constant pressure does not strain this body, and no normal traction says how large it "
-            "is (forces on plates and contacts that open do not count): prescribe a normal traction on a part of the "
+            "in plane strain a constant pressure does not deform this body, so the loads do not determine it (forces "
+            "on plates and contacts that open do not count): prescribe a normal traction on a part of the "
             "boundary (0 where it is free), or take a number just below 0.5, such as 0.499"
         )
         raise InputError("Material.poisson", 0.5, remedy)

@@ -78,7 +78,7 @@ class _Limits:
         """How far apart both sides are, and on which edges."""
         limit, mesh = answer.limit, problem.mesh
         if limit.violation > _VIOLATED:
-            text = f"the stresses of the mesh miss the contact laws by {limit.violation:.1e}"
+            text = f"the stresses of the mesh violate the contact laws by {limit.violation:.1e}"
             raise StopError(RefinementStatus.THIN_CELLS, text)
         same = limit.lower == limit.upper  # both may be infinite
         unit = max(abs(limit.upper), _SMALL) if np.isfinite(limit.upper) else 1.0

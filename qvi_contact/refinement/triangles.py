@@ -201,7 +201,7 @@ def _settled(found: Comparison | None, result: ContactResult, earlier: Sequence[
     """What is known of the error of an answer, once the rounds before are looked at; `StopError` if that is over."""
     if found is None and any(np.isfinite(each.estimate) for each in earlier):  # nobody could tell its accuracy
         late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.UNSOLVED
-        raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be told")
+        raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be determined")
     if found is None:
         found = Comparison(np.inf, False, np.ones(len(_mesh(result.problem).cells)))
     if earlier and not found.guaranteed:  # looks that still move are no measure of an error below their steps

@@ -58,9 +58,9 @@ def _mechanism(result: ContactResult) -> Mechanism | None:
 
 
 def _proof(mechanism: Mechanism) -> str:
-    drive = "the loads that drive do work, and nothing resists"
+    drive = "the driving loads do work, and nothing resists"
     if mechanism.overload < float("inf"):
-        drive = f"the loads that drive do {mechanism.overload:.6g} times the work that everything else can take up"
+        drive = f"the driving loads do {mechanism.overload:.6g} times the work that everything else can take up"
     return f"proved by a mechanism of rigid blocks, on which {drive}"
 
 

@@ -379,7 +379,7 @@ class _Program:
         if answer.status == INFEASIBLE and self._is_infeasible():
             return _Carried(-np.inf, -np.inf, 0.0), None
         if answer.status == TIME_LIMIT:
-            raise SolveError("limit load: the time limit came first: allow more (time_limit=…), or take fewer cells")
+            raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
         if answer.status != 0:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
         y, factor = answer.x[:-1], float(answer.x[-1])

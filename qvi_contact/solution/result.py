@@ -234,8 +234,8 @@ class ContactResult(Stated):
             return ()
         return (
             f"The contacts carry at most {self.discretization.scales.stress * largest:.2g} [stress], very little "
-            "beside the stress in the body: no digit of these tractions is certain. To compute them, leave out the "
-            "loads that strain the body elsewhere.",
+            "compared with the stress in the body. No digit of these tractions is reliable. To compute them, leave "
+            "out the loads that strain the body elsewhere.",
         )
 
     def _rounded_stresses(self) -> tuple[str, ...]:
@@ -244,8 +244,8 @@ class ContactResult(Stated):
         if not self.stress_rounding > _ROUNDED * unit:
             return ()
         return (
-            f"Rounding leaves stresses in the smallest cells uncertain by up to {self.stress_rounding:.2g} [stress]; "
-            "forces and energies are not affected. Use larger cells there, or less grading.",
+            f"Rounding makes stresses in the smallest cells uncertain by up to {self.stress_rounding:.2g} [stress]. "
+            "Forces and energies are not affected. Use larger cells there, or less grading.",
         )
 
     @cached_property
@@ -263,8 +263,8 @@ class ContactResult(Stated):
             count = int((~exact[rows.edges]).sum())
             if count:
                 found.append(
-                    f"On {count} edge{'s' if count > 1 else ''} of {rows.name!r} the friction bound is no quadratic "
-                    "function, and a smaller one is used there. The stresses are admissible, but friction is "
+                    f"On {count} edge{'s' if count > 1 else ''} of {rows.name!r} the friction bound is not "
+                    "quadratic, and a smaller one is used there. The stresses are admissible, but friction is "
                     "underestimated. Refine there to reduce the error."
                 )
         return tuple(found)

@@ -252,8 +252,8 @@ def _verified(archive: Archive, tolerance: float | None) -> Verification:
     chosen = _tolerance(result, tolerance)
     intact = Check(
         "digest", "fits" if archive.intact else "does not", None, archive.intact,
-        "SHA-256 of all entries: whether the file is as it was written.",
-        "The file was changed after it was written; the other checks say whether what matters still holds.",
+        "SHA-256 of all entries: unchanged since the file was written.",
+        "The file was changed after it was written. The other checks show whether the result still holds.",
     )  # fmt: skip
     found = recompute(result, result.discretization, chosen)  # which was made from the file just now
     rows = (intact, *_rows(result, _claims(archive, found), found, _accepted(chosen, tolerance)))
@@ -278,8 +278,8 @@ def _accepted(tolerance: float, given: float | None) -> Check:
     limit = LOOSEST if given is None else None
     return Check(
         "tolerance", tolerance, limit, None if limit is None else tolerance <= limit,
-        "Of the certificate: the one the result was solved with, unless another was asked for.",
-        "A tolerance so loose says little. If it is meant, ask for it: --tolerance, or the argument tolerance.",
+        "Tolerance of the certificate: the one of the solve, unless another was asked for.",
+        "This tolerance is too loose. To accept it, give it by --tolerance, or by the argument tolerance.",
     )  # fmt: skip
 
 
@@ -293,18 +293,18 @@ def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed, a
         yield Check(row.name, row.value, row.limit, row.passed, row.meaning, row.worry)
     yield _limited(
         "claimed measures", worse_than_claimed(result.certificate, found.result.certificate), _CLAIMED,
-        "By how much the worst of these is larger than the result says, in units of its limit.",
+        "Largest excess of a measure above the stored one, in units of its limit.",
     )  # fmt: skip
     yield _limited(
         "claimed scales", scales_difference(result.certificate, found.result.certificate), _SCALES,
-        "Units of stress, displacement and energy by which these are measured.",
+        "Units of stress, displacement and energy by which the measures are divided.",
     )  # fmt: skip
     if result.has_state:
         yield _entries(claims, result, found)
         yield from _agreements(claims, found)
         yield _limited(
             "friction bound", bound_difference(result, found), _BOUND * result.certificate.tolerance,
-            "The bound of |σ_T| kept with the unknowns, beside that of the pressure there; over the largest traction.",
+            "Difference of the stored bound of |σ_T| and that of the pressure there, over the largest traction.",
         )  # fmt: skip
         yield _limited(
             "prescribed resultants", missed_tractions(found.result), AGREEMENT,
@@ -357,7 +357,7 @@ def _status(result: ContactResult, found: Recomputed) -> Check:
         "status", word, None, honest and said,
         "Solved if and only if the certificate passes at the tolerance asked for; inaccurate up to 1e-4. The message "
         "begins with the same word.",
-        "The status or the message says something else than the numbers.",
+        "The status or the message contradicts the numbers.",
     )  # fmt: skip
 
 
@@ -375,12 +375,12 @@ def _proof(found: Recomputed) -> Check:
     if found.result.status is Status.INFEASIBLE:
         proved = found.result.mechanism is not None and (proved or solution.farkas is None)
         meaning = (
-            "A mechanism, found anew: rigid motions of the blocks on which the loads do more work than contacts can "
-            "take up. Farkas' multipliers, where the file has them: no traction of this mesh carries the load."
+            "A mechanism, computed again: rigid motions of the blocks on which the loads do more work than contacts "
+            "can take up. Farkas' multipliers, where the file has them: no traction of this mesh carries the load."
         )
     return Check(
         "proof", "holds" if proved else "does not", None, proved, meaning,
-        "That the load cannot be carried is not proved.",
+        "There is no proof that the load cannot be carried.",
     )  # fmt: skip
 
 
@@ -390,15 +390,15 @@ def _facts(found: Recomputed) -> Iterator[Check]:
     if result.has_state:
         yield Check(
             "pointwise tractions", result.traction_misfit / found.stress, None, None,
-            "Largest difference of prescribed and computed tractions at a point, over the largest on the contact: data "
-            "that stresses of this mesh cannot follow; every edge keeps its resultants. Refine where it matters.",
+            "Largest difference of prescribed and computed tractions at a point, over the largest on the contact. "
+            "Forces and moments on every edge are right. To reduce the difference, refine there.",
         )  # fmt: skip
         excess = max((line.excess_between_points for line in result.contacts.values()), default=0.0)
         pull = max((line.pull_between_points for line in result.contacts.values()), default=0.0)
         yield Check(
             "between points", max(excess, pull) / found.stress, None, None,
-            "Largest |σ_T| beyond the bound, or pull, anywhere on the contacts, over the largest traction: the law "
-            "holds at points; inner solvers 'strict:…' make it hold everywhere.",
+            "Largest |σ_T| beyond the bound, or pull, anywhere on the contacts, over the largest traction. "
+            "Above 0 where the law holds at Gauss points only (rectangles, contact_rows='gauss').",
         )  # fmt: skip
     if solution.contraction is not None:
         yield Check(
@@ -408,15 +408,15 @@ def _facts(found: Recomputed) -> Iterator[Check]:
     if "rounding" in solution.certificate.scales:
         yield Check(
             "rounding", solution.certificate.scales["rounding"], None, None,
-            "What the rounding of the unknowns alone leaves, in the energy norm; the energy is accurate to its square.",
+            "Error from rounding of the unknowns alone, in the energy norm; the energy is accurate to its square.",
         )  # fmt: skip
     with suppress(FactorisationError, ValueError):  # then the certificate has failed by the same
         bound = solution.uniqueness
         yield Check("uniqueness", bound.sharper, None, None, bound.sentence())
     yield Check(
         "not checked", None, None, None,
-        "How the result was found cannot be computed anew: iterations and their history, corrections, timings, "
-        "method, versions, and the message after its first words are what the result says.",
+        "Not computed again: iterations and their history, corrections, timings, method, versions, and the message "
+        "after its first words.",
     )  # fmt: skip
 
 

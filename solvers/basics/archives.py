@@ -26,7 +26,7 @@ def read_arrays(field: str, path: str, stream: BinaryIO) -> dict[str, NDArray[An
 
     """
     if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-        raise ValueError("it is no regular file")  # the end of a device may be nowhere
+        raise ValueError("it is not a regular file")  # the end of a device may be nowhere
     with zipfile.ZipFile(stream) as archive:
         sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in archive.infolist()}
     total = sum(sizes.values())  # a reader gets no more, whatever the header of an entry says

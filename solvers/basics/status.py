@@ -53,20 +53,21 @@ _ADVICE = {
     Status.INFEASIBLE_ON_MESH: "Stresses of this mesh cannot carry the load, but those of the body may: use smaller "
     "cells at the ends of the contacts, or triangles of a higher degree (problem.triangulated(), degree=5). "
     "limit_load_factor tells how much the mesh and the body carry.",
-    Status.INNER_INFEASIBLE: "The iteration met friction bounds under which no traction carries the load, and found no "
-    "way around them; there may be no solution: start from the result of a smaller load (initial=…), or reduce it.",
-    Status.ILL_CONDITIONED: "The linear system is beyond double precision: use less grading, or cells less thin.",
+    Status.INNER_INFEASIBLE: "The iteration ended at a friction bound under which no traction carries the load. There "
+    "may be no solution: start from the result of a smaller load (initial=…), or reduce it.",
+    Status.ILL_CONDITIONED: "The linear system is too ill-conditioned for double precision: use less grading, or "
+    "cells less thin.",
     Status.UNBOUNDED: "The energy has no minimum: check that K is positive definite, with no free mode left.",
-    Status.MAX_ITERATIONS: "The iteration limit came first: raise max_iterations if the residuals were falling, else "
+    Status.MAX_ITERATIONS: "The iteration limit was reached: raise max_iterations if the residuals were falling, else "
     "take method='fixed-point' or another inner solver.",
-    Status.TIME_LIMIT: "The time limit came first; the state, if there is one, is the best found until then: allow "
+    Status.TIME_LIMIT: "The time limit was reached. The state, if there is one, is the best found until then: allow "
     "more time (time_limit=…), or take fewer cells.",
     Status.STALLED: "The iteration stopped making progress (close to a sliding limit there may be no solution): start "
     "from the result of a smaller load (initial=…), try memory=10 or damping=0.2, or a more accurate inner solver.",
     Status.CYCLING: "The iteration repeats itself (close to a sliding limit there may be no solution): in the fixed "
     "point take variant='anderson' with damping=0.2 or memory=10, or start from the result of a smaller load "
     "(initial=…); in Uzawa let the step shrink (step_decay=200).",
-    Status.DIVERGED: "The iteration runs away: reduce the step (omega_T, omega_N) or the damping, or take "
+    Status.DIVERGED: "The iteration diverges: reduce the step (omega_T, omega_N) or the damping, or take "
     "method='fixed-point'.",
     Status.OUT_OF_MEMORY: "The factorisation does not fit into memory: take fewer cells (graded towards the ends of "
     "the contact they are as accurate), or a machine with more memory.",

@@ -38,7 +38,7 @@ class Measure:
 MEASURES: Final = (
     Measure(
         "equality",
-        "How far A z = b is missed, such as the force balance of plates driven by force.",
+        "Violation of A z = b, such as the force balance of plates driven by force.",
         "Large: forces on a plate are not in equilibrium. Tighten the inner solver's tolerance.",
     ),
     Measure(
@@ -53,8 +53,8 @@ MEASURES: Final = (
     ),
     Measure(
         "stationarity",
-        "Error of the stress for the multipliers at hand, in the energy norm and in the contact tractions: strains "
-        "that do not fit together.",
+        "Error of the stress for the multipliers at hand, in the energy norm and in the contact tractions: "
+        "incompatible strains.",
         "Large: the linear system is not solved, or multipliers belong to another state. Equilibrium holds regardless.",
     ),
     Measure(
@@ -69,7 +69,7 @@ MEASURES: Final = (
     ),
     Measure(
         "complementarity_tangential",
-        "Work Σ | |m_T| bound − m_T σ_T | that slip misses of the friction bound, over the energy.",
+        "Work Σ | |m_T| bound − m_T σ_T | by which slip falls short of the friction bound, over the energy.",
         "Large: points slip below their bound, or against the traction.",
     ),
     Measure(
@@ -82,7 +82,7 @@ MEASURES: Final = (
         "natural_map",
         "Distance of the tractions from their projection on the law after a step along the displacements, with the "
         "bound of the pressure at hand, over the largest traction.",
-        "Large with small complementarity: points that neither press nor part (error ~ √tolerance); else wrong states.",
+        "Large with small complementarity: points that touch without pressure (error ~ √tolerance); else wrong states.",
         exponent=0.75,
         factor=10.0,
     ),

@@ -149,7 +149,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     outcome = _outcome(run)
     outcome.form = "condensed"
     outcome.corrections = tuple(run.sizes)
-    outcome.turned = "The central path turned back on the way to this solution" if run.turns or run.before else ""
+    outcome.turned = "The central path has a turning point before this solution" if run.turns or run.before else ""
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
     return finish(qvi, outcome, "condensed", "", tolerance)
 
@@ -316,7 +316,7 @@ def _stalled(run: _Run, measures: Measures) -> bool:
 def _turn(run: _Run, measures: Measures) -> None:
     """Follow the central path from here on, if there is one."""
     if measures.slack > _ON_PATH:
-        run.reason, run.message = Status.INNER_INFEASIBLE, f"bounds are missed by {measures.slack:.1e}"
+        run.reason, run.message = Status.INNER_INFEASIBLE, f"bounds are violated by {measures.slack:.1e}"
     elif run.turns >= _TURNS or not run.interior.parameter() > 0.0:
         run.reason = Status.STALLED
     else:

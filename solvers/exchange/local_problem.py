@@ -336,7 +336,7 @@ def state_of(problem: LocalProblem, solution: QVISolution) -> ContactState:
 
 
 def _check_expressible(qvi: FrictionQVI) -> None:
-    remedy = "write it as .npz: local friction problems have a place for μ only"
+    remedy = "write it as .npz: a local friction problem can hold μ only"
     if not 0 < 2 * qvi.m <= LARGEST:
         raise InputError("contact points", qvi.m, f"give a problem with 1 to {LARGEST // 2} of them")
     if qvi.bilateral.any():

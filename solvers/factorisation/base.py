@@ -153,5 +153,5 @@ def check_pivots(pivots: Vector, diagonal: Vector, backend: str, n: int | None =
     bound = float(_ROUNDING * np.sqrt(pivots.size if n is None else n))
     if not np.all(pivots > bound * diagonal):
         worst = float(np.min(pivots / diagonal))
-        detail = f"a pivot is {worst:.1e} of its diagonal entry, where rounding alone makes {bound:.1e}"
+        detail = f"a pivot is {worst:.1e} of its diagonal entry, where rounding alone gives {bound:.1e}"
         raise FactorisationError("singular", backend, detail)

@@ -153,9 +153,11 @@ class FrictionQVI:
             for part in (values, fixed):
                 error = float(np.abs(self.edges.at_points(fitted(part)) - part).max(initial=0.0))
                 if error > _NOT_POLYNOMIAL * size:
-                    remedy = "strict admissibility needs σ_N affine and σ_T quadratic on each edge (a body force whose "
-                    remedy += "potential is not affine along a contact spoils that, and so does such a pore pressure): "
-                    remedy += "leave it to the contact points"
+                    remedy = (
+                        "strict admissibility needs σ_N affine and σ_T quadratic on each edge; a body potential or "
+                    )
+                    remedy += "pore pressure that is not affine along a contact is not possible: take an inner solver "
+                    remedy += "that is not strict"
                     raise InputError(name, f"error {error:.1e}", remedy)
 
     def strictly(self) -> FrictionQVI:

@@ -187,7 +187,7 @@ def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions 
             run.best.reason = Status.SOLVED
             break
         if expired():
-            run.best.reason, run.best.message = Status.TIME_LIMIT, "the time was over on the path of pivots"
+            run.best.reason, run.best.message = Status.TIME_LIMIT, "the time limit was reached on the path of pivots"
             break
         if run.spent:
             run.best.reason, run.best.message = Status.MAX_ITERATIONS, ""

@@ -187,7 +187,7 @@ def test_a_solve_under_way_is_shown_on_a_terminal(monkeypatch):
     assert "[plate]" in shown
     assert "1/3" in shown
     assert re.search(r"condensed: iteration \d+, residual \d\.\de-", shown)
-    assert "the condensed method ended stalled; fixed-point is next\n" in shown
+    assert "the condensed method ended stalled; next method: fixed-point\n" in shown
 
 
 @pytest.mark.parametrize("at_once", [False, True])

@@ -71,7 +71,7 @@ def test_one_component_of_each_kind_makes_a_guided_edge():
 
 
 def test_a_component_that_two_rule_is_refused_whatever_it_is_called():
-    with pytest.raises(InputError, match=r"component x of the edge around \(1, -0.8\d+\) is already ruled"):
+    with pytest.raises(InputError, match=r"component x of the edge around \(1, -0.8\d+\) already has the condition"):
         problem(Traction("left", normal=0.0), Displacement("left", x=0.0))
     with pytest.raises(InputError, match=r"component y of the edge .* has no condition"):
         problem(*(Traction(side, 0.0, 0.0) for side in ("top", "right", "bottom")), Traction("left", normal=0.0))

@@ -101,7 +101,7 @@ def test_conditions_without_components_are_refused():
         ([*FREE, Symmetry("left"), Displacement("bottom", y=0.0)], "'bottom': component x"),
         (
             [*FREE, Symmetry("left"), Symmetry("bottom"), Contact("top", friction=0.1)],
-            r"already ruled by Traction\('top'\)",
+            r"already has the condition Traction\('top'\)",
         ),
         ([*FREE, Symmetry("left"), Symmetry("floor")], "'floor': name one of the mesh's edge sets"),
         (

@@ -351,11 +351,11 @@ class TestRefused:
 
     def test_what_is_no_archive(self, tmp_path):
         (tmp_path / "a.npz").write_text("x, y\n1, 2\n")
-        assert "no archive, or holds pickled objects" in fails(tmp_path / "a.npz")
+        assert "not an archive, or holds pickled objects" in fails(tmp_path / "a.npz")
         np.save(tmp_path / "a.npy", np.ones(3))
         assert "single array" in fails(tmp_path / "a.npy")
         np.savez(tmp_path / "other.npz", x=np.ones(3))
-        assert "no result" in fails(tmp_path / "other.npz")
+        assert "not a result" in fails(tmp_path / "other.npz")
         assert "No such file" in fails(tmp_path / "missing.npz")
         assert "cannot be read" in fails(tmp_path)
 
@@ -373,7 +373,7 @@ class TestRefused:
 
     def test_devices_are_not_read(self):
         """The end of /dev/zero, where an archive has its directory, is nowhere."""
-        assert "no regular file" in fails(os.devnull)
+        assert "not a regular file" in fails(os.devnull)
 
     def test_a_long_problem_is_refused_before_it_is_parsed(self, entries, tmp_path):
         problem = str(entries["problem"]) + "\nzeros = [" + "0," * 1_000_000 + "]"

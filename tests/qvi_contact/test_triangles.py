@@ -418,7 +418,7 @@ def test_an_edge_without_condition_is_named_with_its_place():
     mesh = TriangleMesh.rectangle((2, 2))
     with pytest.raises(InputError, match=r"'top'.*\(0\.25, 1\).*has no condition"):
         ContactProblem(mesh, STEEL, [Symmetry("bottom"), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)])
-    with pytest.raises(InputError, match="already ruled"):
+    with pytest.raises(InputError, match="already has the condition"):
         ContactProblem(mesh, STEEL, [Symmetry("bottom"), Traction("bottom", 0.0, 0.0)])
 
 

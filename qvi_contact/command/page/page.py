@@ -89,7 +89,7 @@ def result_page(
     bracket, missing = (
         _bracket(result, time_limit)
         if len(steps) == 1
-        else (None, "bounds belong to a single solve, this is one of several load steps")
+        else (None, "bounds are computed for a single solve only, and this is one of several load steps")
     )
     shown = _shown(result, bracket, file.units) if result.has_state else {"field": None, "contacts": [], "tables": []}
     figure = problem_figure(result.problem, file.units) if result.has_state else result_figure(result, file.units)

@@ -446,8 +446,8 @@ def test_corner_between_two_contacts():
 def test_contradictions_are_named():
     """The right side keeps a distance that the ground below it does not let it have."""
     companion = solve_companion(box(1e-4, "bilateral"))
-    assert any("enters the obstacle" in reason for reason in companion.reasons)
-    assert not any("enters the obstacle" in reason for reason in companion_of(box(0.0, "bilateral")).reasons)
+    assert any("contradict the obstacle" in reason for reason in companion.reasons)
+    assert not any("contradict the obstacle" in reason for reason in companion_of(box(0.0, "bilateral")).reasons)
 
 
 def test_weight_on_both_sides_of_a_joint():
