@@ -13,7 +13,7 @@ from comparisons.lab.options import ListCommand, folder_option
 @click.option("--threads", type=int, default=1, help="Threads of the libraries.", show_default=True)
 @click.option("--repeat", type=int, help="Repetitions.  [default: 5 to 128² cells, 3 to 512²; 20 on graded meshes]")
 @click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
-@click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder for JSON, Markdown and picture.")
+@click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder of the report and its JSON.")
 @click.option("--no-naive", is_flag=True, help="Without the loops: naive ones, on condensed QPs, Uzawa.")
 @click.option("--factorisation", metavar="NAME", default="auto", help="The only one to measure.", show_default=True)
 @click.option("--limit", type=float, default=120.0, help="Seconds after which a loop is given up.", show_default=True)
@@ -39,17 +39,24 @@ def benchmark(
         python -m comparisons benchmark --cells 32 64 --friction 0.2
         python -m comparisons benchmark --threads 4 --out results/benchmark
     """  # noqa: D301
-    from comparisons.benchmark import report, rows, study
+    from comparisons.benchmark import rows, study
     from comparisons.benchmark.plan import Plan
+    from comparisons.benchmark.report import as_json as json_of
+    from comparisons.benchmark.report import report
+    from comparisons.lab.report import show, write_report
     from qvi_contact.basics.terminal import progress
-    from qvi_contact.basics.writing import writable_folder
+    from qvi_contact.basics.writing import writable_folder, write_text
 
     plan = Plan(cells, friction, threads, repeat, not no_naive, factorisation, limit)
     folder = None if out is None else writable_folder(out)
     with progress("benchmark", plan.steps) as advance:
         document = rows.document(study.run(plan, advance))
-    written = report.write(document, folder, plan.loop_friction) if folder else []
+    made = report(document)
+    written = []
+    if folder:
+        write_text(folder / "benchmark.json", json_of(document) + "\n")
+        written = [*write_report(made, folder), folder / "benchmark.json"]
     if as_json:
-        click.echo(report.as_json(document))
+        click.echo(json_of(document))
     else:
-        report.show(document, written)
+        show(made, written)

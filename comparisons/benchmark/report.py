@@ -1,22 +1,20 @@
-"""The report of a run: terminal, JSON, Markdown, picture."""
+"""The report of a run, from its document alone."""
 
 import json
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from comparisons.benchmark.findings import findings
-from comparisons.benchmark.tables import tables
-from comparisons.lab.tables import markdown_table, print_table
-from qvi_contact.basics.writing import write_text
+from comparisons.benchmark.figures import picture
+from comparisons.benchmark.measures import values_of
+from comparisons.benchmark.reference import CONVERGED_FRICTION, MEANINGLESS, SETTLED
+from comparisons.benchmark.tables import tables_of
+from comparisons.lab.report import Document as Report
+from comparisons.lab.report import render, svg_text
+from comparisons.lab.report.numbers import NOTHING, memory, significant
+from comparisons.lab.tables import Grid
 from qvi_contact.plots import has_matplotlib
-from qvi_contact.plots.style import save_figure, settings
+from qvi_contact.plots.style import settings
 
 Document = dict[str, Any]
-
-TEXTS: Final = ("benchmark.json", "benchmark.md")
-PICTURES: Final = ("benchmark.png", "benchmark.svg")
-
-_WIDTH: Final = 132
 
 
 def as_json(document: Document) -> str:
@@ -24,70 +22,34 @@ def as_json(document: Document) -> str:
     return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
 
 
-def show(document: Document, written: list[Path]) -> None:
-    """Print the tables on standard output."""
-    from rich.console import Console
-
-    console = Console(highlight=False, markup=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, markup=False, width=_WIDTH)
-    console.print("\n".join([*heading(document), ""]))
-    for grid in tables(document):
-        print_table(console, grid)
-        console.print(f"{grid.note}\n")
-    for sentence in findings(document):
-        console.print(f"• {sentence}")
-    if written and not has_matplotlib():
-        console.print("\nNo picture: it needs matplotlib, python -m pip install 'qvi-contact[plot]'")
-    if written:
-        console.print(f"\nWritten to {written[0].parent}: {', '.join(path.name for path in written)}", soft_wrap=True)
+def report(document: Document) -> Report:
+    """The report; the same document gives the same one."""
+    friction = _friction(document)
+    values = {**values_of(document), "friction": friction, "settled": SETTLED, "meaningless": MEANINGLESS}
+    figures = {"times": _drawn(document, friction)}
+    return render("comparisons.benchmark", "benchmark", values, tables_of(document), figures, [_settings(document)])
 
 
-def heading(document: Document) -> list[str]:
+def _friction(document: Document) -> float:
+    """μ of the picture: that with known forces if it is among those measured, else the first."""
+    measured = [row["friction"] for row in document["solves"]]
+    return CONVERGED_FRICTION if CONVERGED_FRICTION in measured else min(measured)
+
+
+def _drawn(document: Document, friction: float) -> str:
+    if not has_matplotlib():
+        return ""
+    with settings():
+        return svg_text(picture(document, friction), "benchmark")
+
+
+def _settings(document: Document) -> Grid:
     """Machine, versions, threads, command, date."""
     machine = document["machine"]
-    memory = f"{machine['memory_bytes'] / 2**30:.0f} GiB" if machine["memory_bytes"] else "memory unknown"
-    versions = ", ".join(f"{name} {version}" for name, version in document["versions"].items())
-    load = "" if machine["load_average"] is None else f"; load before the run {machine['load_average']:g}"
-    return [
-        f"Machine: {machine['processor']}, {machine['cores']} cores, {memory}; {machine['system']}{load}",
-        f"Versions: {machine['python']}, {versions}",
-        f"Threads: {document['threads']}",
-        f"Command: {document['command']}",
-        f"Begun: {document['began']}",
-    ]
-
-
-def write(document: Document, folder: Path, friction: float) -> list[Path]:
-    """Write all files, each whole or not at all; pictures where matplotlib is installed."""
-    write_text(folder / TEXTS[0], as_json(document) + "\n")
-    write_text(folder / TEXTS[1], as_markdown(document))
-    written = [folder / name for name in TEXTS]
-    if has_matplotlib():
-        from comparisons.benchmark.figures import picture
-
-        with settings():
-            figure = picture(document, friction)
-            for name in PICTURES:
-                save_figure(folder / name, figure)
-        written += [folder / name for name in PICTURES]
-    return written
-
-
-def as_markdown(document: Document) -> str:
-    """The report as Markdown."""
-    image = f"![Wall time against unknowns; error against wall time]({PICTURES[1]})"
-    parts = [
-        "# Benchmark: the compressed plate",
-        "",
-        *(f"- {line}" for line in heading(document)),
-        "",
-        "Every figure is a median of one run, every ratio one of such medians. The problem is "
-        "`qvi_contact.gallery.compressed_plate(μ, cells=(n, n))`.",
-        "",
-        *(f"- {sentence}" for sentence in findings(document)),
-        "",
-        *([image, ""] if has_matplotlib() else []),
-        *(markdown_table(grid) for grid in tables(document)),
-    ]
-    return "\n".join(parts).rstrip() + "\n"
+    lines = [
+        ("processor", machine["processor"]), ("cores", str(machine["cores"])),
+        ("memory", memory(machine["memory_bytes"])), ("system", machine["system"]), ("Python", machine["python"]),
+        ("load before the run", significant(machine["load_average"])), ("threads", str(document["threads"])),
+        ("begun", document["began"] or NOTHING), *document["versions"].items(),
+    ]  # fmt: skip
+    return Grid("Run, machine, versions", ("setting", "value"), lines)

@@ -28,7 +28,7 @@ def document(study: Study) -> dict[str, Any]:
         "versions": study.versions,
         "threads": study.plan.threads,
         "tolerance": TOLERANCE,
-        "units": {"half_force": "MPa × length", "seconds": "s, wall time", "memory": "bytes"},
+        "units": {"half_force": "N/mm", "seconds": "s, wall time", "memory": "bytes"},
         "solves": solves,
         "plain": plain_rows(study),
         "memory": memory_rows(study),
