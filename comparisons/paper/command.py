@@ -13,7 +13,7 @@ from comparisons.lab.options import folder_option
     "--out",
     metavar="FOLDER",
     callback=folder_option,
-    help="Folder for the report: tables as CSV, pictures as PNG and SVG.  [default: results/paper]",
+    help="Folder for the report, its pictures, and tables as CSV.  [default: results/paper]",
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
 def paper(out: Path | None, as_json: bool) -> None:
@@ -23,6 +23,7 @@ def paper(out: Path | None, as_json: bool) -> None:
     second-order cone programs, and every installed back end on the same seven problems. With --json files are
     written only if --out is given.
     """
+    from comparisons.lab.report import show
     from comparisons.paper import report, study
     from qvi_contact.basics.terminal import progress
     from qvi_contact.basics.writing import writable_folder
@@ -30,10 +31,10 @@ def paper(out: Path | None, as_json: bool) -> None:
     folder = None
     if out is not None or not as_json:
         folder = writable_folder(out or Path("results") / "paper")
-    with progress("paper", study.step_count() + (len(report.FILES) if folder else 0)) as advance:
+    with progress("paper", study.step_count()) as advance:
         result = study.run(advance)
-        written = report.write(result, folder, advance) if folder else []
+    made, written = report.write(result, folder) if folder else (None, [])
     if as_json:
         click.echo(json.dumps(report.as_document(result), indent=2, allow_nan=False))
-    else:
-        report.show(result, written)
+    if made and not as_json:
+        show(made, written)

@@ -125,7 +125,7 @@ def table_1(study: PaperStudy) -> "Figure":
     axes.plot(friction, [row.printed for row in study.rows], color="black", marker="x", linestyle="none",
               markersize=7, label="paper, Table 1")  # fmt: skip
     axes.set_xlabel("friction coefficient μ [-]")
-    axes.set_ylabel("P/2 [MPa × length]")
+    axes.set_ylabel("P/2 [N/mm]")
     axes.set_title("Table 1 is the state after 30 iterations, not the solution" if n == 30 else "Table 1")
     axes.grid(visible=True, color="#dddddd", linewidth=0.5)
     axes.legend()

@@ -98,7 +98,7 @@ class PaperStudy:
 
 
 def half_force(result: ContactResult) -> float:
-    """P/2: the quarter's contact force [MPa × length], NaN without a stress state."""
+    """P/2: the quarter's contact force [N/mm], NaN without a stress state."""
     if not result.has_state:
         return float("nan")
     return result.contacts["plate"].normal_force
