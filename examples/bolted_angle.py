@@ -3,8 +3,8 @@
     python examples/bolted_angle.py bolted_angle.png
 
 The bolt presses the upright leg against the wall. The load on the other leg pulls it down and away from the wall
-above. Statics gives the forces on the wall and the centre of the pressure. The angle slides when friction is used up,
-at F = μB. Which part of the leg leaves the wall, and the stress in the fillet, are the answer of the program.
+above. Statics gives the forces on the wall and the centre of the pressure. The angle slides when friction reaches its
+bound, at F = μB. The program computes which part of the leg leaves the wall, and the stress in the fillet.
 """
 
 from pathlib import Path

@@ -4,7 +4,7 @@
 
 A piston presses the pad on the disc, which drags it against a pivoted abutment. The whole face slips, so the friction
 force is μ times the normal force. The moment of friction moves the centre of pressure towards the side from which the
-disc comes. Both follow from statics; the pressure along the face does not.
+disc comes. Both follow from statics. The program computes the pressure along the face.
 """
 
 from pathlib import Path
@@ -23,7 +23,7 @@ problem = qc.ContactProblem(
     mesh,
     qc.Material(young=1000.0, poisson=0.25, plane="strain"),  # the lining [MPa]
     [
-        qc.Contact("face", friction=FRICTION, offset=1.0),  # the disc has moved by 1 mm, far more than the pad gives
+        qc.Contact("face", friction=FRICTION, offset=1.0),  # the disc has moved by 1 mm, far more than the pad deforms
         qc.Contact("abutment", friction=0.0, plate=qc.RigidPlate(moment=0.0, pivot=(80.0, PIVOT))),
         qc.Traction("piston", x=0.0, y=-FORCE / PISTON),
         qc.Traction("free", normal=0.0, tangential=0.0),

@@ -2,9 +2,9 @@
 
     python examples/gravity_dam.py gravity_dam.png
 
-The water pushes the dam downstream, and what seeps through the joint lifts it. Friction holds it back. By hand, with
-the weight W, the uplift U, and the thrust H of the water, the factor of safety against sliding is μ (W − U)/H. The
-program finds the same factor from both sides, and the stresses that go with it.
+The water pushes the dam downstream. Water in the joint lifts the dam. Friction holds it back. By hand, with the weight
+W, the uplift U, and the thrust H of the water, the factor of safety against sliding is μ (W − U)/H. The program
+computes a lower and an upper bound of this factor, and the stresses.
 """
 
 from pathlib import Path

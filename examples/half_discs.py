@@ -3,8 +3,8 @@
     python examples/half_discs.py half_discs.png
 
 Both are of one material, so shear does not change the pressure of Hertz. The discs are one mesh with a joint, which is
-given the gap that they leave beside the axis. The formulas take the discs for half planes. With a/R = 0.085 they are
-not quite, which is why the numbers agree to about 1 % and not better on finer meshes.
+given the gap that they leave beside the axis. The formulas take the discs for half planes. At a/R = 0.085 that is true
+to about 1 %, so the numbers do not agree better on finer meshes.
 """
 
 import math
