@@ -209,7 +209,7 @@ def _reasons(
     if misfit > allowed_misfit(unit, stress.result.stress_rounding):
         found.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
     elif balance > _BALANCE:
-        found.append(f"The two energies and the parts of their gap differ by {balance:.1e} of the energy.")
+        found.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
     if apart < -_CROSSED:
         found.append(f"The bounds contradict each other by {-apart:.1e} of the strain energy.")
     return tuple(found)

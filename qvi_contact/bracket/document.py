@@ -47,7 +47,7 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     yield bracket.sentence(units)
     parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.shown_parts.items())
     if parts:
-        yield f"gap of the energy [{units.engineering_energy}]: {parts}"
+        yield f"duality gap [{units.engineering_energy}]: {parts}"
     if parts and bracket.outer > 0.0:
         yield f"error from fixing the friction bound: up to {bracket.outer:.3g} {units.engineering_energy}"
     for name, bounds in bracket.forces.items():

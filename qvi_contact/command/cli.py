@@ -114,7 +114,7 @@ def solve(
 
     \b
     Exit status: 0 solved, with a passing certificate
-                 1 not solved: the message gives the reason, such as a load beyond friction, or the time limit
+                 1 not solved, or a check of --certificate failed: the message gives the reason
                  2 something is wrong with the input
 
     \b
@@ -167,8 +167,8 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
     states, forces, energies and stresses are computed again and compared with those in the file. The output lists the
     checks that failed, each with its value, limit and meaning. The last line is the verdict.
 
-    A result that was not solved fails. If its accuracy is good enough for you, give that by --tolerance. A problem with
-    Python functions for loads or gaps cannot be stored, so its result cannot be checked.
+    A result that was not solved fails. If its accuracy is good enough for you, give that accuracy as --tolerance. A
+    problem with Python functions for loads or gaps cannot be stored, so its result cannot be checked.
 
     \b
     Exit status: 0 everything holds
@@ -238,14 +238,16 @@ def check(
 @_FILE
 @_ELEMENT
 @click.option(
-    "--degree", type=int, help="Degree of the displacements.  [default: 3, from 1 to 5; on rectangles 2, from 2 to 4]"
+    "--degree",
+    type=int,
+    help="Degree of the displacements, 1 to 5.  [default: that of the stress function, at most 5; on rectangles 2]",
 )
 @click.option(
     "--tolerance", type=float, default=1e-8, show_default=True, help="Tolerance of both solves, at most 1e-6."
 )
 @_TIME_LIMIT
 @_JSON
-@click.option("--plot", metavar="PICTURE", help="Draw the gap of the bounds over the body: .png, .svg or .pdf.")
+@click.option("--plot", metavar="PICTURE", help="Draw the duality gap over the body: .png, .svg or .pdf.")
 @click.option("--vtk", metavar="VTU", help="Write the displacements for ParaView (.vtu).")
 def bracket(
     file: str,
@@ -581,7 +583,9 @@ def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[s
             click.echo(f"qvi-contact: there is no displacement to write to {', '.join(targets.values())}", err=True)
         return
     if "plot" in targets and not math.isfinite(found.gap):
-        click.echo(f"qvi-contact: a bound is missing, so there is no gap to draw in {targets['plot']}", err=True)
+        click.echo(
+            f"qvi-contact: a bound is missing, so there is no duality gap to draw in {targets['plot']}", err=True
+        )
     elif "plot" in targets:
         from qvi_contact.plots.bracket import bracket_figure
         from qvi_contact.plots.style import save_figure

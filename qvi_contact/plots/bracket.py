@@ -50,7 +50,7 @@ def bracket_map(axes: "Axes", bracket: Bracket, units: Units | None = None) -> "
     frame(axes, mesh)
     axes.set_xlabel(f"x [{units.length}]")
     axes.set_ylabel(f"y [{units.length}]")
-    label = f"gap of the energy by area [{units.stress}]"
+    label = f"duality gap per area [{units.stress}]"
     axes.figure.colorbar(cells, cax=axes.inset_axes((1.04, 0.0, 0.05, 1.0)), label=label)
     return cells
 
@@ -79,7 +79,7 @@ def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = ""
     """
     units = units or Units()
     if not np.isfinite(bracket.gap):
-        raise InputError("bracket", bracket.gap, f"there is no gap to draw: {bracket.message}")
+        raise InputError("bracket", bracket.gap, f"there is no duality gap to draw: {bracket.message}")
     figure = new_figure(9.0, 4.2)
     left, _, right = figure.subplots(1, 3, width_ratios=(1.6, 0.12, 1.0))
     _.set_axis_off()
@@ -91,13 +91,13 @@ def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = ""
         right.annotate(f"{value:.3g}", (number, value), ha="center", va="bottom")
     right.set_xticks(range(len(parts)), list(parts))
     right.margins(y=0.15)
-    right.set_ylabel(f"part of the gap [{units.engineering_energy}]")
+    right.set_ylabel(f"part of the duality gap [{units.engineering_energy}]")
     right.spines[["top", "right"]].set_visible(False)
     figure.suptitle("\n".join(filter(None, [title, _title(bracket, units)])), fontsize=9)
     return figure
 
 
 def _title(bracket: Bracket, units: Units) -> str:
-    word = "bounds, guaranteed" if bracket.guaranteed else "indicator, not guaranteed"
+    word = "bounds, guaranteed" if bracket.guaranteed else "estimate, not guaranteed"
     text = f"Energy between {bracket.lower:.7g} and {bracket.upper:.7g} {units.engineering_energy} ({word})"
     return f"{text}\nfor {bracket.kind.value}".replace("-", "−")

@@ -119,8 +119,8 @@ def _draw_obstacles(axes: "Axes", companion: CompanionResult, factor: float) -> 
 def _legend(axes: "Axes", companion: CompanionResult, factor: float) -> None:
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], color="#999999", linewidth=0.8, label="before")]
+    handles = [Line2D([], [], color="#999999", linewidth=0.8, label="undeformed")]
     if len(companion.problem.contacts) > len(companion.problem.joints):
         handles.append(Line2D([], [], color=VERMILLION, linestyle=(0, (4, 2)), label="obstacle"))
-    handles.append(Line2D([], [], color=GREY, marker="s", linestyle="none", label="body, displaced"))
+    handles.append(Line2D([], [], color=GREY, marker="s", linestyle="none", label="deformed"))
     legend_below(axes, handles, f"displacements × {factor:g}")

@@ -74,7 +74,7 @@ def result_figure(result: ContactResult, units: Units | None = None) -> "Figure"
         advice = "" if result.status.advice in title else f" {result.status.advice}"
         if result.mechanism is not None:
             draw_mechanism(figure.axes[0], result.problem.mesh, result.mechanism)
-            advice += " Dashed blue lines: how the blocks move, magnified."
+            advice += " Dashed blue lines: motion of the blocks, magnified."
         with settings():
             figure.suptitle(_wrapped(title + advice, figure))
         return figure

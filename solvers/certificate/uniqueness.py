@@ -98,7 +98,7 @@ class UniquenessBound:
             return f"{text}: there may be one solution or several."
         if self.proves:
             return f"{text}: there is no other solution."
-        return f"{text}: the only solution if the law holds on whole edges; for the law at points an indicator."
+        return f"{text}: the only solution if the law holds on whole edges. It holds at points only: an estimate."
 
 
 def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:

@@ -116,7 +116,7 @@ def test_dependent_rows_prove_nothing_at_points():
     assert found.satisfied
     assert not found.proves
     assert not found.independent
-    assert "indicator" in found.sentence()
+    assert "estimate" in found.sentence()
 
 
 @pytest.mark.parametrize("cells", [4, 8, 16])

@@ -54,8 +54,8 @@ def test_missing_lower_bound(tmp_path):
     done = command(EXAMPLES / "dragged_block_holds.toml", "--element", "bfs", "--plot", picture)
     assert done.return_value == 1
     assert "no lower bound" in done.stdout
-    assert "gap of the energy" not in done.stdout
-    assert "no gap to draw" in done.stderr
+    assert "duality gap" not in done.stdout
+    assert "no duality gap to draw" in done.stderr
     assert not picture.exists()
 
 
@@ -95,7 +95,7 @@ class TestDocument:
 
     def test_picture_of_no_gap_is_refused(self):
         problem = load_problem(EXAMPLES / "dragged_block_holds.toml").problem
-        with pytest.raises(InputError, match="no gap"):
+        with pytest.raises(InputError, match="no duality gap"):
             bracket_figure(solve(problem, element="bfs").bracket)
 
     def test_picture_of_an_exact_state(self, tmp_path):
