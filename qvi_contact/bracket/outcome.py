@@ -179,9 +179,9 @@ class Bracket:
         what = "Guaranteed bounds for" if self.guaranteed else "Estimate, not a bound, for"
         bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.engineering_energy}"
         if not np.isfinite(self.lower):
-            bounds = f"energy below {self.upper:.9g} {units.energy}, no lower bound"
+            bounds = f"energy below {self.upper:.9g} {units.engineering_energy}, no lower bound"
         if not np.isfinite(self.upper):
-            bounds = f"energy above {self.lower:.9g} {units.energy}, no upper bound"
+            bounds = f"energy above {self.lower:.9g} {units.engineering_energy}, no upper bound"
         error = ", a duality gap larger than the strain energy" if np.isfinite(self.gap) else ""
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
