@@ -18,11 +18,6 @@ _IRREGULAR: Final = {"matrix": "matrices", "axis": "axes", "analysis": "analyses
 _HISSING: Final = ("s", "x", "z", "ch", "sh")
 
 
-def is_number(value: float | None) -> bool:
-    """Whether there is a finite number."""
-    return value is not None and math.isfinite(value)
-
-
 def scientific(value: float | None, digits: int = 2) -> str:
     """A number with an exponent, to this many significant digits: 1.2e-5; zero is "0"."""
     if value is None or not math.isfinite(value):
