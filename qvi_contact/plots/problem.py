@@ -350,9 +350,13 @@ class _Sketch:
         if joint:
             place, align = run.at(0.15).points[0], _CENTRED
         else:
-            spot = run.at(0.5 if contact.plate is None else 0.2)  # the middle belongs to a plate's force
-            place = spot.points[0] + (2.0 * _AWAY + 0.03) * self.length * spot.normals[0]
-            align = alignment(spot.normals[0])
+            middle = run.at(0.5)
+            outward, aside = middle.normals[0], np.zeros(2)
+            if contact.plate is not None:  # the middle belongs to the plate's force
+                aside = (run.at(0.2).points[0] - middle.points[0]) / (0.3 * run.length)
+            shift = max(0.3 * run.length, 0.05 * self.length)
+            place = middle.points[0] + shift * aside + (2.0 * _AWAY + 0.03) * self.length * outward
+            align = alignment(outward + aside)
         self._write(contact.name, place, align, "black")
 
     def _write(self, text: str, place: FloatArray, align: dict[str, Any], colour: str) -> None:

@@ -157,7 +157,7 @@ class TestTriangles:
         )
         conditions = [Traction("in", normal=-1.0, tangential=0.0), Traction("out", normal=-0.5, tangential=0.0)]
         figure = problem_figure(ContactProblem(mesh, Material(1000.0, 0.3), conditions))
-        figure.canvas.draw()
+        figure.draw_without_rendering()
         (axes,) = figure.axes
         arrows = np.concatenate([np.column_stack([q.XY, q.U, q.V]) for q in axes.collections if isinstance(q, Quiver)])
         radial = (arrows[:, :2] * arrows[:, 2:]).sum(axis=1)
@@ -193,6 +193,30 @@ def test_names_stand_beside_their_edges():
     assert places["seam"][0][1] == pytest.approx(0.5)
     legend = [text.get_text() for text in axes.get_legend().get_texts()]
     assert any("seam" in line and "without a contact" in line for line in legend)
+
+
+@pytest.mark.parametrize("side", ["top", "left"])
+def test_the_name_of_a_short_punch_stands_clear_of_its_force(side):
+    """The force is drawn in the middle of the contact, however short that is."""
+    along = 0 if side == "top" else 1
+
+    def under(x, y):
+        return (np.abs((x, y)[along] - 5.0) < 0.6) & ((y > 9.9, x < 0.1)[along])
+
+    mesh = TriangleMesh.rectangle((20, 20), 10.0, 10.0).with_edges("punch", under)
+    mesh = mesh.with_edges("free", lambda x, y: (y > 0.1) & ~under(x, y))
+    plate = RigidPlate(force_y=-1.0) if side == "top" else RigidPlate(force_x=1.0)
+    free, held = Traction("free", x=0.0, y=0.0), Displacement("bottom", x=0.0, y=0.0)
+    problem = ContactProblem(mesh, Material(1.0, 0.3), [Contact("punch", friction=0.2, plate=plate), free, held])
+    figure = problem_figure(problem)
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    (name,) = (text for text in axes.texts if text.get_text() == "punch")
+    assert sum(isinstance(drawn, Quiver) for drawn in axes.collections) == 1
+    half = 0.5 * 4.0 * 0.012 * axes.bbox.width  # of the head of the arrow
+    middle = axes.transData.transform([(5.0, 10.0), (0.0, 5.0)][along])
+    box = name.get_window_extent()
+    assert box.max[along] + half < middle[along] or box.min[along] - half > middle[along]
 
 
 def test_rounding_in_functions_is_not_shown():
