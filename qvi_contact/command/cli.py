@@ -65,7 +65,7 @@ def group() -> None:
     """  # noqa: D301  # click wants the character \b, not the two
 
 
-@group.command()
+@group.command(short_help="Solve a problem: forces, states, certificate.")
 @_FILE
 @_ELEMENT
 @_DEGREE
@@ -154,7 +154,7 @@ def solve(
     return 0 if _all_solved(problem_file, steps) and all(found.passed for found in checked) else 1
 
 
-@group.command()
+@group.command(short_help="Check a stored result, from its file alone.")
 @click.argument("result", metavar="RESULT", type=click.Path())
 @click.option("--tolerance", type=float, help="Tolerance of the certificate.  [default: that of the result]")
 @click.option("-v", "--verbose", is_flag=True, help="Print every check, not only those that failed.")
@@ -191,7 +191,7 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
     return 0 if found.passed else 1
 
 
-@group.command()
+@group.command(short_help="Show what was understood, without solving.")
 @_FILE
 @_ELEMENT
 @_DEGREE
@@ -234,7 +234,7 @@ def check(
         click.echo(line)
 
 
-@group.command()
+@group.command(short_help="Bound the energy, and a force, from both sides.")
 @_FILE
 @_ELEMENT
 @click.option(
@@ -301,7 +301,7 @@ def bracket(
     return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
 
 
-@group.command()
+@group.command(short_help="Refine the mesh until a number is accurate.")
 @_FILE
 @click.option("--target", type=float, help="Largest relative error.  [default: 1e-3]")
 @click.option(
@@ -394,7 +394,7 @@ def refine(
     return 2 if not complete else 0 if found.status == "reached" else 1
 
 
-@group.command()
+@group.command(short_help="Largest multiple of loads that contacts carry.")
 @_FILE
 @click.option(
     "--load",
@@ -454,7 +454,7 @@ def limit(
     return 1 if missed or found == -float("inf") else 0
 
 
-@group.command()
+@group.command(short_help="List what can be used on this machine.")
 @_JSON
 def methods(as_json: bool) -> None:
     """List the methods, inner solvers and factorisations that can be used here.
