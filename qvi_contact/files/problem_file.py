@@ -114,7 +114,7 @@ def load_problem(path: str | Path) -> ProblemFile:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        remedy = f"is not text in UTF-8 (byte {error.start}): save it in that encoding"
+        remedy = f"is not text in UTF-8 (byte {error.start}): give a problem file (TOML), saved in that encoding"
         raise InputError("file", str(path), remedy) from error
     return problem_from_toml(text, Path(path).parent)
 

@@ -90,7 +90,7 @@ def _check_size(reader: str, path: Path) -> None:
     except (OSError, ValueError):  # ValueError: a name no file can have
         size = -1
     if size < 0:
-        raise InputError("mesh", str(path), "there is no such file")
+        raise InputError("mesh", str(path), "there is no such file: correct its name or folder")
     if reader == "med" and size <= LARGEST:
         size = _unfolded(path)
     if size > LARGEST:
@@ -119,8 +119,8 @@ def _read(reader: str, path: Path) -> Any:
         raise InputError("mesh", str(path), f"{needed}: python -m pip install 'qvi-contact[mesh]'") from error
     except Exception as error:  # meshio raises whatever a broken file makes it stumble over
         told = " ".join(str(error).split()) or type(error).__name__
-        hint = "; save the mesh as ASCII, or in format 2.2" if _HALF_NAMED in told else ""
-        raise InputError("mesh", str(path), f"cannot be read as {reader} ({told}){hint}") from error
+        hint = "save the mesh as ASCII, or in format 2.2" if _HALF_NAMED in told else "write the mesh again"
+        raise InputError("mesh", str(path), f"cannot be read as {reader} ({told}): {hint}") from error
 
 
 def _starts(found: Any, kinds: Iterable[str]) -> dict[int, int]:
