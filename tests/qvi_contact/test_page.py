@@ -127,6 +127,20 @@ class TestBrowser:
     def test_nothing_is_wrong_with_it(self, browser, file):
         assert looking.problems_on(browser, file) == []
 
+    def test_settings_fit_a_phone(self, browser, tmp_path):
+        """Digests of mesh files have no place to break of their own; the names before them are not broken."""
+        path = tmp_path / "page.html"
+        files = (("meshes/a_mesh_with_a_long_name.msh", sha256(b"").hexdigest()),)
+        request = Request(problem_from_toml(TEXT), TEXT, "qvi-contact solve a.toml", files)
+        path.write_text(result_page(request, [answer()]), encoding="utf-8")
+        with browser.new_context(viewport={"width": 390, "height": 900}) as context:
+            opened = context.new_page()
+            opened.goto(path.as_uri())
+            table = opened.locator("section[aria-labelledby='repeat'] table")
+            box, name = table.bounding_box(), table.get_by_text("factorisation").bounding_box()
+            assert box["x"] + box["width"] <= 390.0
+            assert name["height"] < table.get_by_text("meshes/").bounding_box()["height"]
+
     def test_values_under_the_pointer_are_those_of_the_result(self, browser, file):
         with browser.new_context(viewport={"width": 1000, "height": 900}) as context:
             opened = context.new_page()
