@@ -208,6 +208,8 @@ class Basis(Protocol):
         Coordinates of the mesh's vertices, dimensionless.
     smallest : float
         Size of the smallest cell, dimensionless.
+    centres : (c,) int array
+        Vertices with affine functions from which degrees of freedom count; none where these are those of Φ.
     normal_degree, shear_degree : int
         Degrees of σ_N and σ_T on an edge (without φ).
     shear_at_vertices : bool
@@ -236,6 +238,8 @@ class Basis(Protocol):
     def vertices(self) -> FloatArray: ...  # noqa: D102
     @property
     def smallest(self) -> float: ...  # noqa: D102
+    @property
+    def centres(self) -> IntArray: ...  # noqa: D102
     @property
     def normal_degree(self) -> int: ...  # noqa: D102
     @property

@@ -21,7 +21,7 @@ from solvers.basics.archives import read_arrays
 
 FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 1
-"""Grows when an entry comes, changes its meaning or goes away."""
+"""Grows when an entry changes its meaning or goes away; one that comes says what files without it mean."""
 
 OWN: Final = frozenset({"format", "format_version", "digest"})
 """Names of the entries that `write_archive` adds."""

@@ -153,7 +153,8 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
 
     * ``problem``: the text of a problem file; empty if functions are Python's, which no file can hold, and
       ``problem_missing`` then says which. Such a file has all fields, but cannot be checked;
-    * ``degree`` and ``contact_rows`` ("gauss" or "bernstein") of the element;
+    * ``degree`` and ``contact_rows`` ("gauss" or "bernstein") of the element; ``centres``: vertices with affine
+      functions from which ``z`` counts, where small cells lie in several places;
     * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``, ``reach``: obstacles
       farther than so many units of displacement count as that far; ``freed``: nodes whose prescribed shear is given
       up; ``earlier_slip``: of load steps before this one, at all contact points;

@@ -33,6 +33,7 @@ def solution_arrays(result: ContactResult, units: Units | None = None, title: st
         "problem_missing": missing,
         "degree": known.space.degree,
         "contact_rows": known.space.contact_rule.kind,
+        "centres": known.space.centres,
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
@@ -126,6 +127,7 @@ def _discretization(archive: Archive) -> Discretization:
         raise InputError("result", archive.path, "entry 'reach' is not a positive number")
     scales = Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach)
     fresh = _discretized(archive, text, scales)
+    _check_centres(archive, fresh)
     counts = [len(rows.gap) for rows in fresh.contacts]
     slip = _sized(archive, "earlier_slip", sum(counts))
     return fresh.slipped(np.split(slip, np.cumsum(counts)[:-1])) if slip.any() else fresh
@@ -145,6 +147,17 @@ def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
             "result", archive.path, f"entry 'problem' holds a problem that cannot be solved ({error})"
         ) from error
     raise InputError("result", archive.path, "entry 'freed' names nodes that are not in the mesh")
+
+
+def _check_centres(archive: Archive, fresh: Discretization) -> None:
+    """That unknowns count from where they do here; files without the entry have those of Φ itself."""
+    centres = archive.integers("centres") if "centres" in archive.arrays else np.empty(0, dtype=np.int64)
+    if not np.array_equal(centres, fresh.space.centres):
+        remedy = (
+            "entry 'z' counts from other vertices of this mesh than it does here: solve the problem anew, or "
+            "take the version of qvi-contact that wrote the file"
+        )
+        raise InputError("result", archive.path, remedy)
 
 
 def _degree(archive: Archive) -> dict[str, Any]:

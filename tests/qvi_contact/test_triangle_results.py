@@ -1,6 +1,7 @@
 """Results on triangles in files: read back they are the same, and whatever was changed in them does not verify."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -55,6 +56,21 @@ def test_gauss_rows_are_kept(tmp_path):
     write_npz(tmp_path / "a.npz", solve(compressed_plate(0.2, (2, 2)), element="hct", degree=5, contact_rows="gauss"))
     assert load_result(tmp_path / "a.npz").discretization.space.contact_rule.kind == "gauss"
     assert fails(tmp_path / "a.npz") == set()
+
+
+def test_unknowns_are_read_from_where_they_count(tmp_path):
+    """Small cells in two places: read from elsewhere, unknowns load as solved, with other stresses."""
+    plate = compressed_plate(0.2, (2, 2)).triangulated()
+    problem = replace(plate, mesh=plate.mesh.graded([(1.0, 1.0), (0.5, 1.0)], 11))
+    write_npz(tmp_path / "a.npz", solve(problem, degree=3, method="condensed"))
+    entries = dict(Archive(tmp_path / "a.npz").arrays)
+    assert len(entries["centres"]) == 2
+    assert fails(tmp_path / "a.npz") == set()
+    assert "counts from other vertices" in fails(
+        stored(tmp_path / "b.npz", entries | {"centres": entries["centres"][:1]})
+    )
+    del entries["centres"]
+    assert "counts from other vertices" in fails(stored(tmp_path / "c.npz", entries))
 
 
 def test_whatever_is_changed_is_seen(entries, tmp_path):

@@ -70,6 +70,11 @@ class BognerFoxSchmit:
         return float(min(self.grid.x.sizes.min(), self.grid.y.sizes.min()))
 
     @property
+    def centres(self) -> IntArray:
+        """None: degrees of freedom are those of Φ."""
+        return np.empty(0, dtype=np.int64)
+
+    @property
     def contact_rule(self) -> ContactRule:
         """Tractions at four Gauss points an edge, as the paper's."""
         return ContactRule.gauss(GAUSS_COUNT)

@@ -82,6 +82,12 @@ class TriangleBasis:
         """The shortest edge, dimensionless."""
         return float(self.space.sizes.min())
 
+    @property
+    def centres(self) -> IntArray:
+        """Those of `frames` if there are several."""
+        found = self.space.frames
+        return found.centres if found.several else found.centres[:0]
+
     @cached_property
     def cell_sizes(self) -> FloatArray:
         """Areas of the triangles, dimensionless."""
