@@ -17,10 +17,10 @@ def triangulated(mesh: RectilinearMesh) -> MeshParts:
 
     Diagonals run away from the middle of the grid: from lower left to upper right in its lower left and upper right
     quarters, from upper left to lower right in the others. So a body that is its own mirror image has triangles that
-    are, if the grid has an even number of cells across; a grid with twice the cells has triangles inside these. In a
-    middle row or column diagonals run from lower left to upper right, in a corner of the body always into the corner: a
-    triangle with two edges on the boundary could follow the tractions on neither of them. The triangles 2k and 2k + 1
-    lie in the active cell k, counted row by row.
+    are, if the grid has an even number of cells across; a grid with twice the cells has triangles inside these. A
+    middle row counts as upper, a middle column as right: neither spoils the symmetry about the other. In a corner of
+    the body diagonals always run into the corner: a triangle with two edges on the boundary could follow the
+    tractions on neither of them. The triangles 2k and 2k + 1 lie in the active cell k, counted row by row.
     """
     row, column = np.nonzero(mesh.active)
     stride = len(mesh.x)
@@ -53,8 +53,8 @@ def _falling(active: BoolArray) -> BoolArray:
     left, right = ~padded[1:-1, :-2], ~padded[1:-1, 2:]
     rising = (below & left).astype(int) + (above & right)
     falling = (below & right).astype(int) + (above & left)
-    from_middle = [2 * np.arange(count) + 1 - count for count in active.shape]
-    return np.asarray(np.where(falling == rising, np.multiply.outer(*from_middle) < 0, falling > rising))
+    upper, right_half = (2 * np.arange(count) + 1 >= count for count in active.shape)
+    return np.asarray(np.where(falling == rising, upper[:, None] != right_half, falling > rising))
 
 
 def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:

@@ -79,6 +79,12 @@ class TestRectanglesCutInTwo:
             mesh = TriangleMesh.of_rectangles(RectilinearMesh(x + place, y - place))
             assert self.triangles(mesh, (-1.0, 1.0)) == self.triangles(mesh) == self.triangles(mesh, (1.0, -1.0))
 
+    @pytest.mark.parametrize(("cells", "turned"), [((4, 5), (-1.0, 1.0)), ((2, 1), (-1.0, 1.0)), ((3, 6), (1.0, -1.0))])
+    def test_a_middle_row_leaves_the_symmetry_across(self, cells, turned):
+        """An even number of cells across is enough, whatever the number along."""
+        mesh = TriangleMesh.rectangle(cells, 2.0, 3.0)
+        assert self.triangles(mesh, turned) == self.triangles(mesh)
+
     @pytest.mark.parametrize("cells", [(2, 2), (4, 2), (2, 8)])
     def test_halved_cells_lie_inside_triangles(self, cells):
         coarse, fine = (TriangleMesh.rectangle((k * cells[0], k * cells[1]), 2.0, 3.0) for k in (1, 2))
