@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.hermite import gauss_legendre
 
@@ -23,7 +23,7 @@ _POLYNOMIAL: Final = 1e-11  # difference at samples, relative to the largest val
 _NOTHING: Final = 1e-14  # integral of a difference on one part, relative to the largest value
 _DEEPEST: Final = 48  # halvings of an edge: then a part is as small as rounding of t
 _MOST: Final = 512  # parts of one edge, in the mean, that may wait
-_SEEN: Final = 1e-3  # of an edge: a part that counts where values are compared
+_UNSEEN: Final = 1e-3  # of an edge: what the parts that do not count where values are compared may be together
 _ENDS: Final = bernstein.SAMPLES[[0, -1]]  # of a part: a jump may lie between its Gauss points and its ends
 
 
@@ -63,12 +63,23 @@ class EdgeQuadrature:
     def misfit(self, coefficients: FloatArray) -> float:
         """Largest difference from polynomials of coefficients (n, k) at the points.
 
-        Parts that are next to nothing are left out: nearer to a jump or a singular point nobody looks.
+        Of every edge the smallest parts are left out that together are next to nothing: nearer to a jump or a singular
+        point nobody looks.
         """
-        seen = self.weights.sum(axis=1) >= _SEEN
+        seen = self._seen()
         shapes = legendre.basis(coefficients.shape[1] - 1, self.t[seen])
         values = (shapes @ coefficients[self.edge[seen], :, None])[..., 0]
         return float(np.abs(values - self.values[seen]).max(initial=0.0))
+
+    def _seen(self) -> BoolArray:
+        """Parts that count where values are compared (k,)."""
+        share = self.weights.sum(axis=1)
+        order = np.lexsort([share, self.edge])
+        covered = np.cumsum(share[order])
+        before = np.searchsorted(self.edge[order], self.edge[order])  # parts of earlier edges
+        seen = np.zeros(len(share), dtype=bool)
+        seen[order] = covered - np.concatenate([[0.0], covered])[before] > _UNSEEN
+        return seen
 
     def integrals(self, shapes: FloatArray) -> FloatArray:
         """∫₀¹ f s_j dt on every edge (n, j) of shape functions s_j at the points, (k, q, j)."""

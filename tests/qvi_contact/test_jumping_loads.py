@@ -108,6 +108,11 @@ class TestResultants:
         assert fitting.traction_misfit < 1e-9
         assert fitting.remarks == ()
 
+    def test_a_load_whose_parts_are_all_small_is_compared_too(self, element):
+        """Waves of the amplitude 1 are no constant, though every part of an edge is shorter than 10⁻³ of it."""
+        result = solve(block(load=lambda x, y: -2.0 + np.sin(1e4 * x) + 0.0 * y), element=element)
+        assert 0.9 < result.traction_misfit < 1.5
+
 
 class TestMechanism:
     """A wall 1 × 4 of the weight 25, blown at below a height only: it tips at 12.5 = p height²/2."""
