@@ -1,5 +1,6 @@
 """What the documentation shows works: its code runs and prints what it says, its commands and links exist."""
 
+import logging
 import re
 import shlex
 import tomllib
@@ -124,6 +125,16 @@ def check_console(block):
                 assert not shown or agree(printed, shown), "\n".join(printed)
 
 
+@pytest.fixture
+def _log_as_before():
+    """Leave the package's log as it was; the page on errors makes it talk."""
+    logger = logging.getLogger("qvi_contact")
+    level = logger.level
+    yield
+    logger.setLevel(level)
+
+
+@pytest.mark.usefixtures("_log_as_before")
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: page.stem)
 def test_code_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
