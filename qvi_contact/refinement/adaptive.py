@@ -168,7 +168,7 @@ def refine(
     kind: type[TriangleRefinement] | type[LineRefinement]
     kind = TriangleRefinement if isinstance(problem.mesh, TriangleMesh) else LineRefinement
     settings = Settings(
-        positive_number("target", target),
+        _relative(target),
         positive_number("max_unknowns", max_unknowns),
         int(positive_number("max_rounds", kind.rounds if max_rounds is None else max_rounds)),
         positive_number("thinnest", kind.thinnest if thinnest is None else thinnest) * problem.mesh.length,
@@ -180,6 +180,14 @@ def refine(
         found = _refined_for(problem, result, quantity, settings, _Told(story, callback))
         story.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
         return found
+
+
+def _relative(target: object) -> float:
+    """The target as a float, or say that a relative error is at most 1."""
+    number = positive_number("target", target)
+    if number > 1.0:
+        raise InputError("target", target, "give a relative error up to 1, such as 1e-3")
+    return number
 
 
 def _refined_for(

@@ -45,7 +45,7 @@ def test_help():
     done = command("--help")
     assert (done.returncode, done.stderr) == (0, "")
     assert "methods" in done.stdout
-    assert "..." not in done.stdout  # no summary is cut off on 80 columns
+    assert "..." not in done.stdout.partition("Commands:")[2]  # no summary is cut off on 80 columns
 
 
 @pytest.mark.parametrize("module", ["qvi_contact.cli", "comparisons.cli"])

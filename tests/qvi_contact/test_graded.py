@@ -9,6 +9,7 @@ from qvi_contact import ContactState, InputError, discretize, solve
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from solvers.factorisation.augmented import ORTHOGONAL
+from solvers.solution.finish import LOOSEST, Outcome, finish
 from tests.effort import examples, thinned
 
 BONDED = {
@@ -77,7 +78,7 @@ def test_few_iterations_and_a_force_between_slip_and_stick(mesh, friction):
     if friction == 0.0:
         assert force == pytest.approx(209.0, rel=1e-9)
     slow = (cells, friction) == (28, 1.0)  # cells down to 1e-6 of the largest: its path is centred slowly
-    assert result.iterations <= (60 if slow else 25)
+    assert result.iterations <= (60 if slow else 40)  # some ten of them for the gap that the smallest edges need
 
 
 @pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
@@ -141,12 +142,25 @@ def test_inaccurate_results_are_nearly_right(cells, grading):
     assert error < max(100.0 * result.certificate.accuracy, 1e-9)
 
 
-def test_a_path_left_too_early_is_not_called_inaccurate():
-    """What is accepted has to be right to 1e-3: here the force is off by 8e-5 of its value, the tractions by more."""
-    problem = compressed_plate(1.0, (19, 19), grading=0.6)
-    result = solve(problem, method="condensed", gap=0.1, tolerance=1e-12)
-    assert result.certificate.accuracy > 1e-3
-    assert result.status is Status.STALLED
+@pytest.mark.parametrize("ended", [Status.SOLVED, Status.STALLED])
+def test_what_is_left_too_early_is_not_called_inaccurate(ended):
+    """Whatever a method says of its end: what is accepted as inaccurate has an accuracy of 1e-4 or better."""
+    known = condensed(1.0, 19, 0.6).solution
+    for off in (1e-7, 1e-2):
+        z = (1.0 - off) * known.z
+        left = Outcome(
+            ended,
+            z,
+            known.normal_multiplier,
+            known.tangential_multiplier,
+            known.equality_multiplier,
+            known.threshold,
+            [],
+            1,
+        )
+        found = finish(known.problem, left, "condensed", "", 1e-12)
+        assert (found.certificate.accuracy > LOOSEST) == (off == 1e-2)
+        assert found.status is (Status.STALLED if off == 1e-2 else Status.INACCURATE)
 
 
 @pytest.mark.parametrize(("cells", "grading"), [(19, 0.6), (24, 0.6), (32, 0.65)])

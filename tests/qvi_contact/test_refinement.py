@@ -295,6 +295,7 @@ class TestEnds:
     [
         ({"target": 0.0}, "target"),
         ({"target": "small"}, "target"),
+        ({"target": 2.0}, "target"),
         ({"quantity": "plate"}, "quantity"),
         ({"quantity": "base.normal_force"}, "quantity"),
         ({"quantity": 3}, "quantity"),

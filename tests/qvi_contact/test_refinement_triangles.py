@@ -116,13 +116,13 @@ def test_triangles_gather_where_stick_changes_to_slip():
 
 
 def test_corners_do_not_fall_behind():
-    """Six corners of an L hold a fifth of the gap, in few triangles; bisected once a round they hold a third."""
+    """Six corners of an L hold 29 % of the gap, in few triangles; bisected once a round they hold 40 %."""
     outcome = refine(l_shape(Contact.tied("bottom")), None, 3e-4, degree=3)
     mesh = outcome.problem.mesh
     corners = places(outcome.problem, mesh, outcome.result).corners
     held = outcome.indicator[np.isin(mesh.cells, corners).any(axis=1)]
-    assert held.sum() <= 0.27 * outcome.estimate
-    assert outcome.rounds[-1].unknowns <= 2700
+    assert held.sum() <= 0.34 * outcome.estimate
+    assert outcome.rounds[-1].unknowns <= 2050
 
 
 class TestBounds:
