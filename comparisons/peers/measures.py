@@ -225,9 +225,8 @@ def least_of(runs: "DataFrame") -> "DataFrame":
     """The run of each code at each μ with the smallest lasting error that a finer mesh confirms."""
     sure = runs[runs.confirmed & runs.lasting.notna()]
     least = sure.loc[sure.groupby(["first", "code"], sort=False).lasting.idxmin()]
-    return least.sort_values(
-        ["first", "code"], key=lambda found: found.replace({key: n for n, key in enumerate(CODES)})
-    )
+    order = {key: n for n, key in enumerate(CODES)}
+    return least.sort_values(["first", "code"], key=lambda found: found.map(order) if found.name == "code" else found)
 
 
 def at_most(error: float, floor: float) -> float:

@@ -164,9 +164,8 @@ def _models(runs: "DataFrame") -> Grid:
     for name, found in runs.sort_values("order", kind="stable").groupby("model", sort=False):
         model, said = NAMED[str(name)], sorted(set(found.version.dropna()) - {""})
         options = ", ".join(f"{option} = {value}" for option, value in model.options.items()) or NOTHING
-        rows.append((
-            model.name, CODES[model.code].name, ", ".join(said) or NOTHING, options, memory(found.before.median())
-        ))  # fmt: skip
+        taken = memory(found.before.dropna().median())
+        rows.append((model.name, CODES[model.code].name, ", ".join(said) or NOTHING, options, taken))
     headings = ("model", "code", "version, as it says", "options", "memory with its libraries")
     return Grid("Models", headings, rows)
 

@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -67,7 +68,9 @@ def test_a_result_stays_what_it_is(result, copied):
     assert (again.status, again.message) == (result.status, result.message)
     assert np.array_equal(again.solution.z, result.solution.z)
     assert again.certificate.measures == result.certificate.measures
-    assert again.energies == result.energies
+    for energy in fields(result.energies):  # sums depend on where arrays lie in memory, to their last digit
+        value = getattr(result.energies, energy.name)
+        assert getattr(again.energies, energy.name) == pytest.approx(value, rel=0.0, abs=1e-12 * result.energies.strain)
     for name, line in result.contacts.items():
         assert np.array_equal(again.contacts[name].slip, line.slip)
     assert verify_result(again).passed

@@ -182,7 +182,8 @@ def _loops_table(found: "DataFrame") -> Grid:
         times = runs[runs.cells > 0].ratio
         rows.append((
             loop, f"{int(runs.solved.sum())} of {len(runs)}", f"{int(hard.solved.sum())} of {len(hard)}",
-            significant((beside.steps / beside.steps_plain).median(), 2), significant(times.median(), 2),
+            significant((beside.steps / beside.steps_plain).dropna().median(), 2),
+            significant(times.dropna().median(), 2),
             significant(times.max(), 2),
         ))  # fmt: skip
     headings = (
