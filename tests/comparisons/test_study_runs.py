@@ -227,6 +227,17 @@ class TestEnds:
         process.wait()
         assert eventually(lambda: not marked(process.mark)), marked(process.mark)
 
+    def test_a_row_that_is_in_when_the_interrupt_comes_is_counted(self, tmp_path, monkeypatch):
+        append = stores.Store.append
+
+        def interrupted(store, *row):
+            append(store, *row)
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(stores.Store, "append", interrupted)
+        run = run_study(DEMO, tmp_path / "a", progress=False)
+        assert (run.interrupted, run.finished, rows_in(tmp_path / "a")) == (True, 1, 1)
+
     def test_from_the_keyboard(self, command, tmp_path, uninterrupted):
         process = command("--workers", "2", seconds=0.1)
         assert eventually(lambda: rows_in(tmp_path / "a") >= 3)

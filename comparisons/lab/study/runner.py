@@ -110,6 +110,7 @@ def run_study(
             _do(run, terms, workers, dask, progress)
         except KeyboardInterrupt:
             run.interrupted = True
+            run.before = len(finished_keys(run.store, study)) - run.statuses.total()  # a row may be in, and not counted
     run.seconds = time.monotonic() - began
     return run
 
