@@ -307,7 +307,6 @@ class TestRun:
         assert (made.text, set(made.pictures)) == (ran[2]["peers.md"], {name for name in ran[2] if "svg" in name})
 
 
-@pytest.mark.skipif(not COMMITTED.with_suffix(".csv.gz").exists(), reason="no run is committed with its rows")
 class TestCommitted:
     """The run in `comparisons/reports`."""
 
