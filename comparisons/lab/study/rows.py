@@ -121,7 +121,9 @@ def read_csv(path: str | Path) -> tuple[Row, ...]:
 
 
 def _cell(value: Any) -> str:
-    return value if isinstance(value, str) and _value(value) is value and value else json.dumps(value, sort_keys=True)
+    if not isinstance(value, str) or not value or "\r" in value:  # a bare "\r" would end the line
+        return json.dumps(value, sort_keys=True)
+    return value if _value(value) is value else json.dumps(value)
 
 
 def _value(cell: str) -> Any:
