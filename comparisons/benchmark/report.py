@@ -1,6 +1,7 @@
 """The report of a run, from its document alone."""
 
 import json
+from functools import partial
 from typing import Any
 
 from comparisons.benchmark.figures import picture
@@ -8,11 +9,10 @@ from comparisons.benchmark.measures import values_of
 from comparisons.benchmark.reference import CONVERGED_FRICTION, MEANINGLESS, SETTLED
 from comparisons.benchmark.tables import tables_of
 from comparisons.lab.report import Document as Report
-from comparisons.lab.report import render, svg_text
+from comparisons.lab.report import render
+from comparisons.lab.report.drawing import drawn
 from comparisons.lab.report.numbers import NOTHING, memory, significant
 from comparisons.lab.tables import Grid
-from qvi_contact.plots import has_matplotlib
-from qvi_contact.plots.style import settings
 
 Document = dict[str, Any]
 
@@ -26,7 +26,7 @@ def report(document: Document) -> Report:
     """The report; the same document gives the same one."""
     friction = _friction(document)
     values = {**values_of(document), "friction": friction, "settled": SETTLED, "meaningless": MEANINGLESS}
-    figures = {"times": _drawn(document, friction)}
+    figures = {"times": drawn("benchmark", partial(picture, document, friction))}
     return render("comparisons.benchmark", "benchmark", values, tables_of(document), figures, [_settings(document)])
 
 
@@ -34,13 +34,6 @@ def _friction(document: Document) -> float:
     """μ of the picture: that with known forces if it is among those measured, else the first."""
     measured = [row["friction"] for row in document["solves"]]
     return CONVERGED_FRICTION if CONVERGED_FRICTION in measured else min(measured)
-
-
-def _drawn(document: Document, friction: float) -> str:
-    if not has_matplotlib():
-        return ""
-    with settings():
-        return svg_text(picture(document, friction), "benchmark")
 
 
 def _settings(document: Document) -> Grid:

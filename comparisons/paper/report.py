@@ -1,21 +1,21 @@
 """The report on the paper's plate: as a document, as CSV, as JSON."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from comparisons.lab.report import Document, findings_of, render, svg_text, write_report
+from comparisons.lab.report import Document, findings_of, render, write_report
+from comparisons.lab.report.drawing import drawn
 from comparisons.lab.report.numbers import scientific, seconds
 from comparisons.lab.tables import Grid, grid_of
 from comparisons.paper import figures
 from comparisons.paper.measures import back_end_rows, figure_rows, table_rows, values_of
 from comparisons.paper.study import PaperStudy, half_force
 from qvi_contact.basics.writing import write_text
-from qvi_contact.plots import has_matplotlib
-from qvi_contact.plots.style import settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,19 +33,12 @@ PICTURES: "Mapping[str, Callable[[PaperStudy], Figure]]" = {
 
 def report(study: PaperStudy) -> Document:
     """The report; the same study gives the same one, but for times."""
-    return _filled(study, {name: _drawn(name, draw, study) for name, draw in PICTURES.items()})
+    return _filled(study, {name: drawn(f"paper-{name}", partial(draw, study)) for name, draw in PICTURES.items()})
 
 
 def _filled(study: PaperStudy, pictures: Mapping[str, str]) -> Document:
     versions = Grid("Versions", ("package", "version"), list(_versions().items()))
     return render("comparisons.paper", "paper", values_of(study), tables_of(study), pictures, [versions])
-
-
-def _drawn(name: str, draw: "Callable[[PaperStudy], Figure]", study: PaperStudy) -> str:
-    if not has_matplotlib():
-        return ""
-    with settings():
-        return svg_text(draw(study), f"paper-{name}")
 
 
 def tables_of(study: PaperStudy) -> dict[str, Grid]:

@@ -2,16 +2,18 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from comparisons.lab.report import svg_text
+from comparisons.lab.report.drawing import drawn
 from comparisons.peers.measures import Reference, by_friction, slug
 from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED
-from qvi_contact.plots import GREY, has_matplotlib
-from qvi_contact.plots.style import new_figure, settings
+from qvi_contact.plots import GREY
+from qvi_contact.plots.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 _WIDTH, _PANEL, _LINE = 5.2, 3.2, 0.18  # of a picture, of a panel, of a line of a legend [inch]
@@ -58,12 +60,12 @@ def figures(runs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, st
 
 def _best(here: "DataFrame", cost: Cost, name: str) -> str:
     """The best that each code has for its cost, over all its models and meshes."""
-    return _drawn(f"best-{cost.name}-{name}", [("", here)], lambda axes, runs: _fronts(axes, runs, cost))
+    return drawn(f"best-{cost.name}-{name}", partial(_panels, [("", here)], partial(_fronts, cost=cost)))
 
 
 def _errors(here: "DataFrame", cost: Cost, name: str) -> str:
     """Errors of P/2 at one μ against a cost: a panel for each kind of grading, a curve for each model."""
-    return _drawn(f"error-{cost.name}-{name}", by_grading(here), lambda axes, runs: _error_curves(axes, runs, cost))
+    return drawn(f"error-{cost.name}-{name}", partial(_panels, by_grading(here), partial(_error_curves, cost=cost)))
 
 
 def _bounds(here: "DataFrame", known: Reference | None, name: str) -> str:
@@ -75,7 +77,7 @@ def _bounds(here: "DataFrame", known: Reference | None, name: str) -> str:
         else:
             _indicators(axes, runs)
 
-    return _drawn(f"bounds-{name}", by_family(here), draw)
+    return drawn(f"bounds-{name}", partial(_panels, by_family(here), draw))
 
 
 def has_bounds(runs: "DataFrame") -> bool:
@@ -95,18 +97,15 @@ def by_family(runs: "DataFrame") -> Panels:
     return [(f"{family} meshes", runs[runs.mesh == family]) for family in families]
 
 
-def _drawn(name: str, panels: Panels, draw: "Callable[[Axes, DataFrame], None]") -> str:
-    """A picture of panels, one below the other, each with its legend; nothing without matplotlib."""
-    if not has_matplotlib():
-        return ""
-    with settings():
-        lines = 1 + max(here.model.nunique() for _, here in panels) // _COLUMNS
-        figure = new_figure(_WIDTH, len(panels) * (_PANEL + _LINE * lines))
-        axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
-        for (title, here), each in zip(panels, axes, strict=True):
-            draw(each, here)
-            _finish(each, title)
-        return svg_text(figure, name)
+def _panels(panels: Panels, draw: "Callable[[Axes, DataFrame], None]") -> "Figure":
+    """Panels one below the other, each with its legend."""
+    lines = 1 + max(here.model.nunique() for _, here in panels) // _COLUMNS
+    figure = new_figure(_WIDTH, len(panels) * (_PANEL + _LINE * lines))
+    axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
+    for (title, here), each in zip(panels, axes, strict=True):
+        draw(each, here)
+        _finish(each, title)
+    return figure
 
 
 def _finish(axes: "Axes", title: str) -> None:

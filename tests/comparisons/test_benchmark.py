@@ -194,7 +194,7 @@ class TestCommitted:
         assert (values["solved"], values["problems"]) == (34, 34)
 
     def test_the_committed_report_is_that_of_the_committed_document(self, committed, monkeypatch):
-        monkeypatch.setattr(report_module, "_drawn", lambda *_: "drawn")
+        monkeypatch.setattr(report_module, "drawn", lambda *_: "drawn")
         assert report(committed).text == (self.FOLDER / "benchmark.md").read_text(encoding="utf-8")
 
 

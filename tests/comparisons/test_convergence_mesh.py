@@ -420,7 +420,7 @@ class TestCommitted:
         assert values["change"] == pytest.approx(3.7e-4, rel=0.02)
 
     def test_the_committed_report_is_that_of_the_committed_rows(self, committed, monkeypatch):
-        monkeypatch.setattr(figures, "_drawn", lambda *_: "drawn")
+        monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
         assert report(committed).text == (COMMITTED / "convergence-mesh.md").read_text(encoding="utf-8")
 
 
@@ -537,7 +537,7 @@ class TestCommand:
 
     def test_json_and_files_of_its_own_for_quick(self, rows, capfd, tmp_path, monkeypatch):
         stores = []
-        monkeypatch.setattr(figures, "_drawn", lambda *_: "")
+        monkeypatch.setattr(figures, "drawn", lambda *_: "")
         monkeypatch.setattr(command.RunOptions, "run", lambda self, _: stores.append(self.store))
         monkeypatch.setattr(
             "comparisons.lab.study.read_study", lambda _: type("Stored", (), {"declaration": {}, "rows": rows})

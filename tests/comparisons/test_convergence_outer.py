@@ -275,7 +275,7 @@ class TestReport:
         assert values["farthest"] == pytest.approx(15.0, abs=0.5)
 
     def test_the_committed_report_is_that_of_the_committed_rows(self, monkeypatch):
-        monkeypatch.setattr(figures, "_drawn", lambda *_: "drawn")
+        monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
         committed = (COMMITTED / "convergence-outer.md").read_text(encoding="utf-8")
         assert report(read_csv(COMMITTED / "convergence-outer.csv.gz")).text == committed
 

@@ -265,6 +265,6 @@ class TestReport:
         }  # fmt: skip
 
     def test_the_committed_report_is_that_of_the_committed_rows(self, monkeypatch):
-        monkeypatch.setattr(figures, "_drawn", lambda *_: "drawn")
+        monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
         committed = (COMMITTED / "convergence-uzawa.md").read_text(encoding="utf-8")
         assert report(read_csv(COMMITTED / "convergence-uzawa.csv.gz")).text == committed

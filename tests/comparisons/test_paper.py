@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from comparisons.cli import group
-from comparisons.lab.report import show
+from comparisons.lab.report import drawing, show
 from comparisons.paper import figures, measures, report, study
 from comparisons.paper.reference import load
 from qvi_contact import ContactResult, InputError
@@ -439,7 +439,7 @@ class TestPictures:
 
 
 def test_tables_come_without_matplotlib_too(paper, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(report, "has_matplotlib", lambda: False)
+    monkeypatch.setattr(drawing, "has_matplotlib", lambda: False)
     made, written = report.write(paper, tmp_path)
     show(made, written)
     assert {path.name for path in written} == {*report.TABLES, "paper.md", "paper.html"}

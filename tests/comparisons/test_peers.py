@@ -18,6 +18,7 @@ import pytest
 from click.testing import CliRunner
 
 from comparisons.cli import group
+from comparisons.lab.report import drawing
 from comparisons.lab.study import read_csv, read_study
 from comparisons.lab.study.rows import Row
 from comparisons.peers import LEVELS, cases, command, figures, measure, meshes, models
@@ -311,7 +312,7 @@ class TestCommitted:
     """The run in `comparisons/reports`."""
 
     def test_the_committed_report_is_that_of_the_committed_rows(self, monkeypatch):
-        monkeypatch.setattr(figures, "_drawn", lambda *_: "drawn")
+        monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
         text = COMMITTED.with_suffix(".md").read_text(encoding="utf-8")
         assert report(read_csv(COMMITTED.with_suffix(".csv.gz"))).text == text
 
@@ -532,7 +533,7 @@ class TestFindings:
         assert told(*rows)["bounds"] == []
 
     def test_failures_are_counted_and_told(self, monkeypatch):
-        monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
+        monkeypatch.setattr(drawing, "has_matplotlib", lambda: False)
         result = {"status": "not converged", "message": "residual 1e-3", "half_force": 214.2, "residual": float("inf")}
         rows = [row("GetFEM, Q2, strips", n, result=result) for n in (1, 2)]
         rows += [row("GetFEM, Q2, strips", 3, status="crashed", reason="signal 11")]

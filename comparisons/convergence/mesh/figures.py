@@ -14,7 +14,7 @@ from comparisons.convergence.mesh.overview import NAMES, SHOWN, Overview, ends_o
 from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import APART, COMPANION, GOAL, GRADED, UNIFORM
 from comparisons.convergence.mesh.tractions import Field, Tractions
-from comparisons.lab.report import svg_text
+from comparisons.lab.report.drawing import drawn
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.plots.style import (
     BLUE,
@@ -24,9 +24,7 @@ from qvi_contact.plots.style import (
     PURPLE,
     SKY,
     VERMILLION,
-    has_matplotlib,
     new_figure,
-    settings,
 )
 
 if TYPE_CHECKING:
@@ -54,7 +52,7 @@ def figures(overview: Overview) -> dict[str, str]:
             drawings[f"tractions-{slug(problem)}"] = partial(_tractions, overview, problem)
         if ends_of(known):
             drawings[f"ends-{slug(problem)}"] = partial(_ends, overview, problem)
-    return {name: _drawn(name, draw) for name, draw in drawings.items()}
+    return {name: drawn(name, draw) for name, draw in drawings.items()}
 
 
 def _errors(overview: Overview, problem: Problem) -> Drawing:
@@ -234,14 +232,6 @@ def _gaps(overview: Overview) -> Drawing:
     figure.axes[0].set_ylabel("gap / strain energy [-]")
     _legend_of(figure)
     return figure
-
-
-def _drawn(name: str, make: Callable[[], Drawing]) -> str:
-    """The picture as text; nothing where matplotlib is not installed."""
-    if not has_matplotlib():
-        return ""
-    with settings():
-        return svg_text(make(), name)
 
 
 def _logarithmic(axes: Axes) -> None:

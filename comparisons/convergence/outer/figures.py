@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN, TOLERANCE
 from comparisons.convergence.outer.measures import NAMES, main_bodies, mesh_groups, single
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
-from qvi_contact.plots.inline import svg_text
-from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings
+from comparisons.lab.report.drawing import drawn
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots.style import PURPLE, SKY, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,14 +36,7 @@ def figures(runs: "DataFrame") -> dict[str, str]:
     drawings |= {
         "histories": partial(_drawing, shown_places(main), _history_panel), "mesh": partial(_meshes, mesh_groups(runs)),
     }  # fmt: skip
-    return {name: _drawn(name, draw) for name, draw in drawings.items()}
-
-
-def _drawn(name: str, draw: "Callable[[], Canvas]") -> str:
-    if not has_matplotlib():
-        return ""
-    with settings():
-        return svg_text(draw(), f"outer-{name}")
+    return {name: drawn(f"outer-{name}", draw) for name, draw in drawings.items()}
 
 
 def _drawing(groups: "dict[str, DataFrame]", panel: "Callable[[Axes, str, DataFrame], None]") -> "Canvas":

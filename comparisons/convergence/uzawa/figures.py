@@ -8,12 +8,12 @@ import numpy as np
 
 from comparisons.convergence.uzawa.measures import SOON, of, searches_of
 from comparisons.convergence.uzawa.methods import METHODS
+from comparisons.lab.report.drawing import drawn
 from comparisons.lab.report.numbers import scientific
 from comparisons.paper.reference import load
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
-from qvi_contact.plots.inline import svg_text
-from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots.style import PURPLE, SKY, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,14 +35,7 @@ def figures(runs: "DataFrame") -> dict[str, str]:
         "map-open": partial(_map_panels, maps[~plate]), "limits": partial(_limits, searches_of(runs)),
         "mesh": partial(_meshes, of(runs, "mesh")), "work": partial(_work, of(runs, *METHODS)),
     }  # fmt: skip
-    return {name: _drawn(name, draw) for name, draw in drawings.items()}
-
-
-def _drawn(name: str, draw: "Callable[[], Canvas]") -> str:
-    if not has_matplotlib():
-        return ""
-    with settings():
-        return svg_text(draw(), f"uzawa-{name}")
+    return {name: drawn(f"uzawa-{name}", draw) for name, draw in drawings.items()}
 
 
 def _paper(found: "DataFrame") -> "Canvas":
