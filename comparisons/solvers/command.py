@@ -71,16 +71,15 @@ def _chosen(only: Sequence[str]) -> tuple[str, ...]:
     """The solvers to compare; an unknown one, or one that is not installed, is said."""
     from comparisons.solvers.accuracies import TABLE, installed, missing, without_row
     from qvi_contact.errors import InputError
+    from solvers.inner.registry import how_to_install
 
     present = installed()
     for name in only:
         if name not in present:
-            known = (
-                "is not installed: pip install 'qvi-contact[solvers]'" if name in TABLE else "there is no such solver"
-            )
+            known = f"is not installed: {how_to_install(name)}" if name in TABLE else "there is no such solver"
             raise InputError("only", name, f"{known}; choose among {', '.join(present)}")
     for name in () if only else missing():
-        click.echo(f"not installed, left out: {name} (pip install 'qvi-contact[solvers]')", err=True)
+        click.echo(f"not installed, left out: {name} ({how_to_install(name)})", err=True)
     for name in () if only else without_row():
         click.echo(f"left out: {name} has no row in comparisons/solvers/accuracies.py", err=True)
     return tuple(name for name in present if not only or name in only)

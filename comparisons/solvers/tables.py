@@ -8,7 +8,7 @@ from comparisons.lab.report.numbers import NOTHING, percent, scientific, seconds
 from comparisons.lab.study import Row, StoredStudy
 from comparisons.lab.tables import Grid
 from comparisons.solvers import accuracies
-from comparisons.solvers.accuracies import KEPT, LEVELS, REMARKS
+from comparisons.solvers.accuracies import KEPT, LEVELS, METHODS, REMARKS
 from comparisons.solvers.measures import (
     CONE_ENERGY,
     UNDOUBLED,
@@ -36,6 +36,7 @@ from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER
 from comparisons.solvers.problems import PROBLEMS
 from comparisons.solvers.tasks import INNER, OUTER
 from comparisons.solvers.values import ranking
+from solvers.inner.registry import how_to_install
 
 KINDS: Final = {
     "inner": "single inner problems",
@@ -311,9 +312,9 @@ def _options(options: accuracies.Options | None) -> str:
 
 def left_out(compared: Sequence[str]) -> Grid:
     """Solvers that were not compared, and how to get them."""
-    rows = [
-        (name, "python -m pip install 'qvi-contact[solvers]', unless it was left out by --only")
-        for name in accuracies.TABLE
-        if name not in compared
-    ]
+    rows = [(name, _how_to_compare(name)) for name in accuracies.TABLE if name not in compared]
     return Grid("Not compared", ("solver", "how to get it"), rows)
+
+
+def _how_to_compare(name: str) -> str:
+    return "name it by --only" if name in METHODS else f"python -m {how_to_install(name)}, unless --only left it out"

@@ -77,10 +77,17 @@ def check_name(name: object) -> str:
         raise SolverUnavailableError("inner", name, f"there is no such inner solver; {_choices()}")
     missing = [module for module in modules if not _installed(module)]
     if missing:
-        install = f"pip install 'qvi-contact[{_EXTRAS.get(missing[0], 'solvers')}]'"
-        remedy = f"module {', '.join(missing)} is not installed (free back ends: {install}); {_choices()}"
+        remedy = (
+            f"module {', '.join(missing)} is not installed (free back ends: {how_to_install(canonical)}); {_choices()}"
+        )
         raise SolverUnavailableError("inner", name, remedy)
     return canonical
+
+
+def how_to_install(name: str) -> str:
+    """The command that installs what an inner solver ``"kind:name"`` needs, where that is free."""
+    modules = _catalogue()[name]
+    return f"pip install 'qvi-contact[{next((_EXTRAS[each] for each in modules if each in _EXTRAS), 'solvers')}]'"
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:

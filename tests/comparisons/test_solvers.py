@@ -1,6 +1,7 @@
 """The comparison of solvers: its table of settings, what answers are worth, and what is said of them."""
 
 import math
+import re
 from dataclasses import replace
 from functools import partial
 from typing import ClassVar
@@ -72,6 +73,15 @@ class TestAccuracies:
         assert set(accuracies.TABLE) == set(accuracies.REMARKS)
         assert set(accuracies.KEPT) <= set(accuracies.TABLE)
         assert all(set(levels) == set(accuracies.LEVELS) for levels in accuracies.TABLE.values())
+
+    def test_what_is_not_compared_names_the_extra_that_brings_it(self):
+        ways = dict(tables.left_out(()).rows)
+        assert set(ways) == set(accuracies.TABLE)
+        named = {name: re.findall(r"qvi-contact\[(\w+)\]", way) for name, way in ways.items()}
+        assert {name for name in named if name.endswith(":cvxopt")} == {
+            name for name, extras in named.items() if extras == ["cvxopt"]
+        }
+        assert [name for name, extras in named.items() if not extras] == list(accuracies.METHODS)
 
     def test_at_least_twelve_back_ends_are_compared_in_the_quick_study(self):
         solvers = {case.values["solver"] for case in declared(accuracies.installed(), quick=True).cases}
