@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import Proof, both, by_hand, certified
 from comparisons.verification.row import Kind, Row, absolute, at_least, at_most
 from qvi_contact import (
@@ -147,9 +147,9 @@ def force_between_bounds(element: Element, quick: bool) -> Iterator[Row]:
         force, proof = found.forces["plate.normal_force"], _guaranteed(found)
         limit, uncertainty = LIMITS[1.0]
         mesh = f"{cells}² cells graded by {grading:g}"
-        yield at_most(f"lower bound of P/2, {mesh} [MPa length]", force.lower, limit, uncertainty,
+        yield at_most(f"lower bound of P/2, {mesh} [{FORCE}]", force.lower, limit, uncertainty,
                        Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
-        yield at_least(f"upper bound of P/2, {mesh} [MPa length]", force.upper, limit, uncertainty,
+        yield at_least(f"upper bound of P/2, {mesh} [{FORCE}]", force.upper, limit, uncertainty,
                        Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
         yield at_most(f"distance of the bounds, {mesh}, over P/2", (force.upper - force.lower) / limit, 0.0,
                       1e-3, Kind.ANALYTIC, "(D21)", proof)  # fmt: skip
@@ -214,18 +214,10 @@ def _guaranteed(*brackets: Bracket) -> Proof:
     return both(certified(*results), by_hand(not reasons, reasons or "guaranteed bracket"))
 
 
-CHAPTER = Chapter(
-    "bounds",
-    "Bounds of the energy and of the force",
-    "An admissible stress and an admissible displacement enclose the energy of the solution, and, where one "
-    "displacement drives the problem, its force.",
-    "Bounds are inequalities: the error is by how much one is violated.",
-    "A lower bound above an upper one, bounds that do not close, or bounds that are not guaranteed.",
-    {
-        "bounds-energy": energy_brackets,
-        "bounds-rates": rates_of_the_gap,
-        "bounds-refined": orders_of_refined_bounds,
-        "bounds-exact": exact_states_close_the_gap,
-        "bounds-force": force_between_bounds,
-    },
-)
+PROBLEMS: Final = {
+    "bounds-energy": energy_brackets,
+    "bounds-rates": rates_of_the_gap,
+    "bounds-refined": orders_of_refined_bounds,
+    "bounds-exact": exact_states_close_the_gap,
+    "bounds-force": force_between_bounds,
+}

@@ -12,7 +12,8 @@ from comparisons.lab.options import ListCommand, folder_option
 @click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the summary.")
 @click.option("--only", metavar="NAME…", multiple=True, help="Chapters or problems to run, such as ssnv128.")
 @click.option("--quick", is_flag=True, help="Coarse meshes and few cases of every problem.")
-def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool) -> int:
+@click.option("-v", "--verbose", is_flag=True, help="The table of the chapters too.")
+def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, verbose: bool) -> int:
     """The verification manual: problems whose answer is known otherwise, row by row.
 
     Closed forms, equilibrium, printed numbers, other codes, and methods against each other. The exit status is 0 if
@@ -23,7 +24,10 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool) 
         python -m comparisons verify --out comparisons/reports/verification
         python -m comparisons verify --only ssnv128 limits --quick
     """  # noqa: D301
-    from comparisons.verification import registry, report, study
+    from comparisons.lab.report import show, write_report
+    from comparisons.verification import registry, study
+    from comparisons.verification.report import as_json as json_of
+    from comparisons.verification.report import report
     from qvi_contact.basics.terminal import progress
     from qvi_contact.basics.writing import writable_folder
 
@@ -31,9 +35,10 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool) 
     folder = None if out is None else writable_folder(out)
     with progress("verify", study.step_count(chapters)) as advance:
         document = study.run(chapters, quick, advance, only)
-    written = report.write(document, folder) if folder else []
+    manual = report(document)
+    written = write_report(manual, folder) if folder else []
     if as_json:
-        click.echo(report.as_json(document))
+        click.echo(json_of(document))
     else:
-        report.show(document, written)
+        show(manual, written, tables=verbose)
     return 0 if document["passed"] else 1

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from comparisons.settled import SETTLED, SOURCE
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import BOTH, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.measures import ENERGY, FORCE
 from comparisons.verification.proof import Proof, both, certified, certified_companion
 from comparisons.verification.row import Kind, Row, at_least, at_most, relative
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction
@@ -32,7 +32,7 @@ def companion_force(element: Element, quick: bool) -> Iterator[Row]:
     for friction in (0.1,) if quick else SETTLED:
         companion = element.companion(compressed_plate(friction, cells, grading=grading), degree)
         force, proof = companion.contacts["plate"].normal_force, certified_companion(companion)
-        quantity = f"P/2, μ = {friction:g}, {cells[0]}² cells graded by {grading:g} [MPa length]"
+        quantity = f"P/2, μ = {friction:g}, {cells[0]}² cells graded by {grading:g} [{FORCE}]"
         yield relative(quantity, force, SETTLED[friction], 1e-5, Kind.EXTERNAL, SOURCE, proof)
 
 
@@ -44,11 +44,11 @@ def companion_without_friction(element: Element, quick: bool) -> Iterator[Row]:
         companion, result = element.companion(problem), element.solve(problem)
         proof = both(certified(result), certified_companion(companion, guaranteed=True))
         source, force = f"E U; {n}² cells", companion.contacts["plate"].normal_force
-        yield relative("P/2 by displacements [MPa length]", force, 209.0, 1e-9, Kind.ANALYTIC, source, proof)
+        yield relative(f"P/2 by displacements [{FORCE}]", force, 209.0, 1e-9, Kind.ANALYTIC, source, proof)
         exact, source = 209.0 * _DISPLACEMENT / 2.0, f"E U²/2; {n}² cells"
-        yield relative("upper energy [MPa length²]", companion.energy, exact, 1e-10, Kind.ANALYTIC, source, proof)
+        yield relative(f"upper energy [{ENERGY}]", companion.energy, exact, 1e-10, Kind.ANALYTIC, source, proof)
         lower = -result.energies.complementary
-        yield relative("lower energy [MPa length²]", lower, exact, 1e-10, Kind.ANALYTIC, source, proof)
+        yield relative(f"lower energy [{ENERGY}]", lower, exact, 1e-10, Kind.ANALYTIC, source, proof)
 
 
 @on(*BOTH)
@@ -59,9 +59,9 @@ def energies_of_a_tied_plate(element: Element, quick: bool) -> Iterator[Row]:
         yield _ordered(lower, upper, f"{n}² cells", proof)
         low, high, settled = 2e3 * lower, 2e3 * upper, SETTLED[1.0]
         source = f"{SOURCE}; {n}² cells"
-        quantity = "P/2 from below [MPa length]"
+        quantity = f"P/2 from below [{FORCE}]"
         yield at_most(quantity, low, settled, _UNCERTAINTY, Kind.EXTERNAL, source, proof)
-        quantity = "P/2 from above [MPa length]"
+        quantity = f"P/2 from above [{FORCE}]"
         yield at_least(quantity, high, settled, _UNCERTAINTY, Kind.EXTERNAL, source, proof)
 
 
@@ -115,17 +115,10 @@ def _tilted(cells: tuple[int, int]) -> ContactProblem:
     return ContactProblem(RectilinearMesh.rectangle(cells, 2.0, 1.0), Material(1e4, 0.3), conditions)
 
 
-CHAPTER = Chapter(
-    "energies",
-    "The displacement model, and energies from both sides",
-    "Stresses in equilibrium and conforming displacements bound the energy from below and above, with one exact value.",
-    "Both models share the problem and its grid, and nothing else; the exact energy lies between theirs.",
-    "A force more than 1e-5 off the displacement codes, or a lower energy above the upper one.",
-    {
-        "companion-force": companion_force,
-        "companion-without-friction": companion_without_friction,
-        "energies-tied": energies_of_a_tied_plate,
-        "energies-without-friction": energies_without_friction,
-        "energies-tresca": energies_under_a_given_bound,
-    },
-)
+PROBLEMS: Final = {
+    "companion-force": companion_force,
+    "companion-without-friction": companion_without_friction,
+    "energies-tied": energies_of_a_tied_plate,
+    "energies-without-friction": energies_without_friction,
+    "energies-tresca": energies_under_a_given_bound,
+}

@@ -6,7 +6,6 @@ from typing import Final, Literal
 
 import numpy as np
 
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import BOTH, Element, on
 from comparisons.verification.measures import stress_error
 from comparisons.verification.proof import certified
@@ -219,21 +218,13 @@ def _no_slip(result: ContactResult, unit: float, source: str) -> Row:
     return absolute(quantity, slip, 0.0, TOLERANCE, Kind.ANALYTIC, source, certified(result))
 
 
-CHAPTER = Chapter(
-    "exact",
-    "Exact in the element",
-    "States whose Airy function is bicubic and of degree 4 at most come out to round-off on any mesh of either "
-    "element: assembly, loads and supports are right.",
-    "Seven kinds of states, each on one cell, on few and on graded cells, in plane stress and plane strain; ν = ½.",
-    f"An error above {TOLERANCE:.0e}: there is no discretisation error to hide behind.",
-    {
-        "uniaxial-compression": uniaxial_compression,
-        "no-lateral-strain": no_lateral_strain,
-        "side-traction": side_traction_stops_slip,
-        "pure-bending": bending,
-        "cantilever": timoshenko_cantilever,
-        "simple-shear": simple_shear,
-        "column": column,
-        "incompressible": incompressible,
-    },
-)
+PROBLEMS: Final = {
+    "uniaxial-compression": uniaxial_compression,
+    "no-lateral-strain": no_lateral_strain,
+    "side-traction": side_traction_stops_slip,
+    "pure-bending": bending,
+    "cantilever": timoshenko_cantilever,
+    "simple-shear": simple_shear,
+    "column": column,
+    "incompressible": incompressible,
+}

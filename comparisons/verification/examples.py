@@ -8,7 +8,6 @@ import numpy as np
 
 from comparisons.settled import SETTLED
 from comparisons.settled import SOURCE as DISPLACEMENT_CODES
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Element, on
 from comparisons.verification.measures import edge_states, runs, traction_difference, value_at
 from comparisons.verification.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
@@ -392,11 +391,4 @@ FILES: Final = {
 }
 """Name of a problem file, and the function that yields its rows."""
 
-CHAPTER = Chapter(
-    "examples",
-    "Problem files",
-    "Every file of the folder examples is solved and checked against what is known about it without solving it.",
-    "Balance, symmetry and limit values are exact or nearly so; the rest is compared with another method or code.",
-    "A resultant out of balance, a symmetry that is broken, two methods that differ, or a file nobody checks.",
-    {**{f"examples/{name}": problem for name, problem in FILES.items()}, "examples/all": every_file},
-)
+PROBLEMS: Final = {**{f"examples/{name}": problem for name, problem in FILES.items()}, "examples/all": every_file}

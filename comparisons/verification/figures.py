@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.verification.row import Kind
+from comparisons.verification.tables import problems_of
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
-from qvi_contact.plots.inline import svg_text
-from qvi_contact.plots.style import new_figure, settings
+from qvi_contact.plots.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ _LEAST, _MOST = 1e-4, 1e2  # what lies beyond is drawn on the edge
 
 def overview(document: Document) -> "Figure":
     """One line for each problem, one mark for each row; left of 1 is within the tolerance."""
-    problems = [problem for chapter in document["chapters"] for problem in chapter["problems"]]
+    problems = list(problems_of(document))
     figure = new_figure(9.0, 1.4 + 0.17 * len(problems))
     axes = figure.subplots()
     for kind, (colour, marker) in _LOOKS.items():
@@ -41,12 +41,6 @@ def overview(document: Document) -> "Figure":
     axes.set_axisbelow(True)
     figure.legend(loc="outside upper center", ncols=6, frameon=False)
     return figure
-
-
-def svg(document: Document) -> str:
-    """The picture as an SVG element without anything that changes from run to run."""
-    with settings():
-        return svg_text(overview(document), "qvi-contact")
 
 
 def _marks(axes: "Axes", problems: list[Document], kind: str | None, colour: str, marker: str) -> None:

@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Element, on
 from comparisons.verification.proof import bounded, by_hand, certified, infeasible
 from comparisons.verification.row import Kind, Row, absolute, at_most, relative, word
@@ -247,23 +246,15 @@ def _parabola(x: FloatArray, y: FloatArray) -> FloatArray:
     return 6.0 * x * (1.0 - x) + 0.0 * y
 
 
-CHAPTER = Chapter(
-    "limits",
-    "Limit loads and loads that cannot be carried",
-    "Where friction or unilateral contact cannot carry a load the answer is that, with a proof; the limit is right.",
-    "A limit load factor comes with a dual bound and a mechanism, infeasibility with a mechanism and with multipliers "
-    "(Farkas) checked on the data.",
-    "A factor off by more than its tolerance, an answer where there is none, or none where there is one.",
-    {
-        "dragged-block": dragged_block,
-        "other-laws": other_laws,
-        "uplift": uplift,
-        "near-the-limit": monotonic_resistance,
-        "tension": tension,
-        "tipping": tipping,
-        "tipping-wall": tipping_wall,
-        "wedge": wedge,
-        "oblique-block": oblique_block,
-        "unbalanced": unbalanced,
-    },
-)
+PROBLEMS: Final = {
+    "dragged-block": dragged_block,
+    "other-laws": other_laws,
+    "uplift": uplift,
+    "near-the-limit": monotonic_resistance,
+    "tension": tension,
+    "tipping": tipping,
+    "tipping-wall": tipping_wall,
+    "wedge": wedge,
+    "oblique-block": oblique_block,
+    "unbalanced": unbalanced,
+}

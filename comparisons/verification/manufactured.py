@@ -5,7 +5,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import BOTH, QUINTIC, RECTANGLES, TRIANGLES, Element, on
 from comparisons.verification.measures import point_states, runs, stress_error
 from comparisons.verification.proof import Proof, certified
@@ -15,8 +14,8 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.exact import ExactState
 from qvi_contact.gallery import sliding_block, stick_slip_block
 
-_TOLERANCE: Final = 1e-8
-_TOUCHING: Final = 1e-7  # where slip begins from zero at a loaded point, tractions are as accurate as √complementarity
+TOLERANCE: Final = 1e-8
+TOUCHING: Final = 1e-7  # where slip begins from zero at a loaded point, tractions are as accurate as √complementarity
 _STRESS = "largest error of σ at 60 points over the largest |σ|"
 _FORMULA: Final = "docstring of gallery.stick_slip_block"
 _SLIP: Final = 0.02
@@ -58,7 +57,7 @@ def transition_in_an_element(element: Element, quick: bool) -> Iterator[Row]:
         for transition in (0.77,) if quick else (0.3, 0.77, 1.31):
             problem, state = stick_slip_block(cells, transition, grading=grading, slip=_SLIP, **_MOVED)
             result = element.solve(problem, tolerance=1e-9)
-            yield from _sticking(result, state, f"x_t = {transition:g}, {name}", _TOUCHING)
+            yield from _sticking(result, state, f"x_t = {transition:g}, {name}", TOUCHING)
 
 
 @on(TRIANGLES, QUINTIC)
@@ -69,7 +68,7 @@ def quadratic_pressure(element: Element, quick: bool) -> Iterator[Row]:
         result = element.solve(problem, tolerance=1e-9)
         base, proof = result.contacts["base"], certified(result)
         source = f"{_FORMULA}; x_t = {_INSIDE:g}, {name}"
-        yield absolute(_STRESS, stress_error(result, state), 0.0, _TOUCHING, Kind.ANALYTIC, source, proof)
+        yield absolute(_STRESS, stress_error(result, state), 0.0, TOUCHING, Kind.ANALYTIC, source, proof)
         error = float(np.abs(base.slip - _exact_slip(base.x, _INSIDE)).max()) / _SLIP
         quantity = "largest error of the slip over the largest slip"
         yield absolute(quantity, error, 0.0, 1e-6, Kind.ANALYTIC, source, proof)
@@ -94,23 +93,23 @@ def observed_rates(element: Element, quick: bool) -> Iterator[Row]:
 def _sliding(result: ContactResult, state: ExactState, where: str) -> Iterator[Row]:
     base, proof = result.contacts["base"], certified(result)
     source = f"docstring of gallery.sliding_block; {where}"
-    yield absolute(_STRESS, stress_error(result, state), 0.0, _TOLERANCE, Kind.ANALYTIC, source, proof)
+    yield absolute(_STRESS, stress_error(result, state), 0.0, TOLERANCE, Kind.ANALYTIC, source, proof)
     normal, tangential = base.normal_force, base.tangential_force
-    yield relative("N [stress length]", normal, 200.0, _TOLERANCE, Kind.ANALYTIC, f"p a; {where}", proof)
-    yield relative("T [stress length]", tangential, -60.0, _TOLERANCE, Kind.ANALYTIC, f"−μ p a; {where}", proof)
+    yield relative("N [stress length]", normal, 200.0, TOLERANCE, Kind.ANALYTIC, f"p a; {where}", proof)
+    yield relative("T [stress length]", tangential, -60.0, TOLERANCE, Kind.ANALYTIC, f"−μ p a; {where}", proof)
     exact = state.displacement(base.x, base.y)[0]
     error = float(np.abs(base.slip - exact).max() / np.abs(exact).max())
     quantity = "largest error of the slip over the largest slip"
-    yield absolute(quantity, error, 0.0, _TOLERANCE, Kind.ANALYTIC, f"U₀ + ε_xx (x − a); {where}", proof)
+    yield absolute(quantity, error, 0.0, TOLERANCE, Kind.ANALYTIC, f"U₀ + ε_xx (x − a); {where}", proof)
     yield word("states along the base", runs(point_states(base)), "slip", Kind.ANALYTIC, source, proof)
 
 
-def _sticking(result: ContactResult, state: ExactState, where: str, tolerance: float = _TOLERANCE) -> Iterator[Row]:
+def _sticking(result: ContactResult, state: ExactState, where: str, tolerance: float = TOLERANCE) -> Iterator[Row]:
     base, proof = result.contacts["base"], certified(result)
     error = stress_error(result, state)
     yield absolute(_STRESS, error, 0.0, tolerance, Kind.ANALYTIC, f"Φ = −p x²/2 + a x³ y; {where}", proof)
     normal, tangential = base.normal_force, base.tangential_force
-    yield relative("N [stress length]", normal, 200.0, _TOLERANCE, Kind.ANALYTIC, f"∫ p dx; {where}", proof)
+    yield relative("N [stress length]", normal, 200.0, TOLERANCE, Kind.ANALYTIC, f"∫ p dx; {where}", proof)
     source = f"∫ 3a x² dx; {where}"
     yield relative("T [stress length]", tangential, 20.0, tolerance, Kind.ANALYTIC, source, proof)
 
@@ -138,19 +137,10 @@ def _errors(element: Element, cells: int, drop: float) -> tuple[FloatArray, Cont
     return np.array([max(body, 1e-300), max(norms[0], 1e-300), norms[1], float(np.abs(slip).max())]), result
 
 
-CHAPTER = Chapter(
-    "friction",
-    "Manufactured friction",
-    "With data made for a closed-form stress, slip and stick come out exactly, wherever the transition lies.",
-    "The friction law holds at the Gauss points, which integrate these data: only the slip depends on the mesh, and on "
-    "triangles nothing does.",
-    f"Stress or forces off by more than {_TOLERANCE:.0e} (shear {_TOUCHING:.0e} where slip begins inside an element), "
-    "a wrong state, or an order of convergence that is not the element's.",
-    {
-        "full-slip": full_slip,
-        "stick-slip-on-a-node": transition_on_a_node,
-        "stick-slip-in-an-element": transition_in_an_element,
-        "stick-slip-quadratic": quadratic_pressure,
-        "rates": observed_rates,
-    },
-)
+PROBLEMS: Final = {
+    "full-slip": full_slip,
+    "stick-slip-on-a-node": transition_on_a_node,
+    "stick-slip-in-an-element": transition_in_an_element,
+    "stick-slip-quadratic": quadratic_pressure,
+    "rates": observed_rates,
+}

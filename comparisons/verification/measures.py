@@ -1,11 +1,18 @@
 """Quantities that several chapters compare."""
 
+from typing import Final
+
 import numpy as np
 
 from qvi_contact import ContactLine, ContactResult, ContactState
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.exact import ExactState
+from qvi_contact.units import Units
+
+_ENGINEERING: Final = Units(length="mm", stress="MPa")
+FORCE: Final = _ENGINEERING.engineering_force
+ENERGY: Final = _ENGINEERING.engineering_energy
 
 _POINTS = 60
 

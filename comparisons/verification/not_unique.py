@@ -6,7 +6,6 @@ from typing import Any, Final
 import numpy as np
 from scipy.sparse import csc_array
 
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.proof import by_hand, certified_algebra
 from comparisons.verification.row import Kind, Row, absolute, word
 from qvi_contact.basics.checks import FloatArray
@@ -87,11 +86,4 @@ def _violation(r: FloatArray) -> float:
     return float(max(-p, -gap, abs(p * gap), abs(t) - _MU * p, min(free, abs(slip)), t * slip))
 
 
-CHAPTER = Chapter(
-    "not-unique",
-    "Three solutions",
-    "For large friction a problem may have several solutions: one is returned, with a certificate.",
-    "The states are solved by hand; a certificate measures how far a point is from obeying all conditions.",
-    "A certificate that passes for anything but the three, or not for one of them, or a method that ends elsewhere.",
-    {"three-states": all_three, "nothing-else": nothing_else, "three-methods": methods},
-)
+PROBLEMS: Final = {"three-states": all_three, "nothing-else": nothing_else, "three-methods": methods}

@@ -1,12 +1,12 @@
 """Chapter on the paper's plate: printed numbers, and all methods on its mesh."""
 
 from collections.abc import Iterator
+from typing import Final
 
 from comparisons.paper.reference import Reference, load
 from comparisons.paper.study import SHRINKING, half_force, largest_principal_stress
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import BOTH, RECTANGLES, Element, on
-from comparisons.verification.measures import mean_pressure, traction_difference
+from comparisons.verification.measures import FORCE, mean_pressure, traction_difference
 from comparisons.verification.proof import Proof, certified
 from comparisons.verification.row import Kind, Row, absolute, relative
 from qvi_contact import ContactResult, Discretization, solve
@@ -24,7 +24,7 @@ def printed_forces(quick: bool) -> Iterator[Row]:
     for friction, printed in reference.table.items():
         ours = half_force(_uzawa(reference, friction))
         source = f"{_PAPER}, Table 1; half a unit of the last digit"
-        quantity = f"P/2 after {reference.iterations} iterations, μ = {friction:.2f} [MPa length]"
+        quantity = f"P/2 after {reference.iterations} iterations, μ = {friction:.2f} [{FORCE}]"
         yield absolute(quantity, ours, printed, _HALF_DIGIT, Kind.PUBLISHED, source, _limit(reference, friction))
 
 
@@ -49,7 +49,7 @@ def methods_on_the_paper_mesh(element: Element, quick: bool) -> Iterator[Row]:
             proof = certified(condensed, other)
             source = f"{name}; ours: condensed interior point"
             force = half_force(other)
-            quantity = f"P/2, μ = {friction:g} [MPa length]"
+            quantity = f"P/2, μ = {friction:g} [{FORCE}]"
             yield relative(quantity, half_force(condensed), force, 1e-7, Kind.METHODS, source, proof)
             plate = other.contacts["plate"]
             difference = traction_difference(condensed.contacts["plate"], plate, mean_pressure(plate))
@@ -64,7 +64,7 @@ def without_friction(element: Element, quick: bool) -> Iterator[Row]:
     reference = load()
     result = solve(_problem(reference, 0.0, element))
     exact, source = reference.exact_without_friction, f"P/2 = E U; {_PAPER}, section 5"
-    yield relative("P/2 [MPa length]", half_force(result), exact, 1e-9, Kind.ANALYTIC, source, certified(result))
+    yield relative(f"P/2 [{FORCE}]", half_force(result), exact, 1e-9, Kind.ANALYTIC, source, certified(result))
     largest = largest_principal_stress(result)
     source = "|σ_yy| = E U / height"
     yield relative("largest |principal stress| [MPa]", largest, exact, 1e-9, Kind.ANALYTIC, source, certified(result))
@@ -106,16 +106,9 @@ def _others(
         yield f"fixed point, {inner}", solve(_problem(reference, friction, element), inner=inner)
 
 
-CHAPTER = Chapter(
-    "paper",
-    "The paper's plate",
-    "The paper's iteration is reproduced as it was run, and every other method finds its converged solution.",
-    "The first two tables compare states after 30 iterations with print, the others the solution on the same mesh.",
-    "One printed digit that differs, or two methods that differ by more than what their certificates leave open.",
-    {
-        "table-1": printed_forces,
-        "figures-2-to-5": printed_stresses,
-        "plate-methods": methods_on_the_paper_mesh,
-        "plate-without-friction": without_friction,
-    },
-)
+PROBLEMS: Final = {
+    "table-1": printed_forces,
+    "figures-2-to-5": printed_stresses,
+    "plate-methods": methods_on_the_paper_mesh,
+    "plate-without-friction": without_friction,
+}

@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Final
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import EVERY, QUINTIC, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import certified
 from comparisons.verification.row import Kind, Row, at_least, at_most, relative, word
 from qvi_contact import Contact, ContactProblem, refine
@@ -25,7 +25,7 @@ def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     for friction, settled in SETTLED.items():
         result = element.solve(compressed_plate(friction, (cells, cells), grading=grading))
         force, proof = result.contacts["plate"].normal_force, certified(result)
-        quantity = f"P/2, μ = {friction:g}, {cells}² cells graded by {grading:g} [MPa length]"
+        quantity = f"P/2, μ = {friction:g}, {cells}² cells graded by {grading:g} [{FORCE}]"
         yield relative(quantity, force, settled, _ERROR[element], Kind.EXTERNAL, SOURCE, proof)
 
 
@@ -35,7 +35,7 @@ def adaptive_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     for friction in (0.25,) if quick else SETTLED:
         start = compressed_plate(friction, (4, 4))
         refined = refine(start, None, target=1e-6, quantity="plate.normal_force", **element.options)
-        quantity = f"P/2, μ = {friction:g}, refined [MPa length]"
+        quantity = f"P/2, μ = {friction:g}, refined [{FORCE}]"
         settled, proof = SETTLED[friction], certified(refined.result)
         yield relative(quantity, refined.value, settled, 3e-6, Kind.EXTERNAL, SOURCE, proof)
 
@@ -48,7 +48,7 @@ def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
         start = compressed_plate(friction, (2, 2))
         refined = refine(start, None, target=target, quantity="plate.normal_force", **element.options)
         source, proof = f"{LIMITS_SOURCE}; ± {uncertainty:.0e}", certified(refined.result)
-        quantity = f"P/2, μ = {friction:g}, refined to {target:.0e} [MPa length]"
+        quantity = f"P/2, μ = {friction:g}, refined to {target:.0e} [{FORCE}]"
         yield relative(quantity, refined.value, limit, 3.0 * target, Kind.EXTERNAL, source, proof)
         outcome = "a bound" if refined.guaranteed else "an estimate"
         known = "a bound" if friction == 1.0 else "an estimate"
@@ -71,7 +71,7 @@ def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
         result = element.solve(compressed_plate(friction, cells, grading=grading))
         force, proof = result.contacts["plate"].normal_force, certified(result, tied)
         source = "from J(u) ≤ J(v) and P U = 2 J(u) − ∫s|u_T|"
-        quantity = f"P/2, μ = {friction:g} [MPa length]"
+        quantity = f"P/2, μ = {friction:g} [{FORCE}]"
         yield at_least(quantity, force, 209.0, 1e-7, Kind.ANALYTIC, f"E U; {source}", proof)
         glued = tied.contacts["plate"].normal_force
         yield at_most(quantity, force, glued, 1e-7, Kind.ANALYTIC, f"P_tied on the same mesh; {source}", proof)
@@ -84,17 +84,9 @@ def _tied(cells: tuple[int, int], grading: float) -> ContactProblem:
     return replace(rough, conditions=[*[c for c in rough.conditions if not isinstance(c, Contact)], glued])
 
 
-CHAPTER = Chapter(
-    "plate",
-    "The compressed plate against displacement codes",
-    "An equilibrium model and the displacement models of other codes settle on the same force.",
-    "Stress and displacement elements share nothing but the problem: they approach from both sides.",
-    "More than 1e-4 of the force on graded rectangles and 2e-5 on triangles, or more than three times the target of "
-    "`refine`.",
-    {
-        "plate-graded": graded_equilibrium_model,
-        "plate-refined": adaptive_equilibrium_model,
-        "plate-limits": limits_of_the_force,
-        "plate-between": between_slip_and_stick,
-    },
-)
+PROBLEMS: Final = {
+    "plate-graded": graded_equilibrium_model,
+    "plate-refined": adaptive_equilibrium_model,
+    "plate-limits": limits_of_the_force,
+    "plate-between": between_slip_and_stick,
+}

@@ -1,7 +1,6 @@
 """All chapters of the manual, in its order, and the choice among them by name."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Final
 
 from comparisons.verification import (
@@ -18,33 +17,33 @@ from comparisons.verification import (
     ssnv128,
     strict,
 )
-from comparisons.verification.chapter import Chapter, Problem
+from comparisons.verification.row import Chapters
 from qvi_contact.errors import InputError
 
-CHAPTERS: Final = (
-    paper.CHAPTER,
-    exact_states.CHAPTER,
-    manufactured.CHAPTER,
-    ssnv128.CHAPTER,
-    limits.CHAPTER,
-    not_unique.CHAPTER,
-    invariance.CHAPTER,
-    plate.CHAPTER,
-    energies.CHAPTER,
-    bounds.CHAPTER,
-    strict.CHAPTER,
-    examples.CHAPTER,
-)
+CHAPTERS: Final[Chapters] = {
+    "paper": paper.PROBLEMS,
+    "exact": exact_states.PROBLEMS,
+    "friction": manufactured.PROBLEMS,
+    "ssnv128": ssnv128.PROBLEMS,
+    "limits": limits.PROBLEMS,
+    "not-unique": not_unique.PROBLEMS,
+    "invariance": invariance.PROBLEMS,
+    "plate": plate.PROBLEMS,
+    "energies": energies.PROBLEMS,
+    "bounds": bounds.PROBLEMS,
+    "strict": strict.PROBLEMS,
+    "examples": examples.PROBLEMS,
+}
 
 
-def choose(names: Sequence[str], chapters: Sequence[Chapter] = CHAPTERS) -> tuple[Chapter, ...]:
+def choose(names: Sequence[str], chapters: Chapters = CHAPTERS) -> Chapters:
     """The chapters with the problems of these names, in the manual's order; all if there are no names.
 
     Parameters
     ----------
     names : sequence of str
         Names of chapters or of problems.
-    chapters : sequence of Chapter
+    chapters : mapping
         What to choose from.
 
     Raises
@@ -53,17 +52,14 @@ def choose(names: Sequence[str], chapters: Sequence[Chapter] = CHAPTERS) -> tupl
         If a name is unknown.
 
     """
-    known = [chapter.name for chapter in chapters] + [name for chapter in chapters for name in chapter.problems]
+    known = [*chapters, *(name for problems in chapters.values() for name in problems)]
     for name in names:
         if name not in known:
             raise InputError("--only", name, f"choose from {', '.join(known)}")
     if not names:
-        return tuple(chapters)
-    chosen = [replace(chapter, problems=_chosen(chapter, names)) for chapter in chapters]
-    return tuple(chapter for chapter in chosen if chapter.problems)
-
-
-def _chosen(chapter: Chapter, names: Sequence[str]) -> Mapping[str, Problem]:
-    if chapter.name in names:
-        return chapter.problems
-    return {name: problem for name, problem in chapter.problems.items() if name in names}
+        return chapters
+    chosen = {
+        chapter: {name: problem for name, problem in problems.items() if {chapter, name} & set(names)}
+        for chapter, problems in chapters.items()
+    }
+    return {chapter: problems for chapter, problems in chosen.items() if problems}

@@ -1,5 +1,6 @@
 """A row of the manual: one number of ours beside a reference, and whether it passes."""
 
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
@@ -25,19 +26,6 @@ class Kind(StrEnum):
     PUBLISHED = "published"
     EXTERNAL = "external code"
     METHODS = "method against method"
-
-
-_MEANINGS: Final = {
-    Kind.ANALYTIC: "closed form, resultant of equilibrium, symmetry, invariance or inequality",
-    Kind.PUBLISHED: "number printed in a paper or manual",
-    Kind.EXTERNAL: "result of an independent code with another discretisation, computed outside this repository",
-    Kind.METHODS: "another method or discretisation of this package that shares neither unknowns nor iteration",
-}
-
-
-def meaning(kind: Kind) -> str:
-    """What a kind of reference is, in a phrase."""
-    return _MEANINGS[kind]
 
 
 @dataclass(frozen=True)
@@ -140,3 +128,10 @@ def crash(problem: str, reason: str) -> Row:
     proof = Proof(passed=False, text="none")
     nothing = float("inf")
     return Row("runs to its end", "no error", reason, None, "", nothing, EQUAL, 0.0, proof, problem)
+
+
+Problem = Callable[[bool], Iterator[Row]]
+"""A problem of the manual yields its rows, given True from coarse meshes and few cases. Its docstring is printed."""
+
+Chapters = Mapping[str, Mapping[str, Problem]]
+"""Name of a chapter → name of a problem → the problem; these names are those of the command line."""

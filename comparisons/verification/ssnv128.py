@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from typing import Final
 
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import BOTH, Element, on
 from comparisons.verification.measures import edge_states, runs, value_at, zone_ends
 from comparisons.verification.proof import certified
@@ -85,18 +84,9 @@ def _cells(element: Element, quick: bool) -> tuple[int, int]:
     return (32, 32) if quick else (128, 128)
 
 
-CHAPTER = Chapter(
-    "ssnv128",
-    "SSNV128: opening, slip and stick",
-    "All three states on one contact come out as another code prints them and a second discretisation finds them.",
-    "Published values are means over several codes with a tolerance of 5 %; a displacement model gives more digits. "
-    "Displacements of the base are averages over an edge.",
-    "More than the manual's 5 %, more than the mesh explains against the displacement model, or resultants out of "
-    "balance.",
-    {
-        "ssnv128-published": published_displacements,
-        "ssnv128-displacement-model": displacement_model,
-        "ssnv128-equilibrium": equilibrium,
-        "ssnv128-without-friction": without_friction,
-    },
-)
+PROBLEMS: Final = {
+    "ssnv128-published": published_displacements,
+    "ssnv128-displacement-model": displacement_model,
+    "ssnv128-equilibrium": equilibrium,
+    "ssnv128-without-friction": without_friction,
+}

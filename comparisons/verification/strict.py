@@ -5,9 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.elements import BOTH, QUINTIC, RECTANGLES, TRIANGLES, Element, on
-from comparisons.verification.measures import between_points, mean_pressure
+from comparisons.verification.measures import FORCE, between_points, mean_pressure
 from comparisons.verification.proof import both, certified, certified_algebra
 from comparisons.verification.row import Kind, Row, absolute, at_most, relative
 from qvi_contact import ContactProblem, ContactResult
@@ -15,7 +14,7 @@ from qvi_contact.gallery import compressed_plate
 from solvers import solve_qvi
 
 _TOLERANCE: Final = 1e-9  # of the solves; excess counts against the mean pressure, the certificate against the largest
-_EXCESS: Final = 1e-8
+EXCESS: Final = 1e-8
 _CONES: Final = ("strict:clarabel", "strict-direct:clarabel")
 _MESHES: Final = {"16² cells graded by 0.8": ((16, 16), 0.8), "16² equal cells": ((16, 16), 1.0)}
 
@@ -75,12 +74,12 @@ def two_cone_solvers(element: Element, quick: bool) -> Iterator[Row]:
     for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
         through, direct = (_strict(element, name, inner, friction) for inner in _CONES)
         source, proof = f"cvxpy; {name}", certified(through, direct)
-        quantity = f"P/2, μ = {friction:g} [MPa length]"
+        quantity = f"P/2, μ = {friction:g} [{FORCE}]"
         yield relative(quantity, _force(direct), _force(through), 1e-7, Kind.METHODS, source, proof)
     stuck = element.solve(compressed_plate(0.5, *_MESHES[name][:1], grading=_MESHES[name][1]))
     strict = _strict(element, name, _CONES[1], 0.5)
     source, proof = f"collocated, full stick; {name}", certified(stuck, strict)
-    yield relative("P/2, μ = 0.5 [MPa length]", _force(strict), _force(stuck), 1e-9, Kind.METHODS, source, proof)
+    yield relative(f"P/2, μ = 0.5 [{FORCE}]", _force(strict), _force(stuck), 1e-9, Kind.METHODS, source, proof)
 
 
 @on(*BOTH, few=1)
@@ -128,9 +127,9 @@ def _kept(result: ContactResult, where: str) -> Iterator[Row]:
         f"|σ_T| ≤ μ|σ_N|; {where}",
         certified(result),
     )
-    yield at_most(quantity, excess, 0.0, _EXCESS, Kind.ANALYTIC, source, proof)
+    yield at_most(quantity, excess, 0.0, EXCESS, Kind.ANALYTIC, source, proof)
     quantity, source = "largest σ_N over the mean pressure", f"σ_N ≤ 0; {where}"
-    yield at_most(quantity, pull, 0.0, _EXCESS, Kind.ANALYTIC, source, proof)
+    yield at_most(quantity, pull, 0.0, EXCESS, Kind.ANALYTIC, source, proof)
 
 
 def _force(result: ContactResult) -> float:
@@ -147,19 +146,11 @@ def _sampled(result: ContactResult) -> tuple[float, float]:
     return float(max(excess.max(), 0.0)), float(max(normal.max(), 0.0))
 
 
-CHAPTER = Chapter(
-    "strict",
-    "Strict admissibility",
-    "With second-order cones on rectangles, and with Bernstein coefficients on triangles, the friction law holds "
-    "everywhere on the contact, so that the stresses are admissible.",
-    "Tractions are sampled at 1000 points of every edge, independently of cones and coefficients.",
-    f"An excess above {_EXCESS:.0e} of the mean pressure, an energy below the larger set's, or solvers that differ.",
-    {
-        "whole-edges": whole_edges,
-        "whole-edges-triangles": whole_edges_by_coefficients,
-        "reported-excess": reported_excess,
-        "strict-energy": energy_of_the_smaller_set,
-        "strict-solvers": two_cone_solvers,
-        "strict-refinement": refinement,
-    },
-)
+PROBLEMS: Final = {
+    "whole-edges": whole_edges,
+    "whole-edges-triangles": whole_edges_by_coefficients,
+    "reported-excess": reported_excess,
+    "strict-energy": energy_of_the_smaller_set,
+    "strict-solvers": two_cone_solvers,
+    "strict-refinement": refinement,
+}

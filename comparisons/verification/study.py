@@ -1,12 +1,11 @@
 """The run: every chosen problem is solved, and what comes back is plain data."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from comparisons.lab.machine import machine, versions
-from comparisons.verification.chapter import Chapter, Problem, sentence
-from comparisons.verification.row import Row, crash
+from comparisons.verification.row import Chapters, Problem, Row, crash
 from qvi_contact.basics.terminal import Advance
 
 Document = dict[str, Any]
@@ -14,12 +13,12 @@ Document = dict[str, Any]
 _STABLE = ("processor", "cores", "memory_bytes", "system", "python")
 
 
-def step_count(chapters: Sequence[Chapter]) -> int:
+def step_count(chapters: Chapters) -> int:
     """Progress steps of `run`."""
-    return sum(len(chapter.problems) for chapter in chapters)
+    return sum(map(len, chapters.values()))
 
 
-def run(chapters: Sequence[Chapter], quick: bool, advance: Advance, only: Sequence[str] = ()) -> Document:
+def run(chapters: Chapters, quick: bool, advance: Advance, only: Sequence[str] = ()) -> Document:
     """Compute all rows; `advance` is called after each problem; `only` are the names asked for.
 
     Returns
@@ -29,11 +28,13 @@ def run(chapters: Sequence[Chapter], quick: bool, advance: Advance, only: Sequen
         a finite number is None.
 
     """
-    done = [_chapter(chapter, quick, advance) for chapter in chapters]
+    done: list[Document] = [
+        {"name": name, "problems": _problems(each, quick, advance)} for name, each in chapters.items()
+    ]
     rows = [row for chapter in done for problem in chapter["problems"] for row in problem["rows"]]
     passed = sum(row["passed"] for row in rows)
     return {
-        "schema": "qvi-contact/verify/1",
+        "schema": "qvi-contact/verify/2",
         "quick": quick,
         "only": list(only),
         "passed": passed == len(rows) and passed > 0,
@@ -44,14 +45,18 @@ def run(chapters: Sequence[Chapter], quick: bool, advance: Advance, only: Sequen
     }
 
 
-def _chapter(chapter: Chapter, quick: bool, advance: Advance) -> Document:
-    problems = []
-    for name, problem in chapter.problems.items():
+def _problems(problems: Mapping[str, Problem], quick: bool, advance: Advance) -> list[Document]:
+    done = []
+    for name, problem in problems.items():
         rows = rows_of(name, problem, quick)
-        problems.append({"name": name, "about": sentence(problem), "rows": [as_record(row) for row in rows]})
+        done.append({"name": name, "about": _about(problem), "rows": [as_record(row) for row in rows]})
         advance(name)
-    texts = {key: getattr(chapter, key) for key in ("name", "title", "shows", "reading", "failure")}
-    return texts | {"problems": problems}
+    return done
+
+
+def _about(problem: Problem) -> str:
+    """What a problem is: the first paragraph of its docstring, on one line."""
+    return " ".join((problem.__doc__ or "").strip().split("\n\n")[0].split())
 
 
 def rows_of(name: str, problem: Problem, quick: bool) -> list[Row]:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from comparisons.verification import texts
+from comparisons.verification import tables
 from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, on
 from comparisons.verification.measures import between_points, edge_states, point_states, runs, value_at, zone_ends
 from comparisons.verification.not_unique import STATES, _violation
@@ -125,19 +125,19 @@ class TestTexts:
     @given(finite.filter(lambda x: abs(x) > 1e-9), st.floats(1e-9, 1e-1))
     def test_digits(self, value, tolerance):
         resolution = tolerance * abs(value) / 100.0
-        assert float(texts.number(value, resolution)) == pytest.approx(value, abs=resolution, rel=1e-9)
+        assert float(tables.number(value, resolution)) == pytest.approx(value, abs=resolution, rel=1e-9)
 
     def test_noise_is_not_shown(self):
         one, other = (absolute("q", ours, 0.0, 1e-9, *REST) for ours in (3.1e-15, -2.2e-14))
-        assert texts.cells(as_record(one)) == texts.cells(as_record(other))
-        assert texts.cells(as_record(one))[5:7] == ("0", "< 1e-10 (absolute)")
+        assert tables.cells(as_record(one)) == tables.cells(as_record(other))
+        assert tables.cells(as_record(one))[5:7] == ("0", "< 1e-10 (absolute)")
 
     def test_errors_say_how_they_are_measured(self):
         row = relative("q", 1.01, 1.0, 1e-3, *REST)
-        assert texts.cells(as_record(row))[6:10] == ("1.0e-02 (relative)", "1e-03", "by hand", "FAILED")
-        assert texts.cells(as_record(at_most("q", 1.0, 2.0, 1e-3, *REST)))[2] == "≤ 2"
-        assert texts.cells(as_record(at_least("q", 1.0, 2.0, 1e-3, *REST)))[2] == "≥ 2"
-        assert texts.cells(as_record(word("q", "a", "b", *REST)))[6:8] == ("not equal", "-")
+        assert tables.cells(as_record(row))[6:10] == ("1.0e-02 (relative)", "1e-03", "by hand", "FAILED")
+        assert tables.cells(as_record(at_most("q", 1.0, 2.0, 1e-3, *REST)))[2] == "≤ 2"
+        assert tables.cells(as_record(at_least("q", 1.0, 2.0, 1e-3, *REST)))[2] == "≥ 2"
+        assert tables.cells(as_record(word("q", "a", "b", *REST)))[6:8] == ("not equal", "-")
 
 
 def backwards(problem):

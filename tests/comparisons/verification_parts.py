@@ -1,7 +1,6 @@
 """A row that passes and a document made of it, for tests of the manual."""
 
 from comparisons.verification import study
-from comparisons.verification.chapter import Chapter
 from comparisons.verification.proof import Proof
 from comparisons.verification.row import Kind, absolute
 
@@ -14,5 +13,4 @@ def problem(quick):
     yield PASSING
 
 
-CHAPTER = Chapter("one", "One", "S.", "R.", "F.", {"number": problem})
-DOCUMENT = study.run([CHAPTER], quick=True, advance=lambda _="": None)
+DOCUMENT = study.run({"paper": {"number": problem}}, quick=True, advance=lambda _="": None)

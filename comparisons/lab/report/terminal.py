@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 _WIDTH = 120
 
 
-def show(report: Document, written: Sequence[Path] = (), console: "Console | None" = None) -> None:
+def show(
+    report: Document, written: Sequence[Path] = (), console: "Console | None" = None, *, tables: bool = True
+) -> None:
     """Print findings and tables, then where the report was written.
 
     Parameters
@@ -25,6 +27,8 @@ def show(report: Document, written: Sequence[Path] = (), console: "Console | Non
         What `write_report` returned.
     console : rich.console.Console, optional
         Where to, without markup; see `standard_output` if not given.
+    tables : bool
+        False prints the findings alone.
 
     """
     console = console or standard_output()
@@ -34,7 +38,7 @@ def show(report: Document, written: Sequence[Path] = (), console: "Console | Non
             for number, sentence in enumerate(part, start=1):
                 console.print(f"{number}. {sentence}", soft_wrap=True)
             console.print()
-        else:
+        elif tables:
             print_table(console, part)
     if written and NO_PICTURES in report.text:
         console.print(NO_PICTURES.replace("`", ""), soft_wrap=True)
