@@ -1,10 +1,11 @@
 """The pictures: performance profiles, how true "solved" is, accuracies, warm starts."""
 
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from comparisons.lab.report import svg_text
+from comparisons.lab.report.drawing import drawn
 from comparisons.solvers.accuracies import LEVELS
 from comparisons.solvers.measures import (
     Run,
@@ -21,11 +22,12 @@ from comparisons.solvers.measures import (
 )  # fmt: skip
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
 from comparisons.solvers.tasks import INNER
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
-from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots.style import PURPLE, SKY, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 UNTIL: Final = 100.0
 """Largest ratio of times that profiles show."""
@@ -47,30 +49,31 @@ _BARS: Final[Mapping[str, tuple[str, str]]] = {
 
 
 def figures(runs: Sequence[Run]) -> dict[str, str]:
-    """Name → picture; empty where matplotlib is not installed."""
-    drawn = {f"profiles-{kind}": profiles(of_kind(runs, kind), f"profiles-{kind}") for kind in KINDS}
-    return {
-        "truth-shares": truth(runs, "truth-shares"), **drawn, "warmth": warmth(runs, "warmth"),
-        "accuracies": accuracy(runs, "accuracies"),
-    }  # fmt: skip
+    """Name → picture; empty where there is nothing to draw, or matplotlib is not installed."""
+    pictures: dict[str, Callable[[], Figure | None]] = {
+        "truth-shares": partial(truth, runs),
+        **{f"profiles-{kind}": partial(profiles, of_kind(runs, kind)) for kind in KINDS},
+        "warmth": partial(warmth, runs),
+        "accuracies": partial(accuracy, runs),
+    }
+    return {name: drawn(name, draw) for name, draw in pictures.items()}
 
 
-def profiles(runs: Sequence[Run], name: str) -> str:
-    """A panel for each level, a step curve for each solver; SVG, empty where matplotlib is missing."""
-    if not has_matplotlib() or not runs:
-        return ""
+def profiles(runs: Sequence[Run]) -> "Figure | None":
+    """A panel for each level, a step curve for each solver."""
+    if not runs:
+        return None
     levels = [level for level in LEVELS if any(run.level == level for run in runs)]
-    with settings():
-        figure = new_figure(3.9 * len(levels), 4.4)
-        panels = figure.subplots(1, len(levels), sharey=True, squeeze=False)[0]
-        ratios = [performance_ratios(times_of(run for run in runs if run.level == level)) for level in levels]
-        looks = _looks([_coloured(each) for each in ratios])
-        for axes, level, each in zip(panels, levels, ratios, strict=True):
-            _profile_panel(axes, each, looks)
-            axes.set_title(f"{level}: certified at {LEVELS[level]:.0e}", fontsize=9)
-            axes.set_xlabel("time over that of the fastest [-]")
-        panels[0].set_ylabel("share of problems solved [-]")
-        return svg_text(figure, name)
+    figure = new_figure(3.9 * len(levels), 4.4)
+    panels = figure.subplots(1, len(levels), sharey=True, squeeze=False)[0]
+    ratios = [performance_ratios(times_of(run for run in runs if run.level == level)) for level in levels]
+    looks = _looks([_coloured(each) for each in ratios])
+    for axes, level, each in zip(panels, levels, ratios, strict=True):
+        _profile_panel(axes, each, looks)
+        axes.set_title(f"{level}: certified at {LEVELS[level]:.0e}", fontsize=9)
+        axes.set_xlabel("time over that of the fastest [-]")
+    panels[0].set_ylabel("share of problems solved [-]")
+    return figure
 
 
 def _coloured(ratios: Mapping[str, Sequence[float]]) -> list[str]:
@@ -92,8 +95,6 @@ def _profile_panel(
     axes: "Axes", ratios: Mapping[str, Sequence[float]], looks: Mapping[str, tuple[str, str, str]]
 ) -> None:
     """The best by area in colour with markers, the others in grey."""
-    from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
-
     coloured = _coloured(ratios)
     for solver in (each for each in ratios if each not in coloured):
         x, y = steps(ratios[solver], UNTIL)
@@ -104,64 +105,69 @@ def _profile_panel(
         label = f"{solver} ({_solved(ratios[solver])})"
         axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
                   markevery=max(1, len(x) // 6), label=label, zorder=2)  # fmt: skip
-    axes.set_xscale("log")
+    _log_axis(axes, _RATIOS[_RATIOS.index(1.0) :])
     axes.set_xlim(1.0, UNTIL)
     axes.set_ylim(-0.02, 1.02)
-    axes.xaxis.set_major_locator(FixedLocator([1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]))
-    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(visible=True, color="#e6e6e6", linewidth=0.5)
     if coloured:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=8, frameon=False)
+
+
+def _log_axis(axes: "Axes", ticks: Sequence[float]) -> None:
+    """Ratios along a logarithmic axis, as plain numbers."""
+    from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
+
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(FixedLocator(ticks))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _solved(ratios: Sequence[float]) -> str:
     return f"{len(finite(ratios))} of {len(ratios)}"
 
 
-def truth(runs: Sequence[Run], name: str) -> str:
+def truth(runs: Sequence[Run]) -> "Figure | None":
     """A bar for each solver: what became of its inner problems, as shares."""
     counts = outcome_counts(runs)
-    if not has_matplotlib() or not counts:
-        return ""
+    if not counts:
+        return None
     solvers = sorted(counts, key=lambda solver: (counts[solver][RIGHT] / counts[solver].total(), solver))
-    with settings():
-        figure = new_figure(8.0, 0.9 + 0.27 * len(solvers))
-        axes = figure.subplots()
-        left = [0.0] * len(solvers)
-        for outcome, (colour, hatch) in _BARS.items():
-            widths = [counts[solver][outcome] / counts[solver].total() for solver in solvers]
-            if any(widths):
-                axes.barh(solvers, widths, left=left, color=colour, hatch=hatch, edgecolor="white", linewidth=0.4,
-                          label=outcome)  # fmt: skip
-            left = [start + width for start, width in zip(left, widths, strict=True)]
-        axes.set_xlim(0.0, 1.0)
-        axes.set_xlabel("share of the inner problems that have a solution [-]")
-        figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
-        return svg_text(figure, name)
+    figure = new_figure(8.0, 0.9 + 0.27 * len(solvers))
+    axes = figure.subplots()
+    left = [0.0] * len(solvers)
+    for outcome, (colour, hatch) in _BARS.items():
+        widths = [counts[solver][outcome] / counts[solver].total() for solver in solvers]
+        if any(widths):
+            axes.barh(solvers, widths, left=left, color=colour, hatch=hatch, edgecolor="white", linewidth=0.4,
+                      label=outcome)  # fmt: skip
+        left = [start + width for start, width in zip(left, widths, strict=True)]
+    axes.set_xlim(0.0, 1.0)
+    axes.set_xlabel("share of the inner problems that have a solution [-]")
+    figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
+    return figure
 
 
-def accuracy(runs: Sequence[Run], name: str) -> str:
+def accuracy(runs: Sequence[Run]) -> "Figure | None":
     """For each solver and level the accuracy of single inner problems: median, and from best to worst."""
     chosen = [run for run in runs if run.task == INNER and run.feasible]
-    if not has_matplotlib() or not chosen:
-        return ""
+    if not finite(run.accuracy for run in chosen):
+        return None
     by_solver = grouped(chosen, lambda run: run.solver)
     solvers = list(reversed(by_solver))
-    with settings():
-        figure = new_figure(8.0, 0.9 + 0.34 * len(solvers))
-        axes = figure.subplots()
-        for number, (level, (colour, marker)) in enumerate(zip(LEVELS, _LEVEL_LOOKS, strict=True)):
-            axes.axvline(LEVELS[level], color=colour, linestyle=":", linewidth=1.0)
-            for place, solver in enumerate(solvers):
-                values = finite(run.accuracy for run in by_solver[solver] if run.level == level)
-                _range(axes, values, place + 0.22 * (1 - number), colour, marker, level if place == 0 else "")
-        axes.set_yticks(range(len(solvers)), solvers)
-        axes.set_xscale("log")
-        axes.set_xlabel("smallest tolerance at which the certificate passes [-]")
-        axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
-        figure.legend(loc="outside upper center", ncols=3, fontsize=8, frameon=False)
-        return svg_text(figure, name)
+    figure = new_figure(8.0, 0.9 + 0.34 * len(solvers))
+    axes = figure.subplots()
+    for number, (level, (colour, marker)) in enumerate(zip(LEVELS, _LEVEL_LOOKS, strict=True)):
+        axes.axvline(LEVELS[level], color=colour, linestyle=":", linewidth=1.0)
+        for place, solver in enumerate(solvers):
+            values = finite(run.accuracy for run in by_solver[solver] if run.level == level)
+            _range(axes, values, place + 0.22 * (1 - number), colour, marker, level if place == 0 else "")
+    axes.set_yticks(range(len(solvers)), solvers)
+    axes.set_xscale("log")
+    axes.set_xlabel("smallest tolerance at which the certificate passes [-]")
+    axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
+    figure.legend(loc="outside upper center", ncols=3, fontsize=8, frameon=False)
+    return figure
 
 
 def _range(axes: "Axes", values: Sequence[float], height: float, colour: str, marker: str, label: str) -> None:
@@ -173,29 +179,21 @@ def _range(axes: "Axes", values: Sequence[float], height: float, colour: str, ma
     axes.plot([middle], [height], color=colour, marker=marker, markersize=5, linestyle="none", label=label or None)
 
 
-def warmth(runs: Sequence[Run], name: str) -> str:
+def warmth(runs: Sequence[Run]) -> "Figure | None":
     """A dot for each sequence: warm over cold time, and the geometric mean of each solver."""
     ratios = warm_ratios(runs)
-    if not has_matplotlib() or not ratios:
-        return ""
-    from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
-
+    if not ratios:
+        return None
     solvers = sorted(ratios, key=lambda solver: -(geometric_mean(ratios[solver]) or 0.0))
-    with settings():
-        figure = new_figure(8.0, 1.0 + 0.3 * len(solvers))
-        axes = figure.subplots()
-        axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")
-        for place, solver in enumerate(solvers):
-            values = ratios[solver]
-            axes.plot(values, [place] * len(values), color=SKY, marker="o", markersize=4, linestyle="none", alpha=0.7)
-            axes.plot(
-                [geometric_mean(values) or 1.0], [place], color=VERMILLION, marker="D", markersize=6, linestyle="none"
-            )
-        axes.set_yticks(range(len(solvers)), solvers)
-        axes.set_xscale("log")
-        axes.xaxis.set_major_locator(FixedLocator(_RATIOS))
-        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlabel("time of the warm over that of the cold sequence [-]")
-        axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
-        return svg_text(figure, name)
+    figure = new_figure(8.0, 1.0 + 0.3 * len(solvers))
+    axes = figure.subplots()
+    axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")
+    for place, solver in enumerate(solvers):
+        values, mean = ratios[solver], geometric_mean(ratios[solver]) or 1.0
+        axes.plot(values, [place] * len(values), color=SKY, marker="o", markersize=4, linestyle="none", alpha=0.7)
+        axes.plot([mean], [place], color=VERMILLION, marker="D", markersize=6, linestyle="none")
+    axes.set_yticks(range(len(solvers)), solvers)
+    _log_axis(axes, _RATIOS)
+    axes.set_xlabel("time of the warm over that of the cold sequence [-]")
+    axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
+    return figure

@@ -1,9 +1,10 @@
 """A small report with everything that reports can have, for the tests of its files."""
 
-from comparisons.lab.report import environment_grids, fill, svg_text
+from comparisons.lab.report import environment_grids, fill
+from comparisons.lab.report.drawing import drawn
 from comparisons.lab.study.rows import Row
 from comparisons.lab.tables import Grid
-from qvi_contact.plots.style import new_figure, settings
+from qvi_contact.plots.style import new_figure
 
 MACHINE = {
     "processor": "P1", "cores": 4, "memory_bytes": 2**34, "system": "Linux, x86_64", "python": "CPython 3.12.1",
@@ -24,13 +25,16 @@ TIMES = Grid(
 
 def picture(name):
     """A picture with clip paths, markers and mathematical text."""
-    with settings():
+
+    def draw():
         figure = new_figure(6.0, 3.0)
         axes = figure.subplots()
         axes.semilogy([0.0, 1.0, 2.0], [1e-3, 1e-2, 1e-1], marker="o", label=name)
         axes.set_xlabel("time [s]")
         axes.legend()
-        return svg_text(figure, name)
+        return figure
+
+    return drawn(name, draw)
 
 
 def row(position=0, status="done", load=0.5, seed=7, **environment):

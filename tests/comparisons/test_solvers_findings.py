@@ -104,7 +104,7 @@ class TestRanking:
 
     def test_no_curve_is_coloured_that_never_rises(self):
         pytest.importorskip("matplotlib")
-        picture = figures.profiles([run("a"), run("b", **FAILED)], "name")
+        picture = figures.figures([run("a"), run("b", **FAILED)])["profiles-inner"]
         assert "a (1 of 1)" in picture
         assert "b (0 of 1)" not in picture
 
@@ -196,9 +196,8 @@ class TestTimes:
         assert measures.median([]) is None
 
 
-def test_whatever_came_out_there_is_a_report(monkeypatch):
+def test_whatever_came_out_there_is_a_report():
     """Also of no rows, and of those that all failed."""
-    monkeypatch.setattr(figures, "has_matplotlib", lambda: False)
     results = ({}, FAILED, LOST, {"certified": False, "outcomes": {GAVE_UP: 1}, "accuracy": 1e-4})
     problems = ("plate_8", "graded_8", "doubled_rows", "pulled_block")
     for first, second, solvers in itertools.product(results, results, (("a",), ("a", "condensed"), ("uzawa",))):

@@ -14,6 +14,5 @@ from comparisons.lab.report.environment import environment_grids
 from comparisons.lab.report.files import write_report
 from comparisons.lab.report.reader import findings_of
 from comparisons.lab.report.terminal import show
-from qvi_contact.plots.inline import svg_text
 
-__all__ = ["Document", "environment_grids", "fill", "findings_of", "render", "show", "svg_text", "write_report"]
+__all__ = ["Document", "environment_grids", "fill", "findings_of", "render", "show", "write_report"]

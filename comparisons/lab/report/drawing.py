@@ -11,9 +11,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def drawn(name: str, draw: "Callable[[], Figure]") -> str:
-    """The figure that `draw` makes, as SVG with `name` in its identifiers; empty where matplotlib is not installed."""
+def drawn(name: str, draw: "Callable[[], Figure | None]") -> str:
+    """The figure that `draw` makes, as SVG with `name` in its identifiers.
+
+    Empty where matplotlib is not installed, or there is nothing to draw.
+    """
     if not has_matplotlib():
         return ""
     with settings():
-        return svg_text(draw(), name)
+        figure = draw()
+        return "" if figure is None else svg_text(figure, name)
