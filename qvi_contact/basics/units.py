@@ -1,5 +1,6 @@
 """Names of the units that results are labelled with; nothing is ever converted."""
 
+import re
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,6 +12,9 @@ _FORCES: Final = {
     ("kN/mm²", "mm"): "kN/mm", ("psi", "in"): "lbf/in", ("ksi", "in"): "kip/in",
 }  # fmt: skip
 """Forces a unit of thickness by the units of stress and length, where their product has a name."""
+
+_NUMBER: Final = re.compile(r"(?<=\d )\[(length|stress)\]")
+"""What stands behind a number in a sentence whose author does not know the user's units."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,18 @@ class Units:
     def engineering_energy(self) -> str:
         """Unit of energies a unit of thickness: that of moments."""
         return self._times_length(self.energy)
+
+    def filled(self, sentence: str) -> str:
+        """A sentence about a result with its numbers in these units: "0.2 MPa" for "0.2 [stress]".
+
+        Remarks, and the reasons of a bracket, name the dimension in brackets. It stays where its unit has no name.
+        """
+        return _NUMBER.sub(lambda found: self._called(found[1]) or found[0], sentence)
+
+    def _called(self, dimension: str) -> str:
+        """The name of a dimension's unit; empty where it was not given."""
+        name: str = getattr(self, dimension)
+        return "" if name == dimension else name
 
     def _times_length(self, otherwise: str) -> str:
         force = _FORCES.get((self.stress, self.length))

@@ -22,8 +22,8 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
     return {
         "problem": bracket.kind.name.lower().replace("_", " "),
         "guaranteed": bracket.guaranteed,
-        "reasons": list(bracket.reasons),
-        "message": bracket.message,
+        "reasons": [units.filled(reason) for reason in bracket.reasons],
+        "message": bracket.sentence(units),
         "energies": {name: _quantity(value, units.energy) for name, value in energy.items()},
         "gap": {name: _quantity(value, units.energy) for name, value in bracket.shown_parts.items()},
         "relative_error": _finite(bracket.relative_error),

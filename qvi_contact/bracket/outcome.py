@@ -186,4 +186,4 @@ class Bracket:
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{what} {self.kind.value}: {bounds}{error}."
-        return " ".join([text, *self.reasons])
+        return " ".join([text, *map(units.filled, self.reasons)])

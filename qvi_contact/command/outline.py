@@ -51,7 +51,7 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
         "solve": dict(options),
         "refine": dict(file.refine_options),
         "times": list(file.times),
-        "remarks": list(discretization.remarks),
+        "remarks": [file.units.filled(remark) for remark in discretization.remarks],
     }
 
 

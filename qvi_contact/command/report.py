@@ -24,7 +24,7 @@ def heading_lines(file: ProblemFile) -> Iterator[str]:
 def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     """Status, remarks, certificate, and one line for each contact."""
     yield result.message
-    yield from (f"remark: {remark}" for remark in result.remarks)
+    yield from (f"remark: {units.filled(remark)}" for remark in result.remarks)
     if not result.has_state:
         return
     if result.solution.factorisation:
@@ -65,7 +65,7 @@ def history_lines(history: History, times: Sequence[float], units: Units) -> Ite
     lost = shown(float(history.dissipated.sum()), least.energy)
     yield f"energy lost in friction: {lost} {units.engineering_energy}"
     remarks = dict.fromkeys(remark for step in history.steps for remark in step.remarks)
-    yield from (f"remark: {remark}" for remark in remarks)
+    yield from (f"remark: {units.filled(remark)}" for remark in remarks)
     yield f"{history.status}: {history.message}"
 
 

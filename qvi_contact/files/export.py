@@ -66,7 +66,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
         "solved": solution.solved,
         "message": result.message,
         "advice": result.status.advice,
-        "remarks": list(result.remarks),
+        "remarks": [units.filled(remark) for remark in result.remarks],
         "certificate": {
             "passed": certificate.passed,
             "tolerance": certificate.tolerance,

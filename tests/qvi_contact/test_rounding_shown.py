@@ -2,12 +2,25 @@
 
 import re
 
+import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, TriangleMesh, solve, solve_history
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    Traction,
+    TriangleMesh,
+    solve,
+    solve_history,
+)
 from qvi_contact.basics.shown import Rounding, shown
+from qvi_contact.bracket import bracket
+from qvi_contact.bracket import document as bracket_document
 from qvi_contact.command.page.numbers import contact_rows, resultant_rows, step_rows
 from qvi_contact.command.report import history_lines, result_lines
+from qvi_contact.files.export import summary
 from qvi_contact.units import Units
 
 UNITS = Units(length="mm", stress="MPa")
@@ -68,3 +81,24 @@ def test_tables_of_load_steps(squeezed):
     assert not tiny(lines)
     assert "energy lost in friction: 0 N mm/mm" in lines
     assert [row[3] for row in step_rows(history.steps, (0.0, 1.0))] == ["0", "0"]
+
+
+def test_sentences_carry_the_unit():
+    """A load that jumps inside an edge is not met at points: remarks and reasons say by how many MPa."""
+    mesh = TriangleMesh.rectangle((3, 2), 3.0, 2.0)
+    conditions = [
+        Contact("bottom", friction=0.0),
+        Displacement("left", x=0.0),
+        Displacement("left", y=0.0),
+        Traction("right", x=0.0, y=0.0),
+        Traction("top", x=0.0, y=lambda x, y: np.where(x < 0.4, -1.0, 0.0 * y)),
+    ]
+    result = solve(ContactProblem(mesh, Material(2.1e5, 0.3), conditions))
+    found = bracket(result)
+    told = bracket_document.document(found, UNITS)
+    sentences = [*summary(result, UNITS)["remarks"], *told["reasons"], told["message"], *result_lines(result, UNITS)]
+    assert sum(re.search(r"\d MPa\b", sentence) is not None for sentence in sentences) >= 4
+    assert not any(re.search(r"\[(stress|length)\]", sentence) for sentence in sentences)
+    nameless = summary(result)["remarks"]
+    assert any("[stress]" in sentence for sentence in nameless)  # what the user has not named keeps its dimension
+    assert UNITS.filled("[stress] of 'a' is 2 [stress], 3 [length]") == "[stress] of 'a' is 2 MPa, 3 mm"
