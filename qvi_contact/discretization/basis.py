@@ -23,7 +23,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature, adapted
-from qvi_contact.mesh.edges import Edges, points_along
+from qvi_contact.mesh.edges import Edges, points_along, rounding_along
 from qvi_contact.mesh.mesh import Mesh
 from solvers import EnergyRoot
 from solvers.factorisation.choice import Structure
@@ -143,7 +143,7 @@ class PrescribedTraction:
             outward = (self.direction * self.edges.normal).sum(axis=1)
             return np.asarray(values - self.potential(x, y) * outward[edge, None])
 
-        return adapted(own, len(self.edges), points)
+        return adapted(own, len(self.edges), points, rounding_along(vertices, self.edges))
 
 
 @dataclass(frozen=True, eq=False)

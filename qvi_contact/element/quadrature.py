@@ -3,7 +3,8 @@
 A function on reference edges, 0 ≤ t ≤ 1, is taken as the polynomial through its values at Gauss points of each edge.
 Where `bernstein.SAMPLES` show that it is another one, the edge is halved, and so are its parts, until the polynomial on
 a part is what the function is at the Gauss points of its halves, just inside its ends, and at all samples. A jump is so
-enclosed down to rounding.
+enclosed down to rounding. Far from the origin rounding of the coordinates moves the points, by more than a function is
+asked to be followed: what that explains is no reason to halve a part.
 """
 
 from collections.abc import Callable
@@ -24,6 +25,7 @@ _NOTHING: Final = 1e-14  # integral of a difference on one part, relative to the
 _DEEPEST: Final = 48  # halvings of an edge: then a part is as small as rounding of t
 _MOST: Final = 512  # parts of one edge, in the mean, that may wait
 _UNSEEN: Final = 1e-3  # of an edge: what the parts that do not count where values are compared may be together
+_MOVED: Final = 32.0  # differences that points moved by rounding explain, by the mean slope of a part
 _ENDS: Final = bernstein.SAMPLES[[0, -1]]  # of a part: a jump may lie between its Gauss points and its ends
 
 
@@ -109,13 +111,18 @@ class _Parts:
     def take(self, index: IntArray) -> "_Parts":
         return _Parts(self.edge[index], self.start[index], self.long[index], self.values[index])
 
+    def allowed(self, size: float, rounding: FloatArray) -> FloatArray:
+        """Differences (k,) that count as rounding, of values of this size at points moved by `rounding` (edges,)."""
+        slopes = np.ptp(self.values, axis=1) / self.long
+        return np.asarray(_POLYNOMIAL * size + _MOVED * rounding[self.edge] * slopes)
+
     def halves(self, function: Function, t: FloatArray) -> "_Parts":
         half = self.long / 2.0
         starts = np.stack([self.start, self.start + half], axis=1).ravel()
         return _Parts.of(function, np.repeat(self.edge, 2), starts, np.repeat(half, 2), t)
 
-    def missed(self, samples: FloatArray) -> FloatArray:
-        """Sum of |p − f| (k,) over those of the samples f (edges, 99) that lie on each part, p its polynomial."""
+    def missed(self, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Sum and maximum of |p − f| (k,) over the samples f (edges, 99) that lie on each part, p its polynomial."""
         first, last = (np.searchsorted(bernstein.SAMPLES, ends) for ends in (self.start, self.start + self.long))
         part = np.repeat(np.arange(len(self.edge)), last - first)
         at = np.arange(len(part)) - np.repeat(np.cumsum(last - first) - last, last - first)
@@ -123,10 +130,12 @@ class _Parts:
         t = (bernstein.SAMPLES[at] - self.start[part]) / self.long[part]
         coefficients = self.values @ legendre.from_values(points - 1, points).T
         found = (coefficients[part] * legendre.basis(points - 1, t)).sum(axis=1)
-        return np.asarray(np.bincount(part, np.abs(found - samples[self.edge[part], at]), len(self.edge)), dtype=float)
+        differences, largest = np.abs(found - samples[self.edge[part], at]), np.zeros(len(self.edge))
+        np.maximum.at(largest, part, differences)
+        return np.asarray(np.bincount(part, differences, len(self.edge)), dtype=float), largest
 
 
-def adapted(function: Function, count: int, points: int = 8) -> EdgeQuadrature:
+def adapted(function: Function, count: int, points: int = 8, rounding: FloatArray | None = None) -> EdgeQuadrature:
     """Quadrature of a function on edges.
 
     Parameters
@@ -137,21 +146,26 @@ def adapted(function: Function, count: int, points: int = 8) -> EdgeQuadrature:
         Number of edges n.
     points : int
         Gauss points of every part. Polynomials of a degree below it have one part an edge.
+    rounding : (n,) array, optional
+        How far rounding of coordinates may move a point along the reference edge; by default nothing.
 
     """
     every, t = np.arange(count), gauss_legendre(points)[0]
+    rounding = np.zeros(count) if rounding is None else rounding
     if not count:
         return _quadrature(0, [_Parts(every, np.zeros(0), np.zeros(0), np.zeros((0, points)))], 0.0)
     whole = _Parts.of(function, every, np.zeros(count), np.ones(count), t)
     samples = function(every, np.tile(bernstein.SAMPLES, (count, 1)))
     size = max(float(np.abs(values).max()) for values in (samples, whole.values))
     unseen = np.abs(samples - whole.values @ bernstein.gauss_interpolation(points, bernstein.SAMPLES)).max(axis=1)
-    even = unseen <= _POLYNOMIAL * size
-    divided, error = _divided(function, whole.take(np.flatnonzero(~even)), samples, size)
+    even = unseen <= whole.allowed(size, rounding)
+    divided, error = _divided(function, whole.take(np.flatnonzero(~even)), samples, size, rounding)
     return _quadrature(count, [whole.take(np.flatnonzero(even)), *divided], error)
 
 
-def _divided(function: Function, waiting: _Parts, samples: FloatArray, size: float) -> tuple[list[_Parts], float]:
+def _divided(
+    function: Function, waiting: _Parts, samples: FloatArray, size: float, rounding: FloatArray
+) -> tuple[list[_Parts], float]:
     """Parts that follow the function, and the integral of what is left, as a share of one edge."""
     points, edges = waiting.values.shape[1], len(waiting.edge)
     t, w = gauss_legendre(points)
@@ -162,10 +176,13 @@ def _divided(function: Function, waiting: _Parts, samples: FloatArray, size: flo
         if not 0 < len(waiting.edge) <= _MOST * edges:
             break
         halves = waiting.halves(function, t)
-        inside = np.abs(halves.values.reshape(-1, 2 * points) - waiting.values @ to_halves) @ np.tile(w / 2.0, 2)
-        at_ends = np.abs(function(waiting.edge, waiting.places(_ENDS)) - waiting.values @ to_ends).sum(axis=1)
-        left = waiting.long * (inside + t[0] / 2.0 * at_ends) + waiting.missed(samples) / len(bernstein.SAMPLES)
-        close = left <= _NOTHING * size
+        inside = np.abs(halves.values.reshape(-1, 2 * points) - waiting.values @ to_halves)
+        at_ends = np.abs(function(waiting.edge, waiting.places(_ENDS)) - waiting.values @ to_ends)
+        missed, most = waiting.missed(samples)
+        between = inside @ np.tile(w / 2.0, 2) + t[0] / 2.0 * at_ends.sum(axis=1)
+        left = waiting.long * between + missed / len(bernstein.SAMPLES)
+        apart = np.maximum(most, np.concatenate([inside, at_ends], axis=1).max(axis=1))
+        close = (left <= _NOTHING * size) | (apart <= waiting.allowed(size, rounding))
         found.append(waiting.take(np.flatnonzero(close)))
         waiting, left = halves.take(np.flatnonzero(np.repeat(~close, 2))), left[~close]
     return [*found, waiting], float(left.sum())

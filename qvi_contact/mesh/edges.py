@@ -52,6 +52,12 @@ def points_along(vertices: FloatArray, edges: Edges, t: FloatArray) -> FloatArra
     return np.asarray(first[:, None, :] + (second - first)[:, None, :] * np.asarray(t)[..., None])
 
 
+def rounding_along(vertices: FloatArray, edges: Edges) -> FloatArray:
+    """What rounding of the coordinates does to a reference coordinate t, shape (n,): large far from the origin."""
+    largest = np.abs(vertices[np.stack([edges.first, edges.second])]).max(axis=(0, 2), initial=0.0)
+    return np.asarray(np.finfo(float).eps * largest / edges.length)
+
+
 def edge_ends(edges: Edges) -> IntArray:
     """The vertices of edges, each once."""
     return np.unique(np.concatenate([edges.first, edges.second]))

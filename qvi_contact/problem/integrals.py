@@ -2,7 +2,7 @@
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
 from qvi_contact.element.quadrature import EdgeQuadrature, adapted
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, rounding_along
 from qvi_contact.mesh.mesh import Mesh
 
 
@@ -21,4 +21,4 @@ def along_edges(
     def values(edge: IntArray, t: FloatArray) -> FloatArray:
         return evaluate(name, field, *mesh.points_along(edges.take(edge), t), minimum=minimum)
 
-    return adapted(values, len(edges), points)
+    return adapted(values, len(edges), points, rounding_along(mesh.vertices, edges))

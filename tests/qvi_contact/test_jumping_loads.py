@@ -62,6 +62,23 @@ class TestQuadrature:
         assert len(adapted(lambda edge, t: edge[:, None] + t**7, 5).edge) == 5
         assert len(adapted(lambda edge, t: np.where(edge[:, None] + t < 1.2345, 1.0, 0.0), 5).edge) < 70
 
+    @pytest.mark.parametrize("origin", [1e4, 5e5, 1e7])
+    def test_far_from_the_origin(self, origin):
+        """Coordinates lose digits there: what that explains in smooth functions is not divided, a jump still is."""
+        rounding = np.full(5, np.finfo(float).eps * origin)
+
+        def far(function):
+            return adapted(lambda edge, t: function((origin + edge[:, None] + t) - origin), 5, rounding=rounding)
+
+        smooth, waves = far(lambda x: x * (5.0 - x)), far(lambda x: np.sin(3.0 * x))
+        assert len(smooth.edge) == 5
+        assert len(waves.edge) < 50
+        assert waves.error == 0.0
+        assert waves.coefficients(0).sum() == pytest.approx((1.0 - np.cos(15.0)) / 3.0, abs=50.0 * rounding[0] + 1e-11)
+        jump = far(lambda x: np.where(x < 1.2345, 1.0, 0.0))
+        assert len(jump.edge) < 70
+        assert jump.coefficients(0).sum() == pytest.approx(1.2345, abs=50.0 * rounding[0])
+
     def test_a_function_at_the_end_of_an_edge_is_the_edges_own(self):
         found = adapted(lambda edge, t: np.where(edge[:, None] + t < 2.0, 1.0, 0.0), 3)
         assert len(found.edge) == 3
@@ -112,6 +129,20 @@ class TestResultants:
         """Waves of the amplitude 1 are no constant, though every part of an edge is shorter than 10⁻³ of it."""
         result = solve(block(load=lambda x, y: -2.0 + np.sin(1e4 * x) + 0.0 * y), element=element)
         assert 0.9 < result.traction_misfit < 1.5
+
+
+def test_loads_of_a_body_far_away():
+    """The edges know how far: a smooth load on a body at (5e5, 0) takes few points, and its force is right."""
+    counted = []
+
+    def load(x, y):
+        counted.append(np.size(x))
+        return -np.cos(x - 5e5) + 0.0 * y
+
+    far = RectilinearMesh(5e5 + np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 5))
+    result = solve(block(far, load))
+    assert result.contacts["ground"].normal_force == pytest.approx(np.sin(1.0), rel=1e-8)
+    assert sum(counted) < 20_000
 
 
 class TestMechanism:
