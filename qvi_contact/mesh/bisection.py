@@ -11,6 +11,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology
+from qvi_contact.mesh.triangle_checks import same_places
 
 
 def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
@@ -24,6 +25,7 @@ def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
         coarse = coarse.with_subdomains(dict(mesh.regions))
     fine = coarse.refined(1 if marked is None else _numbers(marked, len(mesh.cells)))
     vertices, cells = np.ascontiguousarray(fine.p.T), np.sort(fine.t.T.astype(np.int64), axis=1)
+    _refuse_tiny(vertices)
     edge_sets = _split_edges(mesh, vertices, Topology.of(cells, len(vertices)).ends) if mesh.edge_sets else {}
     regions = {name: np.asarray(fine.subdomains[name], dtype=np.int64) for name in mesh.regions}
     return MeshParts(vertices, cells, edge_sets, regions)
@@ -39,6 +41,14 @@ def _numbers(marked: ArrayLike, count: int) -> IntArray:
     if chosen.size and (chosen.min() < 0 or chosen.max() >= count):
         raise InputError("marked", marked, f"give numbers of triangles, 0 to {count - 1}")
     return np.asarray(chosen, dtype=np.int64)
+
+
+def _refuse_tiny(vertices: FloatArray) -> None:
+    """`InputError` where halved triangles are too small for the coordinates to tell their vertices apart."""
+    same = same_places(vertices)
+    if len(same):
+        x, y = vertices[same[0, 0]].tolist()
+        raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
 
 
 def _split_edges(coarse: MeshParts, vertices: FloatArray, ends: IntArray) -> dict[str, IntArray]:

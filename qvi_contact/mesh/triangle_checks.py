@@ -61,6 +61,12 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
     _refuse_pieces(vertices, cells, topology)
 
 
+def same_places(vertices: FloatArray) -> IntArray:
+    """Pairs (k, 2) of vertices too near each other to be told apart."""
+    tree = cKDTree(vertices)
+    return np.asarray(tree.query_pairs(_SAME * float(np.ptp(vertices, axis=0).max()), output_type="ndarray"))
+
+
 def _refuse(value: object, what: str, at: FloatArray) -> NoReturn:
     raise InputError("TriangleMesh", value, what.format(f"({at[0]:.6g}, {at[1]:.6g})"))
 
@@ -82,7 +88,7 @@ def _refuse_strays(vertices: FloatArray, cells: IntArray) -> None:
     if not used.all():
         vertex = int(np.argmin(used))
         _refuse(vertex, "this vertex at {} belongs to no triangle: leave it out", vertices[vertex])
-    same = cKDTree(vertices).query_pairs(_SAME * float(np.ptp(vertices, axis=0).max()), output_type="ndarray")
+    same = same_places(vertices)
     if len(same):
         pair = same[np.lexsort(same.T[::-1])[0]]
         remedy = "these vertices lie in the same place {}: merge them (a Contact along a joint separates bodies)"

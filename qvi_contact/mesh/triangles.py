@@ -475,6 +475,11 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         depth : int or (k,) ints
             How often the triangles at each point are halved in size.
 
+        Raises
+        ------
+        InputError
+            If a point is outside the body, or triangles would become too small to tell their vertices apart.
+
         """
         places = np.asarray(points, dtype=float)
         if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():
@@ -488,7 +493,11 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             raise InputError("points", (x, y), "give points of the body")
         mesh = self
         for level in range(int(depths.max(initial=0))):
-            mesh = mesh.refined(mesh._touching(places[depths > level]))
+            try:
+                mesh = mesh.refined(mesh._touching(places[depths > level]))
+            except InputError as error:
+                remedy = f"give at most {level}: triangles would become too small to tell their vertices apart"
+                raise InputError("depth", depth, remedy) from error
         return mesh
 
     def _touching(self, points: FloatArray) -> BoolArray:

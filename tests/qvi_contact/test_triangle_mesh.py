@@ -1,5 +1,7 @@
 """Meshes of triangles: what is accepted and refused, names, refinement, files."""
 
+import re
+
 import numpy as np
 import pytest
 import skfem
@@ -226,6 +228,17 @@ class TestRefined:
             assert mesh.graded([(1.0, 1.0)], depth).finest.min() == pytest.approx(0.5**depth / 2.0)
         both = mesh.graded([(1.0, 1.0), (0.3, 1.0)], [3, 5])
         assert both.finest[both.vertices @ (1, 1) == 2.0] == pytest.approx(0.5**4)
+
+    def test_grading_says_how_deep_it_goes(self):
+        """The depth that the message names is the largest one that works."""
+        mesh = TriangleMesh.rectangle((3, 2))
+        with pytest.raises(InputError) as refused:
+            mesh.graded([(0.3, 0.0)], 60)
+        assert refused.value.field == "depth"
+        deepest = int(re.search(r"at most (\d+)", refused.value.remedy)[1])
+        finest = mesh.graded([(0.3, 0.0)], deepest)
+        with pytest.raises(InputError, match="marked"):
+            finest.refined(finest._touching(np.array([[0.3, 0.0]])))
 
     @pytest.mark.parametrize("points", [[(2.0, 0.0)], [0.0, 1.0], [(np.nan, 0.0)]])
     def test_points_outside_are_refused(self, points):
