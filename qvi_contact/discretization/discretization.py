@@ -8,22 +8,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.discretization.algebraic import Posed, algebraic, energy_of
 from qvi_contact.discretization.basis import Basis, Energy, RowKind, SharedCorners
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
 from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined, laws_vary
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
 from qvi_contact.discretization.families import ElementName, basis_for, with_element
 from qvi_contact.discretization.loads import (
-    cell_potential,
-    displacement_load,
     frictionless_corners,
-    potential_at,
     prescribed_tractions,
     shear_beside_contacts,
 )
@@ -32,9 +29,8 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.bogner_fox_schmit import Grid
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
-from solvers import EdgeRows, FrictionQVI, Traces
+from solvers import FrictionQVI
 from solvers.basics.pickles import Stated
-from solvers.inequality.operator import Operator
 
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
@@ -43,7 +39,7 @@ _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are le
 
 
 @dataclass(frozen=True, eq=False)
-class Discretization(Stated):
+class Discretization(Posed, Stated):
     """A contact problem on the elements of its mesh, traction conditions and gauge eliminated.
 
     Attributes
@@ -130,15 +126,13 @@ class Discretization(Stated):
         ]
         return tuple(found)
 
-    def slipped(self, slip: Sequence[FloatArray], operator: Operator | None = None) -> Discretization:
+    def slipped(self, slip: Sequence[FloatArray]) -> Discretization:
         """The same problem after earlier slip: the tangential offset w of each contact grows by `slip`, dimensionless.
 
         Parameters
         ----------
         slip : sequence of (m,) arrays
             One array for each of `contacts`, at its points.
-        operator : Operator, optional
-            That of an earlier step, whose factorisation serves this one too if K is the same.
 
         """
         contacts = tuple(rows.with_offset(rows.offset + more) for rows, more in zip(self.contacts, slip, strict=True))
@@ -149,10 +143,8 @@ class Discretization(Stated):
         ]
         load = self.qvi.T.T @ joined(change)
         assert self.qvi.load is not None
-        changes: dict[str, Any] = {"f": self.qvi.f + load, "load": self.qvi.load + load}
-        if operator is not None and operator.serves(self.qvi.K):
-            changes["shared"] = operator
-        return replace(self, contacts=contacts, qvi=self.qvi.changed(**changes))
+        qvi = self.qvi.changed(f=self.qvi.f + load, load=self.qvi.load + load)
+        return replace(self, contacts=contacts, qvi=qvi)
 
     def freeing(self, vertices: IntArray) -> Discretization:
         """The same problem, in the same units and after the same slip, with the shear at the vertices given up."""
@@ -162,8 +154,23 @@ class Discretization(Stated):
         """The same problem, after the same slip, with all obstacles where they stand, however far."""
         return self._again(replace(self.scales, reach=np.inf), self.freed)
 
+    def following(self, problem: ContactProblem, scales: Scales | None = None) -> Discretization:
+        """Another problem on the same mesh, by the same element, with the same shears given up.
+
+        Where it differs in loads and in data of contacts only, it shares all matrices, and the factorisation.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            The problem; its mesh is the same, up to the names of edge sets.
+        scales : Scales, optional
+            Units of the dimensionless problem; those of the problem by default.
+
+        """
+        return _discretized(problem, self.space, scales or Scales.of(problem), self.freed, self)
+
     def _again(self, scales: Scales, freed: IntArray) -> Discretization:
-        fresh = _discretized(self.problem, self.space, scales, freed)
+        fresh = _discretized(self.problem, self.space, scales, freed, self)
         return fresh.slipped([old.offset - new.offset for old, new in zip(self.contacts, fresh.contacts, strict=True)])
 
     def fitted(self) -> Discretization:
@@ -178,7 +185,7 @@ class Discretization(Stated):
         if not _NOISE < size < _TOO_SMALL:
             return self
         scales = replace(self.scales, stress=self.scales.stress * size)
-        return _discretized(self.problem, self.space, scales, self.freed)
+        return _discretized(self.problem, self.space, scales, self.freed, self)
 
     def offsets(self) -> list[FloatArray]:
         """The tangential offset w that the problem prescribes at the points of each contact, without earlier slip."""
@@ -254,7 +261,10 @@ def discretize(
     return _discretized(problem, space, scales or Scales.of(problem), none if freed is None else freed)
 
 
-def _discretized(problem: ContactProblem, space: Basis, scales: Scales, freed: IntArray) -> Discretization:
+def _discretized(
+    problem: ContactProblem, space: Basis, scales: Scales, freed: IntArray, before: Discretization | None = None
+) -> Discretization:
+    """Discretise, and share what a problem `before` in the same space has in common with this one."""
     corners = SharedCorners(freed=freed)
     if space.shear_at_vertices:
         corners = SharedCorners(np.array(frictionless_corners(problem), dtype=np.int64), freed)
@@ -269,71 +279,11 @@ def _discretized(problem: ContactProblem, space: Basis, scales: Scales, freed: I
         if problem.mesh.hole_edges.any():
             remedy += "; the loads on a hole, with the weight of what would fill it, must balance by themselves"
         raise InputError("ContactProblem.conditions", imbalance, remedy) from error
+    if before is not None:
+        elimination = elimination.sharing(before.elimination)
     contacts = contact_rows(problem, space, scales)
     plates = plate_rows(problem, scales, contacts, elimination.basis, elimination.particular)
-    compliances = np.stack([material.compliance / scales.compliance for material in problem.materials])
-    energy = space.energy(problem.cell_materials, compliances, cell_potential(problem, space, scales))
-    qvi = _reduce(problem, space, energy, scales, elimination, contacts, plates)
+    energy = energy_of(problem, space, scales, before)
+    posed = Posed(problem, space, energy, scales, elimination, contacts, plates)
+    qvi = algebraic(posed, before, None if before is None else before.qvi)
     return Discretization(problem, space, energy, scales, elimination, contacts, plates, qvi, freed)
-
-
-def _reduce(
-    problem: ContactProblem,
-    space: Basis,
-    energy: Energy,
-    scales: Scales,
-    elimination: Elimination,
-    contacts: tuple[ContactRows, ...],
-    plates: PlateRows,
-) -> FrictionQVI:
-    """Assemble, and substitute u = B z + u₀."""
-    load = displacement_load(problem, space, scales)
-    for rows in contacts:
-        load = load + rows.work()
-    limited = [rows for rows in contacts if rows.law != "tied"]
-    parameters, interpolation = space.trace_parameters([rows.points.edges for rows in limited])
-    fixed = [
-        rows.rule.at_rows(potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure)
-        for rows in limited
-    ]
-    basis, particular = elimination.basis, elimination.particular
-    Y = sparse.csr_array(parameters @ basis)
-    N, T = _halves(sparse.csr_array(interpolation @ Y))
-    n0, t0 = np.split(interpolation @ (parameters @ particular), 2)
-    K, of_particular = energy.reduced(elimination)
-    least = float(K.diagonal().min(initial=np.inf))
-    if least <= 0.0:
-        remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
-        raise InputError("ContactProblem.mesh", space.smallest, remedy)
-    return FrictionQVI(
-        K=K.T,  # the same matrix, compressed by columns
-        f=basis.T @ (load - (of_particular - energy.load)),
-        N=sparse.csc_array(N),
-        n0=n0 + joined(fixed),
-        T=sparse.csc_array(T),
-        t0=t0,
-        mu=joined([rows.row_limits.friction for rows in limited]),
-        W=joined([rows.row_weights for rows in limited]),
-        cohesion=joined([rows.row_limits.cohesion for rows in limited]),
-        cap=joined([rows.row_limits.cap for rows in limited]),
-        bilateral=joined([rows.bilateral for rows in limited]).astype(bool),
-        root=energy.root(elimination),
-        load=basis.T @ load,
-        A=sparse.csc_array(plates.A),
-        b=plates.b,
-        traces=Traces(sparse.csc_array(Y), sparse.csc_array(interpolation)),
-        edges=_edge_rows(space),
-        structure=energy.structure(elimination),
-    )
-
-
-def _halves(rows: sparse.csr_array) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """N and T of [N; T]."""
-    m = rows.shape[0] // 2
-    return rows[:m], rows[m:]
-
-
-def _edge_rows(space: Basis) -> EdgeRows | None:
-    """Rows as samples of polynomials on edges; Bernstein coefficients are none."""
-    rule = space.contact_rule
-    return EdgeRows(rule.points, space.normal_degree, space.shear_degree) if rule.kind == "gauss" else None

@@ -293,10 +293,10 @@ def _follow(
     for number, problem in enumerate(steps, 1):
         if results and expired():
             break
-        discretization = discretize(problem, scales=scales, freed=freed, **space)
         if results:
-            before = results[-1].discretization.qvi.operator
-            discretization = discretization.slipped(_slip_after(results[-1]), before)
+            discretization = results[-1].discretization.following(problem, scales).slipped(_slip_after(results[-1]))
+        else:
+            discretization = discretize(problem, scales=scales, freed=freed, **space)
         initial = {"initial": results[-1]} if results and takes_initial(options) else {}
         results.append(solve(discretization, **{**options, **initial}))
         callback(number, results[-1])

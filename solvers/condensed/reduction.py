@@ -17,9 +17,8 @@ import numpy as np
 
 from solvers.basics.types import Matrix, Vector
 from solvers.factorisation.base import State
-from solvers.inequality.blocks import Rows, scaled_columns
+from solvers.inequality.blocks import Rows
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.traces import trace_coordinates
 
 
 @dataclass(eq=False)
@@ -60,17 +59,14 @@ class Reduction:
     """
 
     def __init__(self, qvi: FrictionQVI) -> None:
-        self._qvi, self._system = qvi, qvi.equality_system
-        self._coordinates = trace_coordinates(qvi.contact_rows, qvi.traces, self._system.interface)
-        S = self._coordinates.quadratic(self._system.factor)
-        diagonal = S.diagonal()
-        self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-        self.stiffness: Matrix = S * self._scale * self._scale[:, None]
-        self.E: Rows = scaled_columns(self._coordinates.interpolation, self._scale)
+        interface = qvi.interface
+        self._qvi, self._system = qvi, interface.system
+        self._coordinates, self._scale = interface.coordinates, interface.scale
+        self.stiffness: Matrix = interface.stiffness
+        self.E: Rows = interface.rows
         self.E_N: Rows = self.E[: qvi.m]
         self.E_T: Rows = self.E[qvi.m :]
-        A = self._coordinates.from_unknowns(self._system.A_interface.T)
-        self.A: Matrix = np.asarray(A).T.reshape(qvi.p, len(self._scale)) * self._scale
+        self.A: Matrix = interface.A
 
     @property
     def contact_stiffness(self) -> float:

@@ -14,12 +14,26 @@ _DENSE = 60_000  # entries up to which rows are kept dense
 
 
 def by_columns(matrix: Any) -> Sparse:
-    """A matrix in compressed columns, float64, with 32-bit indices where they suffice; SciPy would keep wider ones."""
-    columns = csc_array(matrix, dtype=np.float64)
+    """A matrix in compressed columns, float64, with 32-bit indices where they suffice; SciPy would keep wider ones.
+
+    A matrix that is so already is returned itself: problems of a sequence are known to share it.
+    """
+    kept = isinstance(matrix, csc_array) and matrix.dtype == np.float64
+    columns = matrix if kept else csc_array(matrix, dtype=np.float64)
     if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
         return columns
     indices, starts = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
     return csc_array((columns.data, indices, starts), columns.shape)
+
+
+def stacked_columns(upper: Sparse, lower: Sparse) -> Sparse:
+    """Rows on top of each other, both by columns; SciPy's `vstack` would go through coordinates."""
+    first = np.arange(upper.nnz) + np.repeat(lower.indptr[:-1], np.diff(upper.indptr))
+    second = np.arange(lower.nnz) + np.repeat(upper.indptr[1:], np.diff(lower.indptr))
+    data, indices = np.empty(upper.nnz + lower.nnz), np.empty(upper.nnz + lower.nnz, dtype=upper.indices.dtype)
+    data[first], data[second] = upper.data, lower.data
+    indices[first], indices[second] = upper.indices, lower.indices + upper.shape[0]
+    return csc_array((data, indices, upper.indptr + lower.indptr), (upper.shape[0] + lower.shape[0], upper.shape[1]))
 
 
 def are_few(rows: int, columns: int) -> bool:

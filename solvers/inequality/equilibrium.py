@@ -1,18 +1,16 @@
-"""What one factorisation says of a problem (D2): the state without contact law, and the stiffness of the contact."""
+"""What one factorisation says of a problem (D2): the state without contact law."""
 
 from functools import cached_property
 
 import numpy as np
 
-from solvers.basics.types import Sparse, Vector
-from solvers.inequality.blocks import stored, transposed
+from solvers.basics.types import Vector
 from solvers.inequality.energy import Energy
-from solvers.inequality.linear import EqualitySystem
+from solvers.inequality.interface import Interface
 
 SLOW_CONTRACTION = 1e-3
 """Contraction of defect corrections above which K has lost too much to rounding, and R is factorised instead."""
 
-_POWER_STEPS = 10
 _ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
 _CORRECTIONS = 7  # defect corrections of the bonded solution at most
 
@@ -22,32 +20,16 @@ class Equilibrium:
 
     Attributes
     ----------
+    interface : Interface
+        What problems with the same rows share.
     system : EqualitySystem
         That of K and A.
 
     """
 
-    def __init__(self, system: EqualitySystem, energy: Energy, b: Vector, tractions: Sparse, weights: Vector) -> None:
-        self.system = system
-        self._energy, self._b, self._tractions, self._weights = energy, b, tractions, weights
-
-    @cached_property
-    def contact_stiffness(self) -> float:
-        """See `FrictionQVI.contact_stiffness`."""
-        if not self._tractions.shape[0] or not self._size:
-            return 0.0
-        rows, weights = stored(self.system.on_interface(self._tractions)), self._weights
-        columns = transposed(rows)
-        total = float(weights.sum())
-        v: Vector = np.ones(len(weights))
-        radius = 0.0
-        for _ in range(_POWER_STEPS):
-            v = np.asarray(rows @ self.system.solve_interface(columns @ (weights * v))[0])
-            radius = float(np.sqrt((weights @ v**2) / total))
-            if radius == 0.0:
-                return 0.0
-            v = v / radius
-        return radius * 2.0 * float(weights.min()) / total
+    def __init__(self, interface: Interface, energy: Energy, b: Vector) -> None:
+        self.interface, self.system = interface, interface.system
+        self._energy, self._b = energy, b
 
     @property
     def bonded(self) -> Vector:

@@ -13,7 +13,7 @@ from solvers.factorisation.augmented import factorise_root
 from solvers.factorisation.choice import Request, Structure, make
 from solvers.inequality.energy import EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
-from solvers.inequality.linear import EqualitySystem, interface_of
+from solvers.inequality.interface import ContactFrame, Interface
 
 if TYPE_CHECKING:
     from solvers.inequality.problem import FrictionQVI
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 class Operator:
     """K, factorised when that is first needed, and what the factorisation says of each problem.
 
-    Problems of a sequence that differ in loads, gaps or friction share one operator, and so its factorisation.
+    Problems of a sequence that differ in loads, gaps or friction share one operator: its factorisation, and where their
+    rows are the same objects, trace coordinates and the Schur complement in them.
 
     Parameters
     ----------
@@ -39,6 +40,8 @@ class Operator:
         self._request = Request()
         self._rooted = False
         self._factor: Factorisation | None = None
+        self._frame: ContactFrame | None = None
+        self._interface: Interface | None = None
         self._equilibria: WeakKeyDictionary[FrictionQVI, Equilibrium] = WeakKeyDictionary()
 
     def __reduce__(self) -> tuple[type["Operator"], tuple[object, ...]]:
@@ -53,16 +56,23 @@ class Operator:
     def serves(self, K: Sparse) -> bool:
         """Whether this is the operator of that matrix, entry by entry."""
         L = self._K
+        if K is L:
+            return True
         return K.shape == L.shape and np.array_equal(K.indices, L.indices) and np.array_equal(K.data, L.data)
 
     def equilibrium(self, problem: "FrictionQVI") -> Equilibrium:
         """Linear algebra of a problem with this K; kept until the problem or the factorisation is gone."""
         found = self._equilibria.get(problem)
         if found is None:
-            system = EqualitySystem(problem.A, self._covering(interface_of(problem.contact_rows, problem.A)))
-            found = Equilibrium(system, problem.potential, problem.b, *problem.tractions)
+            found = Equilibrium(self._shared_interface(problem), problem.potential, problem.b)
             self._equilibria[problem] = found
         return found
+
+    def frame(self, problem: "FrictionQVI") -> ContactFrame:
+        """Rows of a problem, the same object for the next one if it has these rows too."""
+        if self._frame is None or not self._frame.serves(problem):
+            self._frame = ContactFrame(problem)
+        return self._frame
 
     def use_root(self) -> bool:
         """Factorise R instead of K from now on; False if there is no root, or it was done before."""
@@ -92,8 +102,16 @@ class Operator:
             self._request = before
 
     def _forget(self) -> None:
-        self._factor = None
+        self._factor = self._interface = None
         self._equilibria.clear()
+
+    def _shared_interface(self, problem: "FrictionQVI") -> Interface:
+        """The one of the problem before, if that has the same rows."""
+        found = self._interface
+        if found is None or not found.frame.serves(problem):
+            frame = self.frame(problem)
+            found = self._interface = Interface(frame, self._covering(frame.touched))
+        return found
 
     def _covering(self, interface: IntVector) -> Factorisation:
         """The factorisation, made anew if its interface does not hold all of the one given."""

@@ -20,6 +20,7 @@ from solvers.inequality.blocks import absolute_product, by_columns
 from solvers.inequality.edges import EdgeRows
 from solvers.inequality.energy import Energy, EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
+from solvers.inequality.interface import ContactFrame, Interface
 from solvers.inequality.linear import EqualitySystem
 from solvers.inequality.operator import Operator
 from solvers.inequality.traces import Traces
@@ -110,14 +111,15 @@ class FrictionQVI:
             object.__setattr__(self, name, _vector(name, value, infinite=name == "cap"))
         object.__setattr__(self, "bilateral", _flags("bilateral", self.bilateral, self.m))
         self._check_shapes()
+        object.__setattr__(self, "operator", self._operator(shared))
         self._check_values()
-        if self.traces is not None:
-            self.traces.check(self.contact_rows)
+        if shared is None:
+            self._check_energy()
+        _ = self._frame  # checks the traces
         if self.edges is not None:
             self.edges.grouped(self.W)
         if self.strict:
             self._check_edges()
-        object.__setattr__(self, "operator", self._operator(shared))
 
     def _operator(self, shared: Operator | None) -> Operator:
         """The one to share, or a new one."""
@@ -189,6 +191,9 @@ class FrictionQVI:
                 raise InputError(name, float(getattr(self, name).min()), "give stresses ≥ 0")
         if self.m and self.W.min() <= 0:
             raise InputError("W", float(self.W.min()), "give quadrature weights > 0")
+
+    def _check_energy(self) -> None:
+        """What the owner of a shared operator has been asked before."""
         least = float(self.K.diagonal().min(initial=np.inf))
         if least < 0 or (self.p == 0 and least <= 0):
             raise InputError("K", least, "give a positive definite K; its diagonal is > 0")
@@ -261,24 +266,28 @@ class FrictionQVI:
         """The energy as an object of its own."""
         return Energy(self.K, self.f, self.root, self.load)
 
-    @cached_property
+    @property
     def contact_rows(self) -> Sparse:
         """[N; T] (2m, n)."""
-        return _stacked(self.N, self.T)
+        return self._frame.contact_rows
 
-    @cached_property
+    @property
     def tractions(self) -> tuple[Sparse, Vector]:
         """Rows (r, n) of tractions that do not depend on what N and T make of them, and their weights (r,).
 
         Trace parameters where there are as many as rows, as where rows are coefficients of the tractions at points;
         else the rows themselves.
         """
-        weights = np.concatenate([self.W, self.W])
-        if self.traces is not None and self.traces.rows.shape[0] == len(weights):
-            own = np.asarray(self.traces.interpolation.T @ weights)
-            if (own > 0.0).all():
-                return self.traces.rows, own
-        return self.contact_rows, weights
+        return self._frame.tractions
+
+    @property
+    def _frame(self) -> ContactFrame:
+        return self.operator.frame(self)
+
+    @property
+    def interface(self) -> Interface:
+        """The unknowns that contact and equality rows touch, shared with the problems that have the same rows."""
+        return self.operator.equilibrium(self).interface
 
     def changed(self, **changes: Any) -> FrictionQVI:
         """The same problem with other fields, K, root and structure excepted; it shares the operator."""
@@ -287,7 +296,7 @@ class FrictionQVI:
     @property
     def equality_system(self) -> EqualitySystem:
         """The linear system of K and A, factored on first use and kept by the `operator`."""
-        return self.operator.equilibrium(self).system
+        return self.interface.system
 
     @property
     def factorisation(self) -> str:
@@ -302,7 +311,7 @@ class FrictionQVI:
         The spectral radius of Y K⁻¹ Yᵀ W for the rows Y and weights W of `tractions`, by a few steps of power
         iteration, belongs to the finest waves; it is reduced by min W / Σ W to those as long as the contact.
         """
-        return self.operator.equilibrium(self).contact_stiffness if self.m and self.n else 0.0
+        return self.interface.contact_stiffness if self.m and self.n else 0.0
 
     @property
     def bonded(self) -> Vector:
@@ -341,16 +350,6 @@ def _asymmetry(K: Sparse) -> float:
     v, w = np.random.default_rng(0).normal(size=(2, K.shape[0]))
     scale = float(np.abs(v) @ absolute_product(K, w))
     return abs(float(v @ (K @ w) - w @ (K @ v))) / scale if scale > 0 else 0.0
-
-
-def _stacked(upper: Sparse, lower: Sparse) -> Sparse:
-    """Rows on top of each other, both by columns; SciPy's `vstack` would go through coordinates."""
-    first = np.arange(upper.nnz) + np.repeat(lower.indptr[:-1], np.diff(upper.indptr))
-    second = np.arange(lower.nnz) + np.repeat(upper.indptr[1:], np.diff(lower.indptr))
-    data, indices = np.empty(upper.nnz + lower.nnz), np.empty(upper.nnz + lower.nnz, dtype=upper.indices.dtype)
-    data[first], data[second] = upper.data, lower.data
-    indices[first], indices[second] = upper.indices, lower.indices + upper.shape[0]
-    return csc_array((data, indices, upper.indptr + lower.indptr), (upper.shape[0] + lower.shape[0], upper.shape[1]))
 
 
 def _matrix(name: str, value: Any, columns: int) -> Sparse:
