@@ -12,6 +12,7 @@ import click
 
 from comparisons.lab.options import folder_option
 from comparisons.lab.study.options import RunOptions, study_options
+from qvi_contact.basics.terminal import Command
 
 if TYPE_CHECKING:
     from comparisons.lab.report import Document
@@ -25,7 +26,7 @@ SCHEMA: Final = "qvi-contact/convergence/1"
 _FOLDER: Final = "results/convergence"
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("names", metavar="[STUDY]...", nargs=-1, type=click.Choice(NAMES))
 @study_options(_FOLDER, timeout=600.0, folder=True)
 @click.option("--quick", is_flag=True, help="Few and small cases, in files of their own.")

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from qvi_contact.basics.terminal import Command, Group
+
 if TYPE_CHECKING:
     from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.result import ContactResult
@@ -16,7 +18,7 @@ _PROBLEM = click.argument("problem", metavar="PROBLEM")
 _FILE = click.argument("file", metavar="FILE")
 
 
-@click.group()
+@click.group(cls=Group)
 def export() -> None:
     """Write problems in formats of other programs.
 
@@ -113,7 +115,7 @@ def npz(problem: str, file: str) -> int:
     return _written(file, result)
 
 
-@click.command("import")
+@click.command("import", cls=Command)
 @_FILE
 @click.option("--method", help="Outer method, see: qvi-contact methods")
 @click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")

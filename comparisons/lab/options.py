@@ -5,8 +5,10 @@ from pathlib import Path
 
 import click
 
+from qvi_contact.basics.terminal import Command
 
-class ListCommand(click.Command):
+
+class ListCommand(Command):
     """A command whose repeatable options take lists: ``--cells 4 8`` means ``--cells 4 --cells 8``.
 
     For commands without arguments, where nothing else can follow a value.

@@ -6,9 +6,10 @@ from pathlib import Path
 import click
 
 from comparisons.lab.options import folder_option
+from qvi_contact.basics.terminal import Command
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option(
     "--out",
     metavar="FOLDER",

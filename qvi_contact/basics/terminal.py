@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO, cast
 
 import click
 
-from qvi_contact.errors import QVIError
+from qvi_contact.errors import InputError, QVIError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,6 +19,34 @@ class Advance(Protocol):
     """Reports that one more step is done, and what comes next."""
 
     def __call__(self, description: str = "") -> None: ...  # noqa: D102
+
+
+class Command(click.Command):
+    """A command whose input errors name the option that was typed, such as --time-limit, not the Python argument."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run it."""
+        try:
+            return super().invoke(ctx)
+        except InputError as error:
+            option = self._typed(ctx, error.field)
+            if option is None:
+                raise
+            raise type(error)(option, error.value, error.remedy) from error
+
+    def _typed(self, ctx: click.Context, name: str) -> str | None:
+        """The option typed for a parameter; None if there is none."""
+        if ctx.get_parameter_source(name) is not click.core.ParameterSource.COMMANDLINE:
+            return None
+        return next(
+            (each.opts[-1] for each in self.params if each.name == name and isinstance(each, click.Option)), None
+        )
+
+
+class Group(click.Group):
+    """Commands of this kind."""
+
+    command_class = Command
 
 
 def run(command: click.Command, name: str) -> None:

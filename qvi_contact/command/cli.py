@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from qvi_contact import __version__
-from qvi_contact.basics.terminal import run
+from qvi_contact.basics.terminal import Group, run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from qvi_contact.bracket import Bracket
     from qvi_contact.files.problem_file import ProblemFile
@@ -18,6 +18,39 @@ if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.verification.verification import Verification
 
+
+def _methods() -> "Iterable[str]":
+    from solvers.solve import METHODS
+
+    return METHODS
+
+
+def _inner() -> "Iterable[str]":
+    from solvers import available
+
+    return available()
+
+
+def _factorisations() -> "Iterable[str]":
+    from solvers.factorisation import available_backends
+    from solvers.factorisation.choice import OTHERS
+
+    return (*OTHERS, *available_backends())
+
+
+def _completed(known: "Callable[[], Iterable[str]]") -> "Callable[[Any, Any, str], list[str]]":
+    """What the shell offers for an option: the words that can be used here."""
+    return lambda _context, _option, begun: [word for word in known() if word.startswith(begun)]
+
+
+_METHOD = click.option("--method", help="Outer method, see: qvi-contact methods", shell_complete=_completed(_methods))
+_INNER = click.option(
+    "--inner", help="Inner solver of the fixed point, see: qvi-contact methods", shell_complete=_completed(_inner)
+)
+_FACTORISATION = click.option(
+    "--factorisation", help="Sparse factorisation, see: qvi-contact methods",
+    shell_complete=_completed(_factorisations),
+)  # fmt: skip
 _FILE = click.argument("file", metavar="FILE", type=click.Path())  # of any kind: the shell completes its name
 _TIME_LIMIT = click.option(
     "--time-limit", type=float, metavar="SECONDS", help="Seconds for all solves together.  [default: none]"
@@ -46,7 +79,7 @@ _SAVE_JSON = click.option("--save-json", metavar="JSON", help="Write what --json
 _REPORT = click.option("--report", metavar="HTML", help="Write a report on one page (.html): pictures, forces, bounds.")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__)
 def group() -> None:
     """Frictional contact computed from the stress side.
@@ -70,9 +103,9 @@ def group() -> None:
 @_ELEMENT
 @_DEGREE
 @_ROWS
-@click.option("--method", help="Outer method, see: qvi-contact methods")
-@click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
-@click.option("--factorisation", help="Sparse factorisation, see: qvi-contact methods")
+@_METHOD
+@_INNER
+@_FACTORISATION
 @click.option(
     "--threads", type=int, help="Threads of the linear algebra.  [default: one; all to factorise large meshes]"
 )
@@ -314,8 +347,8 @@ def bracket(
 @_ELEMENT
 @click.option("--degree", type=int, help="Degree of the element on triangles, 3 to 11.  [default: 5]")
 @_ROWS
-@click.option("--method", help="Outer method, see: qvi-contact methods")
-@click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
+@_METHOD
+@_INNER
 @click.option("--tolerance", type=float, help="Accuracy that certificates must confirm.  [default: 1e-8]")
 @_TIME_LIMIT
 @_JSON
@@ -569,7 +602,9 @@ def _show_refinement(file: "ProblemFile", found: "Refinement") -> None:
     from qvi_contact.command.refine_line import lines
     from qvi_contact.command.report import heading_lines, result_lines
 
-    for line in (*heading_lines(file), *lines(found, file.units), "", *result_lines(found.result, file.units)):
+    told = list(lines(found, file.units))
+    last = [line for line in result_lines(found.result, file.units) if line not in found.message]
+    for line in (*heading_lines(file), *told, *([""] if last else []), *last):
         click.echo(line)
 
 

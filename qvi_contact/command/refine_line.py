@@ -54,7 +54,7 @@ def lines(found: Refinement, units: Units) -> Iterator[str]:
     yield found.message
     if found.rounds:
         yield trust(found, units)
-    if found.status != "reached":
+    if found.status != "reached" and (found.rounds or found.result.status.advice not in found.message):
         yield found.status.advice
 
 

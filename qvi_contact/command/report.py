@@ -66,7 +66,7 @@ def history_lines(history: History, times: Sequence[float], units: Units) -> Ite
     yield f"energy lost in friction: {lost} {units.engineering_energy}"
     remarks = dict.fromkeys(remark for step in history.steps for remark in step.remarks)
     yield from (f"remark: {units.filled(remark)}" for remark in remarks)
-    yield f"{history.status}: {history.message}"
+    yield history.message
 
 
 def verification_lines(checked: Sequence[Verification], times: Sequence[float]) -> Iterator[str]:

@@ -7,7 +7,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.errors import InputError
 from qvi_contact.files.located import located
-from qvi_contact.files.problem_document import Axis, Document, Rectangle, RefineTable, Segment
+from qvi_contact.files.problem_document import Axis, Document, Missing, Rectangle, RefineTable, Segment
 from qvi_contact.mesh.lines import graded_lines, on_line
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 
@@ -52,7 +52,7 @@ def _lines(path: str, axis: Axis | None) -> FloatArray:
         start = segment.start
         if start is None:
             if not len(lines):
-                raise InputError(f"{place}.start", None, "add this key, it is needed")
+                raise InputError(f"{place}.start", Missing(), "add this key, it is needed")
             start = float(lines[-1])
         elif len(lines) and start != lines[-1]:
             raise InputError(f"{place}.start", start, f"start where the one before stops, at {lines[-1]:g}")

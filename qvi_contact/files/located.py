@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import Final
 
 from qvi_contact.errors import InputError
-from qvi_contact.files.problem_document import Table
+from qvi_contact.files.problem_document import Missing, Table
 
 _IN_TOML: Final = (
     ("with_edges()", "[[edges]]"),
@@ -25,4 +25,5 @@ def located(path: str, table: Table | None = None) -> Iterator[None]:
         remedy = error.remedy
         for python, toml in _IN_TOML:
             remedy = remedy.replace(python, toml)
-        raise InputError(f"{path}.{key}" if known else path, error.value, remedy) from error
+        value = Missing() if error.value is None else error.value
+        raise InputError(f"{path}.{key}" if known else path, value, remedy) from error

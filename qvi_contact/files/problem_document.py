@@ -13,6 +13,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_size import check_size
 
+
+class Missing:
+    """The value of a key that is needed and not there, for messages: TOML knows no None."""
+
+    def __repr__(self) -> str:
+        return "missing"
+
+
 VERSION: Final = 1
 
 _LARGEST: Final = 1e60  # numbers beyond it overflow when they are squared and multiplied
@@ -687,8 +695,8 @@ def _first_error(error: ValidationError) -> InputError:
     if isinstance(cause, InputError):
         value, remedy = cause.value, cause.remedy
         location += [cause.field] if cause.field else []
-    if first["type"] == "missing":
-        value = None
+    if first["type"] == "missing" or value is None:
+        value = Missing()
     more = len(details) - 1
     return InputError(joined_path(location) or "file", value, remedy + (f" ({more} more to correct)" if more else ""))
 

@@ -13,6 +13,7 @@ Middle nodes of quadratic triangles are left out; sides are straight. Points tha
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from importlib import import_module
+from io import SEEK_END
 from pathlib import Path
 from typing import Any, Final
 
@@ -84,13 +85,15 @@ def read_mesh(path: str | Path) -> MeshParts:
 
 
 def _check_size(reader: str, path: Path) -> None:
-    """`InputError` if there is no file of that name, or one that is larger than any plane problem needs."""
+    """`InputError` if the file cannot be opened, or is larger than any plane problem needs."""
     try:
-        size = path.stat().st_size if path.is_file() else -1
-    except (OSError, ValueError):  # ValueError: a name no file can have
-        size = -1
-    if size < 0:
-        raise InputError("mesh", str(path), "there is no such file: correct its name or folder")
+        with path.open("rb") as stream:
+            size = stream.seek(0, SEEK_END)
+    except FileNotFoundError as error:
+        raise InputError("mesh", str(path), "there is no such file: correct its name or folder") from error
+    except (OSError, ValueError) as error:  # ValueError: a name no file can have
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError("mesh", str(path), f"cannot be read ({reason}): give the name of a mesh file") from error
     if reader == "med" and size <= LARGEST:
         size = _unfolded(path)
     if size > LARGEST:

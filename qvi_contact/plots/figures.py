@@ -68,7 +68,7 @@ def result_figure(result: ContactResult, units: Units | None = None) -> "Figure"
 
     """
     units = units or Units()
-    title = result.message if result.message.startswith(result.status) else f"{result.status}: {result.message}"
+    title = result.message
     if not result.has_state:
         figure = problem_figure(result.problem, units)
         advice = "" if result.status.advice in title else f" {result.status.advice}"
@@ -238,11 +238,11 @@ def _states(part: "SubFigure", result: ContactResult, units: Units, with_contact
     stress = result.gauss_stress()[2]
     sizes = np.abs(principal_stresses(stress)[:2]).max(axis=0)
     largest = principal_stress_map(panels[0], result, _usual(sizes), units, legend=True, crosses=_CROSSES)
-    panels[0].set_title(f"principal stresses, up to {largest:.4g} {units.stress}")
+    panels[0].set_title(f"principal stresses, up to {largest:.4g} {units.stress}\nat Gauss points")
     mises = von_mises(stress, cell_factors(result.problem)[:, None])
     usual = _usual(mises)
     stress_field(panels[1], result, "von_mises", units, (None, usual))
-    panels[1].set_title(f"von Mises stress, up to {mises.max():.4g} {units.stress}")
+    panels[1].set_title(f"von Mises stress, up to {mises.max():.4g} {units.stress}\nat Gauss points")
     if with_contacts:
         deformed_contact(panels[2], result, units=units)
         panels[2].set_title("contact lines, deformed")

@@ -3,12 +3,22 @@
 import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.conditions import CARTESIAN, LOCAL, Condition, Displacement, Traction, components
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.text import Text
+
+Spot: TypeAlias = tuple[FloatArray, dict[str, Any]]
+"""Where a text may stand [length], and how it is aligned there."""
+
+Written: TypeAlias = "tuple[Text, Sequence[Spot]]"
+"""A text at the first of the spots that it may have."""
 
 _WRAP: Final = 44  # characters in a line of the legend
 _NOISE: Final = 1e-12  # share of the largest value below which one is rounding
@@ -58,3 +68,20 @@ def value_range(name: str, values: FloatArray, unit: str) -> str:
 def wrapped(text: str) -> str:
     """The text in lines short enough for a legend."""
     return textwrap.fill(text, _WRAP, subsequent_indent="   ", break_on_hyphens=False)
+
+
+def spread(axes: "Axes", written: Sequence[Written]) -> None:
+    """Move each text to the first of its spots where it covers none of those before it; without one it stays."""
+    figure = axes.get_figure(root=True)
+    if figure is None or not written:
+        return
+    figure.draw_without_rendering()  # sizes are known once the layout is
+    taken: list[Any] = []
+    for text, spots in written:
+        for place, align in (*spots, spots[0]):
+            text.set_position(place.tolist())
+            text.set(**align)
+            box = text.get_window_extent()
+            if not any(box.overlaps(other) for other in taken):
+                break
+        taken.append(box)

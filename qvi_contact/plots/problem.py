@@ -8,7 +8,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
 from qvi_contact.basics.units import Units
-from qvi_contact.plots.labels import alignment, merged, value_range, wrapped
+from qvi_contact.plots.labels import Spot, Written, alignment, merged, spread, value_range, wrapped
 from qvi_contact.plots.style import (
     BLUE,
     GREEN,
@@ -55,6 +55,8 @@ _SIGNS: Final[dict[type, dict[str, str]]] = {
 
 _WORTH_A_NAME: Final = 0.4  # share of the longest side of a name above which the others are named too
 _NAMED: Final = 4  # sides of one name that are named at most
+_ALONG: Final = (0.5, 0.35, 0.65, 0.2, 0.8)  # shares of a side where its name may stand, the first one if there is room
+_ON_LINE: Final = (0.15, 0.5, 0.85)  # the same for lines inside the body
 _SLIM: Final = (0.8, 1.2)  # triangles of supports: one of equal sides would point three ways
 _ACROSS: Final = 0.7  # cosine of the angle to the normal below which a held component is a tangential one
 
@@ -101,6 +103,7 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
     axes.set_xlabel(f"x [{sketch.units.length}]")
     axes.set_ylabel(f"y [{sketch.units.length}]")
+    spread(axes, sketch.written)
 
 
 @dataclass
@@ -115,6 +118,8 @@ class _Sketch:
         What the legend shows, in the order of drawing.
     groups : mapping
         Edge sets of conditions that need no entry of their own, by what they have in common.
+    written : list
+        Names in the picture, each with other places that it may have.
 
     """
 
@@ -123,6 +128,7 @@ class _Sketch:
     units: Units
     entries: list[Any] = field(default_factory=list)
     groups: dict[str, list[str]] = field(default_factory=lambda: {"free": [], "symmetry": []})
+    written: list[Written] = field(default_factory=list)
 
     @property
     def length(self) -> float:
@@ -215,14 +221,17 @@ class _Sketch:
         for name in (name for name in ruled if name not in contacts):
             pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
             longest = max(run.length for run in pieces)
-            for spot in [run.at(0.5) for run in pieces if run.length > _WORTH_A_NAME * longest][:_NAMED]:
-                place = spot.points[0] - 0.015 * self.length * spot.normals[0]
-                self._write(name, place, alignment(-spot.normals[0]), GREY)
+            for run in [run for run in pieces if run.length > _WORTH_A_NAME * longest][:_NAMED]:
+                spots = [run.at(share) for share in _ALONG]
+                inside = [(at.points[0] - 0.015 * self.length * at.normals[0], -at.normals[0]) for at in spots]
+                outside = [(at.points[0] + 0.015 * self.length * at.normals[0], at.normals[0]) for at in spots]
+                rest = outside + inside[1:] if name in self.groups["free"] else inside[1:] + outside
+                self._write(name, [(place, alignment(way)) for place, way in inside[:1] + rest], GREY)
         for name in self.problem.mesh.joint_names:
             if name not in contacts:
                 pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
                 self._line(pieces, _HELD_TOGETHER)
-                self._write(name, max(pieces, key=lambda run: run.length).at(0.15).points[0], _CENTRED, GREY)
+                self._write(name, self._on_line(pieces), GREY)
                 self._entry(f"{name}: inner line without a contact", _HELD_TOGETHER)
 
     def legend(self) -> None:
@@ -346,23 +355,29 @@ class _Sketch:
 
     def _name(self, contact: Contact, pieces: Sequence[Run], joint: bool) -> None:
         """The contact's name: outside beside the obstacle, or on the line of a joint."""
-        run = max(pieces, key=lambda run: run.length)
         if joint:
-            place, align = run.at(0.15).points[0], _CENTRED
-        else:
-            middle = run.at(0.5)
-            outward, aside = middle.normals[0], np.zeros(2)
-            if contact.plate is not None:  # the middle belongs to the plate's force
-                aside = (run.at(0.2).points[0] - middle.points[0]) / (0.3 * run.length)
-            shift = max(0.3 * run.length, 0.05 * self.length)
-            place = middle.points[0] + shift * aside + (2.0 * _AWAY + 0.03) * self.length * outward
-            align = alignment(outward + aside)
-        self._write(contact.name, place, align, "black")
+            self._write(contact.name, self._on_line(pieces), "black")
+            return
+        run = max(pieces, key=lambda run: run.length)
+        middle = run.at(0.5)
+        outward, aside = middle.normals[0], np.zeros(2)
+        if contact.plate is not None:  # the middle belongs to the plate's force
+            aside = (run.at(0.2).points[0] - middle.points[0]) / (0.3 * run.length)
+        shift = max(0.3 * run.length, 0.05 * self.length)
+        place = middle.points[0] + shift * aside + (2.0 * _AWAY + 0.03) * self.length * outward
+        self._write(contact.name, [(place, alignment(outward + aside))], "black")
 
-    def _write(self, text: str, place: FloatArray, align: dict[str, Any], colour: str) -> None:
+    def _on_line(self, pieces: Sequence[Run]) -> list[Spot]:
+        """Where the name of a line inside the body may stand."""
+        run = max(pieces, key=lambda run: run.length)
+        return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]
+
+    def _write(self, text: str, spots: Sequence[Spot], colour: str) -> None:
+        """A name at the first of the spots; the others are taken where names would overlap."""
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.8}
         look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
-        self.axes.text(place[0], place[1], text, **look, **align)
+        place, align = spots[0]
+        self.written.append((self.axes.text(place[0], place[1], text, **look, **align), spots))
 
     def _law(self, contact: Contact, pieces: Sequence[Run]) -> Iterator[str]:
         """The contact's data, without those that do nothing."""

@@ -40,9 +40,8 @@ _ADVICE = {
     RefinementStatus.ROUNDS: "The rounds are used up: raise max_rounds, or accept the estimate.",
     RefinementStatus.THIN_CELLS: "The cells with the largest error are as thin as double precision, or `thinnest`, "
     "allows: accept the estimate.",
-    RefinementStatus.UNSOLVED: "A problem of the refinement was not solved: read its message, and take another method "
-    "or inner solver.",
-    RefinementStatus.TIME_LIMIT: "The time limit was reached: allow more time (time_limit=…), or accept the estimate "
+    RefinementStatus.UNSOLVED: "A problem of the refinement was not solved. Its message says what to do.",
+    RefinementStatus.TIME_LIMIT: "The time limit was reached: allow more time (time_limit), or accept the estimate "
     "of the last round.",
 }
 

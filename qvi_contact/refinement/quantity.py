@@ -54,7 +54,9 @@ class Measure:
         contact, _, force = quantity.rpartition(".")
         if force not in _FORCES or contact not in [known.name for known in problem.contacts]:
             names = [f"{known.name}.{kind}" for known in problem.contacts for kind in _FORCES]
-            raise InputError("quantity", quantity, f"give a function, or one of {', '.join(['energy', *names])}")
+            raise InputError(
+                "quantity", quantity, f"there is no such number; there are {', '.join(['energy', *names])}"
+            )
 
         def value(result: ContactResult) -> float:
             return float(getattr(result.contacts[contact], force))

@@ -51,8 +51,8 @@ _ADVICE = {
     Status.INFEASIBLE: "The load cannot be carried: reduce the tension or the sliding force, or add supports (or "
     "friction, if the body slides).",
     Status.INFEASIBLE_ON_MESH: "Stresses of this mesh cannot carry the load, but those of the body may: use smaller "
-    "cells at the ends of the contacts, or triangles of a higher degree (problem.triangulated(), degree=5). "
-    "limit_load_factor tells how much the mesh and the body carry.",
+    "cells at the ends of the contacts, or triangles of a higher degree (such as degree 5). A limit analysis "
+    "(limit_load_factor, or qvi-contact limit) tells how much the mesh and the body carry.",
     Status.INNER_INFEASIBLE: "The iteration ended at a friction bound under which no traction carries the load. There "
     "may be no solution: start from the result of a smaller load (initial=…), or reduce it.",
     Status.ILL_CONDITIONED: "The linear system is too ill-conditioned for double precision: use less grading, or "
@@ -61,7 +61,7 @@ _ADVICE = {
     Status.MAX_ITERATIONS: "The iteration limit was reached: raise max_iterations if the residuals were falling, else "
     "take method='fixed-point' or another inner solver.",
     Status.TIME_LIMIT: "The time limit was reached. The state, if there is one, is the best found until then: allow "
-    "more time (time_limit=…), or take fewer cells.",
+    "more time (time_limit), or take fewer cells.",
     Status.STALLED: "The iteration stopped making progress (close to a sliding limit there may be no solution): start "
     "from the result of a smaller load (initial=…), try memory=10 or damping=0.2, or a more accurate inner solver.",
     Status.CYCLING: "The iteration repeats itself (close to a sliding limit there may be no solution): in the fixed "

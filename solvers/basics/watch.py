@@ -96,5 +96,5 @@ def _seconds(value: object) -> float:
         with suppress(OverflowError):
             seconds = float(value)
     if not 0.0 < seconds < math.inf:
-        raise InputError("time_limit", value, "give a number of seconds above 0, or None")
+        raise InputError("time_limit", value, "give a number of seconds above 0")
     return seconds

@@ -10,11 +10,14 @@ from solvers.errors import SolverUnavailableError
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.dissection import SharedSubdomains, SubdomainTree
 from solvers.factorisation.levels import LEVELS
-from solvers.factorisation.registry import BACKENDS, chosen, factorise, resolve
+from solvers.factorisation.registry import BACKENDS, chosen, factorise, usable
 from solvers.factorisation.threads import limited_blas, thread_count
 
 SHARED: Final = "shared-subdomains"
-CHOICES: Final = ("auto", SHARED, LEVELS, *BACKENDS)
+OTHERS: Final = ("auto", SHARED, LEVELS)
+"""What is no back end."""
+
+CHOICES: Final = (*OTHERS, *BACKENDS)
 """What can be asked for."""
 
 Structure: TypeAlias = Callable[[IntVector], SubdomainTree | None]
@@ -44,10 +47,8 @@ class Request(NamedTuple):
 
         """
         canonical = str(name).lower()
-        if canonical not in CHOICES:
-            raise SolverUnavailableError("factorisation", name, f"choose one of {', '.join(CHOICES)}")
-        if canonical in BACKENDS:
-            resolve(canonical)
+        if canonical not in OTHERS:
+            usable("factorisation", canonical, OTHERS)
         if threads is None:
             return cls(canonical)
         return cls(canonical, whole_number("threads", threads, _MOST_THREADS))

@@ -1,6 +1,7 @@
 """Names of the back ends, the one taken by default, and `factorise`."""
 
 import os
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -86,13 +87,13 @@ def missing_backends() -> dict[str, str]:
 def set_default(name: str | None) -> None:
     """Choose the back end that "auto" means; None: by the environment variable, or the first available."""
     global _default
-    _default = None if name is None else _usable("backend", name)
+    _default = None if name is None else usable("backend", name)
 
 
 def resolve(backend: str = "auto") -> str:
     """Name of the back end that `backend` means; `SolverUnavailableError` if it cannot be used."""
     if backend != "auto":
-        return _usable("backend", backend)
+        return usable("backend", backend)
     return chosen() or next(name for name in BACKENDS if _module(name).version() is not None)
 
 
@@ -101,16 +102,23 @@ def chosen() -> str | None:
     if _default is not None:
         return _default
     name = os.environ.get(VARIABLE, "").strip().lower()
-    return None if name in ("", "auto") else _usable(VARIABLE, name)
+    return None if name in ("", "auto") else usable(VARIABLE, name)
 
 
-def _usable(field: str, name: str) -> str:
-    """The name if it is that of a back end that loads here."""
+def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
+    """The name if it is that of a back end that loads here; `others` are what `field` may name beside back ends.
+
+    Raises
+    ------
+    SolverUnavailableError
+        If it is not; about `field`.
+
+    """
     if name not in BACKENDS:
-        raise SolverUnavailableError(field, name, f"choose one of {', '.join(BACKENDS)}, or auto")
+        raise SolverUnavailableError(field, name, f"choose one of {', '.join((*others, *BACKENDS))}")
     if _module(name).version() is None:
         remedy = f"its library does not load ({_INSTALL.get(name, 'reinstall scipy')}); choose one of"
-        raise SolverUnavailableError(field, name, f"{remedy} {', '.join(available_backends())}")
+        raise SolverUnavailableError(field, name, f"{remedy} {', '.join((*others, *available_backends()))}")
     return name
 
 

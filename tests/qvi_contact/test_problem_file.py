@@ -271,6 +271,7 @@ def test_an_error_names_its_place_and_the_remedy(old, new, field, words):
     error = refusal(SMALL.replace(old, new))
     assert error.field == field
     assert words in error.remedy
+    assert "None" not in str(error)
 
 
 def test_the_rich_file_is_fine():

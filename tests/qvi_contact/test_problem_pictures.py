@@ -222,3 +222,20 @@ def test_the_name_of_a_short_punch_stands_clear_of_its_force(side):
 def test_rounding_in_functions_is_not_shown():
     assert value_range("σ_N", np.array([-8.0, 3e-16]), "MPa").replace("\xa0", " ") == "σ_N = −8 … 0 MPa"
     assert value_range("gap", np.array([2e-9, 3e-9]), "mm").replace("\xa0", " ") == "gap = 2e−09 … 3e−09 mm"
+
+
+def test_names_do_not_cover_each_other():
+    """A thin wedge whose sides are all named, with a tip too narrow for two names."""
+    corners = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 0.6), (0.0, 0.3)])
+    mesh = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    sides = {"lower side": (0, 1), "right side": (1, 2), "upper side": (2, 3), "left side": (3, 0)}
+    for name, ends in sides.items():
+        mesh = mesh.with_edges(name, [ends])
+    conditions = [Traction(name, x=0.0, y=0.0) for name in ("upper side", "left side", "right side")]
+    figure = problem_figure(
+        ContactProblem(mesh, Material(1e3, 0.3), [*conditions, Displacement("lower side", 0.0, 0.0)])
+    )
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
+    assert len(boxes) == 4
+    assert not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])

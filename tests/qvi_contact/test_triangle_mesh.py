@@ -388,6 +388,12 @@ class TestFiles:
         assert mesh.edge_sets["seam"].tolist() == [[0, 2]]
         assert mesh.regions["steel"].tolist() == [0]
 
+    def test_a_folder_is_not_called_missing(self, tmp_path):
+        pytest.importorskip("meshio")
+        (tmp_path / "a.msh").mkdir()
+        with pytest.raises(InputError, match="cannot be read"):
+            TriangleMesh.load(tmp_path / "a.msh")
+
     @pytest.mark.parametrize(
         ("name", "text", "told"),
         [

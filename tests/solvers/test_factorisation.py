@@ -21,6 +21,7 @@ from solvers.factorisation import (
 )
 from solvers.factorisation import cholmod as cholmod_backend
 from solvers.factorisation import pardiso as pardiso_backend
+from solvers.factorisation.choice import Request
 from solvers.factorisation.levels import LEVELS
 from solvers.factorisation.ordering import interface_last
 from solvers.factorisation.threads import limited_blas, thread_count
@@ -286,6 +287,9 @@ def test_unknown_and_missing_back_ends(monkeypatch):
     assert "cholmod" not in available_backends()
     with pytest.raises(SolverUnavailableError, match=r"pip install 'qvi-contact\[cvxopt\]'"):
         factorise(grid(), np.arange(2), "cholmod")
+    with pytest.raises(SolverUnavailableError, match=r"shared-subdomains, levels.*superlu") as refused:
+        Request.checked("cholmod", None)
+    assert refused.value.field == "factorisation"
     monkeypatch.setattr(pardiso_backend, "version", lambda: None)
     assert resolve() == "superlu"
 

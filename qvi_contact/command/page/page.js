@@ -74,8 +74,8 @@
         colours = high > -low ? field.colours.cividis : field.colours.cividis_r;
       }
       find("ramp").style.background = `linear-gradient(to right, ${colours.map((colour) => `rgb(${colour})`).join()})`;
-      find("low").textContent = `${least < low ? "≤ " : ""}${show(low)}`;
-      find("high").textContent = `${most > high ? "≥ " : ""}${show(high)} ${unitOf}`;
+      find("low").textContent = `${show(low)}${least < low ? `, down to ${show(least)}` : ""}`;
+      find("high").textContent = `${show(high)}${most > high ? `, up to ${show(most)}` : ""} ${unitOf}`;
     };
 
     const fit = () => { // the whole body in the middle
