@@ -20,7 +20,10 @@ _NEEDED: Final = {"markdown-it-py": "markdown_it", "pandas": "pandas"}
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.pass_context
 def group(context: click.Context) -> None:
-    """Experiments that compare methods, solvers and published numbers."""
+    """Experiments that compare methods, solvers and published numbers.
+
+    Each command runs one experiment and writes a report: Markdown, pictures, and one HTML page.
+    """
     if context.invoked_subcommand not in (export.name, import_file.name):
         _check_installed()
 

@@ -7,16 +7,49 @@ import click
 from comparisons.lab.options import ListCommand, folder_option
 
 
-@click.command(cls=ListCommand)
-@click.option("--cells", type=int, multiple=True, default=(64, 128, 256, 512), help="Cells a side.", show_default=True)
-@click.option("--friction", type=float, multiple=True, default=(0.1, 0.2, 0.5), help="μ.", show_default=True)
+@click.command(cls=ListCommand, short_help="Time of a whole solve beside that of one factorisation.")
+@click.option(
+    "--cells",
+    type=int,
+    multiple=True,
+    default=(64, 128, 256, 512),
+    help="Cells along a side; may take several numbers.",
+    show_default=True,
+)
+@click.option(
+    "--friction",
+    type=float,
+    multiple=True,
+    default=(0.1, 0.2, 0.5),
+    help="Coefficients of friction; may take several numbers.",
+    show_default=True,
+)
 @click.option("--threads", type=int, default=1, help="Threads of the libraries.", show_default=True)
-@click.option("--repeat", type=int, help="Repetitions.  [default: 5 to 128² cells, 3 to 512²; 20 on graded meshes]")
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
-@click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder of the report and its JSON.")
-@click.option("--no-naive", is_flag=True, help="Without the loops: naive ones, on condensed QPs, Uzawa.")
-@click.option("--factorisation", metavar="NAME", default="auto", help="The only one to measure.", show_default=True)
-@click.option("--limit", type=float, default=120.0, help="Seconds after which a loop is given up.", show_default=True)
+@click.option(
+    "--repeat", type=int, help="Repetitions of each run.  [default: 5 to 128² cells, 3 to 512²; 20 on graded meshes]"
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
+@click.option(
+    "--out",
+    metavar="FOLDER",
+    callback=folder_option,
+    help="Folder for the report and its JSON document.  [default: none is written]",
+)
+@click.option(
+    "--no-naive",
+    is_flag=True,
+    help="Leave out the other methods: the plain loop, the loop of condensed QPs, and Uzawa's.",
+)
+@click.option(
+    "--factorisation",
+    metavar="NAME",
+    default="auto",
+    help="Factorisation to measure, see: qvi-contact methods",
+    show_default=True,
+)
+@click.option(
+    "--limit", type=float, default=120.0, help="Seconds after which another method is stopped.", show_default=True
+)
 def benchmark(
     cells: tuple[int, ...],
     friction: tuple[float, ...],
@@ -28,11 +61,11 @@ def benchmark(
     factorisation: str,
     limit: float,
 ) -> None:
-    """Whole Coulomb solves beside one factorisation of the same matrix, and beside naive loops.
+    """Compare a whole solve with Coulomb friction with one factorisation of the same matrix.
 
-    Measures the compressed plate on n × n equal cells and on graded ones: times, iterations, peak memory, growth,
-    accuracy. Each figure is a median of this run, taken in a process of its own with its threads limited; solves that
-    fail are rows with their status.
+    The problem is the paper's compressed plate, on n × n equal cells and on graded ones. Measured are time, iterations,
+    peak memory and accuracy, and how they grow with n. Each time is a median, measured in a process of its own with a
+    fixed number of threads. A solve that fails is listed with its status.
 
     \b
     Examples:

@@ -26,24 +26,23 @@ SCHEMA: Final = "qvi-contact/convergence/1"
 _FOLDER: Final = "results/convergence"
 
 
-@click.command(cls=Command)
+@click.command(cls=Command, short_help="How answers converge with the mesh and with iterations.")
 @click.argument("names", metavar="[STUDY]...", nargs=-1, type=click.Choice(NAMES))
 @study_options(_FOLDER, timeout=600.0, folder=True)
-@click.option("--quick", is_flag=True, help="Few and small cases, in files of their own.")
+@click.option("--quick", is_flag=True, help="Few and small cases, kept in other files.")
 @click.option("--out", metavar="FOLDER", default=_FOLDER, callback=folder_option, show_default=True,
-              help="Folder of the reports.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
+              help="Folder for the reports.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
 def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path, as_json: bool) -> None:
-    """How fast answers get better: with the mesh, and with the iterations.
+    """Measure how answers converge, with the mesh and with the iterations.
 
     \b
-    mesh   forces, energy, tractions and the ends of stick zones on uniform, graded and adaptive meshes, against exact
-           values, bounds, and values other codes settle on; observed orders beside the expected ones
-    outer  the loop over the friction bound: plain, damped, Anderson, and the direct method, against μ
-    uzawa  the paper's iteration: its stable steps, and how many iterations it needs, beside convex subproblems
+    mesh   errors of forces, energy, tractions and stick zones on uniform, graded and adaptive meshes
+    outer  iterations over the friction bound against μ: plain, damped, Anderson's, and the condensed method
+    uzawa  the paper's iteration: which steps are stable, and how many iterations it needs
 
-    Without STUDY all three. Finished cases are kept in --store, so that an interrupted run goes on where it stopped and
-    a report is made again without computing anything. --workers 2 makes it about twice as fast.
+    Without STUDY all three are run. Finished cases are kept in --store. An interrupted run goes on where it stopped,
+    and a report can be written again without computing anything. Two workers take about half the time.
 
     \b
     Examples:

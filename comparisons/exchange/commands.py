@@ -23,20 +23,20 @@ def export() -> None:
     """Write problems in formats of other programs.
 
     \b
-    qpbenchmark  quadratic programs with a friction bound that is given, as a test set
+    qpbenchmark  quadratic programs with the friction bound fixed, as a test set
     fclib        the condensed friction problem (W, q, μ), for Siconos and other contact codes
-    npz          the algebraic problem as it is, as a NumPy archive
+    npz          the whole algebraic problem as a NumPy archive
     """  # noqa: D301
 
 
-@export.command()
+@export.command(short_help="Quadratic programs as a test set of qpbenchmark.")
 @click.argument("folder", metavar="FOLDER")
 @click.argument("problems", metavar="[PROBLEM]...", nargs=-1)
 def qpbenchmark(folder: str, problems: tuple[str, ...]) -> None:
-    """Write a test set that qpbenchmark runs, of problem files or (without any) of standard ones.
+    """Write a test set that qpbenchmark runs, from problem files or, without any, from standard problems.
 
-    Each contact problem gives its quadratic programs in all unknowns and condensed on the contact, for the friction
-    bound of its solution and for that of a body that does not slip.
+    Each contact problem gives four quadratic programs: in all unknowns and condensed on the contact, with the friction
+    bound of its solution and with that of a body that does not slip.
 
     \b
     Example:
@@ -63,17 +63,21 @@ def qpbenchmark(folder: str, problems: tuple[str, ...]) -> None:
         click.echo(f"  qpbenchmark {target / name} --results-path {target / Path(name).with_suffix('.csv')} run")
 
 
-@export.command()
+@export.command(short_help="The condensed friction problem and its solution.")
 @_PROBLEM
 @_FILE
-@click.option("--penalty", type=float, help="Write W, q, μ only: springs this much stiffer instead of equations.")
+@click.option(
+    "--penalty",
+    type=float,
+    help="Write W, q and μ only: replace equations by springs that are this many times stiffer.",
+)
 def fclib(problem: str, file: str, penalty: float | None) -> int:
     """Solve PROBLEM and write its condensed friction problem and solution to FILE (.hdf5) in FCLIB's layout.
 
-    Forces and displacements are those at the contact points, dimensionless; the file says the units. Where the points
-    outnumber the degrees of freedom of the tractions the problem has equations (FCLIB's V, R and s). Siconos passes
-    over those: for it give --penalty 1e6 or so, which replaces them up to an error of one over that. The exit status
-    is 1, and there is no solution in the file, if the problem is not solved.
+    Forces and displacements at the contact points are dimensionless. The file says what their units are. Where there
+    are more points than degrees of freedom of the tractions, the problem has equations (FCLIB's V, R and s). Siconos
+    ignores them: for Siconos give --penalty 1e6, which replaces them with an error of about 1e-6. If the problem is not
+    solved, the file holds no solution and the exit status is 1.
 
     \b
     Example:
@@ -95,13 +99,13 @@ def fclib(problem: str, file: str, penalty: float | None) -> int:
     return _written(file, result)
 
 
-@export.command()
+@export.command(short_help="The algebraic problem and its solution.")
 @_PROBLEM
 @_FILE
 def npz(problem: str, file: str) -> int:
     """Solve PROBLEM and write its algebraic problem and solution to FILE (.npz).
 
-    The exit status is 1, and the solution in the file says why, if the problem is not solved.
+    If the problem is not solved, the solution in the file says why and the exit status is 1.
 
     \b
     Example:
@@ -115,17 +119,18 @@ def npz(problem: str, file: str) -> int:
     return _written(file, result)
 
 
-@click.command("import", cls=Command)
+@click.command("import", cls=Command, short_help="Solve a problem in another program's format.")
 @_FILE
 @click.option("--method", help="Outer method, see: qvi-contact methods")
 @click.option("--inner", help="Inner solver of the fixed point, see: qvi-contact methods")
 @click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output, nothing else.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 def import_file(file: str, method: str | None, inner: str | None, tolerance: float | None, as_json: bool) -> int:
-    """Solve FILE, an archive of "export npz" or any plane FCLIB problem, and judge the solutions in it.
+    """Solve the problem in FILE, and check the solutions that FILE holds.
 
-    Prints status, certificate and Siconos' error, in the file's units and with dimensionless u and r. The exit status
-    is 0 if it is solved, 1 if not, 2 if the file is wrong.
+    FILE is an archive of "export npz" or a plane FCLIB problem. The output has the status, the certificate, and
+    Siconos' error in the file's units and in dimensionless numbers. The exit status is 0 if the problem is solved, 1 if
+    not, and 2 if the file is wrong.
 
     \b
     Example:

@@ -9,19 +9,19 @@ from comparisons.lab.options import folder_option
 from qvi_contact.basics.terminal import Command
 
 
-@click.command(cls=Command)
+@click.command(cls=Command, short_help="The paper's Table 1 and Figures 2-5, and the solution.")
 @click.option(
     "--out",
     metavar="FOLDER",
     callback=folder_option,
     help="Folder for the report, its pictures, and tables as CSV.  [default: results/paper]",
 )
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
 def paper(out: Path | None, as_json: bool) -> None:
-    """Więckowski's plate: Table 1 and Figures 2-5 beside the converged solution.
+    """Recompute Table 1 and Figures 2-5 of Więckowski (1992), and compare them with the converged solution.
 
-    Runs the paper's Uzawa iteration for its 30 iterations and to convergence, the fixed point with quadratic and with
-    second-order cone programs, and every installed back end on the same seven problems. With --json files are
+    The seven problems are solved by the paper's Uzawa iteration, for its 30 iterations and to convergence, by the fixed
+    point with quadratic and with second-order cone programs, and by every installed solver. With --json files are
     written only if --out is given.
     """
     from comparisons.lab.report import show

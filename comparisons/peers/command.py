@@ -12,18 +12,25 @@ from comparisons.peers import LEVELS
 _FOLDER = "results/peers"
 
 
-@click.command(cls=ListCommand)
+@click.command(cls=ListCommand, short_help="Accuracy and cost beside displacement codes.")
 @study_options(f"{_FOLDER}/peers.sqlite", timeout=300.0)
-@click.option("--friction", type=float, multiple=True, default=(0.2, 0.05, 1.0), help="μ.", show_default=True)
+@click.option(
+    "--friction",
+    type=float,
+    multiple=True,
+    default=(0.2, 0.05, 1.0),
+    help="Coefficients of friction; may take several numbers.",
+    show_default=True,
+)
 @click.option("--cells", type=int, multiple=True, default=(8, 16, 32), show_default=True,
-              help="Cells a side of meshes that are counted so.")  # fmt: skip
+              help="Cells along a side of equal and of corner-graded meshes; may take several numbers.")  # fmt: skip
 @click.option("--levels", type=int, default=LEVELS, show_default=True,
-              help="How many meshes graded to corner and transition.")  # fmt: skip
-@click.option("--repeat", type=int, default=5, help="Most repetitions, within 5 s.", show_default=True)
-@click.option("--getfem", metavar="PYTHON", help="Another Python, in which GetFEM is installed.")
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
+              help="Number of meshes graded to the corner and to the end of the stick zone.")  # fmt: skip
+@click.option("--repeat", type=int, default=5, help="Largest number of repetitions within 5 s.", show_default=True)
+@click.option("--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
 @click.option("--out", metavar="FOLDER", default=_FOLDER, callback=folder_option, show_default=True,
-              help="Folder of the report.")  # fmt: skip
+              help="Folder for the report.")  # fmt: skip
 def peers(
     options: RunOptions,
     friction: tuple[float, ...],
@@ -34,14 +41,16 @@ def peers(
     as_json: bool,
     out: Path,
 ) -> None:
-    """The compressed plate by displacement codes beside this package: accuracy for its cost.
+    """Compare the force of the compressed plate with that of displacement codes, for its cost.
 
-    NGSolve (Nitsche's method, degrees 2 to 6) and GetFEM (its contact brick, degrees 2 to 4), each where it is
-    installed, this package on rectangles and on triangles of degree 3 to 6, its displacement companion, and what stress
-    and displacement together say: guaranteed bounds of the force. On equal cells, graded to the free corner, and graded
-    to the corner and to the place where stick ends and slip begins: force, unknowns, time, memory. Each case has a
-    process of its own and one thread. A code that is not installed is a line that says how to get it. On a cluster the
-    environment variable PYTHON_WITH_GETFEM of each worker names its Python for GetFEM.
+    The codes are NGSolve (Nitsche's method, degrees 2 to 6), GetFEM (its contact brick, degrees 2 to 4), and this
+    package on rectangles, on triangles of degree 3 to 6, and with its displacement model. Stresses and displacements
+    together also bound the force.
+
+    The meshes have equal cells, cells graded to the free corner, and cells graded to the corner and to the end of the
+    stick zone. Measured are force, unknowns, time and memory. Each case runs in a process of its own, on one thread.
+    For a code that is not installed the report says how to get it. On a cluster the environment variable
+    PYTHON_WITH_GETFEM of each worker names its Python for GetFEM.
 
     \b
     Examples:

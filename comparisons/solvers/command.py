@@ -16,20 +16,22 @@ STORE = "results/solvers/solvers.sqlite"
 QUICK_STORE = "results/solvers/solvers-quick.sqlite"
 
 
-@click.command(cls=ListCommand)
+@click.command(cls=ListCommand, short_help="Solvers of quadratic and conic programs compared.")
 @study_options(STORE, timeout=30.0, memory=4096)
-@click.option("--quick", is_flag=True, help=f"Few problems, a minute or two; its own store, {QUICK_STORE}.")
-@click.option("--only", "only", multiple=True, metavar="NAME…", help="These solvers alone, in a --store of their own.")
+@click.option("--quick", is_flag=True, help=f"Few problems, a minute or two, kept in {QUICK_STORE}.")
+@click.option("--only", "only", multiple=True, metavar="NAME…", help="Only these solvers; give another --store too.")
 @click.option("--out", metavar="FOLDER", default="results/solvers", show_default=True, callback=folder_option,
-              help="Folder of the report.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
+              help="Folder for the report.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
 def solvers(options: RunOptions, quick: bool, only: tuple[str, ...], out: Path, as_json: bool) -> None:
-    """Solvers of quadratic and conic programs compared on frictional contact, judged by the package's certificate.
+    """Compare solvers of quadratic and conic programs on frictional contact, judged by the package's certificate.
 
-    Inner problems, sequences of them cold and warm, and whole outer loops, in all unknowns and condensed, at three
-    levels of accuracy, on well and badly conditioned meshes, open and sticking contact, redundant rows and problems
-    without a solution. An interrupted study goes on where it stopped; the report is made of the stored rows. One
-    worker gives the best times: several disturb each other.
+    The tasks are single inner problems, sequences of them with cold and warm starts, and whole outer loops, in all
+    unknowns and condensed, at three accuracies. The meshes are well and badly conditioned. Contacts open or stick, some
+    problems have redundant rows, and some have no solution.
+
+    An interrupted study goes on where it stopped. The report is made from the stored rows. Use one worker where times
+    matter: several workers slow each other down.
 
     \b
     Examples:

@@ -14,21 +14,21 @@ STORE = "results/wild/wild.sqlite"
 QUICK_STORE = "results/wild/wild-quick.sqlite"
 
 
-@click.command(cls=ListCommand)
+@click.command(cls=ListCommand, short_help="Generated problems: what becomes of each.")
 @study_options(STORE, timeout=120.0, memory=4096)
-@click.option("--quick", is_flag=True, help=f"Five problems of each family; its own store, {QUICK_STORE}.")
+@click.option("--quick", is_flag=True, help=f"Five problems of each family, kept in {QUICK_STORE}.")
 @click.option("--each", type=click.IntRange(1), metavar="NUMBER", help="Problems of each family.  [default: 250]")
-@click.option("--only", multiple=True, metavar="FAMILY…", help="These families alone, in a --store of their own.")
+@click.option("--only", multiple=True, metavar="FAMILY…", help="Only these families; give another --store too.")
 @click.option("--out", metavar="FOLDER", default="results/wild", show_default=True, callback=folder_option,
-              help="Folder of the report.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="One JSON document on standard output instead of the tables.")
+              help="Folder for the report.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
 def wild(options: RunOptions, quick: bool, each: int | None, only: tuple[str, ...], out: Path, as_json: bool) -> int:
-    """Problems as wild as users may make them, made by a generator: what becomes of each.
+    """Solve generated problems as unusual as users may state them, and check what becomes of each.
 
-    Thin bodies, odd units, much friction, masks and joints of every kind, gaps far away, every contact law, plates with
-    moments, no load at all, nonsense. Answers that are called solved are judged once more from their stresses and the
-    data alone. The exit status is 1 if one of them is wrong, an exception is not the package's own, or nonsense is
-    accepted.
+    They have thin bodies, odd units, large friction, bodies with cells left out, joints, distant gaps, every contact
+    law, plates with moments, no load at all, or contradictory data. Every answer that is called solved is checked again
+    from its stresses and the data alone. The exit status is 1 if such an answer is wrong, if an exception is not one of
+    the package's own, or if contradictory data are accepted.
 
     \b
     Examples:

@@ -11,7 +11,7 @@ import click
 from comparisons.lab.study.declaration import Study
 from comparisons.lab.study.runner import StudyRun, run_study
 
-_KEPT = "Where the rows are kept."
+_KEPT = "File that keeps the rows."
 
 
 @dataclass(frozen=True)
@@ -47,14 +47,24 @@ def study_options(
     The command's first argument is that object; its own options follow as always. With `folder` the store is a folder,
     for a command that runs several studies and gives each a file in it, see `RunOptions.inside`.
     """
-    metavar, kept = ("FOLDER", "Where the rows are kept, a file for each study.") if folder else ("FILE", _KEPT)
+    metavar, kept = ("FOLDER", "Folder that keeps the rows, in a file for each study.") if folder else ("FILE", _KEPT)
     options = (
         click.option("--store", default=store, metavar=metavar, show_default=True, help=kept),
-        click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes here."),
-        click.option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster to run on instead."),
+        click.option(
+            "--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes on this machine."
+        ),
+        click.option("--dask", metavar="ADDRESS", help="Run on a Dask cluster instead: address of its scheduler."),
         click.option("--timeout", type=float, default=timeout, show_default=True, help="Seconds a case may take."),
-        click.option("--memory", type=int, default=memory, show_default=True, help="MiB a case may take."),
-        click.option("--threads", type=click.IntRange(1), default=1, show_default=True, help="Threads of a worker."),
+        click.option(
+            "--memory",
+            type=int,
+            default=memory,
+            show_default=True,
+            help="Memory in MiB that a case may take.  [default: no limit]"
+            if memory is None
+            else "Memory in MiB that a case may take.",
+        ),
+        click.option("--threads", type=click.IntRange(1), default=1, show_default=True, help="Threads of each worker."),
     )
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
