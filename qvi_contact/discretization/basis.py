@@ -210,6 +210,8 @@ class Basis(Protocol):
         Size of the smallest cell, dimensionless.
     centres : (c,) int array
         Vertices with affine functions from which degrees of freedom count; none where these are those of Φ.
+    cuts : (c,) int array
+        Vertices along the lines across which Φ may jump, around holes, line by line; none where it cannot.
     normal_degree, shear_degree : int
         Degrees of σ_N and σ_T on an edge (without φ).
     shear_at_vertices : bool
@@ -240,6 +242,8 @@ class Basis(Protocol):
     def smallest(self) -> float: ...  # noqa: D102
     @property
     def centres(self) -> IntArray: ...  # noqa: D102
+    @property
+    def cuts(self) -> IntArray: ...  # noqa: D102
     @property
     def normal_degree(self) -> int: ...  # noqa: D102
     @property
@@ -332,7 +336,14 @@ class Basis(Protocol):
         ...
 
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
-        """Φ at such points, shape (k, q)."""
+        """Φ at such points, shape (k, q); where it jumps, one of its values."""
+        ...
+
+    def jumps(self, u: FloatArray) -> FloatArray:
+        """By how much Φ of u (N,) and its slopes jump across each of the lines `cuts`, where it begins, shape (k, 3).
+
+        The jumps of the slopes are the resultant force on the hole, turned.
+        """
         ...
 
     def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:

@@ -18,7 +18,7 @@ from qvi_contact.discretization.basis import Basis, Energy, RowKind, SharedCorne
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
 from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined, laws_vary
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
-from qvi_contact.discretization.families import ElementName, basis_for, with_element
+from qvi_contact.discretization.families import FORCES_ON_HOLES, ElementName, basis_for, element_on, with_element
 from qvi_contact.discretization.loads import (
     frictionless_corners,
     prescribed_tractions,
@@ -276,8 +276,9 @@ def _discretized(
             "tractions and body forces on a closed part of the boundary are out of balance by this force "
             "(or moment over the body's length): correct the loads, or support the body by a Displacement or Contact"
         )
-        if problem.mesh.hole_edges.any():
-            remedy += "; the loads on a hole, with the weight of what would fill it, must balance by themselves"
+        if problem.mesh.hole_edges.any() and element_on(problem.mesh) == "bfs":
+            remedy += "; on rectangles the loads on a hole, with the weight of what would fill it, must balance by "
+            remedy += f"themselves: {FORCES_ON_HOLES}"
         raise InputError("ContactProblem.conditions", imbalance, remedy) from error
     if before is not None:
         elimination = elimination.sharing(before.elimination)

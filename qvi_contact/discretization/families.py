@@ -22,6 +22,9 @@ DEFAULT_ELEMENT: Final[ElementName] = "hct"
 LONGEST_RECTANGLE: Final = 500.0
 """Ratio of sides above which rectangles are not cut by default: triangles may be twice as long, at most."""
 
+FORCES_ON_HOLES: Final = "take element 'hct', on which holes carry forces"
+"""What to do where the Airy function would have several values around a hole."""
+
 DEFAULT_DEGREE: Final = 4
 """Degree on triangles where none is given."""
 
@@ -63,6 +66,8 @@ def with_element(problem: ContactProblem, element: ElementName | None = None) ->
     if element == "bfs" and not rectangles:
         remedy = "the Bogner-Fox-Schmit element needs rectangles, and this is a mesh of triangles: leave this out"
         raise InputError("element", element, remedy)
+    if element == "bfs":
+        problem.refuse_supported_holes(f"on rectangles only tractions act on holes; {FORCES_ON_HOLES}")
     return problem.triangulated() if element == "hct" and rectangles else problem
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from qvi_contact.companion import CompanionResult
 
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
+_SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
 _MOST_SUBDIVISIONS: Final = 100  # of a cell: ten thousand quadrilaterals
 _NOT_STORED: Final = ("name", "ends", "pore_pressure", "rounding")  # of contacts, or not always
 
@@ -154,7 +155,8 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
     * ``problem``: the text of a problem file; empty if functions are Python's, which no file can hold, and
       ``problem_missing`` then says which. Such a file has all fields, but cannot be checked;
     * ``degree`` and ``contact_rows`` ("gauss" or "bernstein") of the element; ``centres``: vertices with affine
-      functions from which ``z`` counts, where small cells lie in several places;
+      functions from which ``z`` counts, where small cells lie in several places; ``cuts``: vertices along lines from
+      holes across which the Airy function of ``z`` jumps, line by line;
     * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``, ``reach``: obstacles
       farther than so many units of displacement count as that far; ``freed``: nodes whose prescribed shear is given
       up; ``earlier_slip``: of load steps before this one, at all contact points;
@@ -209,10 +211,11 @@ def write_vtu(
     Notes
     -----
     Point data: "stress" with the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors (zz = ν(xx + yy) in plane
-    strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function; with a
-    bracket "displacement", x, y, 0, of its displacement elements. Cell data: "material", 0 for the body's own and then
-    the number of the region, "cell", the number of the mesh's cell; with a bracket "energy gap", what the whole cell
-    adds to the gap between the bounds of the energy.
+    strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function (left out
+    where a hole carries a force, as it has several values around it); with a bracket "displacement", x, y, 0, of its
+    displacement elements. Cell data: "material", 0 for the body's own and then the number of the region, "cell", the
+    number of the mesh's cell; with a bracket "energy gap", what the whole cell adds to the gap between the bounds of
+    the energy.
 
     """
     check_vtu(path)
@@ -472,9 +475,10 @@ def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[Flo
     chunks = [np.arange(count)[start : start + _CHUNK] for start in range(0, count, _CHUNK)]
     coefficients = known.energy.coefficients(result.dofs)
     places = np.concatenate([known.space.points(cells, t) for cells in chunks]).reshape(-1, 2)
-    airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks]).ravel() * known.scales.airy
     stress = np.concatenate([stress_in_cells(known, coefficients, cells, t)[1] for cells in chunks]).reshape(-1, 3)
     stress *= known.scales.stress
     found = stress_fields(stress, np.repeat(cell_factors(result.problem), len(t)), units)
-    found[named("Airy function", "moment", units)] = airy
+    if np.abs(known.space.jumps(result.dofs)).max(initial=0.0) <= _SINGLE_VALUED:
+        airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks])
+        found[named("Airy function", "moment", units)] = airy.ravel() * known.scales.airy
     return np.column_stack(physical(result.problem, known.scales, places)), found

@@ -34,6 +34,7 @@ def solution_arrays(result: ContactResult, units: Units | None = None, title: st
         "degree": known.space.degree,
         "contact_rows": known.space.contact_rule.kind,
         "centres": known.space.centres,
+        "cuts": known.space.cuts,
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
@@ -150,9 +151,10 @@ def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
 
 
 def _check_centres(archive: Archive, fresh: Discretization) -> None:
-    """That unknowns count from where they do here; files without the entry have those of Φ itself."""
-    centres = archive.integers("centres") if "centres" in archive.arrays else np.empty(0, dtype=np.int64)
-    if not np.array_equal(centres, fresh.space.centres):
+    """That unknowns count from where they do here; files without the entries have those of Φ itself, of one value."""
+    none, space = np.empty(0, dtype=np.int64), fresh.space
+    stored = {name: archive.integers(name) if name in archive.arrays else none for name in ("centres", "cuts")}
+    if not np.array_equal(stored["centres"], space.centres) or not np.array_equal(stored["cuts"], space.cuts):
         remedy = (
             "entry 'z' counts from other vertices of this mesh than it does here: solve the problem anew, or "
             "take the version of qvi-contact that wrote the file"

@@ -105,7 +105,6 @@ class ContactProblem(Stated):
                 raise InputError("Contact.name", name, "give each contact a name of its own")
         _check_joints(self)
         _check_complete(self)
-        _check_holes(self)
         _ = self.cell_materials  # refuses regions off the grid lines
         _check_pressure(self)
 
@@ -213,6 +212,20 @@ class ContactProblem(Stated):
     def _rules(self) -> tuple[IntArray, IntArray]:
         """`owners`, and the frame in which each boundary edge is ruled (edges,)."""
         return _ruled(self)
+
+    def refuse_supported_holes(self, remedy: str) -> None:
+        """`InputError` with this remedy if an edge of a hole has another condition than a traction.
+
+        Such holes may carry forces, around which the Airy function has several values.
+        """
+        owners, frame = self._rules
+        loads = np.array([isinstance(condition, Traction) for condition in self.conditions])
+        held = self.mesh.hole_edges & ~loads[owners]
+        if held.any():
+            component, edge = (int(number) for number in np.argwhere(held)[0])
+            remedy = f"bounds a hole and is not a Traction: {remedy}"
+            name = _sets_of(self.mesh, edge)[-1]
+            _raise_on_edge(self.mesh, name, component, edge, remedy, frame[edge] == _LOCAL_FRAME)
 
     def refined(self, largest: float, smallest: float | None = None, ratio: float = 0.5) -> ContactProblem:
         """The same problem on a finer mesh, graded towards re-entrant corners and the ends of all contacts.
@@ -408,20 +421,6 @@ def _check_complete(problem: ContactProblem) -> None:
 def _sets_of(mesh: Mesh, edge: int) -> list[str]:
     """Names of the edge sets that hold an edge of the boundary."""
     return [name for name in mesh.edge_names if edge in mesh.edge_set(name)] or ["an edge without a name"]
-
-
-def _check_holes(problem: ContactProblem) -> None:
-    """A hole whose boundary is not free of supports may carry a force, which a single-valued Airy function cannot."""
-    mesh = problem.mesh
-    if not mesh.hole_edges.any():
-        return
-    owners, frame = problem._rules
-    loads = np.array([isinstance(condition, Traction) for condition in problem.conditions])
-    held = mesh.hole_edges & ~loads[owners]
-    if held.any():
-        component, edge = (int(number) for number in np.argwhere(held)[0])
-        remedy = "bounds a hole and is not a Traction; supports and contacts on holes are not supported, only tractions"
-        _raise_on_edge(mesh, _sets_of(mesh, edge)[-1], component, edge, remedy, frame[edge] == _LOCAL_FRAME)
 
 
 def _check_pressure(problem: ContactProblem) -> None:

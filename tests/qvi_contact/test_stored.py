@@ -88,12 +88,12 @@ def entries(path):
 
 
 NAMES = (
-    "active", "airy", "centres", "certificate", "contact_rows", "corrections", "degree", "digest", "earlier_slip",
-    "energies", "equality_multiplier", "factorisation", "form", "format", "format_version", "freed", "gauss_stress",
-    "gauss_x", "gauss_y", "history", "history_status", "inner", "iterations", "loaded", "material", "message", "method",
-    "normal_multiplier", "plate.motion", "problem", "problem_missing", "reach", "remarks", "scales", "status", "strict",
-    "tangential_multiplier", "threshold", "timings", "tolerance", "traction_misfit", "versions", "x_lines", "y_lines",
-    "z",
+    "active", "airy", "centres", "certificate", "contact_rows", "corrections", "cuts", "degree", "digest",
+    "earlier_slip", "energies", "equality_multiplier", "factorisation", "form", "format", "format_version", "freed",
+    "gauss_stress", "gauss_x", "gauss_y", "history", "history_status", "inner", "iterations", "loaded", "material",
+    "message", "method", "normal_multiplier", "plate.motion", "problem", "problem_missing", "reach", "remarks",
+    "scales", "status", "strict", "tangential_multiplier", "threshold", "timings", "tolerance", "traction_misfit",
+    "versions", "x_lines", "y_lines", "z",
 )  # fmt: skip
 FIELDS = (
     "x", "y", "weights", "friction", "friction_bound", "normal_stress", "tangential_stress", "gap", "slip", "state",

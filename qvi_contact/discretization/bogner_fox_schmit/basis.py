@@ -75,6 +75,11 @@ class BognerFoxSchmit:
         return np.empty(0, dtype=np.int64)
 
     @property
+    def cuts(self) -> IntArray:
+        """None: Φ has one value everywhere."""
+        return np.empty(0, dtype=np.int64)
+
+    @property
     def contact_rule(self) -> ContactRule:
         """Tractions at four Gauss points an edge, as the paper's."""
         return ContactRule.gauss(GAUSS_COUNT)
@@ -167,6 +172,10 @@ class BognerFoxSchmit:
         t, w = gauss_legendre(degree // 2 + 1)
         points = np.column_stack([np.tile(t, len(t)), np.repeat(t, len(t))])
         return points, np.asarray(np.tile(w, len(w)) * np.repeat(w, len(w)))
+
+    def jumps(self, u: FloatArray) -> FloatArray:  # noqa: ARG002  # see `Basis`
+        """None: Φ has one value everywhere."""
+        return np.empty((0, 3))
 
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """Φ at reference points of cells, see `Basis`."""

@@ -88,6 +88,11 @@ class TriangleBasis:
         found = self.space.frames
         return found.centres if found.several else found.centres[:0]
 
+    @property
+    def cuts(self) -> IntArray:
+        """Vertices along the cuts."""
+        return self.space.cuts.vertices
+
     @cached_property
     def cell_sizes(self) -> FloatArray:
         """Areas of the triangles, dimensionless."""
@@ -195,6 +200,11 @@ class TriangleBasis:
     def cell_rule(self, degree: int) -> tuple[FloatArray, FloatArray]:
         """Points in the three parts of a triangle, see `Basis`."""
         return split_points(degree)
+
+    def jumps(self, u: FloatArray) -> FloatArray:
+        """By how much Φ and its slopes jump where each cut begins, shape (k, 3)."""
+        start = self.space.cuts.start
+        return np.asarray((self.space.units * u)[start:].reshape(-1, 3))
 
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """Φ at such points, shape (k, q)."""

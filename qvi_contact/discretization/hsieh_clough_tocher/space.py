@@ -4,9 +4,11 @@ Degrees of freedom are those of `element.hsieh_clough_tocher` in units that make
 
     Φ/s, Φ_x, Φ_y   at vertices, from three times the vertex's number on,
     h N_k, h Q_k    on edges, behind those of the vertices
+    a_k/d, b_k      of holes, behind those of the edges
 
-with s the length of the shortest edge at the vertex and h the edge's own. Where a mesh has small cells in places far
-from each other, Φ counts from an affine function in each, see `frames`.
+with s the length of the shortest edge at the vertex, h the edge's own and d the size of the hole. Where a mesh has
+small cells in places far from each other, Φ counts from an affine function in each, see `frames`; around holes it has
+several values, see `cuts`.
 """
 
 from dataclasses import dataclass
@@ -17,6 +19,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.hsieh_clough_tocher.condensed import Differences
+from qvi_contact.discretization.hsieh_clough_tocher.cuts import Cuts, shortest_cuts
 from qvi_contact.discretization.hsieh_clough_tocher.frames import Frames
 from qvi_contact.discretization.hsieh_clough_tocher.functionals import EdgeFunctionals
 from qvi_contact.element.affine import AffineTriangles
@@ -52,7 +55,13 @@ class TriangleSpace:
     @cached_property
     def size(self) -> int:
         """Number of degrees of freedom."""
-        return 3 * len(self.vertices) + self.element.on_edge * len(self.mesh.topology.ends)
+        return self.cuts.start + 3 * len(self.cuts)
+
+    @cached_property
+    def cuts(self) -> Cuts:
+        """Where Φ jumps."""
+        start = 3 * len(self.vertices) + self.element.on_edge * len(self.mesh.topology.ends)
+        return Cuts(self.mesh, shortest_cuts(self.mesh), start)
 
     @cached_property
     def vertices(self) -> FloatArray:
@@ -76,11 +85,13 @@ class TriangleSpace:
     def differences(self) -> Differences:
         """Degrees of freedom triangle by triangle."""
         corners, frames = self.triangles.corners, self.frames
-        units, across = self.units[self.dofs], frames.across(self.mesh.cells)
+        units = self.units[self.dofs]
         if frames.several:
             units[:, :9] *= np.repeat(~frames.is_centre[self.mesh.cells], 3, axis=1)
+        across = np.flatnonzero(frames.across(self.mesh.cells) | self.cuts.cells_across)
         beyond = frames.beyond(self.mesh.cells[across], self.size)
-        return Differences(corners[:, 1:] - corners[:, :1], self.dofs, units, self.size, np.flatnonzero(across), beyond)
+        beyond = beyond + self.cuts.beyond(across, self.vertices, self.units)
+        return Differences(corners[:, 1:] - corners[:, :1], self.dofs, units, self.size, across, beyond)
 
     @cached_property
     def frames(self) -> Frames:
@@ -94,11 +105,13 @@ class TriangleSpace:
 
     @cached_property
     def units(self) -> FloatArray:
-        """Φ, its slopes, N_k or Q_k over the degree of freedom that stands for it, shape (N,)."""
+        """Φ, its slopes, N_k, Q_k, a_k or b_k over the degree of freedom that stands for it, shape (N,)."""
         first, second = self.vertices[self.mesh.topology.ends].swapaxes(0, 1)
         values = np.where(self.frames.is_centre & self.frames.several, 1.0, self.sizes)
         at_vertices = np.column_stack([values, np.ones((len(self.sizes), 2))]).ravel()
-        return np.concatenate([at_vertices, np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)])
+        on_edges = np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)
+        of_holes = np.column_stack([self.cuts.holes / self.mesh.length, np.ones((len(self.cuts), 2))]).ravel()
+        return np.concatenate([at_vertices, on_edges, of_holes])
 
     def number(self, edges: Edges) -> IntArray:
         """Edges (n,) as `mesh.topology` counts them."""
@@ -117,7 +130,7 @@ class TriangleSpace:
         values[:, 1, 0], values[:, 1, 3] = 6.0 / h**2, -6.0 / h**2
         for k in range(2, self.degree - 1):
             values[:, k, self._place("N", k)] = sign**k
-        return self._scaled(found)
+        return self._scaled(edges, found)
 
     def shear(self, edges: Edges) -> EdgeFunctionals:
         """Coefficients of Legendre, p − 1 an edge, of σ_T along edges."""
@@ -127,7 +140,7 @@ class TriangleSpace:
         found.values[:, 0, _FIRST], found.values[:, 0, _SECOND] = -slope, slope
         for k in range(1, self.degree - 1):
             found.values[:, k, self._place("Q", k)] = factor * sign**k
-        return self._scaled(found)
+        return self._scaled(edges, found)
 
     def resultants(self, edges: Edges) -> EdgeFunctionals:
         """What both tractions prescribe, 2p − 2 an edge: ∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_k, Q_k."""
@@ -141,7 +154,7 @@ class TriangleSpace:
             for k in range(first, self.degree - 1):
                 place = self._place(kind, k)
                 values[:, place - 3, place] = sign**k
-        return self._scaled(found)
+        return self._scaled(edges, found)
 
     def _place(self, kind: str, k: int) -> int:
         """Where N_k, k ≥ 2, or Q_k, k ≥ 1, stands among the degrees of freedom of an edge and its ends."""
@@ -156,11 +169,20 @@ class TriangleSpace:
         values = np.zeros((len(edges), count, columns.shape[1]))
         return EdgeFunctionals(columns, values, self.size), sign, self.lengths(edges)
 
-    def _scaled(self, on_values: EdgeFunctionals) -> EdgeFunctionals:
+    def _scaled(self, edges: Edges, on_values: EdgeFunctionals) -> EdgeFunctionals:
         """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
         values = on_values.values * self.units[on_values.columns][:, None]
         found = EdgeFunctionals(on_values.columns, values, self.size)
-        return self._framed(on_values, found) if self.frames.several else found
+        found = self._framed(on_values, found) if self.frames.several else found
+        return self._cut(edges, on_values, found) if len(self.cuts) else found
+
+    def _cut(self, edges: Edges, on_values: EdgeFunctionals, found: EdgeFunctionals) -> EdgeFunctionals:
+        """The same with three more columns an edge for every cut between its ends."""
+        columns, values = self.cuts.on_edges(edges, on_values.values[:, :, 3:6], self.vertices)
+        values = values * self.units[columns][:, None]
+        return EdgeFunctionals(
+            np.hstack([found.columns, columns]), np.concatenate([found.values, values], axis=2), self.size
+        )
 
     def _framed(self, on_values: EdgeFunctionals, found: EdgeFunctionals) -> EdgeFunctionals:
         """The same with six more columns an edge, of the centres of its ends, which count on edges across parts."""

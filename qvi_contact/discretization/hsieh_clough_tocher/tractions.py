@@ -84,7 +84,8 @@ def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction
     """Solve the prescribed tractions and the gauge, which is zero at the first centre, where cells are smallest.
 
     Rows are taken along lines, part by part of one centre and beginning at it or where cells are small, so that degrees
-    of freedom there do not follow from large ones far away; edges across parts come last and tie the centres.
+    of freedom there do not follow from large ones far away; edges across parts come last and tie the centres, and edges
+    across the cut of a hole, whose jump nothing but these determines.
 
     Raises
     ------
@@ -93,14 +94,17 @@ def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction
 
     """
     tractions = _projected(space, given)
-    lines = space.mesh.topology.ends[np.unique(tractions.number)]
+    numbers, first = np.unique(tractions.number, return_index=True)
+    lines = space.mesh.topology.ends[numbers]
     gauge = _gauge(space, lines)
-    place, age = _walked(space, lines, gauge)
+    last = space.frames.across(lines) | space.cuts.across(tractions.edges.take(first))
+    place, age = _walked(space, lines, last, gauge)
     rows = _conditions(space, tractions)
-    order = np.argsort(place[np.searchsorted(np.unique(tractions.number), rows.number)], kind="stable")
+    order = np.argsort(place[np.searchsorted(numbers, rows.number)], kind="stable")
     on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
     C, d = _with_gauge(rows.C.take(order), gauge), np.concatenate([np.zeros(3), rows.d[order]])
-    found, misfit = solve_conditions(C, d, np.concatenate([np.repeat(age, 3), on_edges]))
+    of_holes = np.zeros(3 * len(space.cuts), dtype=np.int64)
+    found, misfit = solve_conditions(C, d, np.concatenate([np.repeat(age, 3), on_edges, of_holes]))
     imbalance = float(np.abs(misfit).max(initial=0.0))
     if imbalance > _BALANCED * float(np.abs(rows.d[rows.is_load]).max(initial=0.0)):
         raise UnbalancedLoadError(imbalance)
@@ -177,18 +181,17 @@ def _of_components(space: TriangleSpace, tractions: EdgeTractions) -> Conditions
     return Conditions(C, (tractions.coefficients * scale).ravel(), is_load, np.repeat(tractions.number, rows))
 
 
-def _walked(space: TriangleSpace, lines: IntArray, gauge: int) -> tuple[IntArray, IntArray]:
-    """`walk` along the lines (n, 2), those across parts last; centres are solved for where nothing else is left."""
-    frames = space.frames
-    if not frames.several:
-        return walk(lines, gauge, len(space.vertices))
-    across = frames.across(lines)
-    small = np.argsort(np.round(np.log2(space.sizes)), kind="stable")
-    seeds = [*frames.centres.tolist(), *small[np.isin(small, lines)].tolist()]
-    inside, age = walk(lines[~across], seeds, len(space.vertices))
+def _walked(space: TriangleSpace, lines: IntArray, last: BoolArray, gauge: int) -> tuple[IntArray, IntArray]:
+    """`walk` along the lines (n, 2), the last ones at the end; centres are solved for where nothing else is left."""
+    frames, seeds = space.frames, [gauge]
+    if frames.several:
+        small = np.argsort(np.round(np.log2(space.sizes)), kind="stable")
+        seeds = [*frames.centres.tolist(), *small[np.isin(small, lines)].tolist()]
+    inside, age = walk(lines[~last], seeds, len(space.vertices))
     place = np.full(len(lines), len(lines))
-    place[~across] = inside
-    age[frames.centres] = 0
+    place[~last] = inside
+    if frames.several:
+        age[frames.centres] = 0
     return place, age
 
 

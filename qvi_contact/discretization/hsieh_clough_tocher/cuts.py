@@ -1,0 +1,241 @@
+"""Lines across which Φ jumps by an affine function, so that holes may carry forces.
+
+Around a hole whose tractions have the resultant (F_x, F_y), φ included, the slopes of Φ grow by (−F_y, F_x), turned
+with the sense of going round, and Φ by what the moment adds: Φ has several values. The body is cut along edges of the
+mesh from every hole to the outside or to another hole, and across the cut of the hole k
+
+    Φ⁺ = Φ⁻ + J_k,     J_k(x) = a_k + (x − x_k)·b_k,     ∇Φ⁺ = ∇Φ⁻ + b_k
+
+with three more degrees of freedom a_k, b_k a hole; x_k is the vertex where the cut begins on the rim. Stresses do not
+feel J_k, so only triangles whose corners lie on both branches see it. The degrees of freedom at a vertex v of a cut are
+those of Φ⁻, and a triangle left of the cut, which a row in `left` tells, has there
+
+    Φ⁺(x_v) = its own degree of freedom + J_k(x_v).
+
+Stationarity with respect to a_k and b_k says that displacements are single-valued around the hole. Which way a cut runs
+changes nothing but Φ itself.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.discretization.hsieh_clough_tocher.frames import shifts
+from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.topology import OPPOSITE
+from qvi_contact.mesh.triangles import TriangleMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Cuts:
+    """The cuts of a mesh, one for each hole.
+
+    Attributes
+    ----------
+    mesh : TriangleMesh
+        The mesh.
+    paths : tuple of int arrays
+        Vertices along each cut, from the rim of its hole to the outside or to another hole.
+    start : int
+        The first of their degrees of freedom; three a cut.
+
+    """
+
+    mesh: TriangleMesh
+    paths: tuple[IntArray, ...]
+    start: int
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    @cached_property
+    def vertices(self) -> IntArray:
+        """The vertices of all cuts, one cut after the other."""
+        return np.concatenate([np.empty(0, dtype=np.int64), *self.paths])
+
+    @cached_property
+    def origins(self) -> IntArray:
+        """The vertices x_k, shape (k,)."""
+        return np.array([path[0] for path in self.paths], dtype=np.int64)
+
+    @cached_property
+    def left(self) -> sparse.csr_array:
+        """1 where a corner of a triangle lies on the left branch of a cut, shape (3 cells, k)."""
+        corners = [_left_of(self.mesh, path) for path in self.paths]
+        rows = np.concatenate([np.empty(0, dtype=np.int64), *corners])
+        columns = np.repeat(np.arange(len(self)), [len(found) for found in corners])
+        return sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=(self.mesh.cells.size, len(self)))
+
+    @cached_property
+    def holes(self) -> FloatArray:
+        """The longer side of the bounding box of each hole, shape (k,) [length]."""
+        rims = [self.mesh.vertices[_rim(self.mesh, int(vertex))] for vertex in self.origins]
+        return np.array([np.ptp(rim, axis=0).max() for rim in rims])
+
+    def across(self, edges: Edges) -> BoolArray:
+        """Which edges have their ends on different branches, shape (n,)."""
+        return np.asarray(np.diff(self._jumps(self._corners(edges)).indptr) > 0)
+
+    @cached_property
+    def cells_across(self) -> BoolArray:
+        """Which triangles have corners on different branches, shape (cells,)."""
+        found = np.diff(self._relative.indptr) > 0
+        return np.asarray(found.reshape(-1, 3).any(axis=1))
+
+    @cached_property
+    def _relative(self) -> sparse.csr_array:
+        """Branches of all corners less that of the first corner of their triangle, shape (3 cells, k)."""
+        first = np.repeat(3 * np.arange(len(self.mesh.cells)), 3)
+        return self._jumps(np.column_stack([first, np.arange(self.mesh.cells.size)]))
+
+    def beyond(self, cells: IntArray, vertices: FloatArray, units: FloatArray) -> sparse.csr_array:
+        """What triangles (n,) have at their corners beside their own degrees of freedom, shape (9 n, N).
+
+        That is J_k of each corner less that of the first, as rows (Φ, Φ_x, Φ_y) of the three corners; vertices (v, 2)
+        are dimensionless, units (N,) those of the degrees of freedom.
+        """
+        corners = (3 * cells[:, None] + np.arange(3)).ravel()
+        found = self._relative[corners].tocoo()
+        rows, cut = found.row, np.asarray(found.col, dtype=np.int64)
+        values = self._affine(self.mesh.cells.ravel()[corners[rows]], cut, vertices) * found.data[:, None, None]
+        columns = np.repeat(self.columns(cut)[:, None], 3, axis=1)
+        at = np.repeat(3 * rows[:, None] + np.arange(3), 3, axis=1).reshape(-1, 3, 3)
+        values = values * units[columns]
+        shape = (3 * len(corners), len(units))
+        return sparse.csr_array((values.ravel(), (at.ravel(), columns.ravel())), shape=shape)
+
+    def on_edges(self, edges: Edges, at_second: FloatArray, vertices: FloatArray) -> tuple[IntArray, FloatArray]:
+        """More columns (n, 3 m) of functionals on edges, and their values (n, r, 3 m), units left out.
+
+        m is the number of cuts between two corners of a triangle at most. `at_second` (n, r, 3) are the functionals of
+        Φ, Φ_x and Φ_y at the second end, which counts J_k against the first: on affine functions functionals are zero.
+        """
+        jumps = self._jumps(self._corners(edges))
+        cut = np.asarray(jumps.indices, dtype=np.int64)
+        counts, n, r = np.diff(jumps.indptr), len(edges), at_second.shape[1]
+        columns = np.full((n, self._most, 3), self.start, dtype=np.int64)
+        values = np.zeros((n, self._most, r, 3))
+        edge = np.repeat(np.arange(len(edges)), counts)
+        place = np.arange(len(edge)) - np.repeat(jumps.indptr[:-1], counts)
+        columns[edge, place] = self.columns(cut)
+        affine = self._affine(edges.second[edge], cut, vertices)
+        values[edge, place] = jumps.data[:, None, None] * (at_second[edge] @ affine)
+        width = 3 * self._most
+        return columns.reshape(n, width), values.swapaxes(1, 2).reshape(n, r, width)
+
+    @cached_property
+    def _most(self) -> int:
+        """The number of cuts between two corners of a triangle at most."""
+        first = 3 * np.arange(len(self.mesh.cells))
+        pairs = np.concatenate([np.column_stack([first + a, first + b]) for a, b in OPPOSITE])
+        return int(np.diff(self._jumps(pairs).indptr).max(initial=0))
+
+    def columns(self, cut: IntArray) -> IntArray:
+        """The degrees of freedom of cuts (n,), shape (n, 3)."""
+        return self.start + 3 * cut[:, None] + np.arange(3)
+
+    def _affine(self, at: IntArray, cut: IntArray, vertices: FloatArray) -> FloatArray:
+        """(J_k, its slopes) at vertices (n,) of (a_k, b_k), shape (n, 3, 3)."""
+        return shifts(vertices[at] - vertices[self.origins[cut]])
+
+    def _corners(self, edges: Edges) -> IntArray:
+        """The ends of edges as corners of the first triangle there, shape (n, 2)."""
+        cell = edges.cells[:, 0]
+        return np.column_stack([_corner(self.mesh, cell, ends) for ends in (edges.first, edges.second)])
+
+    def _jumps(self, corners: IntArray) -> sparse.csr_array:
+        """Branches of the second of two corners (n, 2) less those of the first, zeros left out, shape (n, k)."""
+        found = sparse.csr_array(self.left[corners[:, 1]] - self.left[corners[:, 0]])
+        found.eliminate_zeros()
+        found.sort_indices()
+        return found
+
+
+def shortest_cuts(mesh: TriangleMesh) -> tuple[IntArray, ...]:
+    """A path along edges inside the body from each hole to the outside, or to a hole that has one already.
+
+    It has as few edges as can be, which keeps it away from small cells, and does not touch a joint where another way is
+    left; of several that are alike one is chosen by the numbers of vertices. Lengths are whole numbers: rounding
+    chooses nothing.
+    """
+    waiting = np.zeros(len(mesh.vertices), dtype=bool)
+    waiting[np.concatenate([mesh.boundary.first[mesh.hole_edges], mesh.boundary.second[mesh.hole_edges]])] = True
+    reached = np.zeros(len(mesh.vertices), dtype=bool)
+    reached[mesh.boundary.first[~mesh.hole_edges]] = reached[mesh.boundary.second[~mesh.hole_edges]] = True
+    lengths, paths = _lengths(mesh), list[IntArray]()
+    while waiting.any():
+        distance = csgraph.dijkstra(lengths, indices=np.flatnonzero(reached), min_only=True)
+        path = _descent(lengths, distance, int(np.argmin(np.where(waiting, distance, np.inf))))
+        rim = _rim(mesh, int(path[0]))
+        waiting[rim], reached[rim] = False, True
+        paths.append(path)
+    return tuple(paths)
+
+
+def _rim(mesh: TriangleMesh, vertex: int) -> IntArray:
+    """The vertices of the closed line of the boundary that holds a vertex."""
+    lines = (mesh.topology.ends[line] for line in mesh.outlines)
+    return np.unique(next(line for line in lines if vertex in line))
+
+
+def _lengths(mesh: TriangleMesh) -> sparse.csr_array:
+    """Lengths of the edges inside the body between vertices: 1, and more than all others where a joint is touched."""
+    ends = mesh.topology.ends[~mesh.topology.boundary]
+    joints = np.zeros(len(mesh.vertices), dtype=np.int64)
+    for name in mesh.joint_names:
+        joints[mesh.topology.ends[mesh.numbers(name)]] = 1
+    length = 1.0 + len(ends) * joints[ends].sum(axis=1)
+    there, back = (ends[:, 0], ends[:, 1]), (ends[:, 1], ends[:, 0])
+    at = tuple(np.concatenate(pair) for pair in zip(there, back, strict=True))
+    return sparse.csr_array((np.tile(length, 2), at), shape=(len(joints), len(joints)))
+
+
+def _descent(lengths: sparse.csr_array, distance: FloatArray, vertex: int) -> IntArray:
+    """The way from a vertex down to distance 0, by the neighbour of lowest number wherever there are several."""
+    path = [vertex]
+    while distance[vertex] > 0.0:
+        row = slice(lengths.indptr[vertex], lengths.indptr[vertex + 1])
+        neighbours = lengths.indices[row]
+        vertex = int(neighbours[distance[neighbours] + lengths.data[row] == distance[vertex]].min())
+        path.append(vertex)
+    return np.array(path)
+
+
+def _left_of(mesh: TriangleMesh, path: IntArray) -> IntArray:
+    """Corners, 3 cell + corner, at the vertices of a path whose triangles lie left of it.
+
+    Around a vertex triangles are neighbours if they share an edge that is not one of the path: what hangs together with
+    the triangle left of an edge of the path lies left.
+    """
+    topology = mesh.topology
+    pairs = np.column_stack([path[:-1], path[1:]])
+    cut, inside = topology.number(pairs, len(mesh.vertices)), ~topology.boundary
+    inside[cut] = False
+    edges, end = np.nonzero(np.isin(topology.ends, path) & inside[:, None])
+    vertex = topology.ends[edges, end]
+    links = np.stack([_corner(mesh, topology.cells[edges, side], vertex) for side in (0, 1)])
+    beside = _cells_left(mesh, cut, pairs)
+    seeds = np.concatenate([_corner(mesh, beside, pairs[:, end]) for end in (0, 1)])
+    nodes, number = np.unique(np.concatenate([links.ravel(), seeds]), return_inverse=True)
+    numbered = number[: links.size].reshape(links.shape)
+    graph = sparse.coo_array((np.ones(links.shape[1]), numbered), shape=(len(nodes), len(nodes)))
+    label = csgraph.connected_components(graph, directed=False)[1]
+    return np.asarray(nodes[np.isin(label, label[number[links.size :]])])
+
+
+def _cells_left(mesh: TriangleMesh, edges: IntArray, pairs: IntArray) -> IntArray:
+    """The triangles left of edges inside the body that run from one vertex to another, pairs (n, 2)."""
+    first, second = mesh.vertices[pairs].swapaxes(0, 1)
+    along, cells = second - first, mesh.topology.cells[edges]
+    towards = mesh.corners[cells[:, 0]].mean(axis=1) - first
+    left = along[:, 0] * towards[:, 1] - along[:, 1] * towards[:, 0] > 0.0
+    return np.where(left, cells[:, 0], cells[:, 1])
+
+
+def _corner(mesh: TriangleMesh, cells: IntArray, vertices: IntArray) -> IntArray:
+    """3 cell + corner of vertices (n,) in triangles (n,)."""
+    return np.asarray(3 * cells + np.argmax(mesh.cells[cells] == vertices[:, None], axis=1))
