@@ -229,7 +229,9 @@ class InnerLineTable(Table):
     name: Name
     """Name of the joint: `name = "joint"`."""
     corners: list[CornerTable]
-    """Corners of the open line: `corners = [{ at = [0.0, 0.5] }, { at = [1.0, 0.5] }]`."""
+    """Corners of the line, which is closed if the first one is repeated at its end, or an arc begins at the last one:
+    `corners = [{ at = [0.0, 0.5] }, { at = [1.0, 0.5] }]`.
+    """
 
 
 class SizeTable(Table):
@@ -253,7 +255,7 @@ class OutlineTable(Table):
     holes: Annotated[list[HoleTable], Field(max_length=_MOST_NAMES)] = []
     """Holes, by corners or as circles: `holes = [{ centre = [1.0, 1.0], radius = 0.4 }]`."""
     joints: Annotated[list[InnerLineTable], Field(max_length=_MOST_NAMES)] = []
-    """Open lines inside the body:
+    """Lines inside the body, open or closed:
     `joints = [{ name = "joint", corners = [{ at = [0.0, 0.5] }, { at = [1.0, 0.5] }] }]`.
     """
     regions: Annotated[list[InnerRegionTable], Field(max_length=_MOST_NAMES)] = []

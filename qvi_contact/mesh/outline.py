@@ -66,7 +66,7 @@ class Corner:
 
     @classmethod
     def circle(cls, centre: Point, radius: float, name: str = "", size: float | None = None) -> tuple[Corner, Corner]:
-        """A whole circle as two arcs, for holes and regions."""
+        """A whole circle as two arcs, for holes, regions and closed joints."""
         (x, y), radius = _point("centre", centre), positive_number("radius", radius)
         return cls((x + radius, y), name, (x, y), size=size), cls((x - radius, y), name, (x, y), size=size)
 
@@ -191,7 +191,7 @@ def polygons(outline: Outline) -> Polygons:
     size = positive_number("size", outline.size)
     outer = _polygon("corners", outline.corners, size, closed=True)
     holes = tuple(_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(outline.holes)))
-    joints = {name: _polygon(f"joints.{name}", line, size, closed=False) for name, line in outline.joints.items()}
+    joints = {name: _joint(f"joints.{name}", line, size) for name, line in outline.joints.items()}
     regions = {name: _polygon(f"regions.{name}", line, size, closed=True) for name, line in outline.regions.items()}
     for kind, names in (("joints", joints), ("regions", regions)):
         for name in names:
@@ -206,6 +206,14 @@ def polygons(outline: Outline) -> Polygons:
     _check_work(found)
     _check_gaps(found)
     return found
+
+
+def _joint(name: str, line: Line, size: float) -> Polygon:
+    """An open line, or a closed one if an arc begins at its last corner: it can only lead back to the first."""
+    last = _listed(line)[-1:]
+    return _polygon(
+        name, line, size, closed=any(isinstance(corner, Corner) and corner.centre is not None for corner in last)
+    )
 
 
 def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:

@@ -163,7 +163,8 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         holes : sequence of lines, optional
             Corners around each hole; `Corner.circle` makes round ones.
         joints : mapping of str to line, optional
-            Open lines inside the body by name, along which a `Contact` may hold.
+            Lines inside the body by name, along which a `Contact` may hold. A line ends at its last corner. It is
+            closed if the first corner is repeated there, or if an arc begins there, as in `Corner.circle`.
         regions : mapping of str to line, optional
             Closed lines by name: the triangles inside each are a region.
         sizes : mapping of (x, y) to float, optional

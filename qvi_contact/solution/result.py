@@ -22,6 +22,7 @@ from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.problem.conditions import RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
+from qvi_contact.solution.loose import LooseBody, loose_bodies
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
 from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
@@ -224,7 +225,17 @@ class ContactResult(Stated):
             )
         if not self.has_state:
             return remarks
-        return remarks + self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds()
+        loose = tuple(body.remark for body in self.loose_bodies)
+        return remarks + loose + self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds()
+
+    @cached_property
+    def loose_bodies(self) -> tuple[LooseBody, ...]:
+        """Bodies that contacts alone hold, and whose place beside others nothing determines; see `loose`.
+
+        Gaps and slips on their contacts are those of one of the possible places. Without a certified state, or where
+        contact tractions are too small to say what is closed, there is no answer, and none is listed.
+        """
+        return loose_bodies(self) if self.status is Status.SOLVED and not self._next_to_nothing() else ()
 
     def _next_to_nothing(self) -> tuple[str, ...]:
         """That contact tractions are too small beside the stress in the body to be certified on their own scale."""

@@ -212,6 +212,12 @@ def arch():
     return TriangleMesh.outline(ARCH, 0.2, **INSIDE)
 
 
+@pytest.mark.parametrize("line", [Corner.circle((0.5, 0.5), 0.3), [*SQUARE[:3], SQUARE[0]]])
+def test_a_joint_is_closed_by_an_arc_or_by_its_first_corner(line):
+    joint = polygons(Outline([(-1.0, -1.0), (2.0, -1.0), (0.5, 3.0)], 0.4, joints={"pin": line})).joints["pin"]
+    assert joint.pieces[-1, 1] == pytest.approx(joint.pieces[0, 0])
+
+
 @needs_gmsh
 class TestMeshes:
     """What gmsh makes of an outline."""
@@ -242,6 +248,13 @@ class TestMeshes:
         mesh = TriangleMesh.outline(SQUARE, 0.3, joints=joints)
         assert mesh.edges("up").length.sum() == pytest.approx(0.7)
         assert mesh.edges("across").length.sum() == pytest.approx(0.6)
+
+    def test_joints_may_be_closed(self):
+        circle = Corner.circle((0.5, 0.5), 0.3, size=0.2)
+        mesh = TriangleMesh.outline(SQUARE, 0.3, joints={"pin": circle}, regions={"pin": circle})
+        joint = mesh.edges("pin")
+        assert set(np.bincount(np.concatenate([joint.first, joint.second])).tolist()) == {0, 2}
+        assert np.isin(joint.cells, mesh.region("pin")).sum(axis=1).tolist() == len(joint) * [1]
 
     def test_regions_outside_are_refused(self):
         with pytest.raises(InputError, match="no part of the body"):

@@ -1,0 +1,196 @@
+"""Published contact problems of several bodies on triangles: rings, a press fit, pins in holes, the corner of a block.
+
+Circles are polygons here: values at single points are off by what a chord is, resultants by its square or less.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, positive_number, whole_number
+from qvi_contact.gallery.meshes import arc, fan
+from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
+from qvi_contact.problem.material import Material, Region
+from qvi_contact.problem.problem import ContactProblem
+
+_MOST: Final = 1000  # sectors
+
+
+def rings(sectors: int = 8, swing: float = 0.0, *, whole: bool = False) -> ContactProblem:
+    """Two rings, one in the other, under outer pressure, without friction: Code_Aster's test SSNP167.
+
+    Radii 0.2, 0.6 and 1 m, plane strain, E = 1e9 Pa, ν = 0.2; the pressure p = 1e7 + `swing` cos 2θ acts outside. They
+    press on each other by 9.2592593e6 + 1.3571791 `swing` cos 2θ (Lamé; Michell for the second harmonic).
+
+    Parameters
+    ----------
+    sectors : int
+        Edges of each circle in a quarter.
+    swing : float
+        Amplitude of the second harmonic of the pressure [Pa].
+    whole : bool
+        All of the rings, the contact "joint" being a closed line, rather than a quarter between lines of symmetry.
+
+    """
+    angles = _angles(sectors, 4 if whole else 1)
+    first, second = _radii(0.2, 0.6, sectors), _radii(0.6, 1.0, sectors)
+    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
+    mesh = fan(lines, closed=whole, joints={"joint": len(first) - 1})
+
+    def pressure(x: FloatArray, y: FloatArray) -> FloatArray:
+        return np.asarray(-1e7 - swing * (x**2 - y**2) / (x**2 + y**2))
+
+    outside = Traction("outer", normal=pressure if swing else -1e7, tangential=0.0)
+    conditions: list[Condition] = [Contact.frictionless("joint"), outside, Traction("inner", 0.0, 0.0)]
+    return ContactProblem(mesh, Material(1e9, 0.2, "strain"), [*conditions, *_halves(whole)])
+
+
+def press_fit(sectors: int = 8, friction: float = 0.0, *, whole: bool = False) -> ContactProblem:
+    """A shaft in a hub with an interference: the pressure is p = E δ (b² − a²)/(2 a b²) = 61.8 MPa (Lamé).
+
+    Radii a = 25 and b = 50 mm, δ = 0.02 mm, E = 206 000 MPa, ν = 0.3, plane stress. Parameters are those of `rings`,
+    and friction.
+    """
+    angles = _angles(sectors, 4 if whole else 1)
+    first, second = _radii(5.0, 25.0, sectors), _radii(25.0, 50.0, sectors)
+    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
+    mesh = fan(lines, closed=whole, centre=(0.0, 0.0), joints={"shaft": len(first) - 1})
+    contact = Contact("shaft", friction=friction, gap=-0.02)
+    outside = Traction("outer", normal=0.0, tangential=0.0)
+    return ContactProblem(mesh, Material(206e3, 0.3), [contact, outside, *_halves(whole)])
+
+
+def _halves(whole: bool) -> list[Condition]:
+    return [] if whole else [Symmetry("start"), Symmetry("end")]
+
+
+def cylinder_in_bore(sectors: int = 16, friction: float = 0.0, *, extent: float = 20.0) -> ContactProblem:
+    """A cylinder in the bore of a very large plate, pressed to one side by its axis: Persson's problem.
+
+    Radii 60 and 59.99 mm, both E = 210 000 MPa, ν = 0.3, plane stress, 1875 N/mm along x, frictionless: contact for
+    |θ| < 59.298°, with the pressures of `PERSSON` (A. Persson, On the stress distribution of cylindrical elastic bodies
+    in contact, Göteborg 1964; Code_Aster's test SSNV127 takes the same data with friction). The upper half is taken,
+    y = 0 being a line of symmetry. The load is spread over a fifth of the cylinder's diameter, and the plate is held at
+    `extent` radii.
+
+    Parameters
+    ----------
+    sectors : int
+        Edges of the circle in a quarter.
+    friction : float
+        Coefficient of friction μ.
+    extent : float
+        Radius of the plate over that of the bore.
+
+    """
+    angles = _angles(sectors, 2)
+    first, second = _radii(12.0, 60.0, sectors), _radii(60.0, positive_number("extent", extent) * 60.0, sectors)
+    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
+    mesh = fan(lines, closed=False, centre=(0.0, 0.0), joints={"bore": len(first) - 1})
+    mesh = _loaded(mesh, 12.0)
+    contact = Contact("bore", friction=friction, gap=0.01)
+    held = Displacement("outer", x=0.0, y=0.0)
+    return ContactProblem(mesh, Material(210e3, 0.3), [contact, held, *_pulled(1875.0 / 2.0, 12.0)])
+
+
+PERSSON: Final = ((0.0, 22.415), (15.0, 21.577), (30.0, 18.949), (45.0, 13.954), (51.0, 10.794))
+"""Pressures of `cylinder_in_bore` without friction: angle θ [degrees], pressure [MPa]."""
+
+
+def loaded_pin(sectors: int = 16) -> ContactProblem:
+    """An elastic pin in the eye of a sheet, pulled away from its clamped end: NAFEMS R0094-4, Code_Aster's SSNP156.
+
+    Hole and pin of radius 50 mm without clearance, eye of radius 100, sheet 200 high and clamped 200 from the centre.
+    Plane strain, sheet E = 70 000 MPa, pin 210 000, ν = 0.3, μ = 0.1, 20 000 N/mm along x at the pin's centre. The
+    upper half is taken. The load is spread over a fifth of the diameter: one at a point would do infinite work.
+
+    Parameters
+    ----------
+    sectors : int
+        Edges of the hole in a quarter.
+
+    """
+    corner = np.arctan2(1.0, -2.0)
+    count = whole_number("sectors", sectors, _MOST)
+    steep = max(1, round(count * (np.pi - corner) / (0.5 * np.pi)))
+    parts = [(0.0, 0.5 * np.pi, count), (0.5 * np.pi, corner, max(1, count - steep)), (corner, np.pi, steep)]
+    angles = np.concatenate([np.linspace(a, b, n + 1)[:-1] for a, b, n in parts] + [[np.pi]])
+    with np.errstate(divide="ignore"):
+        sheet_edge = np.minimum(100.0 / np.abs(np.sin(angles)), 200.0 / np.abs(np.cos(angles)))
+    edge = np.where(angles <= 0.5 * np.pi, 100.0, sheet_edge)
+    first = _radii(10.0, 50.0, sectors)
+    steps = max(2, round(np.log(2.0) * count / (0.5 * np.pi)))
+    shares = np.linspace(0.0, 1.0, steps + 1)[1:, None]
+    lines = [arc(radius, angles) for radius in first]
+    unit = arc(1.0, angles)
+    lines += [unit * (50.0 ** (1.0 - share) * edge**share)[:, None] for share in shares]
+    mesh = _loaded(fan(lines, closed=False, centre=(0.0, 0.0), joints={"pin": len(first) - 1}), 10.0)
+    mesh = mesh.with_edges("wall", lambda x, _: x < -199.999)
+    mesh = mesh.with_edges("free", lambda x, y: (y > 0.0) & (x > -199.999))
+    sheet, pin = Material(7e4, 0.3, "strain"), Material(21e4, 0.3, "strain")
+    conditions: list[Condition] = [
+        Contact("pin", friction=0.1),
+        Displacement("wall", 0.0, 0.0),
+        Traction("free", normal=0.0, tangential=0.0),
+        *_pulled(1e4, 10.0),
+    ]
+    return ContactProblem(mesh, sheet, conditions, regions=[Region(pin, name="pin")])
+
+
+def _loaded(mesh: TriangleMesh, half: float) -> TriangleMesh:
+    """The mesh with the part |x| < half of the line y = 0 called "load", and the rest of it "axis"."""
+    return mesh.with_edges("load", lambda x, y: (y == 0.0) & (np.abs(x) < half)).with_edges(
+        "axis", lambda x, y: (y == 0.0) & (np.abs(x) > half)
+    )
+
+
+def _pulled(force: float, half: float) -> list[Condition]:
+    """Symmetry about y = 0, and a force on the upper half along x, spread over |x| < half."""
+    return [Symmetry("axis"), Displacement("load", y=0.0), Traction("load", x=force / (2.0 * half))]
+
+
+def block_corner(friction: float | None, cells: int = 4) -> ContactProblem:
+    """A square block on a large block of the same material: stresses σ ~ r^(λ−1) in the corners of the contact.
+
+    The block is [−1, 1] × [0, 2], the other [−4, 4] × [−4, 0]. Its top is pressed down by 1e-3, and moved by 1e-2 to
+    the right if there is friction, which then slips all over. The corner at x = 1 leads, with
+    λ = `CORNER_EXPONENTS`[μ]. Plane strain, E = 1, ν = 0.3; both bodies are one for `friction` None.
+
+    Parameters
+    ----------
+    friction : float or None
+        Coefficient of friction μ; None for bodies that stick.
+    cells : int
+        Cells along a length of 1.
+
+    """
+    count = whole_number("cells", cells, _MOST)
+    x, y = np.linspace(-4.0, 4.0, 8 * count + 1), np.linspace(-4.0, 2.0, 6 * count + 1)
+    middle_x, middle_y = (x[1:] + x[:-1]) / 2.0, (y[1:] + y[:-1]) / 2.0
+    body = (middle_y < 0.0)[:, None] | (np.abs(middle_x) < 1.0)[None]
+    grid = RectilinearMesh(x, y, body).with_joint("base", "horizontal", 0.0, -1.0, 1.0)
+    mesh = TriangleMesh.of_rectangles(grid.with_edges("roof", "top", at=2.0).with_edges("ground", "top", at=0.0))
+    contact = Contact.tied("base") if friction is None else Contact("base", friction=friction)
+    free = [Traction(name, 0.0, 0.0) for name in ("left", "right", "ground")]
+    driven = Displacement("roof", x=1e-2 if friction else 0.0, y=-1e-3)
+    conditions: list[Condition] = [contact, driven, Displacement("bottom", 0.0, 0.0), *free]
+    return ContactProblem(mesh, Material(1.0, 0.3, "strain"), conditions)
+
+
+CORNER_EXPONENTS: Final = {None: 0.544484, 0.0: 0.7740, 0.1: 0.7249, 0.3: 0.6380, 0.5: 0.5604}
+"""λ of `block_corner` by friction; None for bodies that stick."""
+
+
+def _angles(sectors: int, quarters: int) -> FloatArray:
+    """Angles of the vertices on so many quarters; a whole circle without its end."""
+    count = quarters * whole_number("sectors", sectors, _MOST)
+    angles = np.linspace(0.0, quarters * 0.5 * np.pi, count + 1)
+    return angles[:-1] if quarters == 4 else angles
+
+
+def _radii(first: float, last: float, sectors: int) -> FloatArray:
+    """Radii in geometric progression, so that triangles are about as long as wide."""
+    steps = max(1, round(np.log(last / first) * sectors / (0.5 * np.pi)))
+    return np.geomspace(first, last, steps + 1)

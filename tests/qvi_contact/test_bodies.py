@@ -1,0 +1,192 @@
+"""Several bodies in one mesh of triangles: closed joints, gaps, bodies that contacts alone hold."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    Polynomial,
+    RectilinearMesh,
+    Traction,
+    TriangleMesh,
+)
+from qvi_contact.gallery import CORNER_EXPONENTS, block_corner, cylinder_in_bore, loaded_pin, press_fit, rings
+from qvi_contact.gallery.meshes import arc, fan
+from qvi_contact.mechanism.bodies import Bodies
+from qvi_contact.solution.loose import _way
+from tests.qvi_contact.states import solved
+
+STEEL = Material(1000.0, 0.3)
+CIRCLE = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
+
+
+def changed(problem, contact):
+    """The problem with another first contact."""
+    rest = [condition for condition in problem.conditions if condition not in problem.contacts]
+    return replace(problem, conditions=[contact, *rest])
+
+
+def nested(*contacts, potential=0.0, **held):
+    """A pin in a bush in a plate, discs of radius 1, 2 and 4 with the joints "pin" and "bush"."""
+    mesh = fan([arc(r, CIRCLE) for r in (1.0, 2.0, 4.0)], closed=True, centre=(0, 0), joints={"pin": 0, "bush": 1})
+    outside = Displacement("outer", **held) if held else Traction("outer", normal=-1.0, tangential=0.0)
+    return ContactProblem(mesh, STEEL, [*contacts, outside], body_potential=potential)
+
+
+class TestClosedJoints:
+    """Rings in each other, of which the inner one is held by contact alone."""
+
+    def test_lame(self):
+        """All of the rings and a quarter of them: the polygon with four edges a quarter is good for 6e-4."""
+        for whole in (True, False):
+            joint = solved(rings(4, whole=whole)).contacts["joint"]
+            assert joint.normal_force / joint.weights.sum() == pytest.approx(9.2592593e6, rel=6e-4)
+            assert joint.tangential_stress == pytest.approx(0.0, abs=1e-2)
+
+    def test_second_harmonic(self):
+        """Of the pressure cos 2θ outside, too: chords hinder sliding around their ends, an error like their length."""
+        missing = []
+        for sectors in (8, 16):
+            joint = solved(rings(sectors, 1e5)).contacts["joint"]
+            wave = np.cos(2.0 * np.arctan2(joint.y, joint.x))
+            missing.append(1.0 + joint.weights @ (joint.normal_stress * wave) / (joint.weights @ wave**2) / 1.3571791e5)
+        assert missing == pytest.approx([0.0385, 0.0202], abs=1e-3)
+
+    def test_press_fit(self):
+        errors = []
+        for sectors in (8, 16):
+            joint = solved(press_fit(sectors)).contacts["shaft"]
+            errors.append(joint.normal_force / joint.weights.sum() / 61.8 - 1.0)
+        assert errors[0] == pytest.approx(0.0, abs=5e-3)
+        assert errors[1] == pytest.approx(errors[0] / 4.0, rel=0.1)
+
+    def test_weight_of_a_loose_core(self):
+        """A heavy disc lies in the bore of a plate: the joint carries its weight, open or not above."""
+        problem = nested(
+            Contact("pin", 0.2, gap=1e-4), Contact.tied("bush"), potential=Polynomial([[0, 3.0]]), x=0, y=0
+        )
+        result = solved(problem)
+        joint, mesh = result.contacts["pin"], problem.mesh
+        edges = mesh.edges("pin")
+        inwards = np.isin(edges.cells[:, 1], mesh.region("pin"))
+        sign = np.where(inwards, -1.0, 1.0)  # n from the disc to the plate
+        normal, tangent = (
+            np.repeat(sign[:, None] * part, joint.points_per_edge, axis=0) for part in (edges.normal, edges.tangent)
+        )
+        force = (
+            joint.weights[:, None]
+            * (joint.normal_stress[:, None] * normal + joint.tangential_stress[:, None] * tangent)
+        ).sum(axis=0)
+        area = 8.0 * np.sin(np.pi / 8.0)
+        assert force == pytest.approx([0.0, 3.0 * area], abs=1e-8)
+        assert 0.3 < joint.shares["open"] < 0.9
+        assert result.loose_bodies == ()
+
+
+class TestLoose:
+    """What nothing determines is found and said: the bodies by name, and how they move."""
+
+    @pytest.mark.parametrize(("gap", "outside"), [(0.5, -1.0), (0.0, 1.0)])
+    def test_ring_that_nothing_touches(self, gap, outside):
+        """A gap wider than the pressure closes, or tension outside: no load reaches the inner ring."""
+        problem = changed(rings(4, whole=True), Contact.frictionless("joint", gap=gap))
+        turned = [
+            Traction("outer", normal=outside * 1e6, tangential=0.0) if c.edges == "outer" else c
+            for c in problem.conditions
+        ]
+        result = solved(replace(problem, conditions=turned))
+        assert result.contacts["joint"].normal_stress == pytest.approx(0.0, abs=1e-2)
+        (loose,) = result.loose_bodies
+        assert loose.names == ("the body 'joint'",)
+        assert loose.motions == 3
+        assert loose.remark in result.remarks
+
+    def test_nothing_is_said_of_what_is_pressed(self):
+        assert solved(rings(4, whole=True)).loose_bodies == ()
+
+    def test_bodies_that_move_together(self):
+        """A pin pressed into its bush, which lies free in a plate."""
+        (loose,) = solved(nested(Contact("pin", 0.3, gap=-1e-3), Contact("bush", 0.3, gap=0.5))).loose_bodies
+        assert sorted(loose.names) == ["the body 'bush'", "the body 'pin'"]
+        assert loose.way == "move and turn"
+
+    def test_each_for_itself(self):
+        """Both free: the plate, which is larger, is what they are free beside."""
+        found = solved(nested(Contact("pin", 0.0, gap=0.5), Contact("bush", 0.0, gap=0.5))).loose_bodies
+        assert sorted(loose.names for loose in found) == [("the body 'bush'",), ("the body 'pin'",)]
+
+    @pytest.mark.parametrize("angle", [0.0, 30.0, 90.0])
+    @pytest.mark.parametrize("friction", [0.0, 0.3])
+    def test_block_on_a_plane(self, angle, friction):
+        """Without friction it slides along the plane; what sticks, does not."""
+        cosine, sine = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+        mesh = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
+        turned = TriangleMesh(mesh.vertices @ np.array([[cosine, sine], [-sine, cosine]]), mesh.cells, mesh.edge_sets)
+        sides = [Traction(side, normal=0.0, tangential=0.0) for side in ("left", "right")]
+        pressed = Traction("top", normal=-1.0, tangential=0.0)
+        found = solved(ContactProblem(turned, STEEL, [Contact("bottom", friction), pressed, *sides])).loose_bodies
+        if friction:
+            assert found == ()
+        else:
+            (loose,) = found
+            along = [float(part) for part in loose.way.removeprefix("move along ").strip("()").split(",")]
+            assert along == pytest.approx([cosine, sine], abs=1e-4)
+            assert loose.names == ("the body",)
+
+    def test_two_blocks_slide_each_for_itself(self):
+        grid = RectilinearMesh([0.0, 1.0, 2.0], [0.0, 1.0, 2.0]).with_joint("bed", "horizontal", 1.0)
+        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)]
+        for floor, bed, count in ((0.0, 0.0, 2), (0.3, 0.0, 1), (0.0, 0.3, 1), (0.3, 0.3, 0)):
+            problem = ContactProblem(grid, STEEL, [Contact("bottom", floor), Contact("bed", bed), *sides])
+            found = solved(problem).loose_bodies
+            assert len(found) == count
+            assert all(loose.way == "move along (1, 0)" for loose in found)
+
+    @pytest.mark.parametrize(
+        ("motions", "words"),
+        [
+            ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "move and turn"),
+            ([[1, 0, 0], [0, 1, 0]], "move"),
+            ([[0, -1, 0]], "move along (0, 1)"),
+            ([[0, 0, 1], [1, 0, 0]], "turn and move along (1, 0)"),
+            ([[3, -1, 1]], "turn about (1, 3)"),
+        ],
+    )
+    def test_words(self, motions, words):
+        """Motions of a square of size r = √2 around the origin: (a − θ y/r, b + θ x/r)."""
+        mesh = TriangleMesh.rectangle((1, 1), 2.0, 2.0, origin=(-1.0, -1.0))
+        sides = [Traction(side, 0.0, 0.0) for side in ("left", "right", "top", "bottom")]
+        bodies = Bodies.of(ContactProblem(mesh, STEEL, sides))
+        scaled = np.array(motions, dtype=float).T * [[1.0], [1.0], [bodies.size[0]]]
+        assert _way(np.linalg.qr(scaled)[0], bodies, 0) == words
+
+
+class TestBenchmarks:
+    """Problems of the gallery on coarse meshes; what is known of them is in the verification manual."""
+
+    def test_pressure_of_a_cylinder_in_a_bore(self):
+        bore = solved(cylinder_in_bore(8)).contacts["bore"]
+        middle = -bore.normal_stress[np.abs(np.arctan2(bore.y, bore.x)) < np.pi / 16.0]
+        assert middle.mean() == pytest.approx(22.415, rel=0.06)
+        assert 50.0 < np.rad2deg(np.arctan2(bore.y, bore.x)[bore.state > 0].max()) < 70.0
+
+    def test_force_of_a_loaded_pin(self):
+        result = solved(loaded_pin(6))
+        assert result.resultant("wall").x == pytest.approx(-1e4, rel=1e-9)
+        assert result.contacts["pin"].shares["slip"] > 0.2
+
+    @pytest.mark.parametrize("friction", [0.0, 0.1, 0.5])
+    def test_corner_exponents(self, friction):
+        """The slope of the pressure where the leading corner is near, in logarithms."""
+        problem = block_corner(friction, 1)
+        mesh = problem.mesh.graded([(1.0, 0.0)], 16)
+        base = solved(replace(problem, mesh=mesh)).contacts["base"]
+        away = 1.0 - base.x
+        near = (away > 1e-4) & (away < 1e-3)
+        slope = np.polyfit(np.log(away[near]), np.log(-base.normal_stress[near]), 1)[0]
+        assert 1.0 + slope == pytest.approx(CORNER_EXPONENTS[friction], abs=1e-3)
