@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.discretization.edge_points import EdgePoints
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.program import Rigid
 from qvi_contact.problem.conditions import Contact
@@ -75,9 +76,9 @@ def _undetermined(result: "ContactResult", rigid: Rigid) -> FloatArray:
     if not rigid.free.shape[1] or not problem.contacts:
         return np.zeros((3 * len(bodies), 0))
     rows, holding = [], []
-    for contact in problem.contacts:
+    for contact, known in zip(problem.contacts, result.discretization.contacts, strict=True):
         line = result.contacts[contact.name]
-        relative = _relative(problem, bodies, contact, line)
+        relative = _relative(problem, bodies, contact, known.points)
         rows.append(relative.reshape(-1, 3 * len(bodies)))
         holding.append(np.ravel(line.weights * _resistance(contact, line)))
     speeds, weights = np.concatenate(rows), np.concatenate(holding)
@@ -88,14 +89,17 @@ def _undetermined(result: "ContactResult", rigid: Rigid) -> FloatArray:
     return _beside_others(bodies, free, speeds)
 
 
-def _relative(problem: ContactProblem, bodies: Bodies, contact: Contact, line: ContactLine) -> FloatArray:
+def _relative(problem: ContactProblem, bodies: Bodies, contact: Contact, points: EdgePoints) -> FloatArray:
     """Rows (2, m, 3 k) of [v]_N and [v]_T at the points of a contact."""
-    edges, each = problem.mesh.edges(contact.edges), line.points_per_edge
-    points, first = np.column_stack([line.x, line.y]), np.repeat(bodies.of_cells[edges.cells[:, 0]], each)
-    beyond = bodies.of_cells[edges.cells[:, 1]] if contact in problem.joints else bodies.number(contact)
-    second = np.repeat(np.broadcast_to(beyond, len(edges)), each)
-    directions = (np.repeat(part, each, axis=0) for part in (edges.normal, edges.tangent))
-    return np.stack([bodies.rows(first, points, d) - bodies.rows(second, points, d) for d in directions])
+    edges, mesh = points.edges, problem.mesh
+    x, y = mesh.points_along(edges, points.reference)
+    places, first = np.column_stack([x.ravel(), y.ravel()]), bodies.of_cells[edges.cells[:, 0]]
+    second = (
+        bodies.of_cells[edges.cells[:, 1]] if contact in problem.joints else np.full(len(edges), bodies.number(contact))
+    )
+    pair = [np.repeat(body, points.count) for body in (first, second)]
+    rows = [[bodies.rows(body, places, along) for body in pair] for along in (points.normals, points.tangents)]
+    return np.stack([ours - theirs for ours, theirs in rows])
 
 
 def _resistance(contact: Contact, line: ContactLine) -> FloatArray:
