@@ -2,10 +2,10 @@
 
 from qvi_contact.gallery.benchmarks import (
     CORNER_EXPONENTS,
-    PERSSON,
     block_corner,
     cylinder_in_bore,
     loaded_pin,
+    persson_pressure,
     press_fit,
     rings,
 )
@@ -20,7 +20,6 @@ from qvi_contact.gallery.literature import (
 
 __all__ = [
     "CORNER_EXPONENTS",
-    "PERSSON",
     "SSNV128_DISPLACEMENTS",
     "ExactState",
     "block_corner",
@@ -29,6 +28,7 @@ __all__ = [
     "cylinder_in_bore",
     "gravity_column",
     "loaded_pin",
+    "persson_pressure",
     "press_fit",
     "problem_from_state",
     "pure_bending",

@@ -15,7 +15,15 @@ from qvi_contact import (
     Traction,
     TriangleMesh,
 )
-from qvi_contact.gallery import CORNER_EXPONENTS, block_corner, cylinder_in_bore, loaded_pin, press_fit, rings
+from qvi_contact.gallery import (
+    CORNER_EXPONENTS,
+    block_corner,
+    cylinder_in_bore,
+    loaded_pin,
+    persson_pressure,
+    press_fit,
+    rings,
+)
 from qvi_contact.gallery.meshes import arc, fan
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.solution.loose import _way
@@ -168,6 +176,15 @@ class TestLoose:
 
 class TestBenchmarks:
     """Problems of the gallery on coarse meshes; what is known of them is in the verification manual."""
+
+    def test_persson(self):
+        """Printed values at five angles, and the force that the pressure has."""
+        printed = [22.415, 21.577, 18.949, 13.954, 10.794]
+        assert persson_pressure(np.deg2rad([0.0, 15.0, 30.0, 45.0, 51.0])) == pytest.approx(printed, abs=6e-4)
+        angles, step = np.linspace(-1.0, 1.0, 20001, retstep=True)
+        angles *= np.deg2rad(59.298)
+        force = 60.0 * (persson_pressure(angles) * np.cos(angles)).sum() * step * np.deg2rad(59.298)
+        assert force == pytest.approx(1875.0, rel=1e-5)
 
     def test_pressure_of_a_cylinder_in_a_bore(self):
         bore = solved(cylinder_in_bore(8)).contacts["bore"]
