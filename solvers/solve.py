@@ -25,6 +25,7 @@ from solvers.pivoting.method import PivotingOptions, affordable, solve_pivoting
 from solvers.pivoting.opinion import another_solution
 from solvers.solution.finish import Outcome, finish, no_outcome, out_of_time
 from solvers.solution.solution import QVISolution
+from solvers.solution.start import Start
 from solvers.strict.threshold import strict_pressure
 from solvers.uzawa import UzawaOptions, solve_uzawa
 
@@ -36,8 +37,9 @@ _WORTH_A_RETRY = (
     Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
 )  # fmt: skip
 _GENERAL = ("method", "inner", "tolerance", "throw", "factorisation", "threads", "time_limit", "verbose")
+_STARTED = ("condensed", "fixed-point")  # methods that take a start
 _START = "initial"
-"""Option of the fixed point that does not choose it: by default its use is left to the fall-back."""
+"""Option that chooses no method: a state is for the condensed method and the fixed point, a pressure for the latter."""
 
 DEFAULT_INNER = "qp:clarabel"
 
@@ -82,7 +84,7 @@ def solve_qvi(
         "condensed", "fixed-point", "pivoting" or "uzawa". By default "condensed"; where that fails "pivoting" if the
         contact is small, and "fixed-point" if it is not large, for as long again as the first took at most, or 15
         seconds if that is more; another method if an inner solver or options are given that only that one takes.
-        `initial` is no such option: by default the fixed point starts from it if its turn comes.
+        `initial` is no such option.
     inner : str, optional
         Inner solver of the fixed point, one of `available()`, by default "qp:clarabel"; not used by other methods.
         "strict:<cvxpy name>" or "strict-direct:clarabel" solve `qvi.strictly()`, which is the solution's problem then.
@@ -105,6 +107,9 @@ def solve_qvi(
     **options : object
         Fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or `UzawaOptions`. By default
         `max_iterations` counts the iterations of the condensed method and the fixed point, and `callback` hears of all.
+        `initial` is the `QVISolution` of a problem with the same unknowns and rows, or a `Start`, from which the
+        condensed method and the fixed point begin, or a pressure (m,), from which the fixed point does. One iteration
+        of the condensed method tells whether such a state is near; if it is not, the usual start is taken.
 
     Returns
     -------
@@ -125,9 +130,9 @@ def solve_qvi(
     inner, qvi = _strict(qvi, method, inner)
     chosen = default_method({"method": method, "inner": inner, **options})
     by_default = method is None and chosen == "condensed"
-    first = dict(options)
-    if by_default and first.pop(_START, None) is not None:
-        initial_pressure(qvi, options[_START])  # says what is wrong, whether its turn comes or not
+    first, options = _with_start(qvi, chosen, options)
+    if by_default and not isinstance(first.get(_START), Start):
+        first.pop(_START, None)
     with qvi.operator.using(factorisation, threads), watched(time_limit), narrated("solve_qvi", verbose) as story:
         began = time.perf_counter()
         story.begin(facts_of(qvi, chosen, tolerance))
@@ -143,6 +148,17 @@ def solve_qvi(
     if throw and not solution.solved:
         raise SolveError(solution.message)
     return solution
+
+
+def _with_start(qvi: FrictionQVI, method: str, options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Options of a method and of the fall-back with `initial` as each takes it; checked though its turn may not come."""
+    given = options.get(_START)
+    if given is None or method not in _STARTED:
+        return options, options
+    start = Start.of(given) if isinstance(given, QVISolution) else given
+    pressure = initial_pressure(qvi, start.pressure if isinstance(start, Start) else start)
+    later = {**options, _START: pressure}
+    return (later if method == "fixed-point" else {**options, _START: start}), later
 
 
 def facts_of(qvi: FrictionQVI, method: str, tolerance: float) -> dict[str, object]:
@@ -240,8 +256,13 @@ def default_method(settings: Mapping[str, Any]) -> str:
     return "fixed-point"
 
 
+def takes_state(settings: Mapping[str, Any]) -> bool:
+    """Whether a state may be added as `initial` to these keyword arguments of `solve_qvi`; it changes no method."""
+    return default_method(settings) in _STARTED
+
+
 def takes_initial(settings: Mapping[str, Any]) -> bool:
-    """Whether `initial` may be added to these keyword arguments of `solve_qvi`, and changes no method."""
+    """Whether a pressure may be added as `initial` to these keyword arguments of `solve_qvi`."""
     method = default_method(settings)
     return method == "fixed-point" or (method == "condensed" and settings.get("method") is None)
 

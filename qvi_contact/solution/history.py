@@ -37,7 +37,7 @@ from solvers import Status
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.narration import narrated
 from solvers.basics.watch import expired, watched
-from solvers.solve import takes_initial
+from solvers.solve import takes_state
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -297,7 +297,7 @@ def _follow(
             discretization = results[-1].discretization.following(problem, scales).slipped(_slip_after(results[-1]))
         else:
             discretization = discretize(problem, scales=scales, freed=freed, **space)
-        initial = {"initial": results[-1]} if results and takes_initial(options) else {}
+        initial = {"initial": results[-1]} if results and takes_state(options) else {}
         results.append(solve(discretization, **{**options, **initial}))
         callback(number, results[-1])
         if results[-1].status not in _CONTINUES or len(results[-1].discretization.freed) != len(freed):

@@ -22,6 +22,7 @@ from solvers.basics.watch import expired, watched
 from solvers.factorisation import FactorisationError
 from solvers.inner.names import is_strict
 from solvers.solution.finish import out_of_time
+from solvers.solution.start import Start
 from solvers.solve import check_choice, default_method, facts_of, takes_initial
 
 _CONDENSED_ONLY = ("gap",)  # options
@@ -78,10 +79,11 @@ def solve(
         Print a header, a line an iteration (dimensionless, see `solvers.Iteration`), a footer with status and times.
     **options
         ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`; ``callback`` is called
-        with every `solvers.Iteration` of any method. ``initial``, the pressure the fixed point starts from, is an
-        earlier `ContactResult` on the same contact points, such as that of a smaller load, or an array over all contact
-        points [stress], effective where a fluid presses; negative values count as zero. It does not choose the fixed
-        point: by default the condensed method comes first, which has no use for a start.
+        with every `solvers.Iteration` of any method. ``initial`` is an earlier `ContactResult`, such as that of a
+        smaller load: on the same mesh and element the condensed method starts from it if one iteration finds it near,
+        and on the same contact points the fixed point starts from its pressure. An array of pressures over all contact
+        points [stress], effective where a fluid presses, is for the fixed point only; negative values count as zero.
+        ``initial`` chooses no method.
 
     Returns
     -------
@@ -157,7 +159,7 @@ def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactR
     if discretization.space.contact_rule.kind == "bernstein":
         settings = {**settings, "inner": _on_coefficients(settings["inner"])}
     if settings.get("initial") is not None:
-        settings["initial"] = _initial_pressure(settings["initial"], discretization)
+        settings["initial"] = _initial(settings["initial"], discretization)
     result = solve_within_reach(discretization, settings)
     if result.status is Status.SOLVED or _stopped(result, settings):
         return result
@@ -247,14 +249,25 @@ def _solved(discretization: Discretization, settings: dict[str, Any]) -> Contact
     return result if result.status is Status.SOLVED else None
 
 
-def _initial_pressure(initial: object, discretization: Discretization) -> FloatArray:
-    """Dimensionless pressure in all contact rows from an earlier result or physical values at the points."""
+def _initial(initial: object, discretization: Discretization) -> Start | FloatArray:
+    """Dimensionless state of an earlier result, or where its unknowns are others the pressure in all contact rows."""
     if isinstance(initial, ContactResult):
         _ = initial.dofs  # says what is wrong if there is no state
-        solution, unit = initial.solution, initial.discretization.scales.stress
-        pressure = unit * solution.problem.pressure(solution.z)
-    else:
-        pressure = real_array("initial", initial, "give a ContactResult or an array of pressures")
-        if pressure.shape == (discretization.qvi.m,):
-            pressure = discretization.space.contact_rule.at_rows(pressure)
+        before, scales = initial.discretization.scales, discretization.scales
+        start = Start.of(initial.solution, before.stress / scales.stress, before.displacement / scales.displacement)
+        return start if _same_unknowns(initial.discretization, discretization) else start.pressure
+    pressure = real_array("initial", initial, "give a ContactResult or an array of pressures")
+    if pressure.shape == (discretization.qvi.m,):
+        pressure = discretization.space.contact_rule.at_rows(pressure)
     return np.asarray(np.maximum(pressure, 0.0) / discretization.scales.stress)
+
+
+def _same_unknowns(one: Discretization, other: Discretization) -> bool:
+    """Whether z means the same in both, and so do the rows of contacts."""
+    return (
+        one.space.family == other.space.family
+        and one.space.degree == other.space.degree
+        and one.qvi.m == other.qvi.m
+        and np.array_equal(one.elimination.kept, other.elimination.kept)
+        and one.problem.mesh.same_as(other.problem.mesh)
+    )

@@ -269,6 +269,16 @@ class Complementarity:
         """Add BᵀW diag(factors) C to target (k, k)."""
         add_product(target, self._B_transposed, scaled(self.weights * factors, slack_rows))
 
+    def bound_multipliers(self, m_N: Vector, m_T: Vector, slack: Vector) -> Vector:  # letters of (D2)
+        """λ (q,) of row multipliers (m,) each; of friction bound and cap that with the smaller slack (q,) has it."""
+        rows = np.where(self._sign == 0.0, m_N[self._points], self._sign * m_T[self._points])
+        lam = np.maximum(rows, 0.0) / self.weights
+        for side in (0, 1):
+            bound, cap = self.bounds[(self.bounds[:, side + 2] >= 0)][:, [side, side + 2]].T
+            farther = np.where(slack[bound] > slack[cap], bound, cap)
+            lam[farther] = 0.0
+        return lam
+
     def multipliers(self, u: Vector, lam: Vector) -> tuple[Vector, Vector, Vector]:
         """Row multipliers (m_N, m_T, ν) of (D2)."""
         qvi, reduction = self._qvi, self._reduction

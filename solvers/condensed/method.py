@@ -39,11 +39,13 @@ from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
 from solvers.condensed.reduction import Base, Reduction
+from solvers.condensed.warm_start import start_near
 from solvers.errors import InputError
 from solvers.inequality.equilibrium import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.solution.finish import Outcome, finish
 from solvers.solution.solution import Iteration, QVISolution
+from solvers.solution.start import Start
 
 _FIRST_GAP = 1e-5  # of the first defect correction: earlier its error is larger than that of the linear algebra
 _SLACK, _FORCE = 1e-11, 1e-11  # residuals that a solution may have, see `Measures`
@@ -60,6 +62,7 @@ _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
 _HALVED = 0.5
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _HOPELESS = 0.3  # of the defect corrections' contraction
+_FAR_ENOUGH = 0.5  # of the first step from an earlier answer: shorter ones cost more than they gain
 _TURNS = 12
 _ONE_START = 300  # iterations of one start
 _LAST = (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
@@ -75,18 +78,23 @@ class CondensedOptions:
     gap : complementarity at which the interior point method stops, relative to stress × displacement × length; less
         by the square of the least share that a point has in the contact, where that is below 2e-3
     max_iterations : factorisations of the Newton matrix at most
+    initial : the `Start` to begin near, optional; not used where it does not fit, or is not near
     callback : called with every `Iteration`
 
     """
 
     gap: float = 1e-14
     max_iterations: int = 600
+    initial: object = None
     callback: Callable[[Iteration], object] | None = None
 
     def __post_init__(self) -> None:
         if not (isinstance(self.gap, int | float) and 0 < self.gap < 1):
             raise InputError("gap", self.gap, "give a number between 0 and 1")
         whole_number("max_iterations", self.max_iterations)
+        if not (self.initial is None or isinstance(self.initial, Start)):
+            remedy = "give the result of an earlier problem: the condensed method cannot start from a pressure alone"
+            raise InputError("initial", type(self.initial).__name__, remedy)
 
 
 @dataclass(eq=False)
@@ -109,6 +117,8 @@ class _Run:
     kept: tuple[float, Point | None] = (np.inf, None)  # the best point, by its largest measure
     unsettled: float = np.inf  # energy norm of the residual of y when last all else was reached
     before: int = 0  # iterations of earlier starts
+    elsewhere: bool = False  # whether its central path is another one than the usual
+    warm: bool = False  # whether it started near the answer to a problem before
     turns: int = 0
     began: float = 0.0
     scale: float = 0.0  # energy norm of the first step
@@ -140,6 +150,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     set_up = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a diverging iteration is judged by its gap
         run = _start(qvi, reduction, options)
+        _begin_near(run)
         _iterate(run)
         if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.operator.use_root():
             reduction = Reduction(qvi)
@@ -149,22 +160,22 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     outcome = _outcome(run)
     outcome.form = "condensed"
     outcome.corrections = tuple(run.sizes)
-    outcome.turned = "The central path has a turning point before this solution" if run.turns or run.before else ""
+    outcome.turned = "The central path has a turning point before this solution" if run.turns or run.elsewhere else ""
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
     return finish(qvi, outcome, "condensed", "", tolerance)
 
 
 def _restarted(first: _Run, tolerance: float) -> _Run:
-    """Other central paths where the first led nowhere and ended nowhere near; the best of all by its certificate."""
+    """The usual start where an earlier answer led nowhere, then other central paths; the best by its certificate."""
     if first.reason in _LAST:
         return first
     best, run, accuracy = first, first, _accuracy(first)
-    for share in FRICTION_SHARES[1:]:
+    for share in FRICTION_SHARES if first.warm else FRICTION_SHARES[1:]:
         if accuracy <= tolerance:
             break
         run = _start(first.qvi, first.reduction, first.options, share)
         run.history = first.history
-        run.before = len(run.history)
+        run.before, run.elsewhere = len(run.history), share != FRICTION_SHARES[0]
         run.best = (np.inf, run.before)
         _iterate(run)
         found = _accuracy(run)
@@ -195,6 +206,27 @@ def _start(
     interior = InteriorPoint(problem, stress / stiffness if stiffness > 0.0 else 1.0)
     interior.start_at(problem.restricted(bonded))
     return _Run(qvi, reduction, base, problem, interior, options, began=time.perf_counter())
+
+
+def _begin_near(run: _Run) -> None:
+    """One iteration from the state to start from, if there is one; back to where it was if that step is short."""
+    start = run.options.initial
+    if not (isinstance(start, Start) and start.fits(run.qvi)):
+        return
+    interior, elsewhere = run.interior, run.interior.point
+    start_near(interior, run.problem.restricted(run.reduction.coordinates(start.z)), start)
+    residuals = interior.residuals()
+    measures = interior.measures(residuals)
+    if not np.isfinite(measures.worst):
+        interior.point = elsewhere
+        return
+    try:
+        run.warm = interior.iterate(residuals) >= _FAR_ENOUGH
+    except LinAlgError:
+        run.warm = False
+    _record(run, measures)
+    if not run.warm:
+        interior.point = elsewhere
 
 
 def _iterate(run: _Run) -> None:

@@ -95,6 +95,10 @@ class Reduction:
         values, _ = self._system.solve_interface(-base.reduced, base.equality)
         return self._coordinates.from_values(values) / self._scale
 
+    def coordinates(self, z: Vector) -> Vector:
+        """Trace coordinates (k,) of a point z (n,), counted from z = 0."""
+        return np.asarray(self._coordinates.from_values(z[self._system.interface]) / self._scale)
+
     def tractions(self, base: Base, y: Vector) -> tuple[Vector, Vector]:
         """(σ_N, σ_T) (m,) each."""
         return base.normal + self.E_N @ y, base.tangential + self.E_T @ y

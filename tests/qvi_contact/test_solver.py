@@ -168,4 +168,4 @@ def test_options_of_all_methods_keep_the_default():
     seen = []
     again = solve(compressed_plate(0.2, (6, 6)), initial=first, callback=seen.append, max_iterations=50, time_limit=60)
     assert again.solution.method == first.solution.method == "condensed"
-    assert again.iterations == first.iterations == len(seen)
+    assert len(seen) == again.iterations < first.iterations

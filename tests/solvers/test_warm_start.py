@@ -1,0 +1,99 @@
+"""The condensed method from the answer to a problem before: the same answer, fewer iterations, never many more."""
+
+import numpy as np
+import pytest
+
+from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Traction
+from qvi_contact.discretization.discretization import discretize
+from qvi_contact.gallery import compressed_plate
+from solvers import InputError, Status, solve_qvi
+from solvers.condensed.complementarity import Complementarity
+from solvers.condensed.interior_point import InteriorPoint
+from solvers.condensed.reduction import Reduction
+from solvers.condensed.warm_start import GAP, start_near
+from solvers.solution.start import Start
+from tests.solvers.conftest import random_problem
+
+
+def slipping(offset, law="unilateral", cap=None):
+    """A block pressed by a rough plate that moves sideways: parts slip, parts stick."""
+    mesh = RectilinearMesh.rectangle((8, 4), 2.0, 1.0)
+    free = [Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+    plate = Contact("top", 0.3, -0.01, offset, "plate", law=law, shear_limit=cap)
+    return ContactProblem(mesh, Material(1e3, 0.3), [plate, Displacement("bottom", x=0.0, y=0.0), *free])
+
+
+def opening(indentation):
+    """A round punch pressed in: the contact grows with the load."""
+    shape = slipping(0.0)
+    punch = Contact("top", 0.3, lambda x, y: 0.02 * (x - 1.0) ** 2 - indentation + 0.0 * y, name="plate")
+    return ContactProblem(shape.mesh, shape.material, [punch, *shape.conditions[1:]])
+
+
+SEQUENCES = {
+    "slip grows": [slipping(w) for w in (0.004, 0.0044)],
+    "slip turns back": [slipping(w) for w in (0.009, 0.0085)],
+    "bilateral": [slipping(w, "bilateral") for w in (0.004, 0.0044)],
+    "capped": [slipping(w, cap=2.0) for w in (0.004, 0.0044)],
+    "friction": [compressed_plate(mu, (8, 8)) for mu in (0.2, 0.22)],
+}
+
+
+@pytest.mark.parametrize("element", ["bfs", "hct"])
+@pytest.mark.parametrize("problems", SEQUENCES.values(), ids=SEQUENCES)
+def test_a_neighbour_saves_iterations_and_changes_no_answer(problems, element):
+    before, now = (discretize(problem, element=element) for problem in problems)
+    cold = solve_qvi(now.qvi)
+    warm = solve_qvi(now.qvi, initial=solve_qvi(before.qvi))
+    assert warm.status is cold.status is Status.SOLVED
+    assert warm.iterations <= 0.8 * cold.iterations
+    assert warm.problem.resultant(warm.z) == pytest.approx(cold.problem.resultant(cold.z), rel=1e-9)
+    size = np.abs(cold.problem.normal(cold.z)).max()
+    assert warm.problem.normal(warm.z) == pytest.approx(cold.problem.normal(cold.z), abs=1e-5 * size)
+
+
+def test_a_contact_that_grows_costs_one_iteration_more_at_most():
+    results = [solve_qvi(discretize(opening(depth)).qvi) for depth in (0.002, 0.012)]
+    warm = solve_qvi(results[1].problem, initial=results[0])
+    assert warm.status is Status.SOLVED
+    assert warm.iterations <= results[1].iterations + 1
+
+
+def test_the_point_has_the_products_of_the_path_and_the_differences_of_the_state():
+    qvi = discretize(slipping(0.004)).qvi
+    solution = solve_qvi(qvi)
+    reduction = Reduction(qvi)
+    problem = Complementarity(qvi, reduction, reduction.base(np.zeros(qvi.n)), 1.0)
+    interior = InteriorPoint(problem, 1.0)
+    y = problem.restricted(reduction.coordinates(solution.z))
+    start_near(interior, y, Start.of(solution))
+    point, kappa = interior.point, problem.sizes**2
+    assert problem.tractions(y)[0] == pytest.approx(qvi.normal(solution.z), abs=1e-9)
+    assert point.products / interior.parameter() == pytest.approx(interior.shares)
+    share = float(problem.weights @ (point.s * point.lam)) / problem.weights.sum()
+    assert share == pytest.approx(GAP)
+    slack = problem.slack(y, np.zeros(0))
+    lam = problem.bound_multipliers(solution.normal_multiplier, solution.tangential_multiplier, slack)
+    assert point.s - kappa * point.lam == pytest.approx(slack - kappa * lam, abs=1e-12)
+    assert problem.multipliers(y, lam)[1] == pytest.approx(solution.tangential_multiplier, abs=1e-12)
+
+
+def test_a_misleading_state_is_left():
+    """Random states: the answer is that of the usual start."""
+    qvi = random_problem(4)
+    plain = solve_qvi(qvi)
+    rng = np.random.default_rng(0)
+    for size in (1.0, 1e6):
+        state = Start(np.zeros(qvi.m), *(size * rng.normal(size=k) for k in (qvi.n, qvi.m, qvi.m)))
+        found = solve_qvi(qvi, initial=state)
+        assert found.solved
+        assert found.z == pytest.approx(plain.z, abs=1e-6)
+        assert found.iterations <= plain.iterations + 1
+
+
+def test_states_of_other_problems_give_the_pressure_at_most():
+    qvi = random_problem(4)
+    other = Start(np.ones(qvi.m), np.zeros(qvi.n + 1), np.zeros(qvi.m), np.zeros(qvi.m))
+    assert solve_qvi(qvi, initial=other).iterations == solve_qvi(qvi).iterations
+    with pytest.raises(InputError, match="earlier problem"):
+        solve_qvi(qvi, method="condensed", initial=np.ones(qvi.m))
