@@ -151,7 +151,7 @@ def solve_qvi(
 
 
 def _with_start(qvi: FrictionQVI, method: str, options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Options of a method and of the fall-back with `initial` as each takes it; checked though its turn may not come."""
+    """Options of a method and of the fall-back with `initial` as each takes it; checked even if not used."""
     given = options.get(_START)
     if given is None or method not in _STARTED:
         return options, options
