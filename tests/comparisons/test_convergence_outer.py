@@ -190,11 +190,12 @@ class TestReport:
             assert row.certificate["passed"] == (row.result["status"] == "solved")
             assert (row.certificate["accuracy"] <= 1e-8) == row.certificate["passed"]
 
-    def test_it_is_the_same_whatever_the_order_of_rows(self, rows, tmp_path):
-        first, second = (write_report(report(each, quick=True), tmp_path / name) for name, each in
-                         (("a", rows), ("b", rows[::-1])))  # fmt: skip
-        assert len(first) == (7 if has_matplotlib() else 2)
-        assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+    def test_its_files(self, rows, tmp_path):
+        assert len(write_report(report(rows, quick=True), tmp_path)) == (7 if has_matplotlib() else 2)
+
+    @pytest.mark.usefixtures("outlined")
+    def test_it_is_the_same_whatever_the_order_of_rows(self, rows):
+        assert report(rows, quick=True) == report(rows[::-1], quick=True)
 
     def test_numbers_are_those_of_the_rows(self, rows):
         values = found(rows)
@@ -204,6 +205,7 @@ class TestReport:
         limits = tables_of(runs_of(rows))["limits"].rows
         assert ("8 contacts", "1 of 2", "0.5", "2 (cycling)", "none") in limits
 
+    @pytest.mark.usefixtures("outlined")
     def test_a_case_that_died_is_a_failure(self, rows):
         victim = next(row for row in rows if row.case["loop"] == "condensed" and row.case["problem"] == "plate")
         dead = replace(victim, status="timeout", result={}, certificate=None, reason="too long")

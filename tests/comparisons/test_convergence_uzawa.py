@@ -218,6 +218,7 @@ class TestNumbers:
         other = [self.mapped(row, 0.1, count, normal=normal) for count, normal in ((30, 0.5), (None, 1.0))]
         assert [tables_of(runs_of(each))["maps"].rows[0][-1] for each in (same, other)] == ["no", "yes"]
 
+    @pytest.mark.usefixtures("outlined")
     def test_a_case_that_died_is_left_out_and_counted(self, rows):
         dead = [
             replace(row, status="timeout", result={}, certificate=None) if row.case["target"] else row for row in rows
@@ -242,12 +243,14 @@ class TestReport:
         assert runs["to 1e-04"][0.1] > 5 * load().iterations
         assert np.isnan(runs["to 1e-04"][0.0])
 
-    def test_it_is_the_same_whatever_the_order_of_rows(self, rows, tmp_path):
-        first, second = (write_report(report(each, quick=True), tmp_path / name) for name, each in
-                         (("a", rows), ("b", rows[::-1])))  # fmt: skip
-        assert len(first) == (8 if has_matplotlib() else 2)
-        assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
-        assert all("convergence-uzawa-quick" in path.name for path in first)
+    def test_its_files(self, rows, tmp_path):
+        written = write_report(report(rows, quick=True), tmp_path)
+        assert len(written) == (8 if has_matplotlib() else 2)
+        assert all("convergence-uzawa-quick" in path.name for path in written)
+
+    @pytest.mark.usefixtures("outlined")
+    def test_it_is_the_same_whatever_the_order_of_rows(self, rows):
+        assert report(rows, quick=True) == report(rows[::-1], quick=True)
 
     def test_numbers_of_the_findings(self):
         values = found(read_csv(COMMITTED / "convergence-uzawa.csv.gz"))

@@ -303,6 +303,7 @@ class TestRun:
         assert all(f"{row['half_force']:.7f}" in text for row in document["rows"] if row["half_force"])
         assert "python -m comparisons peers --friction 1 --cells 8 --levels 1 --repeat 2" in text
 
+    @pytest.mark.usefixtures("outlined")
     def test_the_report_is_made_of_the_rows_alone(self, ran):
         made = report(ran[3][::-1])
         assert (made.text, set(made.pictures)) == (ran[2]["peers.md"], {name for name in ran[2] if "svg" in name})
@@ -343,6 +344,7 @@ class TestCommitted:
 
 
 @posix
+@pytest.mark.usefixtures("outlined")
 class TestFailures:
     """Codes that crash, hang, or talk nonsense are rows with the reason."""
 
@@ -438,6 +440,7 @@ def told(*rows):
     return values_of(runs_of(rows))
 
 
+@pytest.mark.usefixtures("outlined")
 class TestReach:
     """What an error costs each code."""
 
@@ -495,6 +498,7 @@ class TestReach:
         assert ("1e-6", "GetFEM") not in lines
 
 
+@pytest.mark.usefixtures("outlined")
 class TestFindings:
     """The numbers of the sentences."""
 
@@ -601,6 +605,7 @@ def test_errors_below_the_uncertainty_are_shown_as_such():
 
 
 @pytest.mark.skipif(not has_matplotlib(), reason="matplotlib is not installed")
+@pytest.mark.usefixtures("outlined")
 class TestFigures:
     """What is drawn; a picture's texts are in it as texts."""
 

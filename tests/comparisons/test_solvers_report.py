@@ -9,7 +9,7 @@ import pytest
 
 from comparisons.lab.report import drawing, write_report
 from comparisons.lab.study import StoredStudy, read_csv, read_study
-from comparisons.solvers import command, figures, study
+from comparisons.solvers import command, study
 from comparisons.solvers.measures import runs_of
 from comparisons.solvers.report import report_of
 from comparisons.solvers.values import values_of
@@ -98,17 +98,11 @@ def test_numbers_are_those_of_the_rows(ran, stored):
     assert read_csv(ran / "report" / "solvers-quick.csv.gz") == stored.rows
 
 
-def test_the_same_rows_make_the_same_report(ran, files, tmp_path, monkeypatch):
-    again = read_study(ran / "rows.sqlite")
-    runs = runs_of(again.rows)
-    if has_matplotlib():
-        for name, picture in figures.figures(runs).items():
-            assert picture.encode() == files.get(f"solvers-quick-{name}.svg", b"")
-    monkeypatch.setattr(drawing, "has_matplotlib", lambda: False)
-    for name in ("one", "two"):
-        write_report(report_of(again), tmp_path / name)
-    one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
-    assert one == two
+@pytest.mark.usefixtures("outlined")
+def test_the_same_rows_make_the_same_report(ran, files):
+    made, again = (report_of(read_study(ran / "rows.sqlite")) for _ in range(2))
+    assert made == again
+    assert made.text.encode() == files["solvers-quick.md"]
 
 
 def test_a_complete_store_is_not_run_again_and_all_that_is_printed_is_json(ran, capfd, monkeypatch, tmp_path):
