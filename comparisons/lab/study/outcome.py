@@ -18,9 +18,9 @@ REFUSED: Final = "refused"
 CRAMPED: Final = "cramped"
 
 FAILURES: Final[Mapping[str, str]] = {
-    ERROR: "the task raised an exception, or returned something that is not plain",
+    ERROR: "the task raised an exception, or returned other values than numbers, texts, lists and dictionaries",
     TIMEOUT: "the case took longer than allowed and was ended",
-    MEMORY: "the case wanted more memory than allowed",
+    MEMORY: "the case needed more memory than allowed",
     CRASHED: "the process that ran the case died",
 }
 """Status of a row without a result → what it means. `DONE` is the status of all others.
