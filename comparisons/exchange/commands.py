@@ -35,8 +35,8 @@ def export() -> None:
 def qpbenchmark(folder: str, problems: tuple[str, ...]) -> None:
     """Write a test set that qpbenchmark runs, from problem files or, without any, from standard problems.
 
-    Each contact problem gives up to four quadratic programs: in all unknowns and condensed on the contact, with the friction
-    bound of its solution and with that of a body that does not slip.
+    Each contact problem gives up to four quadratic programs: in all unknowns and condensed on the contact, with the
+    friction bound of its solution and with that of a body that does not slip.
 
     \b
     Example:
