@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
+    from qvi_contact.solution.sweep import Sweep, solve_sweep
     from qvi_contact.verification.verification import verify_result
 
 _HOME = {
@@ -65,6 +66,7 @@ _HOME = {
     "RigidPlate": "problem.conditions",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
+    "Sweep": "solution.sweep",
     "Symmetry": "problem.conditions",
     "Traction": "problem.conditions",
     "TriangleMesh": "mesh.triangles",
@@ -81,6 +83,7 @@ _HOME = {
     "solve": "solution.solver",
     "solve_companion": "companion",
     "solve_history": "solution.history",
+    "solve_sweep": "solution.sweep",
     "verify_result": "verification.verification",
 }
 
@@ -111,6 +114,7 @@ __all__ = [
     "RigidPlate",
     "SolveError",
     "SolverUnavailableError",
+    "Sweep",
     "Symmetry",
     "Traction",
     "TriangleMesh",
@@ -127,6 +131,7 @@ __all__ = [
     "solve",
     "solve_companion",
     "solve_history",
+    "solve_sweep",
     "verify_result",
 ]
 

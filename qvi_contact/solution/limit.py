@@ -308,34 +308,40 @@ def _program(low: Discretization, high: Discretization, signs: IntArray) -> tupl
     return carried, LimitState(tractions, shares * (H.T @ np.maximum(-answer.ineqlin.marginals, 0.0)))
 
 
-def checked_loads(problem: ContactProblem, loads: Sequence[str]) -> tuple[str, ...]:
-    """The names of loads that can be multiplied; `InputError` lists those there are."""
+def loads_of(problem: ContactProblem) -> list[str]:
+    """The names of loads that can be multiplied."""
     known = [BODY]
     known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
     known += [contact.name for contact in problem.contacts if contact.plate is not None]
+    return known
+
+
+def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "loads") -> tuple[str, ...]:
+    """The names of loads that can be multiplied; `InputError` lists those there are."""
+    known = loads_of(problem)
     if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
-        raise InputError("loads", loads, f"give a list of names out of {', '.join(known)}")
+        raise InputError(field, loads, f"give a list of names out of {', '.join(known)}")
     remedy = f"there is no such load; there are {', '.join(known)}"
-    return tuple(one_of("loads", name, known, remedy) for name in loads)
+    return tuple(one_of(field, name, known, remedy) for name in loads)
 
 
 def _sampled(
     problem: ContactProblem, names: Sequence[str], space: Mapping[str, Any]
 ) -> tuple[Discretization, Discretization]:
     """The problem at two load factors in the same units, with the same degrees of freedom kept."""
-    multiples = [_multiplied(problem, names, factor) for factor in _SAMPLES]
+    multiples = [multiplied(problem, names, factor) for factor in _SAMPLES]
     scales = Scales.of(multiples[1])
     # Corners where shears disagree at one factor, or that `solve` may give up beside a contact, are given up at both.
     freed: IntArray = np.unique([node for multiple in multiples for node, _ in shear_beside_contacts(multiple)])
     for _ in range(2):
-        low, high = (
-            discretize(multiple, scales=scales, freed=freed.astype(np.int64), **space) for multiple in multiples
-        )
+        low = discretize(multiples[0], scales=scales, freed=freed.astype(np.int64), **space)
+        high = low.following(multiples[1], scales)
         freed = np.unique(np.concatenate([freed, low.elimination.conflicts, high.elimination.conflicts]))
     return low, high
 
 
-def _multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:
+def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:
+    """The problem with the named loads times a factor."""
     conditions = [_scaled(condition, names, factor) for condition in problem.conditions]
     potential = _times(problem.body_potential, factor) if BODY in names else problem.body_potential
     return replace(problem, conditions=conditions, body_potential=potential)

@@ -128,12 +128,16 @@ def posed(
     degree: int | None = None,
     contact_rows: RowKind | None = None,
     method: str | None = None,
+    before: Discretization | None = None,
     **options: Any,
 ) -> Discretization:
     """The problem discretised in fitting units, as `solve` does it first with these options.
 
-    `solve` takes it in place of the problem, with all options but ``element``, ``degree`` and ``contact_rows``.
+    `solve` takes it in place of the problem, with all options but ``element``, ``degree`` and ``contact_rows``. What it
+    has in common with a problem `before`, posed with the same options on the same mesh, is shared.
     """
+    if before is not None:
+        return _fitted(before.following(problem), options)
     rows = rows_for(method, contact_rows)
     return _fitted(discretize(problem, element=element, degree=degree, contact_rows=rows), options)
 

@@ -1,0 +1,126 @@
+"""Sweeps: the answers of single solves, one factorisation, and what a failing value or the time does."""
+
+import time
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    InputError,
+    Material,
+    RectilinearMesh,
+    Traction,
+    solve,
+    solve_sweep,
+)
+from qvi_contact.basics.units import Units
+from qvi_contact.gallery import compressed_plate
+from solvers import Status
+from solvers.factorisation import registry
+
+
+def pushed(shear=0.1, friction=0.3):
+    """A block pressed on the ground, and pushed to the side by its upper and right side."""
+    mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+    sides = [Traction("left", x=0.0, y=-shear), Traction("right", x=0.0, y=shear)]
+    top = [Traction("top", x=shear, y=-1.0, name="push")]
+    return ContactProblem(mesh, Material(1e3, 0.2), [Contact("bottom", friction, name="base"), *top, *sides])
+
+
+PLATE = compressed_plate(0.2, (6, 6))
+
+SWEEPS = {
+    "friction": ((0.1, 0.3, 0.2), lambda mu: compressed_plate(mu, (6, 6))),
+    "gap": ((0.0, -1e-4, 1e-4), lambda shift: compressed_plate(0.2, (6, 6), displacement=1e-3 - shift)),
+    "offset": (
+        (0.0, 2e-5),
+        lambda w: replace(
+            PLATE, conditions=[replace(c, offset=w) if isinstance(c, Contact) else c for c in PLATE.conditions]
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("element", ["bfs", "hct"])
+@pytest.mark.parametrize("parameter", SWEEPS)
+def test_every_value_has_the_answer_of_a_solve_of_its_own(parameter, element):
+    values, single = SWEEPS[parameter]
+    sweep = solve_sweep(PLATE, parameter, values, element=element)
+    assert sweep.status is Status.SOLVED
+    for value, step in zip(values, sweep.steps, strict=True):
+        alone = solve(single(value), element=element)
+        line, expected = step.contacts["plate"], alone.contacts["plate"]
+        assert step.certificate.passed
+        assert line.normal_force == pytest.approx(expected.normal_force, rel=1e-10)
+        assert line.tangential_force == pytest.approx(expected.tangential_force, abs=1e-10 * expected.normal_force)
+        assert step.energies.strain == pytest.approx(alone.energies.strain, rel=1e-10)
+
+
+def test_one_factorisation_serves_all_values(monkeypatch):
+    made = []
+    factorise = registry.factorise
+    monkeypatch.setattr("solvers.factorisation.choice.factorise", lambda *a, **k: made.append(1) or factorise(*a, **k))
+    sweep = solve_sweep(PLATE, "friction", [0.1, 0.2, 0.3, 0.4], factorisation="superlu")
+    assert sweep.status is Status.SOLVED
+    assert len(made) == 1
+    first, *others = (step.discretization.qvi for step in sweep.steps)
+    assert all(qvi.K is first.K and qvi.operator is first.operator for qvi in others)
+
+
+def test_a_load_factor_multiplies_named_loads():
+    problem = pushed(shear=0.0)
+    base, top, *sides = problem.conditions
+    problem = replace(problem, conditions=[base, replace(top, x=0.1), *sides])
+    found = solve_sweep(problem, "load", [0.5, 2.0], of=["push"])
+    for factor, step in zip(found.values, found.steps, strict=True):
+        line = step.contacts["base"]
+        assert (line.normal_force, abs(line.tangential_force)) == pytest.approx((2.0 * factor, 0.2 * factor), abs=1e-8)
+
+
+def test_a_value_without_an_answer_does_not_end_the_sweep():
+    seen = []
+    problem = pushed()
+    sweep = solve_sweep(problem, "friction", [0.5, 0.05, 0.4], callback=lambda number, _: seen.append(number))
+    assert seen == [1, 2, 3]
+    assert [step.status is Status.SOLVED for step in sweep.steps] == [True, False, True]
+    assert sweep.status is sweep.steps[1].status is Status.INFEASIBLE
+    assert "friction = 0.05" in sweep.message
+
+
+def test_the_time_limit_keeps_what_was_done():
+    sweep = solve_sweep(PLATE, "friction", [0.1, 0.2, 0.3], callback=lambda *_: time.sleep(0.4), time_limit=0.4)
+    assert len(sweep.steps) == 1
+    assert sweep.status is Status.TIME_LIMIT
+
+
+def test_as_a_table():
+    frame = solve_sweep(PLATE, "gap", [0.0, -1e-4]).to_frame(Units("mm", "MPa"))
+    assert frame["gap [mm]"].tolist() == [0.0, -1e-4]
+    assert frame["contact"].tolist() == ["plate", "plate"]
+    forces = frame[[name for name in frame if name.startswith("normal_force")]].to_numpy().ravel()
+    assert forces[1] > forces[0]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "values", "of", "field"),
+    [("mu", [0.1], None, "parameter"), ("friction", [], None, "values"), ("friction", [-0.1], None, "values"),
+     ("gap", [np.nan], None, "values"), ("gap", 1.0, None, "values"), ("gap", "0.1", None, "values"),
+     ("friction", [0.1], ["base"], "of"), ("friction", [0.1], "plate", "of"), ("load", [1.0], ["base"], "of"),
+     ("load", [1.0], [], "of")],
+)  # fmt: skip
+def test_bad_sweeps_are_refused(parameter, values, of, field):
+    with pytest.raises(InputError) as caught:
+        solve_sweep(PLATE, parameter, values, of)
+    assert caught.value.field == field
+
+
+def test_values_by_way_of_a_history_are_other_problems():
+    """A sweep of offsets up and down ends where it began; a history does not."""
+    path = [0.0, 3e-4, 0.0]
+    forces = [step.contacts["plate"].tangential_force for step in solve_sweep(PLATE, "offset", path).steps]
+    assert forces[2] == pytest.approx(forces[0], rel=1e-8)
+    assert all(abs(one - other) > 1e-3 * abs(one) for one, other in pairwise(forces))
