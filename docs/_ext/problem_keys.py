@@ -46,7 +46,8 @@ TABLES: dict[str, type[schema.Table]] = {
     "[solve]": schema.SolveTable,
     "[refine]": schema.RefinementTable,
     "[history]": schema.HistoryTable,
-    "times of [history], as a range": schema.TimeRange,
+    "[sweep]": schema.SweepTable,
+    "times of [history], values of [sweep], as a range": schema.TimeRange,
     "a field, as a polynomial": schema.PolynomialTable,
 }
 """Heading → table of the schema."""

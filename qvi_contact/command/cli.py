@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from qvi_contact.bracket import Bracket
+    from qvi_contact.command.series import Series
     from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.refinement import Refinement
     from qvi_contact.solution.history import History
@@ -118,6 +119,9 @@ def group() -> None:
 @_SAVE_JSON
 @_REPORT
 @click.option("--certificate", is_flag=True, help="Compute the certificate again and print it as a table.")
+@click.option(
+    "--set", "swept", metavar="NAME=V1,V2,…", help="Solve for several values of friction, load, gap or offset."
+)
 def solve(
     file: str,
     element: str | None,
@@ -136,14 +140,17 @@ def solve(
     save_json: str | None,
     report: str | None,
     certificate: bool,
+    swept: str | None,
 ) -> int:
     """Solve the problem in FILE and report forces and states of its contacts.
 
     Options override [solve] in the file. A file with a [history] is solved step by step. Its picture shows forces and
-    loops, and its fields are those of the last step. After --time-limit seconds the result is the best state found so
-    far, with the status time_limit. --certificate computes every number of the result (of each step) again and
-    compares them; the exit status is 1 if any differ, and --json lists them as "verification". The page of --report is
-    one file. Its energy bounds take a second solve, of at most --time-limit seconds.
+    loops, and its fields are those of the last step. --set, or a [sweep] in the file, solves for several values of the
+    friction, of a load factor, or of what is added to gap or offset; files are those of the last value. After
+    --time-limit seconds the result is the best state found so far, with the status time_limit. --certificate computes
+    every number of the result (of each step) again and compares them; the exit status is 1 if any differ, and --json
+    lists them as "verification". The page of --report is one file. Its energy bounds take a second solve, of at most
+    --time-limit seconds.
 
     \b
     Exit status: 0 solved, with a passing certificate
@@ -159,9 +166,11 @@ def solve(
         qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
         qvi-contact solve examples/punch.toml --report punch.html
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
+        qvi-contact solve examples/punch.toml --set friction=0.1,0.2,0.3
     """  # noqa: D301
     import numpy as np
 
+    from qvi_contact.command.series import plan_of, solved_series
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
@@ -173,18 +182,18 @@ def solve(
     }  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options = _options(problem_file, _given(**given))
-        history, steps = _solved(problem_file, options)
+        series, steps = solved_series(problem_file, plan_of(problem_file, swept), options)
         checked = _verified(steps, tolerance) if certificate else ()
-        document = _as_document(problem_file, steps, checked) if as_json or save_json else {}
-        page = _page(file, problem_file, steps, options)
-        complete = _write(problem_file, history, steps[-1], targets, document, page)
+        document = _as_document(problem_file, series, steps, checked) if as_json or save_json else {}
+        page = _page(file, problem_file, steps, options, series=series)
+        complete = _write(problem_file, None if series is None else series.history, steps[-1], targets, document, page)
     if as_json:
         click.echo(_json(document))
     else:
-        _show(problem_file, history, steps, checked)
+        _show(problem_file, series, steps, checked)
     if not complete:
         return 2
-    return 0 if _all_solved(problem_file, steps) and all(found.passed for found in checked) else 1
+    return 0 if _all_solved(series, steps) and all(found.passed for found in checked) else 1
 
 
 @group.command(short_help="Check a stored result, from its file alone.")
@@ -540,23 +549,9 @@ def _options(file: "ProblemFile", given: dict[str, Any]) -> dict[str, Any]:
     return options | file.element | given
 
 
-def _solved(file: "ProblemFile", options: dict[str, Any]) -> "tuple[History | None, tuple[ContactResult, ...]]":
-    """The history, if there is one, and the results of its steps."""
-    from qvi_contact.command.solve_line import solving
-    from qvi_contact.solution.solver import solve as solve_one
-
-    if not file.times:
-        with solving(file.title or "solve"):
-            return None, (solve_one(file.problem, **options),)
-    from qvi_contact.solution.history import solve_history
-
-    with solving(file.title or "history", len(file.times)) as advance:
-        history = solve_history(file.problems, callback=lambda *_: advance(), **options)
-    return history, history.steps
-
-
-def _all_solved(file: "ProblemFile", steps: "tuple[ContactResult, ...]") -> bool:
-    return len(steps) == len(file.problems) and all(step.status == "solved" for step in steps)
+def _all_solved(series: "Series | None", steps: "tuple[ContactResult, ...]") -> bool:
+    planned = 1 if series is None else len(series.values)
+    return len(steps) == planned and all(step.status == "solved" for step in steps)
 
 
 def _verified(steps: "tuple[ContactResult, ...]", tolerance: float | None) -> "tuple[Verification, ...]":
@@ -566,7 +561,10 @@ def _verified(steps: "tuple[ContactResult, ...]", tolerance: float | None) -> "t
 
 
 def _as_document(
-    file: "ProblemFile", steps: "tuple[ContactResult, ...]", checked: "tuple[Verification, ...]"
+    file: "ProblemFile",
+    series: "Series | None",
+    steps: "tuple[ContactResult, ...]",
+    checked: "tuple[Verification, ...]",
 ) -> dict[str, Any]:
     """Summaries, with what was verified, if it was."""
     from qvi_contact.files.export import summary
@@ -574,10 +572,8 @@ def _as_document(
     found = [summary(step, file.units) for step in steps]
     for step, verification in zip(found, checked, strict=False):
         step["verification"] = verification.document()
-    heading = {"title": file.title, "solved": _all_solved(file, steps)}
-    if not file.times:
-        return heading | found[0]
-    return heading | {"times": list(file.times), "steps": found}
+    heading = {"title": file.title, "solved": _all_solved(series, steps)}
+    return heading | (found[0] if series is None else series.document(found))
 
 
 def _refuse_history(file: "ProblemFile", what: str) -> None:
@@ -705,6 +701,7 @@ def _page(
     steps: "tuple[ContactResult, ...]",
     options: dict[str, Any],
     refinement: "Refinement | None" = None,
+    series: "Series | None" = None,
 ) -> "Callable[[], str]":
     """What makes the page of --report."""
 
@@ -715,22 +712,23 @@ def _page(
 
         command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
         request = Request.read(path, file, command)
-        return result_page(request, steps, options.get("time_limit"), refinement)
+        return result_page(request, steps, options.get("time_limit"), refinement, series)
 
     return made
 
 
 def _show(
     file: "ProblemFile",
-    history: "History | None",
+    series: "Series | None",
     steps: "tuple[ContactResult, ...]",
     checked: "tuple[Verification, ...]",
 ) -> None:
     """The report for people."""
-    from qvi_contact.command.report import heading_lines, history_lines, result_lines, verification_lines
+    from qvi_contact.command.report import heading_lines, result_lines, verification_lines
 
-    lines = result_lines(steps[0], file.units) if history is None else history_lines(history, file.times, file.units)
-    for line in (*heading_lines(file), *lines, *verification_lines(checked, file.times)):
+    lines = result_lines(steps[0], file.units) if series is None else series.lines(file.units)
+    verified = verification_lines(checked, *((), "t") if series is None else (series.values, series.label))
+    for line in (*heading_lines(file), *lines, *verified):
         click.echo(line)
 
 

@@ -1,6 +1,7 @@
 """What a problem file was understood to say, for `qvi-contact check`."""
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -51,6 +52,7 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
         "solve": dict(options),
         "refine": dict(file.refine_options),
         "times": list(file.times),
+        "sweep": None if file.sweep is None else asdict(file.sweep),
         "remarks": [file.units.filled(remark) for remark in discretization.remarks],
     }
 

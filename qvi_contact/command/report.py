@@ -69,14 +69,36 @@ def history_lines(history: History, times: Sequence[float], units: Units) -> Ite
     yield history.message
 
 
-def verification_lines(checked: Sequence[Verification], times: Sequence[float]) -> Iterator[str]:
+def sweep_lines(
+    steps: Sequence[ContactResult], parameter: str, values: Sequence[float], message: str, units: Units
+) -> Iterator[str]:
+    """One table for each contact, a row for each value, then the outcome."""
+    least = Rounding.largest(step.discretization.scales.rounding for step in steps)
+    for contact in steps[0].problem.contacts:
+        rows = []
+        for step, value in zip(steps, values, strict=False):
+            row = [f"{value:.6g}", str(step.status), str(step.iterations)]
+            if step.has_state:
+                line = step.contacts[contact.name]
+                forces = (shown(force, least.force) for force in (line.normal_force, line.tangential_force))
+                row += [*forces, *_shares(line)]
+            rows.append(row)
+        yield f"contact {contact.name}, forces in {units.engineering_force}"
+        yield from table([parameter, "status", "iterations", "normal", "tangential", *_STATES], rows)
+        yield ""
+    remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
+    yield from (f"remark: {remark}" for remark in remarks)
+    yield message
+
+
+def verification_lines(checked: Sequence[Verification], values: Sequence[float], label: str = "t") -> Iterator[str]:
     """The table of the one result; of several the verdict of each step, and the table of the first that fails."""
     if len(checked) == 1:
         yield from ("", checked[0].table())
         return
     failed = next((found for found in checked if not found.passed), None)
-    for number, (found, t) in enumerate(zip(checked, times, strict=False), 1):
-        yield f"step {number}, t = {t:.6g}: {found.summary()}"
+    for number, (found, value) in enumerate(zip(checked, values, strict=False), 1):
+        yield f"step {number}, {label} = {value:.6g}: {found.summary()}"
     if failed is not None:
         yield from ("", failed.table())
 
@@ -113,6 +135,9 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     times = outline["times"]
     if times:
         yield f"history: {len(times)} steps, t from {times[0]:g} to {times[-1]:g}"
+    if outline["sweep"]:
+        values = outline["sweep"]["values"]
+        yield f"sweep: {outline['sweep']['parameter']}, {len(values)} values from {min(values):g} to {max(values):g}"
     yield from (f"remark: {remark}" for remark in outline["remarks"])
 
 

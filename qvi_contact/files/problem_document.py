@@ -539,12 +539,12 @@ class RefinementTable(Table):
 
 
 class TimeRange(Table):
-    """Times from `start` to `stop`, both included, in equal steps."""
+    """Times, or values of a sweep, from `start` to `stop`, both included, in equal steps."""
 
     start: float = 0.0
-    """First time: `start = 0.0`."""
+    """The first: `start = 0.0`."""
     stop: float
-    """Last time: `stop = 6.3`."""
+    """The last: `stop = 6.3`."""
     steps: Annotated[int, Field(ge=1, le=_MOST_STEPS)]
     """Number of steps: `steps = 20`."""
 
@@ -563,6 +563,28 @@ class HistoryTable(Table):
     """Values that t takes, a list or a range; friction remembers from one to the next:
     `times = { start = 0.0, stop = 6.3, steps = 20 }`.
     """
+
+
+class SweepTable(Table):
+    """Values of a parameter for which the problem is solved, each by itself."""
+
+    parameter: Literal["friction", "load", "gap", "offset"]
+    """friction: μ of contacts; load: a factor of loads; gap, offset: what is added to these of contacts [length]:
+    `parameter = "friction"`.
+    """
+    values: Annotated[
+        Annotated[list[float], Field(max_length=_MOST_STEPS), Tag("<lines>")] | Annotated[TimeRange, Tag("<segment>")],
+        Discriminator(
+            _kind_of_axis,
+            custom_error_type="values",
+            custom_error_message="give a list of numbers, or { start = 0.0, stop = 1.0, steps = 10 }",
+        ),
+    ]
+    """Its values, a list or a range:
+    `values = { start = 0.1, stop = 0.5, steps = 4 }`.
+    """
+    of: Annotated[list[str], Field(max_length=_MOST_NAMES)] | None = None
+    """Names of the contacts, or of the loads, that are changed; all by default: `of = ["base"]`."""
 
 
 class Document(Table):
@@ -606,6 +628,8 @@ class Document(Table):
     """How to refine it, see `[refine]`: `refine = { target = 1e-4 }`."""
     history: HistoryTable | None = None
     """Load steps, see `[history]`: `history = { times = [0.0, 1.0, 2.0] }`."""
+    sweep: SweepTable | None = None
+    """Values of a parameter, see `[sweep]`: `sweep = { parameter = "friction", values = [0.1, 0.2] }`."""
 
 
 def parse(text: str) -> Document:

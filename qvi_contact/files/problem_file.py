@@ -23,6 +23,15 @@ ELEMENT_OPTIONS: Final = ("element", "degree", "contact_rows")
 """Arguments of `solve` that choose the element rather than the method."""
 
 
+@dataclass(frozen=True)
+class SweepPlan:
+    """Arguments for `qvi_contact.solve_sweep`: parameter, values, and names of what is changed, by default all."""
+
+    parameter: Any  # checked by solve_sweep
+    values: tuple[float, ...]
+    of: tuple[str, ...] | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class ProblemFile:
     """What a problem file says.
@@ -41,6 +50,8 @@ class ProblemFile:
         Arguments for `qvi_contact.refine` beside those.
     times : tuple of float
         Times of the load steps; empty without a history.
+    sweep : SweepPlan or None
+        Values for which the problem is to be solved, if there is a sweep.
 
     """
 
@@ -51,6 +62,7 @@ class ProblemFile:
     solve_options: Mapping[str, Any]
     refine_options: Mapping[str, Any]
     times: tuple[float, ...]
+    sweep: SweepPlan | None
     _document: Document = field(repr=False)
 
     @property
@@ -135,10 +147,25 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
         solve_options=document.solve.model_dump(exclude_none=True),
         refine_options=document.refine.model_dump(exclude_none=True),
         times=times,
+        sweep=_sweep(document),
         _document=document,
     )
     _ = found.problems  # checks the other times
     return found
+
+
+def _sweep(document: Document) -> SweepPlan | None:
+    if document.sweep is None:
+        return None
+    if document.history is not None:
+        raise InputError("sweep", document.sweep.parameter, "a file with a [history] cannot be swept: leave one out")
+    values = document.sweep.values
+    if isinstance(values, TimeRange):
+        values = np.linspace(values.start, values.stop, values.steps + 1).tolist()
+    if not values:
+        raise InputError("sweep.values", values, "give at least one value")
+    of = document.sweep.of
+    return SweepPlan(document.sweep.parameter, tuple(values), None if of is None else tuple(of))
 
 
 def _times(document: Document) -> tuple[float, ...]:

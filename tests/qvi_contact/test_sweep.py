@@ -1,11 +1,14 @@
 """Sweeps: the answers of single solves, one factorisation, and what a failing value or the time does."""
 
+import json
 import time
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from qvi_contact import (
     Contact,
@@ -14,10 +17,12 @@ from qvi_contact import (
     Material,
     RectilinearMesh,
     Traction,
+    load_problem,
     solve,
     solve_sweep,
 )
 from qvi_contact.basics.units import Units
+from qvi_contact.command.cli import group
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from solvers.factorisation import registry
@@ -124,3 +129,67 @@ def test_values_by_way_of_a_history_are_other_problems():
     forces = [step.contacts["plate"].tangential_force for step in solve_sweep(PLATE, "offset", path).steps]
     assert forces[2] == pytest.approx(forces[0], rel=1e-8)
     assert all(abs(one - other) > 1e-3 * abs(one) for one, other in pairwise(forces))
+
+
+FILE = Path(__file__).parents[2] / "examples" / "compressed_plate.toml"
+
+
+def command(*arguments):
+    """Exit status and output of qvi-contact."""
+    outcome = CliRunner().invoke(group, [str(word) for word in arguments], standalone_mode=False)
+    if isinstance(outcome.exception, InputError):
+        return 2, str(outcome.exception)
+    assert outcome.exception is None, outcome.output
+    return outcome.return_value, outcome.output
+
+
+def test_values_on_the_command_line():
+    status, out = command("solve", FILE, "--element", "bfs", "--set", "friction=0.1,0.3", "--json")
+    document = json.loads(out)
+    assert (status, document["solved"], document["friction"]) == (0, True, [0.1, 0.3])
+    alone = [solve(replace_friction(load_problem(FILE).problem, mu), element="bfs") for mu in (0.1, 0.3)]
+    found = [next(iter(step["contacts"].values()))["normal_force"]["value"] for step in document["steps"]]
+    assert found == pytest.approx([next(iter(each.contacts.values())).normal_force for each in alone], rel=1e-9)
+
+
+def replace_friction(problem, mu):
+    """The problem with another coefficient of friction in all contacts."""
+    changed = [replace(c, friction=mu) if isinstance(c, Contact) else c for c in problem.conditions]
+    return replace(problem, conditions=changed)
+
+
+def test_values_in_a_problem_file(tmp_path):
+    text = FILE.read_text(encoding="utf-8")
+    path = tmp_path / "sweep.toml"
+    sweep = '\n[sweep]\nparameter = "friction"\nvalues = { start = 0.1, stop = 0.3, steps = 2 }\n'
+    path.write_text(text + sweep, encoding="utf-8")
+    name = load_problem(path).problem.contacts[0].name
+    status, out = command("solve", path, "--element", "bfs", "--certificate")
+    rows = [line.split() for line in out.splitlines() if line[:2] == "0."]
+    assert status == 0
+    assert [row[:2] for row in rows] == [["0.1", "solved"], ["0.2", "solved"], ["0.3", "solved"]]
+    assert "friction = 0.3" in out
+    assert "sweep: friction, 3 values" in command("check", path)[1]
+    named = command("solve", path, "--element", "bfs", "--set", f"{name}.gap=0.0,1e-4", "--json")
+    assert list(json.loads(named[1])["gap"]) == [0.0, 1e-4]
+
+
+@pytest.mark.parametrize(
+    ("words", "field"),
+    [("friction", "--set"), ("friction=", "--set"), ("=0.1", "--set"), ("friction=a,b", "--set"),
+     ("young=1.0", "parameter"), ("friction=-0.1", "values"), ("friction=nan", "values"),
+     ("nobody.friction=0.1", "of")],
+)  # fmt: skip
+def test_bad_values_on_the_command_line(words, field):
+    status, message = command("solve", FILE, "--set", words)
+    assert status == 2
+    assert field in message
+
+
+def test_a_history_is_not_swept(tmp_path):
+    cycle = FILE.parent / "cyclic_shear.toml"
+    assert "[history]" in command("solve", cycle, "--set", "friction=0.1")[1]
+    path = tmp_path / "both.toml"
+    text = cycle.read_text(encoding="utf-8")
+    path.write_text(f'{text}\n[sweep]\nparameter = "gap"\nvalues = [0.0]\n', encoding="utf-8")
+    assert command("solve", path)[0] == 2

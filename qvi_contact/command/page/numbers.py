@@ -56,14 +56,14 @@ def resultant_headings(units: Units) -> list[str]:
     return ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
 
 
-def step_rows(steps: Sequence[ContactResult], times: Sequence[float]) -> list[list[str]]:
-    """Time, status and forces of each load step."""
+def step_rows(steps: Sequence[ContactResult], values: Sequence[float]) -> list[list[str]]:
+    """Time or value, status and forces of each result of a series."""
     lines = [list(step.contacts.values()) if step.has_state else [] for step in steps]
     forces = [[force for line in of for force in (line.normal_force, line.tangential_force)] for of in lines]
     least = Rounding.largest(step.discretization.scales.rounding for step in steps)
     return [
-        [f"{t:.6g}", str(step.status), *_numbers(least.force, *row)]
-        for t, step, row in zip(times, steps, forces, strict=False)
+        [f"{value:.6g}", str(step.status), *_numbers(least.force, *row)]
+        for value, step, row in zip(values, steps, forces, strict=False)
     ]
 
 

@@ -24,6 +24,7 @@ from qvi_contact.command.page.numbers import (
     step_rows,
 )
 from qvi_contact.command.refine_line import headings, rows, trust
+from qvi_contact.command.series import Series
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.plots.figures import problem_figure, result_figure
@@ -80,8 +81,9 @@ def result_page(
     steps: Sequence[ContactResult],
     time_limit: float | None = None,
     refinement: Refinement | None = None,
+    series: Series | None = None,
 ) -> str:
-    """The page about the result of a solve, of a refinement, or of the last of several load steps.
+    """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
     The bracket of the result is computed for it, in at most so many seconds.
     """
@@ -89,7 +91,7 @@ def result_page(
     bracket, missing = (
         _bracket(result, time_limit)
         if len(steps) == 1
-        else (None, "bounds are computed for a single solve only, and this is one of several load steps")
+        else (None, "bounds are computed for a single solve only, and this is one of several results")
     )
     shown = _shown(result, bracket, file.units) if result.has_state else {"field": None, "contacts": [], "tables": []}
     figure = problem_figure(result.problem, file.units) if result.has_state else result_figure(result, file.units)
@@ -105,7 +107,8 @@ def result_page(
         bracket=bracket,
         missing=missing,
         refinement=None if refinement is None else _refinement(refinement, file.units),
-        steps=step_rows(steps, file.times) if len(steps) > 1 else [],
+        steps=step_rows(steps, series.values) if series is not None and len(steps) > 1 else [],
+        step_label="t" if series is None else series.label,
         problem=_picture(figure, "problem", "The problem: mesh, loads, contacts"),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
         step_headings=[f"{force} {name}" for name in names for force in "NT"],

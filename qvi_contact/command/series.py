@@ -1,0 +1,105 @@
+"""Several results of one problem file: load steps of a history, or values of a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from qvi_contact.errors import InputError
+from qvi_contact.files.problem_file import ProblemFile, SweepPlan
+
+if TYPE_CHECKING:
+    from qvi_contact.basics.units import Units
+    from qvi_contact.solution.history import History
+    from qvi_contact.solution.result import ContactResult
+    from qvi_contact.solution.sweep import Sweep
+
+
+@dataclass(frozen=True)
+class Series:
+    """What tells several results of one file apart.
+
+    Attributes
+    ----------
+    label : str
+        "t", or the parameter of a sweep.
+    values : tuple of float
+        Its values, also of results that are missing.
+    results : History or Sweep
+        The results.
+
+    """
+
+    label: str
+    values: tuple[float, ...]
+    results: History | Sweep
+
+    @property
+    def history(self) -> History | None:
+        """The history, if it is one."""
+        from qvi_contact.solution.history import History
+
+        return self.results if isinstance(self.results, History) else None
+
+    def lines(self, units: Units) -> Iterator[str]:
+        """All results as text."""
+        from qvi_contact.command.report import history_lines, sweep_lines
+
+        if self.history is not None:
+            return history_lines(self.history, self.values, units)
+        return sweep_lines(self.results.steps, self.label, self.values, self.results.message, units)
+
+    def document(self, summaries: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """What JSON holds of them beside the summaries of results."""
+        name = "times" if self.history is not None else self.label
+        return {name: list(self.values), "steps": list(summaries)}
+
+
+def solved_series(
+    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any]
+) -> tuple[Series | None, tuple[ContactResult, ...]]:
+    """The results of a file: of its history, of a sweep if there is a plan, or one."""
+    from qvi_contact.command.solve_line import solving
+
+    if plan is not None:
+        from qvi_contact.solution.sweep import solve_sweep
+
+        with solving(file.title or "sweep", len(plan.values)) as advance:
+            sweep = solve_sweep(
+                file.problem, plan.parameter, plan.values, plan.of, callback=lambda *_: advance(), **options
+            )
+        return Series(plan.parameter, plan.values, sweep), sweep.steps
+    if file.times:
+        from qvi_contact.solution.history import solve_history
+
+        with solving(file.title or "history", len(file.times)) as advance:
+            history = solve_history(file.problems, callback=lambda *_: advance(), **options)
+        return Series("t", file.times, history), history.steps
+    from qvi_contact.solution.solver import solve
+
+    with solving(file.title or "solve"):
+        return None, (solve(file.problem, **options),)
+
+
+def plan_of(file: ProblemFile, given: str | None) -> SweepPlan | None:
+    """The sweep that an option --set or the file asks for."""
+    if given is None:
+        return file.sweep
+    if file.times:
+        raise InputError("--set", given, "a file with a [history] cannot be swept: give one without")
+    return _parsed(given)
+
+
+def _parsed(text: str) -> SweepPlan:
+    """`NAME=V1,V2,…` or `CONTACT.NAME=V1,V2,…`."""
+    name, separator, listed = text.partition("=")
+    owner, _, parameter = name.strip().rpartition(".")
+    try:
+        values = tuple(float(part) for part in listed.split(","))
+    except ValueError:
+        values = ()
+    if not (separator and parameter and values):
+        remedy = "write friction=0.1,0.2,0.3 (or load, gap, offset), or with a contact's name base.friction=0.1,0.2"
+        raise InputError("--set", text, remedy)
+    return SweepPlan(parameter, values, (owner,) if owner else None)
