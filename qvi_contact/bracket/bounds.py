@@ -20,6 +20,8 @@ from qvi_contact.bracket.given import GivenProblem, given_problem
 from qvi_contact.bracket.law import coefficients, contact_tractions, law_bound
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
+from qvi_contact.bracket.senses import SlippingStress, stress_under_slip
+from qvi_contact.bracket.slip import slip_bounds
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.cells import kind_of
 from qvi_contact.companion.scope import check_scope
@@ -59,7 +61,8 @@ def bracket(
     same bound; v are displacement elements on the same mesh (`solve_companion`). Which problem is bracketed says
     `Bracket.kind`: for laws without Coulomb friction the one stated; if all friction contacts stick, the tied one; else
     s = μ|σ_N| is held fixed, and the gap is an indicator, as it is without the part that comes from s itself.
-    `Bracket.outer` measures it, and `Bracket.force_differences` shows what it does to forces.
+    `Bracket.outer` measures it, and `Bracket.force_differences` shows what it does to forces. On triangles, where each
+    contact slips in one sense only, `Bracket.slip` bounds the errors under Coulomb's law itself.
 
     Parameters
     ----------
@@ -107,15 +110,34 @@ def bracket(
     with watched(time_limit), narrated(f"qvi_contact {__version__}: bracket", verbose) as story:
         story.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance)
-        laws = [given.bounds, None] if given.kind is BracketKind.GIVEN_BOUND else [given.bounds]
-        companions = solve_companions(given.discretization.problem, laws, degree=degree, tolerance=tolerance)
+        slipping = given.kind is BracketKind.GIVEN_BOUND
+        laws = [given.bounds, None] if slipping else [given.bounds]
+        rough = given.kind is not BracketKind.PROBLEM
+        one_way = stress_under_slip(result, tolerance) if rough else None
+        senses = one_way.senses if isinstance(one_way, SlippingStress) else {}
+        companions = solve_companions(
+            given.discretization.problem, laws, degree=degree, tolerance=tolerance, senses=senses
+        )
         found = _assemble(given, stress, companions[0])
+        if one_way is not None:
+            found = _with_slip(found, one_way, found.reasons[len(given.reasons) :])
         if len(companions) > 1:
             own = companions[1]
             found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
         bounded = math.isfinite(found.gap)
         story.end("bounded" if bounded else "no bound", found.message, {}, bounded)
     return found
+
+
+def _with_slip(found: Bracket, one_way: SlippingStress | str, reasons: tuple[str, ...]) -> Bracket:
+    """A bracket with the bounds under slip, or with the reason why there are none."""
+    assert found.companion is not None
+    if isinstance(one_way, SlippingStress) and found.companion.has_state:
+        one_way_bounds = slip_bounds(one_way.result, found.companion, one_way.senses, reasons)
+        if not isinstance(one_way_bounds, str):
+            return replace(found, slip=one_way_bounds)
+        return replace(found, slip_reason=one_way_bounds)
+    return replace(found, slip_reason=one_way if isinstance(one_way, str) else "No admissible displacement was found.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,24 +76,24 @@ def given_problem(result: ContactResult) -> GivenProblem:
 
     """
     _check_no_history(result)
-    sliding = [contact for contact in result.problem.contacts if _is_coulomb(contact)]
+    sliding = [contact for contact in result.problem.contacts if has_coulomb(contact)]
     sticking = bool(sliding) and all(_sticks(result, contact) for contact in sliding)
     known = result.discretization
     discretization, kind, reasons = known, BracketKind.PROBLEM, list[str]()
     if sticking:
-        discretization, kind = _posed(known, _tied(result.problem, sliding)), BracketKind.STICKING
+        discretization, kind = posed_strictly(known, _tied(result.problem, sliding)), BracketKind.STICKING
     elif sliding:
         kind = BracketKind.GIVEN_BOUND
         names = ", ".join(repr(contact.name) for contact in sliding if not _sticks(result, contact))
         reasons.append(f"The friction bound on {names} was taken from the computed pressure.")
     if discretization.space.contact_rule.kind != discretization.space.strict_rows:
-        discretization = _posed(discretization, discretization.problem)
+        discretization = posed_strictly(discretization, discretization.problem)
     threshold, exact = _threshold(discretization, result.dofs)
     lowered = not exact and kind is not BracketKind.GIVEN_BOUND
     return GivenProblem(discretization, kind, threshold, lowered, tuple(reasons))
 
 
-def _posed(known: Discretization, problem: ContactProblem) -> Discretization:
+def posed_strictly(known: Discretization, problem: ContactProblem) -> Discretization:
     """A problem on the elements and in the units of another one, with rows that hold the law on whole edges."""
     space = known.space
     return discretize(
@@ -116,7 +116,7 @@ def _check_no_history(result: ContactResult) -> None:
         raise InputError("result", "a step of a history, after earlier slip", remedy)
 
 
-def _is_coulomb(contact: Contact) -> bool:
+def has_coulomb(contact: Contact) -> bool:
     """Whether the friction bound depends on the pressure."""
     limited = not callable(contact.shear_limit) and contact.shear_limit == 0.0
     return contact.law != "tied" and not limited and (callable(contact.friction) or contact.friction != 0.0)

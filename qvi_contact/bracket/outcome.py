@@ -1,9 +1,11 @@
 """What a bracket says."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,6 +14,9 @@ from qvi_contact.basics.units import Units
 from qvi_contact.companion import CompanionResult
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket.slip import SlipBounds
 
 _ROUNDING = 1e-9  # of the strain energy
 _NOTHING = 1e-14  # of the strain energy: parts of the gap that are rounding
@@ -107,6 +112,11 @@ class Bracket:
         By contact how far the forces of the bracketed result are from those of `own`. The gap does not see what the
         bound held fixed does to forces, as both of its sides share it; these do. An estimate of the error of forces,
         no bound.
+    slip : SlipBounds or None
+        Under Coulomb slip in one sense on each contact, on triangles: bounds of the errors and forces of the problem
+        with Coulomb's law itself.
+    slip_reason : str
+        Where friction contacts slip, why there are none; else empty.
 
     """
 
@@ -127,6 +137,8 @@ class Bracket:
     cell_gaps: FloatArray = field(default_factory=lambda: np.empty(0))
     own: CompanionResult | None = None
     force_differences: Mapping[str, ForceDifference] = field(default_factory=dict)
+    slip: SlipBounds | None = None
+    slip_reason: str = ""
 
     def __repr__(self) -> str:
         return f"<Bracket {self.message}>"

@@ -1,7 +1,8 @@
 """From a solution that meets the contact conditions to a tolerance to a displacement that meets them to rounding.
 
 Where a coefficient presses or sticks beyond doubt its displacement is set to the obstacle's, an open one is kept at or
-below the gap. The body is then solved once more for these contact displacements.
+below the gap, and one that slips against the sense it is given is held. The body is then solved once more for these
+contact displacements.
 """
 
 import numpy as np
@@ -30,6 +31,7 @@ def targets(
     held = bilateral | pressed | (opening < 0.0)
     rest = bound - np.abs(tractions[n:])
     sticks = tied | ((rest / stress > np.abs(c[n:] - offset)) & (np.abs(c[n:] - offset) < 1e-6))
+    sticks |= contacts.gathered("one_way") * (c[n:] - offset) < 0.0
     held &= bilateral | (np.abs(opening) < 1e-6)
     return np.concatenate([gap, offset]), np.concatenate([held, sticks])
 
@@ -82,12 +84,13 @@ def _chosen(rows: sparse.csr_array, held: BoolArray) -> sparse.csr_array:
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
-    """By how much c_N exceeds the gap (2 n,), in either direction where the contact keeps its distance."""
+    """By how much c_N exceeds the gap (2 n,), or differs where the contact keeps its distance, and c_T its offset."""
     contacts, n = problem.contacts, problem.contacts.count
     difference = c - contacts.obstacle
     bilateral, tied = contacts.gathered("bilateral").astype(bool), contacts.gathered("tied").astype(bool)
     normal = np.where(bilateral, np.abs(difference[:n]), np.maximum(difference[:n], 0.0))
-    return np.concatenate([normal, np.where(tied, np.abs(difference[n:]), 0.0)])
+    backwards = np.maximum(-contacts.gathered("one_way") * difference[n:], 0.0)
+    return np.concatenate([normal, np.where(tied, np.abs(difference[n:]), backwards)])
 
 
 def _reasons(problem: DualProblem, c: FloatArray) -> tuple[str, ...]:

@@ -40,6 +40,8 @@ class CondensedBody:
         The others, ascending.
     interface : int array
         Γ, numbers among all degrees of freedom, ascending.
+    S : (k, k) array
+        The condensed stiffness.
     r : (k,) array
         Right-hand side on Γ.
     R : (k, j) array
@@ -53,6 +55,7 @@ class CondensedBody:
     free: IntArray
     interface: IntArray
     factor: Factorisation
+    S: FloatArray
     r: FloatArray
     R: FloatArray
     _cholesky: tuple[FloatArray, bool]
@@ -84,7 +87,7 @@ class CondensedBody:
         fixed[supports.index] = supports.values
         r, _ = factor.reduce((Q.T @ (load - body.force(Q @ fixed)))[free])
         R = _orthonormal((rigid @ _null_space(rigid[supports.index]))[interface])
-        return cls(body, load, supports, free, interface, factor, np.asarray(r), R, _stiffened(S, R))
+        return cls(body, load, supports, free, interface, factor, S, np.asarray(r), R, _stiffened(S, R))
 
     def relieve(self, forces: FloatArray) -> FloatArray:
         """G times forces on Γ, (k,) or (k, j)."""

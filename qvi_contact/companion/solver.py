@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -120,15 +121,17 @@ def solve_companions(
     *,
     degree: int | None = None,
     tolerance: float = 1e-8,
+    senses: Mapping[str, int] = MappingProxyType({}),
     **options: Any,
 ) -> tuple[CompanionResult, ...]:
     """The same under several friction laws, each like `bounds` of `solve_companion`, with one factorisation.
 
-    Options are those of `solve_qvi`, for each of them.
+    Options are those of `solve_qvi`, for each of them. On contacts named in `senses` the displacement that is made
+    admissible slips in that sense only, 1 or −1 along the tangent.
     """
     cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
-    lines = [model.traces(bounds) for bounds in laws]
+    lines = [model.traces(bounds, senses) for bounds in laws]
     with Request().limited_blas():
         try:
             contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
@@ -142,6 +145,25 @@ def solve_companions(
             model.result(dual, solution, reasons)
             for dual, solution, (_, reasons) in zip(duals, solutions, lines, strict=True)
         )
+
+
+def condensed_at_rest(problem: ContactProblem, degree: int | None = None) -> tuple[Contacts, CondensedBody]:
+    """The contacts of a problem, and its body condensed on them without loads and with its supports at rest.
+
+    Raises
+    ------
+    InputError
+        If the problem or the degree is wrong.
+    FactorisationError
+        If the stiffness matrix cannot be factorised.
+
+    """
+    model = _Model.of(problem, cell_for(problem.mesh, degree))
+    lines, _ = model.traces(None, {})
+    contacts = Contacts.of(lines, model.body.space.size)
+    held = replace(model.held, values=np.zeros_like(model.held.values))
+    with Request().limited_blas():
+        return contacts, CondensedBody.of(model.body, np.zeros_like(model.load), held, contacts.rows)
 
 
 def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Cell:
@@ -174,10 +196,13 @@ class _Model:
         body = Elasticity(space, moduli(problem, scales))
         return cls(problem, scales, body, supports(problem, space, scales), *load_vector(problem, body, scales))
 
-    def traces(self, bounds: Mapping[str, ArrayLike] | None) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
-        """Contacts under a law, and why the energy is not exact."""
+    def traces(
+        self, bounds: Mapping[str, ArrayLike] | None, senses: Mapping[str, int]
+    ) -> tuple[tuple[Trace, ...], tuple[str, ...]]:
+        """Contacts under a law, with the senses of their slip, and why the energy is not exact."""
         problem = self.problem
         lines, reasons = traces(problem, self.body.space, self.scales, bounds)
+        lines = tuple(replace(trace, sense=senses.get(trace.name, 0)) for trace in lines)
         reasons = self.held.reasons + self.remarks + reasons
         if bounds is None and any(
             _moves(problem, trace, contact) for trace, contact in zip(lines, problem.contacts, strict=True)

@@ -61,6 +61,10 @@ class Trace:
         Bernstein coefficients of the given bound s on each edge.
     motions : tuple of (component, normal (n,), tangential (n,), resultant)
         For each given component of a plate what c of the plate itself is when it moves by 1, and the force or moment.
+    lengths : (e,) array
+        Of the edges.
+    sense : -1, 0 or 1
+        1 or −1 where displacements may slip in one sense only, sense (c_T − w) ≥ 0.
 
     """
 
@@ -81,6 +85,7 @@ class Trace:
     bound: FloatArray | None
     motions: tuple[tuple[str, FloatArray, FloatArray, float], ...]
     lengths: FloatArray
+    sense: int = 0
 
     @property
     def count(self) -> int:
@@ -91,6 +96,11 @@ class Trace:
     def tied(self) -> BoolArray:
         """Whether the contact is tied, at each coefficient."""
         return np.full(self.count, self.law == "tied")
+
+    @property
+    def one_way(self) -> FloatArray:
+        """`sense` at each coefficient."""
+        return np.full(self.count, float(self.sense))
 
     @property
     def bilateral(self) -> BoolArray:

@@ -1,0 +1,227 @@
+"""The norm s of the friction operator S: proved on rectangles, else computed by finite elements.
+
+S takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
+(Sv)_N = σμ v_T, σ the sense of slip, and (Sv)_T = 0. On the others it has no normal part, and no tangential part where
+they bear shear. Any such S with SS = 0 serves, and s is no less than its norm in the energy norm.
+
+In `docs/theory.md`: (D26), (D29), (D30).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.linalg import eigh
+
+from qvi_contact.bracket import slip_constants
+from qvi_contact.bracket.given import has_coulomb
+from qvi_contact.companion.at_rest import BodyAtRest
+from qvi_contact.problem.conditions import Contact, Displacement
+from qvi_contact.problem.problem import ContactProblem
+
+_DEGREE: Final = 3  # of displacements by which a norm is computed
+_ALIKE: Final = 1e-9  # of the body's size: a place on a side
+_ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
+_ROUNDED: Final = 1.0 + 1e-6  # over the maximum at so many angles
+
+
+@dataclass(frozen=True)
+class FrictionNorm:
+    """A number s ≥ |S|.
+
+    Attributes
+    ----------
+    value : float
+        s; infinity where there is none.
+    proved : bool
+        Whether s ≥ |S| is proved. Otherwise finite elements found s, on one mesh.
+    reason : str
+        Where it comes from, one sentence.
+
+    """
+
+    value: float
+    proved: bool
+    reason: str
+
+
+def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm:
+    """A proved norm where there is one below 2, else that of finite elements."""
+    proved = rectangle_norm(problem, senses)
+    if proved is not None and proved.value < slip_constants.LARGEST:
+        return proved
+    value = computed_norm(problem, senses)
+    return FrictionNorm(
+        value, False, f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
+    )
+
+
+def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: int = _DEGREE) -> float:
+    """The norm of the S whose images have the least energy, max |Sv|/|v|, among finite elements on the mesh.
+
+    With x the slip on contacts with Coulomb friction, A x·x the least energy of displacements that slip by x, and
+    D x·x that of those with the normal part σμ x and no other part on contacts that S must not have, s² is the largest
+    λ of D x = λ A x.
+    """
+    known = BodyAtRest.of(problem, degree)
+    n, pairs = known.contacts.count, list(zip(problem.contacts, known.contacts.traces, strict=True))
+    weight = np.concatenate([np.full(trace.count, _weight(contact, senses)) for contact, trace in pairs])
+    tied, rough = (
+        np.concatenate([np.full(trace.count, chosen(contact)) for contact, trace in pairs])
+        for chosen in (_is_tied, _is_rough)
+    )
+    slips = (weight != 0.0) & known.live[n:] & ~tied
+    presses = slips & known.live[:n]
+    if not presses.any():
+        return 0.0
+    none = np.zeros(n, dtype=bool)
+    below = known.least_energy(np.concatenate([none, slips]), np.concatenate([tied, tied]))
+    part = known.least_energy(np.concatenate([presses, none]), np.concatenate([~presses, rough | tied]))
+    above, place = np.zeros_like(below), np.flatnonzero(presses[slips])
+    above[np.ix_(place, place)] = part * np.outer(weight[presses], weight[presses])
+    return float(np.sqrt(max(float(eigh(above, below, eigvals_only=True)[-1]), 0.0)))
+
+
+def _weight(contact: Contact, senses: Mapping[str, int]) -> float:
+    """σμ; 0 where there is no Coulomb friction."""
+    if not has_coulomb(contact):
+        return 0.0
+    assert not callable(contact.friction)
+    return senses[contact.name] * contact.friction
+
+
+def _is_tied(contact: Contact) -> bool:
+    return contact.law == "tied"
+
+
+def _is_rough(contact: Contact) -> bool:
+    """Whether the contact carries shear: (Sv)_T = 0 there."""
+    fields = (contact.friction, contact.cohesion)
+    return contact.law != "tied" and any(callable(field) or field != 0.0 for field in fields)
+
+
+def rectangle_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm | None:
+    """The norm of Sv = η v_a e_b on a rectangle with its contacts across the axis b; None for problems of another kind.
+
+    The body is a rectangle of one material, its contacts with Coulomb friction lie on one side or on two opposite ones,
+    and along one whole side at right angles to these v_a = 0. With η linear between the contacts' sides, see (D29).
+    """
+    sides = _sides(problem, senses)
+    if sides is None or len(np.unique(problem.compliances.reshape(-1, 9), axis=0)) > 1:
+        return None
+    across = {side // 2 for side in sides if any(edge.slope is not None for edge in sides[side])}
+    if len(across) != 1:
+        return None
+    b = across.pop()
+    a = 1 - b
+    ends = [_slope(sides[2 * b + end], a) for end in (0, 1)]
+    beside = [sides[2 * a + end] for end in (0, 1)]
+    mirrors = [[all(edge.held[axis] for edge in sides[2 * axis + end]) for end in (0, 1)] for axis in (0, 1)]
+    if ends[0] is None or ends[1] is None or not any(mirrors[a]) or not all(_allows(edges, a, b) for edges in beside):
+        return None
+    known = [slopes.pop() for slopes in ends if slopes]
+    low, high = (known * 2)[:2]
+    size = np.ptp(problem.mesh.vertices, axis=0)
+    steep, half = abs(high - low) / size[b], size[b] if any(mirrors[b]) else size[b] / 2.0
+    inf_sup = np.sin(0.5 * np.arctan2(*np.sort([size[a], half])))
+    ratio = -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
+    value = rectangle_constant(ratio, float(inf_sup), max(abs(low), abs(high)), steep * 2.0 * size[a] / np.pi)
+    return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g} on this rectangle.")
+
+
+def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float) -> float:
+    """The norm of v ↦ η v_a e_b in the energy norm: a number it does not exceed.
+
+    Parameters
+    ----------
+    ratio : float
+        Poisson's ratio of the plane state, −c12/c11: ν in plane stress, ν/(1 − ν) in plane strain.
+    inf_sup : float
+        β of the rectangle mirrored at the sides where displacements are odd.
+    largest : float
+        max |η|.
+    steepest : float
+        max |η′| times the constant of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖.
+
+    """
+    soft, stiff, gain = 1.0 - ratio, 1.0 + ratio, inf_sup**-2
+    turned = largest * np.cos(_ANGLES)  # weight of ∂_b v_a, of its rotation and of its shear strain
+    stretched = steepest * np.cos(_ANGLES) + largest * np.sqrt(soft / 2.0) * np.sin(_ANGLES)
+    rotation = np.array([gain / (2.0 * soft), (gain - 1.0) / (2.0 * stiff)])
+    square = turned**2 * (rotation.sum() + 0.5 / soft) + stretched**2 / (soft * stiff)
+    square += 2.0 * turned * np.sqrt(rotation[0] * (turned**2 + stretched**2) / (2.0 * soft))
+    square += 2.0 * turned * stretched * np.sqrt(rotation[1] / (2.0 * stiff))
+    return float(np.sqrt(square.max()) * _ROUNDED)
+
+
+@dataclass(frozen=True)
+class _Edge:
+    """What one edge of the boundary demands of v and of Sv.
+
+    Attributes
+    ----------
+    held : pair of bool
+        Whether v has no part along x, along y.
+    slope : float or None
+        With Coulomb friction what the part of Sv across the edge is to be over v along it.
+    pressed, rough : bool
+        Whether (Sv)_N, (Sv)_T must vanish because of a contact without Coulomb friction.
+
+    """
+
+    held: tuple[bool, bool]
+    slope: float | None
+    pressed: bool
+    rough: bool
+
+
+def _sides(problem: ContactProblem, senses: Mapping[str, int]) -> dict[int, list[_Edge]] | None:
+    """Edges by side, 2 axis + end with the end 1 towards +axis; None unless the body is a rectangle along the axes."""
+    mesh, boundary = problem.mesh, problem.mesh.boundary
+    corners = mesh.vertices[np.unique(mesh.cells)]
+    places = (mesh.vertices[boundary.first] + mesh.vertices[boundary.second]) / 2.0
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    near = np.abs(np.stack([places - low, places - high], axis=-1)) <= _ALIKE * (high - low).max()
+    if not np.allclose(np.abs(boundary.normal).max(axis=1), 1.0, rtol=0.0, atol=_ALIKE):
+        return None
+    axis = np.argmax(np.abs(boundary.normal), axis=1)
+    end = (boundary.normal[np.arange(len(axis)), axis] > 0.0).astype(int)
+    if not near[np.arange(len(axis)), axis, end].all():
+        return None
+    held = np.zeros((len(axis), 2), dtype=bool)
+    for given in problem.prescribed(Displacement):
+        if not np.allclose(np.abs(given.direction).max(axis=1), 1.0, rtol=0.0, atol=_ALIKE):
+            return None
+        held[given.index, np.argmax(np.abs(given.direction), axis=1)] = True
+    slope, pressed, rough = np.full(len(axis), np.nan), np.zeros(len(axis), dtype=bool), np.zeros(len(axis), dtype=bool)
+    for contact in problem.contacts:
+        index = mesh.edge_set(contact.edges)
+        if _is_tied(contact):
+            held[index] = True
+        elif has_coulomb(contact):
+            slope[index] = _weight(contact, senses) * np.where(end[index] == 1, 1.0, -1.0)
+        else:
+            pressed[index], rough[index] = True, _is_rough(contact)
+    found: dict[int, list[_Edge]] = {side: [] for side in range(4)}
+    for number, side in enumerate((2 * axis + end).tolist()):
+        known = None if np.isnan(slope[number]) else float(slope[number])
+        parts = bool(held[number, 0]), bool(held[number, 1])
+        found[side].append(_Edge(parts, known, bool(pressed[number]), bool(rough[number])))
+    return found
+
+
+def _slope(edges: list[_Edge], a: int) -> set[float] | None:
+    """What η must be along a side: nothing, or one number; None if edges demand different ones."""
+    found = set()
+    for edge in edges:
+        if edge.slope is not None:
+            found.add(edge.slope)
+        elif not edge.held[a] and (edge.held[1 - a] or edge.pressed):
+            found.add(0.0)
+    return found if len(found) <= 1 else None
+
+
+def _allows(edges: list[_Edge], a: int, b: int) -> bool:
+    """Whether Sv along b is admissible on sides at right angles to b."""
+    return all(edge.held[a] or not (edge.held[b] or edge.rough) for edge in edges)

@@ -1,0 +1,107 @@
+"""In which sense contacts slip, and with what margin a stress keeps away from slipping the other way."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket.given import has_coulomb, posed_strictly
+from qvi_contact.bracket.law import coefficients, effective
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.solution.result import ContactResult
+from solvers import solve_qvi
+
+LEAST_MARGIN: Final = 1e-3
+"""Share of the friction bound by which a stress must stay below it in the other sense."""
+
+_SMALL = 1e-6  # of the largest bound of a contact: what is below counts as this
+
+
+@dataclass(frozen=True, eq=False)
+class SlippingStress:
+    """A stress whose contacts slip in one sense each.
+
+    Attributes
+    ----------
+    result : ContactResult
+        It carries the stress; solved anew if the law did not hold on whole edges.
+    senses : mapping
+        By contact with Coulomb friction 1 where the body slips along the tangent, sense (u_T − w) ≥ 0, and −1 where
+        against it.
+
+    """
+
+    result: ContactResult
+    senses: Mapping[str, int]
+
+
+def outside_scope(discretization: Discretization) -> str:
+    """Why slip in one sense says nothing of the errors of a problem, as far as its data show; empty if it does."""
+    problem = discretization.problem
+    if discretization.space.strict_rows != "bernstein":
+        return "Bounds under slip need triangles."
+    if problem.joints:
+        return "Bounds under slip are for rigid obstacles: the problem has a contact between two blocks."
+    for contact in problem.contacts:
+        name = repr(contact.name)
+        if contact.plate is not None:
+            return f"Bounds under slip are for obstacles that are held: {name} has a plate driven by force."
+        if contact.has_fluid:
+            return f"Bounds under slip are for dry contacts: a fluid presses in {name}."
+        if not has_coulomb(contact):
+            continue
+        if contact.law != "unilateral":
+            return f"Bounds under slip are for contacts that may open: {name} keeps its distance."
+        if callable(contact.friction) or callable(contact.cohesion):
+            return f"Bounds under slip need constant friction and cohesion: those of {name} are functions."
+        if contact.shear_limit is not None:
+            return f"Bounds under slip are for Coulomb's law without a limit of the shear stress: {name} has one."
+    return ""
+
+
+def stress_under_slip(result: ContactResult, tolerance: float) -> SlippingStress | str:
+    """The stress of a result with Coulomb friction, with its senses, or why its errors have no bounds."""
+    reason = outside_scope(result.discretization)
+    if reason:
+        return reason
+    known = result.discretization
+    if known.space.contact_rule.kind != known.space.strict_rows:
+        strict = posed_strictly(known, known.problem)
+        solution = solve_qvi(strict.qvi, tolerance=tolerance)
+        result = ContactResult(strict, solution)
+        if not result.has_state:
+            return f"No stress that obeys the contact law on whole edges was found: {solution.message}"
+    found = {}
+    for name, ratio in _ratios(result).items():
+        margins = {sense: 1.0 - float((sense * ratio).max()) for sense in (1, -1)}
+        found[name] = max(margins, key=lambda sense: margins[sense])
+        if margins[found[name]] < LEAST_MARGIN:
+            return f"{name!r} slips in both senses, or nearly so: bounds under slip need one sense for each contact."
+    return SlippingStress(result, found)
+
+
+def margin_of(result: ContactResult, senses: Mapping[str, int]) -> float:
+    """The margin with which a stress keeps away from slipping against given senses."""
+    return float(min((1.0 - (senses[name] * ratio).max() for name, ratio in _ratios(result).items()), default=2.0))
+
+
+def _ratios(result: ContactResult) -> dict[str, FloatArray]:
+    """τ_T/(c + μ|τ_N|) by Bernstein coefficients (edges, q), for each contact with Coulomb friction."""
+    known, found = result.discretization, {}
+    for contact, rows in zip(known.problem.contacts, known.contacts, strict=True):
+        if not has_coulomb(contact):
+            continue
+        normal, shear = (
+            coefficients(known, values, degree)
+            for values, degree in zip(
+                effective(known, result.dofs, rows), (known.space.normal_degree, known.space.shear_degree), strict=True
+            )
+        )
+        assert not callable(contact.friction)
+        assert not callable(contact.cohesion)
+        bound = contact.cohesion / known.scales.stress - contact.friction * normal
+        floor = _SMALL * max(float(bound.max(initial=0.0)), 1e-300)
+        found[contact.name] = shear / np.maximum(bound, floor)
+    return found

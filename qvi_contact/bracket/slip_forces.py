@@ -1,0 +1,345 @@
+"""Two-sided bounds of contact forces under slip in one sense, by a dual problem.
+
+For any displacement z of W and any stress ζ without loads the resultant Q = ∫ a σ_N + b σ_S ds differs from a number
+that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)). z solves the dual problem on the
+displacements of the companion, ζ is the stress nearest to it. Both are cut: z_S = b also beside what sticks, and
+ζ_T = 0 also beside what slips, so that m is not large.
+
+In `docs/theory.md`: (D31).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.bracket.given import has_coulomb
+from qvi_contact.bracket.law import coefficients, effective
+from qvi_contact.bracket.outcome import Bounds
+from qvi_contact.companion import CompanionResult
+from qvi_contact.companion.at_rest import BodyAtRest, solutions
+from qvi_contact.companion.traces import Trace
+from qvi_contact.discretization.contact_rows import ContactRows
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.element import bernstein
+from qvi_contact.problem.conditions import Contact
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.stress import cell_stresses
+from qvi_contact.solution.work import obstacle_work, support_work
+
+_CUTS: Final = (1e-6, 1e-3)
+"""Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
+
+Any share gives bounds. A small one makes m large, a large one the dual pair poor: those of both hold.
+"""
+
+_NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
+_ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """One contact that is not tied: what of it is open, slips and presses.
+
+    Attributes
+    ----------
+    contact, trace, rows
+        The contact in the problem, in the displacements and in the stresses.
+    sense : float
+        σ; 0 without Coulomb friction.
+    start : int
+        Its first coefficient among those of all traces.
+    opening, slip : (n,) arrays
+        Coefficients of g − v_N and v_S ≥ 0 [length].
+    pressure, room : (e, q) arrays
+        Coefficients of |τ_N| and κ(τ) ≥ 0 [stress].
+    cut : float
+        Share of the largest of each that counts as none.
+    sizes : (float, float)
+        Largest displacement [length] and traction [stress] on the contact.
+
+    """
+
+    contact: Contact
+    trace: Trace
+    rows: ContactRows
+    sense: float
+    start: int
+    opening: FloatArray
+    slip: FloatArray
+    pressure: FloatArray
+    room: FloatArray
+    cut: float
+    sizes: tuple[float, float]
+
+    @property
+    def friction(self) -> float:
+        """Coulomb's coefficient μ."""
+        assert not callable(self.contact.friction)
+        return self.contact.friction
+
+    @cached_property
+    def closed(self) -> BoolArray:
+        """Coefficients (n,) on edges of which some coefficient touches the obstacle."""
+        return self._spread(self.none(self.opening))
+
+    @cached_property
+    def stuck(self) -> BoolArray:
+        """Coefficients (n,) on edges of which some coefficient does not slip; none without friction."""
+        return self._spread(self.none(self.slip)) & (self.sense != 0.0)
+
+    @cached_property
+    def loose(self) -> BoolArray:
+        """Edges (e,) of which some coefficient bears no pressure: ζ_N = 0 there."""
+        return np.asarray(self.none(self.pressure).any(axis=1))
+
+    @cached_property
+    def sliding(self) -> BoolArray:
+        """Edges (e,) of which some coefficient reaches the friction bound: ζ_T = 0 there; all without friction."""
+        return np.asarray(self.none(self.room).any(axis=1)) | (self.sense == 0.0)
+
+    def none(self, values: FloatArray) -> BoolArray:
+        """Which coefficients of one of the four count as none."""
+        size = self.sizes[int(values is self.pressure or values is self.room)]
+        return np.asarray(values <= max(self.cut * float(values.max(initial=0.0)), _NOISE * size))
+
+    def _spread(self, chosen: BoolArray) -> BoolArray:
+        found = np.zeros_like(chosen)
+        found[self.trace.columns[chosen[self.trace.columns].any(axis=1)]] = True
+        return found
+
+
+def force_bounds_under_slip(
+    stress: ContactResult, companion: CompanionResult, senses: Mapping[str, int], error: float, defect: float
+) -> dict[str, Bounds]:
+    """Bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of all contacts that are not tied.
+
+    Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
+    holds its tangential displacement.
+
+    Parameters
+    ----------
+    stress, companion, senses
+        τ, v and σ, see `slip_bounds`.
+    error : float
+        F [√energy].
+    defect : float
+        The bound δ + ρ²/(4α) of Σ [stress × length²].
+
+    """
+    if not np.isfinite(error) or any(_bears_shear_otherwise(contact) for contact in stress.problem.contacts):
+        return {}
+    model = _Model.of(stress, companion)
+    found: dict[str, Bounds] = {}
+    for cut in _CUTS:
+        pairs = _Pairs(model, stress, companion, list(_lines(stress, companion, senses, cut)))
+        for line in pairs.lines:
+            targets = {"normal_force": (-1.0, 0.0)}
+            if line.sense:
+                targets["tangential_force"] = (0.0, line.sense)
+            for name, (a, b) in targets.items():
+                bounds = pairs.bounds(line, a, b, error, defect)
+                if bounds is not None:
+                    key = f"{line.contact.name}.{name}"
+                    lower, upper = found.get(key, (-np.inf, np.inf))
+                    found[key] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
+    return found
+
+
+def _bears_shear_otherwise(contact: Contact) -> bool:
+    """Whether a contact has a friction bound of its own without Coulomb friction."""
+    return contact.law != "tied" and not has_coulomb(contact) and (callable(contact.cohesion) or contact.cohesion > 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """What all dual pairs of a mesh share: displacements at rest, and the factors of the energy of stresses."""
+
+    body: BodyAtRest
+    scale: FloatArray
+    factors: Any
+
+    @classmethod
+    def of(cls, stress: ContactResult, companion: CompanionResult) -> _Model:
+        K = stress.discretization.qvi.K
+        scale = 1.0 / np.sqrt(K.diagonal())
+        scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
+        return cls(BodyAtRest.of(stress.problem, companion.degree), scale, sparse.linalg.splu(scaled))
+
+    def solved(self, K: sparse.csc_array, right: FloatArray) -> FloatArray:
+        """K⁻¹ · right (n, j), once corrected."""
+        scale = self.scale[:, None]
+        found = self.factors.solve(scale * right)
+        found += self.factors.solve(scale * (right - K @ (scale * found)))
+        return np.asarray(scale * found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Dual pairs z, ζ on the mesh of a result."""
+
+    model: _Model
+    stress: ContactResult
+    companion: CompanionResult
+    lines: list[_Line]
+
+    @property
+    def known(self) -> Discretization:
+        """The discretisation of the stress."""
+        return self.stress.discretization
+
+    @property
+    def body(self) -> BodyAtRest:
+        """The displacements."""
+        return self.model.body
+
+    @property
+    def unit(self) -> float:
+        """D: z is that large where its dimensionless coefficients are 1 [length]."""
+        return self.known.scales.displacement
+
+    def bounds(self, line: _Line, a: float, b: float, error: float, defect: float) -> Bounds | None:
+        """Bounds of ∫ a σ_N + b σ_S ds on one contact."""
+        goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
+        c, z = self._displacement(goals)
+        change = self._stress(c)
+        largest = self._largest_ratio(goals, c, change)
+        if largest is None:
+            return None
+        middle, residual = self._value(goals, c, z, change)
+        rest = (error * residual + largest * defect) / self.unit
+        return Bounds(middle - rest, middle + rest)
+
+    def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+        """Coefficients c (2, n) of z on the contacts, and z (size,), dimensionless: a and b of length 1."""
+        body, n = self.body, self.body.contacts.count
+        trial, test, wanted = [], [], []
+        for line in self.lines:
+            a, b = goals[line.contact.name]
+            closed, stuck = (line.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
+            closed, stuck = closed[body.live[closed]], stuck[body.live[n + stuck]]
+            normal, shear = body.B[closed], line.sense * body.B[n + stuck]
+            trial += [normal + line.friction * line.sense * body.B[n + closed], shear]
+            test += [normal, shear]
+            wanted += [np.full(len(closed), a + line.friction * b), np.full(len(stuck), b)]
+        particular, free = solutions(np.vstack(trial))
+        _, others = solutions(np.vstack(test))
+        start = particular @ np.concatenate(wanted)
+        matrix, right = others.T @ body.body.S @ free, -others.T @ (body.body.S @ start)
+        w = start + free @ np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
+        z = body.body.expand(w)
+        return (body.contacts.rows @ z).reshape(2, n), z
+
+    def _stress(self, c: FloatArray) -> FloatArray:
+        """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
+        qvi, q = self.known.qvi, self.known.space.contact_rule.count
+        work = np.zeros((2, qvi.m))
+        held = np.zeros((2, qvi.m), dtype=bool)
+        products = bernstein.product_integrals(q - 1, self.companion.degree)
+        for line in self.lines:
+            local = c[:, line.start + line.trace.columns]
+            work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
+            held[0, line.rows.rows] = np.repeat(line.loose, q)
+            held[1, line.rows.rows] = np.repeat(line.loose | line.sliding, q)
+        load = qvi.N.T @ work[0] + qvi.T.T @ work[1]
+        rows = sparse.csr_array(sparse.vstack([sparse.csr_array(qvi.N)[held[0]], sparse.csr_array(qvi.T)[held[1]]]))
+        return self._nearest(load, rows)
+
+    def _nearest(self, load: FloatArray, rows: sparse.csr_array) -> FloatArray:
+        """The minimum of ½ xᵀKx − loadᵀx over rows · x = 0."""
+        both = self.model.solved(self.known.qvi.K, np.column_stack([load, rows.T.toarray()]))
+        x, influence = both[:, 0], both[:, 1:]
+        if not rows.shape[0]:
+            return x
+        x = x - influence @ np.linalg.lstsq(rows @ influence, rows @ x, rcond=1e-13)[0]
+        square = (rows @ rows.T).toarray()
+        for _ in range(2):  # what is left of the rows is rounding, which must not count
+            x = x - rows.T @ np.linalg.lstsq(square, rows @ x, rcond=1e-13)[0]
+        return np.asarray(x)
+
+    def _largest_ratio(
+        self, goals: Mapping[str, tuple[float, float]], c: FloatArray, change: FloatArray
+    ) -> float | None:
+        """The number m with which the terms on contacts are parts of Σ; None if there is none."""
+        scales, q, found = self.known.scales, self.known.space.contact_rule.count, 0.0
+        normal, shear = (scales.stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
+        for line in self.lines:
+            a, b = goals[line.contact.name]
+            here = slice(line.start, line.start + line.trace.count)
+            slip = line.sense * c[1, here] - b if line.sense else 0.0 * c[1, here]
+            across = c[0, here] - a + line.friction * slip
+            pairs = [
+                (self.unit * slip, line.slip, self.unit),
+                (self.unit * across, line.opening, self.unit),
+                (normal[line.rows.rows].reshape(-1, q), line.pressure, np.abs(normal).max()),
+                (shear[line.rows.rows].reshape(-1, q), line.room, np.abs(normal).max()),
+            ]
+            for number, (part, whole, size) in enumerate(pairs):
+                if number == 3 and not line.sense:
+                    continue
+                none = line.none(whole)
+                if np.abs(part[none]).max(initial=0.0) > _ROUNDING * size:
+                    return None
+                found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
+        return found
+
+    def _value(
+        self, goals: Mapping[str, tuple[float, float]], c: FloatArray, z: FloatArray, change: FloatArray
+    ) -> tuple[float, float]:
+        """The resultant as far as it is known [stress × length], and |ε(z) − cζ| of z with the unit of length D."""
+        known, scales, companion = self.known, self.known.scales, self.companion
+        assert companion.state is not None
+        u = self.stress.dofs
+        other = u + known.basis @ change
+        t, w = known.space.cell_rule(2 * max(known.space.degree - 2, companion.degree - 1, 5) + 1)
+        tau = scales.stress * cell_stresses(known, u, t)[1]
+        zeta = scales.stress * cell_stresses(known, other, t)[1] - tau
+        strain = self.body.body.body.strain(z, slice(None), t[:, -2:]) * (self.unit / scales.length)
+        compliance = known.problem.compliances
+        apart = strain - np.einsum("ckl,cgl->cgk", compliance, zeta)
+        weights = known.space.cell_sizes[:, None] * w * scales.length**2
+        size = np.einsum("cg,cgk,ckl,cgl->", weights, apart, np.linalg.inv(compliance), apart)
+        work = float(np.einsum("cg,cgk,cgk->", weights, tau, apart)) - float(companion.state.load @ z) * scales.energy
+        for along in (support_work, obstacle_work):
+            work += along(known, other) - along(known, u)
+        for line in self.lines:
+            if line.sense:
+                b, here = goals[line.contact.name][1], slice(line.start, line.start + line.trace.count)
+                assert not callable(line.contact.cohesion)
+                slipped = float(line.trace.weights @ (line.sense * c[1, here] - b)) * self.unit * scales.length
+                work += line.contact.cohesion * slipped
+        return work / self.unit, float(np.sqrt(size))
+
+
+def _lines(stress: ContactResult, companion: CompanionResult, senses: Mapping[str, int], cut: float) -> Iterator[_Line]:
+    known, state = stress.discretization, companion.state
+    assert state is not None
+    c = state.c.reshape(2, -1) * known.scales.displacement
+    start = 0
+    for contact, trace, rows in zip(known.problem.contacts, state.contacts.traces, known.contacts, strict=True):
+        here = slice(start, start + trace.count)
+        if contact.law != "tied":
+            sense = float(senses.get(contact.name, 0))
+            normal, shear = (
+                known.scales.stress * coefficients(known, values, degree)
+                for values, degree in zip(
+                    effective(known, stress.dofs, rows),
+                    (known.space.normal_degree, known.space.shear_degree),
+                    strict=True,
+                )
+            )
+            opening = trace.gap * known.scales.displacement - c[0, here]
+            slip = sense * (c[1, here] - trace.offset * known.scales.displacement)
+            assert not callable(contact.friction)
+            assert not callable(contact.cohesion)
+            room = sense * shear - contact.friction * normal + contact.cohesion
+            sizes = float(np.abs(c[:, here]).max(initial=0.0)), float(np.abs(normal).max(initial=0.0))
+            opening, slip, pressure, room = (np.maximum(part, 0.0) for part in (opening, slip, -normal, room))
+            yield _Line(contact, trace, rows, sense, start, opening, slip, pressure, room, cut, sizes)
+        start += trace.count

@@ -1,0 +1,341 @@
+"""Bounds under Coulomb slip: constants, true errors below them, pairs that are no pair refused."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
+from qvi_contact.bracket import bracket, slip_constants
+from qvi_contact.bracket.friction_norm import computed_norm, friction_norm, rectangle_constant, rectangle_norm
+from qvi_contact.bracket.slip import slip_bounds
+from qvi_contact.companion import solve_companions
+from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.refinement.doerfler import bulk
+from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.stress import stress_in_cells
+
+PLATE = {"plate": 1}
+
+
+@pytest.mark.parametrize("s", [0.0, 0.19, 0.375, 0.75, 1.5, 1.95])
+def test_constants_of_square_zero_operators(s):
+    """α, f, |I + S| and the constant of Σ are never passed by operators of norm s with SS = 0, and are met by some."""
+    random = np.random.default_rng(0)
+    n = 4000
+    k, direction = (random.standard_normal((n, 2)) for _ in range(2))
+    # e = k + m with k in the kernel and m orthogonal to it; S m is any vector of the kernel of norm ≤ s |m|
+    angle = np.concatenate([random.uniform(0.0, np.pi, n // 2), np.linspace(0.0, np.pi, n // 2)])
+    k = np.cos(angle)[:, None] * _unit(k)
+    length = s * np.abs(np.sin(angle)) * np.where(np.arange(n) % 2, 1.0, random.uniform(0.0, 1.0, n))
+    image = length[:, None] * _unit(direction)
+    image[n // 2 :] = length[n // 2 :, None] * np.sign(np.cos(angle[n // 2 :]))[:, None] * _unit(k[n // 2 :])
+    cross = (k * image).sum(axis=1)
+    energy = 1.0 - cross  # a(e, e − Se) of |e| = 1
+    size = np.sqrt(1.0 - 2.0 * cross + length**2)  # |e − Se|
+    alpha, f = slip_constants.coercivity(s), slip_constants.amplification(s)
+    assert energy.min() >= alpha - 1e-12
+    assert (energy / size**2).min() >= alpha - 1e-12
+    assert (size / energy).max() <= f + 1e-12
+    assert (energy.min(), (size / energy).max()) == pytest.approx((alpha, f), rel=1e-3)
+    opposite = 1.0 + 2.0 * s * np.sin(angle) * np.cos(angle) + s**2 * np.sin(angle) ** 2  # of e − Se with −S
+    assert (1.0 + s * np.sin(angle) * np.cos(angle)) @ np.ones(n) > 0.0
+    assert ((1.0 + s * np.sin(angle) * np.cos(angle)) / opposite).min() >= alpha - 1e-12
+
+
+def _unit(vectors):
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+
+
+def test_bounds_solve_their_quadratics():
+    residual, defect, s = 0.3, 0.02, 0.6
+    found = slip_constants.error_bound(residual, defect, s)
+    alpha, f = slip_constants.coercivity(s), slip_constants.amplification(s)
+    assert found**2 == pytest.approx(f * residual * found + defect / alpha, rel=1e-13)
+    q = np.linspace(0.0, 1.0, 1001)
+    largest = (residual * q - alpha * q**2).max() + defect
+    assert slip_constants.defect_bound(residual, defect, s) == pytest.approx(largest, rel=1e-5)
+    assert slip_constants.error_bound(residual, defect, 2.0) == slip_constants.defect_bound(1.0, 0.0, 2.0) == np.inf
+
+
+class TestNorms:
+    """Proved norms of the friction operator, and those of finite elements."""
+
+    def test_the_plate(self):
+        """The constant of a square under symmetry, from β ≥ sin(π/8): T1 to T3 hold for μ < 0.533."""
+        assert rectangle_constant(0.3, np.sin(np.pi / 8.0), 1.0, 2.0 / np.pi) == pytest.approx(3.75079, rel=1e-5)
+        found = friction_norm(compressed_plate(0.2).triangulated(), PLATE)
+        assert found.proved
+        assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
+
+    @pytest.mark.parametrize(
+        ("problem", "name"),
+        [
+            (compressed_plate(0.5, (3, 3), width=2.0), "plate"),
+            (compressed_plate(0.5, (3, 3), height=3.0, plane="strain", poisson=0.4), "plate"),
+            (ssnv128((3, 3), friction=0.5), "base"),
+            (sliding_block((3, 2))[0], "base"),
+        ],
+    )
+    def test_finite_elements_stay_below(self, problem, name):
+        problem = problem.triangulated()
+        for sense in (1, -1):
+            proved = rectangle_norm(problem, {name: sense})
+            assert 0.0 < computed_norm(problem, {name: sense}) < proved.value
+
+    @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.45])
+    def test_polynomials_stay_below(self, ratio):
+        """|Sv|/|v| of v in P₇² on the square itself, by exact quadrature, for Sv = (0, y v_x)."""
+        assert _largest_quotient(ratio) < rectangle_constant(ratio, np.sin(np.pi / 8.0), 1.0, 2.0 / np.pi)
+
+    def test_another_body_is_computed(self):
+        """Without the side where v_x = 0 nothing is proved."""
+        problem = compressed_plate(0.2).triangulated()
+        free = [Traction("left", x=0.0, y=0.0), Displacement("bottom", x=0.0, y=0.0), *problem.conditions[2:]]
+        found = friction_norm(replace(problem, conditions=free), PLATE)
+        assert not found.proved
+        assert 0.1 < found.value < 1.0
+
+
+def _largest_quotient(ratio, degree=7):
+    """Of the quarter plate [0, 1]²: v_x = x p, v_y = y q with p, q of degree 7, in x and in y."""
+    t, w = np.polynomial.legendre.leggauss(degree + 4)
+    t, w = (t + 1.0) / 2.0, w / 2.0
+    X, Y = (part.ravel() for part in np.meshgrid(t, t))
+    W = np.outer(w, w).ravel()
+    legendre = [np.polynomial.Legendre.basis(k, domain=[0.0, 1.0]) for k in range(degree)]
+
+    def jet(first, second):
+        return [first(X) * second(Y), first.deriv()(X) * second(Y), first(X) * second.deriv()(Y)]
+
+    x = np.polynomial.Legendre.fit([0.0, 1.0], [0.0, 1.0], 1, domain=[0.0, 1.0])
+    one = [jet(x * a, b) for a in legendre for b in legendre]
+    other = [jet(a, x * b) for a in legendre for b in legendre]
+    none = np.zeros_like(X)
+    plain = np.array([[u[1], none, u[2]] for u in one] + [[none, v[2], v[1]] for v in other])
+    image = np.array([[none, u[0] + Y * u[2], Y * u[1]] for u in one] + [[none] * 3 for _ in other])
+    C = np.array([[1.0, ratio, 0.0], [ratio, 1.0, 0.0], [0.0, 0.0, (1.0 - ratio) / 2.0]])
+    below, above = (np.einsum("ikg,kl,jlg,g->ij", each, C, each, W, optimize=True) for each in (plain, image))
+    root = np.linalg.cholesky(below)
+    inner = np.linalg.solve(root, np.linalg.solve(root, above).T)
+    return float(np.sqrt(np.linalg.eigvalsh((inner + inner.T) / 2.0)[-1]))
+
+
+@cache
+def chain(friction, degree=4, rounds=5):
+    """Results of the plate on meshes bisected where the bound says so."""
+    problem, found = compressed_plate(friction, (1, 1)).triangulated(), []
+    for _ in range(rounds):
+        found.append(solve(problem, degree=degree, tolerance=1e-10))
+        problem = replace(problem, mesh=problem.mesh.refined(bulk(found[-1].bracket.slip.cells)))
+    return found
+
+
+@cache
+def located(mesh, places):
+    """The cell of the mesh that holds each place (n, 2), and where in it."""
+    points = np.array(places)
+    point, cell = mesh.around(points)
+    _, first = np.unique(point, return_index=True)
+    cell = cell[first]
+    return cell, mesh.reference(cell, points)
+
+
+@cache
+def rule(fine):
+    """Points (n, 2) and weights (n,) of the finer mesh, the compliance there (n, 3, 3), and its stress (n, 3)."""
+    space, scales, problem = fine.discretization.space, fine.discretization.scales, fine.problem
+    t, w = space.cell_rule(5)
+    points = problem.mesh.origin + scales.length * space.points(np.arange(problem.mesh.cell_count), t)
+    weights = (space.cell_sizes[:, None] * w * scales.length**2).ravel()
+    c = np.repeat(problem.compliances, points.shape[1], axis=0)
+    places = tuple(map(tuple, points.reshape(-1, 2).tolist()))
+    return places, weights, c, stress_at(fine, *located(problem.mesh, places))
+
+
+def stress_at(result, cell, t):
+    known = result.discretization
+    coefficients = known.energy.coefficients(result.dofs)
+    return stress_in_cells(known, coefficients, cell, t[:, None])[1][:, 0] * known.scales.stress
+
+
+def difference(coarse, fine):
+    """|σ − τ| in the energy norm, at points of the finer mesh."""
+    places, weights, c, stress = rule(fine)
+    apart = stress - stress_at(coarse, *located(coarse.problem.mesh, places))
+    return float(np.sqrt(np.einsum("g,gk,gkl,gl->", weights, apart, c, apart)))
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.2])
+def test_true_errors_of_adaptive_meshes_are_below(friction):
+    results = chain(friction)
+    for result in results[:-2]:
+        found = result.bracket.slip
+        assert found.guaranteed, found.reasons
+        assert 1.0 <= found.error / difference(result, results[-1]) < 2.0
+    assert results[-1].bracket.slip.relative_error < 0.5 * results[0].bracket.slip.relative_error
+
+
+def test_true_error_of_equal_cells_is_below():
+    fine = chain(0.2)[-1]
+    result = solve(compressed_plate(0.2, (2, 2)).triangulated(), degree=3)
+    assert 1.0 <= result.bracket.slip.error / difference(result, fine) < 4.0
+
+
+def carrying(result, z):
+    """The same result with another stress."""
+    return ContactResult(result.discretization, replace(result.solution, z=z))
+
+
+def test_stresses_made_bad_at_random_are_never_closer_than_said():
+    """Admissible stresses between that of less friction, disturbed at random, and the solution."""
+    result, fine = chain(0.2)[2], chain(0.2)[-1]
+    companion = result.bracket.companion
+    random, qvi = np.random.default_rng(1), result.discretization.qvi
+    problem = result.problem
+    weaker = [solve(with_friction(problem, mu), degree=4) for mu in (0.02, 0.1, 0.18)]
+    ratios = []
+    for number in range(200):
+        z = weaker[number % 3].solution.z
+        step = random.standard_normal(len(z)) * np.abs(z).max() * 10.0 ** random.uniform(-4.0, 0.0)
+        while not _inside(qvi, z + step):
+            step *= 0.5
+        share = random.uniform(0.0, 1.0) ** 3
+        stress = carrying(result, result.solution.z + share * (z + step - result.solution.z))
+        found = slip_bounds(stress, companion, PLATE)
+        assert not isinstance(found, str), found
+        ratios.append(found.error / difference(stress, fine))
+    assert min(ratios) >= 1.0
+    assert max(ratios) < 8.0
+
+
+def _inside(qvi, z):
+    normal, shear = qvi.N @ z + qvi.n0, qvi.T @ z + qvi.t0
+    return normal.max() <= 0.0 and (np.abs(shear) + qvi.mu * normal).max() <= 0.0
+
+
+class TestNoPair:
+    """What is no stress and displacement of one problem with one sense of slip is refused, or far outside."""
+
+    def test_the_stress_of_more_friction_is_refused(self):
+        more, result = chain(0.2)[1], solve(with_friction(chain(0.2)[1].problem, 0.15), degree=4)
+        assert "does not obey the law" in slip_bounds(
+            carrying(result, more.solution.z), result.bracket.companion, PLATE
+        )
+
+    def test_the_stress_of_less_friction_is_outside(self):
+        result, less = chain(0.2)[-1], solve(with_friction(chain(0.2)[-1].problem, 0.15), degree=4)
+        stress = carrying(result, less.solution.z)
+        found = slip_bounds(stress, less.bracket.companion, PLATE)
+        assert found.error > 4.0 * result.bracket.slip.error
+        assert found.error > difference(stress, result)
+
+    def test_a_flipped_sense(self):
+        result = chain(0.2)[2]
+        flipped = {"plate": -result.bracket.slip.senses["plate"]}
+        bounds = result.bracket.companion.state.contacts.traces[0].bound * result.discretization.scales.stress
+        held = solve_companions(result.problem, [{"plate": bounds}], degree=4, senses=flipped)[0]
+        assert held.trace("plate", [0.0, 0.3, 1.0])[1].max() <= 0.0
+        assert "in the other sense" in slip_bounds(result, held, flipped)
+        assert "in the other sense" in slip_bounds(chain(0.2)[-1], chain(0.2)[-1].bracket.companion, flipped)
+
+    @pytest.mark.parametrize(("part", "change", "word"), [(0, 1e-9, "obstacle"), (1, 1e-9, "against")])
+    def test_a_displacement_that_breaks_the_contact_conditions(self, part, change, word):
+        result = chain(0.2)[2]
+        companion = result.bracket.companion
+        c = companion.state.c.copy().reshape(2, -1)
+        c[part, 0] += change if part == 0 else -change * result.bracket.slip.senses["plate"]
+        broken = replace(companion, state=replace(companion.state, c=c.ravel()))
+        assert word in slip_bounds(result, broken, PLATE)
+
+
+def with_friction(problem, friction):
+    changed = [
+        replace(condition, friction=friction) if isinstance(condition, Contact) else condition
+        for condition in problem.conditions
+    ]
+    return replace(problem, conditions=changed)
+
+
+class TestScope:
+    """What has bounds under slip, and what keeps the indicator."""
+
+    def test_mixed_senses_keep_the_indicator(self):
+        """The whole plate under a push slips outwards at both ends of its top."""
+        mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
+        conditions = [
+            Contact("top", 0.1, gap=-1e-3, name="plate"),
+            Displacement("bottom", x=0.0, y=0.0),
+            Traction("left", x=0.0, y=0.0),
+            Traction("right", x=0.0, y=0.0),
+        ]
+        found = solve(ContactProblem(mesh, Material(1e5, 0.3), conditions)).bracket
+        assert found.slip is None
+        assert "both senses" in found.slip_reason
+        assert found.gap > 0.0
+
+    def test_rows_at_points_are_solved_anew(self):
+        problem = chain(0.2)[1].problem
+        by_points = solve(problem, degree=4, contact_rows="gauss", tolerance=1e-10).bracket.slip
+        assert by_points.guaranteed
+        assert by_points.error == pytest.approx(chain(0.2)[1].bracket.slip.error, rel=0.3)
+
+    def test_full_slip_is_exact(self):
+        found = bracket(solve(sliding_block((3, 2), friction=0.15)[0].triangulated(), degree=4)).slip
+        assert found.guaranteed
+        assert found.margin == pytest.approx(2.0, rel=1e-6)
+        assert found.relative_error < 1e-4
+
+    def test_rectangles_say_why_not(self):
+        found = solve(compressed_plate(0.2, (4, 4)), element="bfs").bracket
+        assert found.slip is None
+        assert "triangles" in found.slip_reason
+
+    def test_too_much_friction_bounds_nothing(self):
+        result = solve(compressed_plate(1.5, (2, 2)).triangulated())
+        found = result.bracket.slip
+        assert found.error == np.inf
+        assert "too large" in found.message
+
+    def test_where_the_proved_norm_is_too_large_the_bound_is_an_estimate(self):
+        found = solve(compressed_plate(0.6, (2, 2)).triangulated()).bracket.slip
+        assert found.kind == "estimated"
+        assert 0.8 < found.norm.value < 0.9
+        assert found.error < np.inf
+
+
+class TestForces:
+    """Two-sided bounds of contact forces under slip."""
+
+    @pytest.mark.parametrize(("friction", "limit"), [(0.1, 212.242424), (0.2, 214.23323205)])
+    def test_the_plate_on_every_mesh(self, friction, limit):
+        widths = []
+        for result in chain(friction):
+            force = result.bracket.slip.forces["plate.normal_force"]
+            assert force.lower < limit < force.upper
+            widths.append(force.upper - force.lower)
+        assert widths[-1] < 0.25 * widths[0]
+
+    def test_the_middle_of_the_bounds_is_closer_than_the_stress(self):
+        """A force of second order: the width falls as the square of the stress's error."""
+        first, last = (chain(0.2)[number].bracket.slip for number in (1, -1))
+        widths = [np.diff(found.forces["plate.normal_force"])[0] for found in (first, last)]
+        assert widths[1] / widths[0] < 2.0 * (last.error / first.error) ** 1.5
+
+    def test_another_problem_is_outside(self):
+        """Bounds for μ = 0.05 hold its force, and not that of μ = 0.2."""
+        other = solve(with_friction(chain(0.2)[-1].problem, 0.05), degree=4).bracket.slip
+        force = other.forces["plate.normal_force"]
+        assert force.upper < 214.23323205
+        assert force.lower < 210.606417984 < force.upper
+
+    def test_loads_balance(self):
+        """Where equilibrium alone gives the normal force the bounds meet in it, with cohesion too."""
+        problem = ssnv128((2, 2), friction=0.3).triangulated()
+        rough = [replace(each, cohesion=1e6) if isinstance(each, Contact) else each for each in problem.conditions]
+        for posed, force in ((problem, 2.0e6), (replace(problem, conditions=rough), 2.0e6)):
+            found = solve(posed, degree=4).bracket.slip
+            bounds = found.forces["base.normal_force"]
+            assert bounds == pytest.approx((force, force), rel=1e-9)
