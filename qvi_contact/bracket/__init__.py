@@ -3,5 +3,15 @@
 from qvi_contact.bracket.bounds import bracket
 from qvi_contact.bracket.marking import refined_where_apart
 from qvi_contact.bracket.outcome import Bounds, Bracket, BracketKind, EdgeParts, ForceDifference
+from qvi_contact.bracket.slip import SlipBounds
 
-__all__ = ["Bounds", "Bracket", "BracketKind", "EdgeParts", "ForceDifference", "bracket", "refined_where_apart"]
+__all__ = [
+    "Bounds",
+    "Bracket",
+    "BracketKind",
+    "EdgeParts",
+    "ForceDifference",
+    "SlipBounds",
+    "bracket",
+    "refined_where_apart",
+]

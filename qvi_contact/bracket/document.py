@@ -35,6 +35,7 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
             name: {"normal": found.normal, "tangential": found.tangential, "unit": units.force}
             for name, found in bracket.force_differences.items()
         },
+        "slip": _slip(bracket, units),
         "companion": None
         if companion is None
         else {"status": str(companion.status), "degree": companion.degree, "unknowns": companion.unknowns},
@@ -56,6 +57,7 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
         normal, tangential = (shown(force, _least(bracket.own), 3) for force in (found.normal, found.tangential))
         forces = f"normal {normal}, tangential {tangential} {units.engineering_force}"
         yield f"displacement model with its own friction bound: forces of {name} differ by {forces}"
+    yield from _slip_lines(bracket, units)
     companion = bracket.companion
     if companion is not None and companion.has_state:
         yield f"displacement model, degree {companion.degree}, {companion.unknowns} unknowns, same friction bound:"
@@ -63,6 +65,37 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
             both = (contact.normal_force, contact.tangential_force)
             normal, tangential = (shown(force, _least(companion)) for force in both)
             yield f"  contact {name}: normal {normal}, tangential {tangential} {units.engineering_force}"
+
+
+def _slip(bracket: Bracket, units: Units) -> dict[str, Any] | None:
+    """The bounds under slip, or why there are none; None where nothing has Coulomb friction."""
+    slip = bracket.slip
+    if slip is None:
+        return {"reason": bracket.slip_reason} if bracket.slip_reason else None
+    return {
+        "kind": slip.kind,
+        "reasons": list(slip.reasons),
+        "assumption": slip.assumption,
+        "senses": dict(slip.senses),
+        "margin": slip.margin,
+        "friction_norm": _finite(slip.norm.value),
+        "relative_error": _finite(slip.relative_error),
+        "forces": {
+            name: {"lower": bounds.lower, "upper": bounds.upper, "unit": units.force}
+            for name, bounds in slip.forces.items()
+        },
+    }
+
+
+def _slip_lines(bracket: Bracket, units: Units) -> Iterator[str]:
+    """The bounds under slip, or why there are none."""
+    if bracket.slip_reason:
+        yield f"no bounds under Coulomb slip: {bracket.slip_reason}"
+    if bracket.slip is not None:
+        yield bracket.slip.message
+        for name, bounds in bracket.slip.forces.items():
+            force = f"{bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}"
+            yield f"{name} between {force}, {bracket.slip.kind}"
 
 
 def _least(companion: CompanionResult | None) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from qvi_contact.bracket import slip_constants
-from qvi_contact.bracket.given import has_coulomb
+from qvi_contact.bracket.given import bears_shear, has_coulomb
 from qvi_contact.companion.at_rest import BodyAtRest
 from qvi_contact.problem.conditions import Contact, Displacement
 from qvi_contact.problem.problem import ContactProblem
@@ -69,7 +69,7 @@ def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: in
     weight = np.concatenate([np.full(trace.count, _weight(contact, senses)) for contact, trace in pairs])
     tied, rough = (
         np.concatenate([np.full(trace.count, chosen(contact)) for contact, trace in pairs])
-        for chosen in (_is_tied, _is_rough)
+        for chosen in (_is_tied, bears_shear)
     )
     slips = (weight != 0.0) & known.live[n:] & ~tied
     presses = slips & known.live[:n]
@@ -93,12 +93,6 @@ def _weight(contact: Contact, senses: Mapping[str, int]) -> float:
 
 def _is_tied(contact: Contact) -> bool:
     return contact.law == "tied"
-
-
-def _is_rough(contact: Contact) -> bool:
-    """Whether the contact carries shear: (Sv)_T = 0 there."""
-    fields = (contact.friction, contact.cohesion)
-    return contact.law != "tied" and any(callable(field) or field != 0.0 for field in fields)
 
 
 def rectangle_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm | None:
@@ -202,7 +196,7 @@ def _sides(problem: ContactProblem, senses: Mapping[str, int]) -> dict[int, list
         elif has_coulomb(contact):
             slope[index] = _weight(contact, senses) * np.where(end[index] == 1, 1.0, -1.0)
         else:
-            pressed[index], rough[index] = True, _is_rough(contact)
+            pressed[index], rough[index] = True, bears_shear(contact)
     found: dict[int, list[_Edge]] = {side: [] for side in range(4)}
     for number, side in enumerate((2 * axis + end).tolist()):
         known = None if np.isnan(slope[number]) else float(slope[number])

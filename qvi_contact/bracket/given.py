@@ -122,6 +122,12 @@ def has_coulomb(contact: Contact) -> bool:
     return contact.law != "tied" and not limited and (callable(contact.friction) or contact.friction != 0.0)
 
 
+def bears_shear(contact: Contact) -> bool:
+    """Whether a contact that is not tied has friction or cohesion."""
+    fields = (contact.friction, contact.cohesion)
+    return contact.law != "tied" and any(callable(field) or field != 0.0 for field in fields)
+
+
 def _sticks(result: ContactResult, contact: Contact) -> bool:
     return bool((result.contacts[contact.name].state == int(ContactState.STICK)).all())
 

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket.friction_ends import no_friction_operator
 from qvi_contact.bracket.given import has_coulomb, posed_strictly
 from qvi_contact.bracket.law import coefficients, effective
 from qvi_contact.discretization.discretization import Discretization
@@ -79,7 +80,8 @@ def stress_under_slip(result: ContactResult, tolerance: float) -> SlippingStress
         found[name] = max(margins, key=lambda sense: margins[sense])
         if margins[found[name]] < LEAST_MARGIN:
             return f"{name!r} slips in both senses, or nearly so: bounds under slip need one sense for each contact."
-    return SlippingStress(result, found)
+    missing = no_friction_operator(result.problem, found)
+    return missing or SlippingStress(result, found)
 
 
 def margin_of(result: ContactResult, senses: Mapping[str, int]) -> float:

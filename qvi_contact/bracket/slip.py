@@ -6,7 +6,8 @@ In `docs/theory.md`: (D26), (D27).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -58,11 +59,10 @@ class SlipBounds:
         |τ| [√energy].
     cells : (cells,) array
         f²ρ² + δ/α by cell [stress × length²], what to refine by.
-    forces : mapping
-        "NAME.normal_force" and "NAME.tangential_force" of each contact with Coulomb friction between bounds
-        [stress × length].
     reasons : tuple of str
         Why the bounds are not guaranteed; empty if they are.
+    stress, displacement : ContactResult, CompanionResult
+        τ and v.
 
     """
 
@@ -75,10 +75,20 @@ class SlipBounds:
     size: float
     cells: FloatArray
     reasons: tuple[str, ...]
-    forces: Mapping[str, Bounds] = field(default_factory=dict)
+    stress: ContactResult
+    displacement: CompanionResult
 
     def __repr__(self) -> str:
         return f"<SlipBounds {self.message}>"
+
+    @cached_property
+    def forces(self) -> Mapping[str, Bounds]:
+        """The bounds of "NAME.normal_force" and "NAME.tangential_force" of contacts between bounds [stress × length].
+
+        A dual problem is solved on first use. A force is left out where that gives none, see (D31).
+        """
+        missed = slip_constants.defect_bound(self.residual, self.defect, self.norm.value)
+        return force_bounds_under_slip(self.stress, self.displacement, self.senses, self.error, missed)
 
     @property
     def guaranteed(self) -> bool:
@@ -146,19 +156,18 @@ def slip_bounds(
     if s < slip_constants.LARGEST:
         on_edges = by_cell(discretization, 0.0 * inside, edges)
         shares = 2.0 * slip_constants.amplification(s) ** 2 * inside + on_edges / slip_constants.coercivity(s)
-    error = slip_constants.error_bound(residual, defect, s)
-    missed = slip_constants.defect_bound(residual, defect, s)
     return SlipBounds(
         senses,
         margin_of(stress, senses),
         norm,
         residual,
         defect,
-        error,
+        slip_constants.error_bound(residual, defect, s),
         float(np.sqrt(2.0 * strain_energy(fields, problem.compliances))),
         shares,
         (*reasons, *(() if norm.proved else (norm.reason,))),
-        force_bounds_under_slip(stress, companion, senses, error, missed),
+        stress,
+        companion,
     )
 
 

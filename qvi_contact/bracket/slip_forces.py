@@ -19,7 +19,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket.given import has_coulomb
+from qvi_contact.bracket.given import bears_shear, has_coulomb
 from qvi_contact.bracket.law import coefficients, effective
 from qvi_contact.bracket.outcome import Bounds
 from qvi_contact.companion import CompanionResult
@@ -121,7 +121,7 @@ def force_bounds_under_slip(
     """Bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of all contacts that are not tied.
 
     Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
-    holds its tangential displacement.
+    holds its tangential displacement, and all where a contact has Tresca's law.
 
     Parameters
     ----------
@@ -133,7 +133,8 @@ def force_bounds_under_slip(
         The bound δ + ρ²/(4α) of Σ [stress × length²].
 
     """
-    if not np.isfinite(error) or any(_bears_shear_otherwise(contact) for contact in stress.problem.contacts):
+    contacts = stress.problem.contacts
+    if not np.isfinite(error) or any(bears_shear(each) and not has_coulomb(each) for each in contacts):
         return {}
     model = _Model.of(stress, companion)
     found: dict[str, Bounds] = {}
@@ -150,11 +151,6 @@ def force_bounds_under_slip(
                     lower, upper = found.get(key, (-np.inf, np.inf))
                     found[key] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
     return found
-
-
-def _bears_shear_otherwise(contact: Contact) -> bool:
-    """Whether a contact has a friction bound of its own without Coulomb friction."""
-    return contact.law != "tied" and not has_coulomb(contact) and (callable(contact.cohesion) or contact.cohesion > 0.0)
 
 
 @dataclass(frozen=True, eq=False)

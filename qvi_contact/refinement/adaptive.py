@@ -43,6 +43,7 @@ def refine(
     max_rounds: int | None = None,
     thinnest: float | None = None,
     time_limit: float | None = None,
+    guaranteed: bool = False,
     callback: Callable[[RefinementRound], object] | None = None,
     verbose: bool = False,
     **options: Any,
@@ -60,6 +61,7 @@ def refine(
     max_rounds: int | None = None,
     thinnest: float | None = None,
     time_limit: float | None = None,
+    guaranteed: bool = False,
     callback: Callable[[RefinementRound], object] | None = None,
     verbose: bool = False,
     **options: Any,
@@ -76,6 +78,7 @@ def refine(
     max_rounds: int | None = None,
     thinnest: float | None = None,
     time_limit: float | None = None,
+    guaranteed: bool = False,
     callback: Callable[[RefinementRound], object] | None = None,
     verbose: bool = False,
     **options: Any,  # checked by solve
@@ -124,6 +127,10 @@ def refine(
         in double precision fail near it, 1e-9 on triangles.
     time_limit : float, optional
         Seconds for all rounds together; the answer is that of the last round done in time.
+    guaranteed : bool
+        Whether the force of a contact that slips, on triangles, is refined until its guaranteed bounds are within the
+        target, see `Bracket.slip`. That takes more unknowns than the estimate, which is used by default and where there
+        are no such bounds.
     callback : callable, optional
         Called with the record of each round.
     verbose : bool
@@ -173,6 +180,7 @@ def refine(
         int(positive_number("max_rounds", kind.rounds if max_rounds is None else max_rounds)),
         positive_number("thinnest", kind.thinnest if thinnest is None else thinnest) * problem.mesh.length,
         options,
+        guaranteed,
     )
     title = f"qvi_contact {__version__}: refine"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:

@@ -55,8 +55,12 @@ def _is_coulomb(contact: Contact) -> bool:
 
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
-    """The value of an answer beside bounds of it, if they are guaranteed."""
+    """The value of an answer beside bounds of it, if they are guaranteed: under Coulomb slip those of forces."""
     bracket = result.bracket
+    slip = bracket.slip
+    if slip is not None and slip.guaranteed and not sticks(result) and measure.name in slip.forces:
+        lower, upper = slip.forces[measure.name]
+        return Comparison(max(upper - value, value - lower, 0.0), True, slip.cells)
     if not bracket.guaranteed or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
         return None
     if measure.name == "energy":

@@ -40,6 +40,11 @@ class Measure:
     unit: Callable[[ContactResult], float]
     bounded: bool = True
 
+    @property
+    def of_a_force(self) -> bool:
+        """Whether it is the force of a contact, which may have bounds where contacts slip."""
+        return self.bounded and self.name.endswith(_FORCES)
+
     @classmethod
     def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
         """The measure that `refine` calls by this name, or a function; `InputError` if there is none."""

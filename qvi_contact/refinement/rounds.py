@@ -32,6 +32,8 @@ class Settings:
         Smallest edge that is made [length].
     options : mapping
         Of `solve`.
+    guaranteed : bool
+        Whether bounds under slip are wanted rather than estimates.
 
     """
 
@@ -40,6 +42,7 @@ class Settings:
     max_rounds: int
     thinnest: float
     options: Mapping[str, Any]
+    guaranteed: bool = False
 
 
 @dataclass(frozen=True)

@@ -121,9 +121,10 @@ class TriangleRefinement:
         value, unit = measure.value(result), measure.unit(result)
         at = places(problem, mesh, result)
         hopeless = any(each.tried and not each.accuracy.guaranteed for each in earlier)
-        tried = measure.bounded and not hopeless and sticks(result)
+        sticking = sticks(result)
+        tried = measure.bounded and not hopeless and (sticking or (self.settings.guaranteed and measure.of_a_force))
         found = bounded(measure, value, result) if tried else None
-        if found is None or (found.error <= self.settings.target * unit and coulomb_contacts(problem)):
+        if found is None or (sticking and found.error <= self.settings.target * unit and coulomb_contacts(problem)):
             found = self._looked(problem, result, value, at, found)
         found = _settled(found, result, earlier)
         estimate = found.error / unit if unit > 0.0 else 0.0

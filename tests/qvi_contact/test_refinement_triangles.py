@@ -414,3 +414,33 @@ def test_looks_that_move_are_no_measure_of_less():
     error = abs(outcome.value / settled - 1.0)
     assert outcome.status is RefinementStatus.ROUNDS
     assert error / FACTOR < outcome.estimate < FACTOR * error
+
+
+class TestGuaranteedUnderSlip:
+    """Where one sense of slip is known the force can be refined until its bounds are within the target."""
+
+    @pytest.mark.parametrize("friction", [0.05, 0.2])
+    def test_the_bounds_hold_in_every_round(self, friction):
+        outcome = refine(plate(friction, (1, 1)), None, 1e-4, FORCE, guaranteed=True)
+        assert outcome.status is RefinementStatus.REACHED
+        assert outcome.guaranteed
+        errors = [abs(each.value / FORCES[friction] - 1.0) for each in outcome.rounds if each.guaranteed]
+        assert all(error <= each.estimate for error, each in zip(errors, outcome.rounds[-len(errors) :], strict=True))
+        assert outcome.result.discretization.qvi.n <= 1500
+        force = outcome.result.bracket.slip.forces[FORCE]
+        assert force.lower < FORCES[friction] < force.upper
+
+    def test_by_default_it_is_an_estimate(self):
+        assert not refine(plate(0.2), None, 1e-3, FORCE, degree=3).guaranteed
+
+    def test_mixed_senses_are_estimated(self):
+        block = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
+        conditions = [
+            Contact("top", 0.05, gap=-1e-3, name="plate"),
+            Displacement("bottom", x=0.0, y=0.0),
+            Traction("left", 0.0, 0.0),
+            Traction("right", 0.0, 0.0),
+        ]
+        outcome = refine(ContactProblem(block, Material(1e4, 0.2), conditions), None, 1e-2, FORCE, guaranteed=True)
+        assert outcome.status is RefinementStatus.REACHED
+        assert not outcome.guaranteed
