@@ -40,7 +40,7 @@ class CellFields:
     def of(cls, discretization: Discretization, u: FloatArray, degree: int) -> "CellFields":
         """From degrees of freedom u of Φ, for integrals of products of two functions of that degree on each part."""
         scales, (t, w) = discretization.scales, discretization.space.cell_rule(2 * degree + 1)
-        weights = discretization.space.cell_sizes[:, None] * w
+        weights = discretization.space.cell_measures(t, w)
         _, stress = cell_stresses(discretization, u, t)
         return cls(weights * scales.length**2, stress * scales.stress, t)
 

@@ -23,7 +23,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature, adapted
-from qvi_contact.mesh.edges import Edges, points_along, rounding_along
+from qvi_contact.mesh.edges import Edges, points_along, rounding_along, vectors_along
 from qvi_contact.mesh.mesh import Mesh
 from solvers import EnergyRoot
 from solvers.factorisation.choice import Structure
@@ -114,6 +114,8 @@ class PrescribedTraction:
         n edges of the boundary.
     direction : (n, 2) array
         Unit vector d on each edge: a Cartesian one, or ± the edge's normal or tangent.
+    turns : bool
+        Whether d turns along arcs, as normals and tangents do.
     value : function of (x, y)
         The component [dimensionless] at points x, y [length], arrays of one shape; φ is part of it. Where d·n ≠ 0 the
         part of it that Φ makes up is value − φ d·n.
@@ -127,8 +129,9 @@ class PrescribedTraction:
     direction: FloatArray
     value: Callable[[FloatArray, FloatArray], FloatArray]
     potential: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+    turns: bool = False
 
-    def take(self, index: BoolArray) -> "PrescribedTraction":
+    def take(self, index: IntArray | BoolArray) -> "PrescribedTraction":
         """The same on some of the edges."""
         return replace(self, edges=self.edges.take(index), direction=self.direction[index])
 
@@ -140,10 +143,16 @@ class PrescribedTraction:
             values = np.asarray(self.value(x, y))
             if self.potential is None:
                 return values
-            outward = (self.direction * self.edges.normal).sum(axis=1)
-            return np.asarray(values - self.potential(x, y) * outward[edge, None])
+            return np.asarray(values - self.potential(x, y) * self._outward(edge, t))
 
         return adapted(own, len(self.edges), points, rounding_along(vertices, self.edges))
+
+    def _outward(self, edge: IntArray, t: FloatArray) -> FloatArray:
+        """d·n (k, q) at reference points t (k, q) of edges (k,)."""
+        if self.turns or not self.edges.curved:
+            return np.asarray((self.direction * self.edges.normal).sum(axis=1)[edge, None])
+        chosen = self.edges.take(edge)
+        return np.asarray((self.direction[edge, None] * vectors_along(chosen, chosen.normal, t)).sum(axis=2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +233,7 @@ class Basis(Protocol):
     cell_points, cell_weights : (g, d) and (g,) arrays
         Quadrature on the reference cell, exact for the energy; weights of sum 1, times `cell_sizes`.
     cell_sizes : (cells,) array
-        Areas of the cells, dimensionless.
+        Areas of the cells, dimensionless; without what arcs add to them, see `cell_measures`.
 
     """
 
@@ -333,6 +342,10 @@ class Basis(Protocol):
 
     def cell_rule(self, degree: int) -> tuple[FloatArray, FloatArray]:
         """Reference points (g, d) and weights (g,) of sum 1, exact up to a degree on every part where Φ is smooth."""
+        ...
+
+    def cell_measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
+        """Weights (cells, q), dimensionless areas, at reference points t (q, d) with weights (q,) of sum 1."""
         ...
 
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:

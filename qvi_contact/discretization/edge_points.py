@@ -8,7 +8,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.basis import Basis
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.edges import Edges, points_along
+from qvi_contact.mesh.edges import Edges, frames_along, points_along, vectors_along
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class EdgePoints:
     def lengths(self) -> FloatArray:
         """Dimensionless lengths of the edges, shape (n,)."""
         first, second = (self.basis.vertices[ends] for ends in (self.edges.first, self.edges.second))
-        return np.asarray(np.hypot(*(second - first).T))
+        return np.asarray(np.hypot(*(second - first).T) * self.edges.stretch)
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -54,22 +54,27 @@ class EdgePoints:
     @property
     def normals(self) -> FloatArray:
         """The edge's normal at each point, shape (n q, 2)."""
-        return np.repeat(self.edges.normal, self.count, axis=0)
+        return frames_along(self.edges, self.reference)[0].reshape(-1, 2)
 
     @property
     def tangents(self) -> FloatArray:
         """The edge's tangent at each point, shape (n q, 2)."""
-        return np.repeat(self.edges.tangent, self.count, axis=0)
+        return frames_along(self.edges, self.reference)[1].reshape(-1, 2)
+
+    def vectors(self, direction: FloatArray, turns: bool) -> FloatArray:
+        """Directions (n, 2) of the edges, of arcs if they turn along them, at each point, shape (n q, 2)."""
+        if turns:
+            return vectors_along(self.edges, direction, self.reference).reshape(-1, 2)
+        return np.repeat(direction, self.count, axis=0)
 
     def load(self, normal: FloatArray, shear: FloatArray) -> FloatArray:
         """Σ normal σ_N + shear σ_T of weights (n q,) each, as a vector over all degrees of freedom (N,)."""
         return self.basis.traction_load(normal, shear, self.edges, self.reference)
 
     def traction_load(self, direction: FloatArray, weights: FloatArray) -> FloatArray:
-        """The same of weights (n q,) of d·σn without φ, for a direction (2,) or one for each edge (n, 2)."""
-        along = np.broadcast_to(direction, self.edges.normal.shape)
-        normal, shear = ((along * own).sum(axis=1) for own in (self.edges.normal, self.edges.tangent))
-        return self.load(*(weights * np.repeat(share, self.count) for share in (normal, shear)))
+        """The same of weights (n q,) of d·σn without φ, for a direction (2,) or one for each point (n q, 2)."""
+        normal, shear = ((direction * own).sum(axis=1) for own in (self.normals, self.tangents))
+        return self.load(weights * normal, weights * shear)
 
     def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of degrees of freedom u (N,), shape (n q,) each."""

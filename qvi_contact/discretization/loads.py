@@ -52,7 +52,8 @@ def _traction(problem: ContactProblem, scales: Scales, given: Prescribed) -> Pre
         return _potential(problem, scales, x, y)
 
     edges = problem.mesh.boundary.take(given.index)
-    return PrescribedTraction(given.name, edges, given.direction, value, potential if has_body_force(problem) else None)
+    own = potential if has_body_force(problem) else None
+    return PrescribedTraction(given.name, edges, given.direction, value, own, given.turns)
 
 
 def frictionless_corners(problem: ContactProblem) -> list[int]:
@@ -101,11 +102,11 @@ def _along(given: Prescribed, vectors: FloatArray) -> BoolArray:
 def displacements_at_points(
     problem: ContactProblem, basis: Basis, scales: Scales
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
-    """Prescribed displacements as (directions (n, 2), Gauss points of n edges, values there [length])."""
+    """Prescribed displacements as (directions (m, 2), m Gauss points of edges, values there [length])."""
     for given in problem.prescribed(Displacement):
         points = EdgePoints(basis, problem.mesh.boundary.take(given.index), LOAD_POINTS)
         x, y = physical(problem, scales, points.coordinates)
-        yield given.direction, points, evaluate(given.name, given.value, x, y)
+        yield points.vectors(given.direction, given.turns), points, evaluate(given.name, given.value, x, y)
 
 
 def displacement_load(problem: ContactProblem, basis: Basis, scales: Scales) -> FloatArray:

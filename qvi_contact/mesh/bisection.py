@@ -1,5 +1,7 @@
 """Triangles bisected where they are too large; names of edges and regions are carried over."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -9,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.circles import Arc
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology
 from qvi_contact.mesh.triangle_checks import same_places
@@ -17,7 +20,7 @@ from qvi_contact.mesh.triangle_checks import same_places
 def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
     """The mesh with marked triangles refined, and others as far as needed; without marks each is divided into four.
 
-    Old vertices keep their numbers, new ones are midpoints of old edges.
+    Old vertices keep their numbers, new ones are midpoints of old edges, those on arcs of the arcs.
     """
     triangles: Any = import_module("skfem").MeshTri  # loaded here: reading and posing problems need none of it
     coarse = triangles(np.ascontiguousarray(mesh.vertices.T), np.ascontiguousarray(mesh.cells.T))
@@ -26,9 +29,14 @@ def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
     fine = coarse.refined(1 if marked is None else _numbers(marked, len(mesh.cells)))
     vertices, cells = np.ascontiguousarray(fine.p.T), np.sort(fine.t.T.astype(np.int64), axis=1)
     _refuse_tiny(vertices)
-    edge_sets = _split_edges(mesh, vertices, Topology.of(cells, len(vertices)).ends) if mesh.edge_sets else {}
+    ends = Topology.of(cells, len(vertices)).ends if mesh.edge_sets or mesh.arcs else np.empty((0, 2), dtype=np.int64)
+    edge_sets = _split_edges(mesh, mesh.edge_sets, vertices, ends) if mesh.edge_sets else {}
     regions = {name: np.asarray(fine.subdomains[name], dtype=np.int64) for name in mesh.regions}
-    return MeshParts(vertices, cells, edge_sets, regions)
+    arcs = _split_arcs(mesh, vertices, ends)
+    for arc in arcs:
+        new = np.unique(arc.edges[arc.edges >= len(mesh.vertices)])
+        vertices[new] = arc.projected(vertices[new])
+    return MeshParts(vertices, cells, edge_sets, regions, arcs)
 
 
 def _numbers(marked: ArrayLike, count: int) -> IntArray:
@@ -51,8 +59,17 @@ def _refuse_tiny(vertices: FloatArray) -> None:
         raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
 
 
-def _split_edges(coarse: MeshParts, vertices: FloatArray, ends: IntArray) -> dict[str, IntArray]:
-    """The named edges of the coarser mesh by the finer edges (e, 2) that they are made of."""
+def _split_arcs(coarse: MeshParts, vertices: FloatArray, ends: IntArray) -> list[Arc]:
+    """The arcs of the coarser mesh with the finer edges (e, 2) that their edges are made of."""
+    pairs = {str(number): arc.edges for number, arc in enumerate(coarse.arcs)}
+    finer = _split_edges(coarse, pairs, vertices, ends) if pairs else {}
+    return [replace(arc, edges=finer[str(number)]) for number, arc in enumerate(coarse.arcs)]
+
+
+def _split_edges(
+    coarse: MeshParts, sets: Mapping[str, IntArray], vertices: FloatArray, ends: IntArray
+) -> dict[str, IntArray]:
+    """Sets of edges of the coarser mesh by the finer edges (e, 2) that they are made of; new vertices are midpoints."""
     old = len(coarse.vertices)
     topology = Topology.of(np.sort(coarse.cells, axis=1), old)
     number = np.where(ends[:, 1] < old, topology.number(np.minimum(ends, old - 1), old), -1)
@@ -62,4 +79,4 @@ def _split_edges(coarse: MeshParts, vertices: FloatArray, ends: IntArray) -> dic
         origin = np.asarray(cKDTree(midpoints).query(vertices[ends[halved, 1]])[1])
         on_it = (topology.ends[origin] == ends[halved, :1]).any(axis=1)
         number[halved[on_it]] = origin[on_it]
-    return {name: ends[np.isin(number, topology.number(pairs, old))] for name, pairs in coarse.edge_sets.items()}
+    return {name: ends[np.isin(number, topology.number(pairs, old))] for name, pairs in sets.items()}

@@ -1,20 +1,25 @@
 """Edges of a mesh of any kind, where contact, loads and supports live."""
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.mesh.arcs import arc_offsets, stretches, turned
 
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Straight edges of cells, as arrays with one entry an edge.
+    """Edges of cells, straight ones and arcs of circles, as arrays with one entry an edge.
 
     The first cell of an edge is the body's side: on the boundary the only one, inside the body the one that the normal
     points away from, which is the lower or left one of a pair. σ_N = n·σn and σ_T = t·σn are taken with n and t of the
     edge.
+
+    An arc is known by the angle by which its tangent turns; n and t are those of its chord, and turn with it (see
+    `frames_along`). Reference coordinates, 0 to 1, are shares of its length.
 
     Attributes
     ----------
@@ -27,7 +32,9 @@ class Edges:
     tangent : (n, 2) array
         Unit tangent t: t_x > 0, or t_y > 0 where t_x = 0, whichever way the edge faces.
     length : (n,) array
-        Lengths [length].
+        Lengths, of arcs along them [length].
+    turn : (n,) array
+        Angle by which t turns from the first end to the second, counterclockwise [rad]; 0 on straight edges.
 
     """
 
@@ -37,6 +44,7 @@ class Edges:
     normal: FloatArray
     tangent: FloatArray
     length: FloatArray
+    turn: FloatArray
 
     def __len__(self) -> int:
         return len(self.first)
@@ -45,11 +53,35 @@ class Edges:
         """The edges selected by an index or mask array."""
         return type(self)(*(getattr(self, field.name)[index] for field in fields(self)))
 
+    @cached_property
+    def curved(self) -> bool:
+        """Whether any of them is an arc."""
+        return bool(self.turn.any())
+
+    @property
+    def stretch(self) -> FloatArray:
+        """Lengths over those of the chords (n,): 1 on straight edges."""
+        return stretches(self.turn)
+
 
 def points_along(vertices: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
     """Points at the reference coordinates t, 0 to 1 along the tangent, (q,) or (n, q), of n edges; shape (n, q, 2)."""
     first, second = vertices[edges.first], vertices[edges.second]
-    return np.asarray(first[:, None, :] + (second - first)[:, None, :] * np.asarray(t)[..., None])
+    if not edges.curved:
+        return np.asarray(first[:, None, :] + (second - first)[:, None, :] * np.asarray(t)[..., None])
+    return np.asarray(first[:, None, :] + arc_offsets(second - first, edges.turn, t))
+
+
+def frames_along(edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Normals and tangents at the reference coordinates t, (q,) or (n, q), of n edges; shape (n, q, 2) each."""
+    return vectors_along(edges, edges.normal, t), vectors_along(edges, edges.tangent, t)
+
+
+def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray) -> FloatArray:
+    """Vectors (n, 2), given in the middle of each edge, that turn with it: at t, (q,) or (n, q); shape (n, q, 2)."""
+    t = np.broadcast_to(t, (len(edges), np.shape(t)[-1]))
+    given = np.broadcast_to(vectors[:, None], (*t.shape, 2))
+    return turned(given, (t - 0.5) * edges.turn[:, None]) if edges.curved else given
 
 
 def rounding_along(vertices: FloatArray, edges: Edges) -> FloatArray:

@@ -1,9 +1,10 @@
 """What a mesh of triangles is made of, before it is checked."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.mesh.circles import Arc
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +21,8 @@ class MeshParts:
         Named edges by their vertices.
     regions : mapping of str to (k,) int array
         Named sets of triangles.
+    arcs : sequence of Arc
+        Edges that are arcs of circles.
 
     """
 
@@ -27,3 +30,4 @@ class MeshParts:
     cells: IntArray
     edge_sets: Mapping[str, IntArray] = field(default_factory=dict)
     regions: Mapping[str, IntArray] = field(default_factory=dict)
+    arcs: Sequence[Arc] = ()

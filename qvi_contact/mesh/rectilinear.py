@@ -509,7 +509,7 @@ def _grid_edges(mesh: RectilinearMesh, axis: int, sign: float, column: IntArray,
     normal[:, 1 - axis], tangent[:, axis] = sign, 1.0
     length = (mesh.coordinates[second] - mesh.coordinates[first])[:, axis]
     place = np.full(count, axis), np.full(count, sign), column, row
-    return GridEdges(first, second, cells, normal, tangent, length, *place)
+    return GridEdges(first, second, cells, normal, tangent, length, np.zeros(count), *place)
 
 
 def _slack(lines: FloatArray) -> float:

@@ -16,7 +16,10 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, one_of, real_array
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.arcs import stretches
 from qvi_contact.mesh.bisection import bisected
+from qvi_contact.mesh.circles import Arc, checked_arc, refuse_bad_arcs, turns_of
+from qvi_contact.mesh.curved import barycentric_of, reference_of
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.mesh import Mesh
@@ -61,6 +64,8 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         Named edges by their vertices: parts of the boundary, or joints if they lie inside the body.
     regions : mapping of str to (k,) int array, optional
         Named sets of triangles.
+    arcs : sequence of Arc, optional
+        Edges that are arcs of circles rather than their chords; see `with_arc`.
 
     Raises
     ------
@@ -75,6 +80,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
     cells: IntArray
     edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    arcs: Sequence[Arc] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", checked_vertices(self.vertices))
@@ -86,6 +92,17 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         object.__setattr__(self, "edge_sets", MappingProxyType(pairs))
         regions = {name: checked_region(name, given, len(self.cells)) for name, given in self.regions.items()}
         object.__setattr__(self, "regions", MappingProxyType(regions))
+        object.__setattr__(self, "arcs", tuple(self._checked(number) for number in range(len(self.arcs))))
+        if self.arcs:
+            refuse_bad_arcs(self.arcs, self.turns, self.vertices, self.cells, self.topology)
+
+    def _checked(self, number: int) -> Arc:
+        """An arc whose edges are edges of the mesh and whose vertices are on its circle."""
+        arc, name = self.arcs[number], f"TriangleMesh.arcs[{number}]"
+        if not isinstance(arc, Arc):
+            raise InputError(name, arc, "give an Arc")
+        pairs = checked_pairs(name, arc.edges, self.topology, self.vertices)
+        return checked_arc(name, arc.centre, arc.radius, pairs, self.vertices)
 
     def __repr__(self) -> str:
         return mesh_line(self, f"{len(self.cells)} triangles with {len(self.vertices)} vertices")
@@ -123,7 +140,11 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     @classmethod
     def _made(cls, parts: MeshParts) -> TriangleMesh:
-        return cls(parts.vertices, parts.cells, parts.edge_sets, parts.regions)
+        return cls(parts.vertices, parts.cells, parts.edge_sets, parts.regions, parts.arcs)
+
+    @property
+    def _parts(self) -> MeshParts:
+        return MeshParts(self.vertices, self.cells, self.edge_sets, self.regions, self.arcs)
 
     @classmethod
     def from_skfem(cls, mesh: object) -> TriangleMesh:
@@ -188,6 +209,21 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
     def topology(self) -> Topology:
         """Its edges."""
         return Topology.of(self.cells, len(self.vertices))
+
+    @cached_property
+    def turns(self) -> FloatArray:
+        """By which angle the edges of `topology` turn, see `Edges.turn`; from the vertex of lower number, (e,)."""
+        return turns_of(self.arcs, self.vertices, self.topology)
+
+    @cached_property
+    def sides(self) -> FloatArray:
+        """The same of the sides of all triangles, side s opposite to corner s, shape (m, 3)."""
+        return np.asarray(self.turns[self.topology.of_cells])
+
+    @cached_property
+    def curved(self) -> BoolArray:
+        """Which triangles have a side that is an arc, shape (m,)."""
+        return np.asarray((self.sides != 0.0).any(axis=1))
 
     @cached_property
     def length(self) -> float:
@@ -300,7 +336,9 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         swapped = (cells[:, 1] >= 0) & _points_back(normal[:, ::-1])
         normal = np.where(swapped[:, None], -normal, normal)
         cells = np.where(swapped[:, None], cells[:, ::-1], cells)
-        return Edges(np.where(back, second, first), np.where(back, first, second), cells, normal, tangent, length)
+        turn = np.where(back, -self.turns[numbers], self.turns[numbers])
+        length = length * stretches(turn)
+        return Edges(np.where(back, second, first), np.where(back, first, second), cells, normal, tangent, length, turn)
 
     def _enclosed(self, line: IntArray) -> float:
         """Area that a closed line of boundary edges encloses, negative around a hole [length²]."""
@@ -324,6 +362,32 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
     def with_joint(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a joint: edges inside the body along which a `Contact` may hold; see `with_edges`."""
         return self._with(name, self._chosen(name, where, ~self.topology.boundary, "interior"))
+
+    def with_arc(self, name: str, centre: tuple[float, float], radius: float) -> TriangleMesh:
+        """The same mesh with the edges called `name` as arcs of a circle, on which their vertices lie.
+
+        Bodies end at the arcs then, at full order: conditions, normals and tractions are those on the arcs, and finer
+        meshes get vertices on the circle.
+
+        Parameters
+        ----------
+        name : str
+            A part of the boundary, or a joint.
+        centre : (float, float)
+            Centre of the circle [length].
+        radius : float
+            Its radius [length].
+
+        Raises
+        ------
+        InputError
+            If there are no such edges, a vertex is off the circle, or an edge turns by more than 90° or bends too far
+            for its triangle.
+
+        """
+        pairs = self.topology.ends[self.numbers(one_of("name", name, self.edge_sets, "name an edge set or joint"))]
+        arc = checked_arc("with_arc", centre, radius, pairs, self.vertices)
+        return replace(self, arcs=(*self.arcs, arc))
 
     def with_region(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a named region.
@@ -409,7 +473,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     def _holding(self, points: FloatArray, cells: IntArray) -> IntArray:
         """The first of the triangles (k, c) that holds each point, −1 if none does."""
-        flat = self.barycentric(cells.ravel(), np.repeat(points, cells.shape[1], axis=0))
+        flat = self.reference(cells.ravel(), np.repeat(points, cells.shape[1], axis=0))
         inside = (flat.min(axis=1) >= _INSIDE).reshape(cells.shape)
         first = cells[np.arange(len(cells)), np.argmax(inside, axis=1)]
         return np.where(inside.any(axis=1), first, -1)
@@ -425,13 +489,32 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             if cell >= 0:
                 near = self._neighbours[cell]
                 at = np.broadcast_to(points[point], (len(near), 2))
-                pairs |= {(point, int(c)) for c in near[self.barycentric(near, at).min(axis=1) >= _INSIDE]}
+                pairs |= {(point, int(c)) for c in near[self.reference(near, at).min(axis=1) >= _INSIDE]}
         found = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
         return found[:, 0], found[:, 1]
 
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
-        """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3)."""
-        return self.barycentric(cells, points)
+        """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
+
+        In triangles with arcs they are those of the points of the straight triangle, see `mesh.curved`.
+        """
+        found = self.barycentric(cells, points)
+        bent = self.curved[cells]
+        if bent.any():
+            found[bent] = reference_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
+        return found
+
+    def placed(self, cells: IntArray, t: FloatArray) -> FloatArray:
+        """Barycentric coordinates of reference points t, (q, 3) or (k, q, 3), in the triangles (k,).
+
+        The points themselves where none of the triangles has arcs, else of shape (k, q, 3).
+        """
+        bent = np.flatnonzero(self.curved[cells])
+        if not len(bent):
+            return t
+        found = np.array(np.broadcast_to(t, (len(cells), *np.shape(t)[-2:])))
+        found[bent] = barycentric_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
+        return found
 
     @cached_property
     def _neighbours(self) -> list[IntArray]:
@@ -449,6 +532,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             isinstance(other, TriangleMesh)
             and np.array_equal(self.vertices, other.vertices)
             and np.array_equal(self.cells, other.cells)
+            and np.array_equal(self.turns, other.turns)
         )
 
     def parents(self, coarse: TriangleMesh) -> IntArray:
@@ -464,7 +548,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             Triangles to refine; by default each is divided into four.
 
         """
-        return self._made(bisected(MeshParts(self.vertices, self.cells, self.edge_sets, self.regions), marked))
+        return self._made(bisected(self._parts, marked))
 
     def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> TriangleMesh:
         """The same body with the triangles at points refined again and again; names are carried over.
@@ -506,7 +590,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         every, found = np.arange(len(self.cells)), np.zeros(len(self.cells), dtype=bool)
         for point in points:
             at = np.broadcast_to(point, (len(every), 2))
-            found |= self.barycentric(every, at).min(axis=1) >= _INSIDE
+            found |= self.reference(every, at).min(axis=1) >= _INSIDE
         return found
 
 

@@ -48,6 +48,8 @@ class Prescribed:
         The edges in `Mesh.boundary`.
     direction : (n, 2) array
         The unit vector that the component is taken along, on each edge.
+    turns : bool
+        Whether it turns along arcs, as normals and tangents do.
     value : float or function of (x, y)
         Its values.
 
@@ -56,6 +58,7 @@ class Prescribed:
     name: str
     index: IntArray
     direction: FloatArray
+    turns: bool
     value: Field
 
 
@@ -269,10 +272,10 @@ class ContactProblem(Stated):
             edges = boundary.take(index)
             if isinstance(condition, kind):
                 for name, value in components(condition).items():
-                    yield Prescribed(f"{kind.__name__}.{name}", index, direction_of(name, edges), value)
+                    yield Prescribed(f"{kind.__name__}.{name}", index, direction_of(name, edges), name in LOCAL, value)
             elif isinstance(condition, Symmetry):
                 name = "tangential" if kind is Traction else "normal"
-                yield Prescribed(f"Symmetry.{name}", index, direction_of(name, edges), 0.0)
+                yield Prescribed(f"Symmetry.{name}", index, direction_of(name, edges), True, 0.0)
 
     def by_component(self, kind: type[Traction] | type[Displacement]) -> Iterator[tuple[int, IntArray, Field]]:
         """The same on a rectilinear mesh as (Cartesian component, boundary edges, values)."""
@@ -295,7 +298,7 @@ def direction_of(name: str, edges: Edges) -> FloatArray:
 
 def _cartesian(condition: Traction | Displacement, edges: Edges) -> Condition:
     """A condition by normal and tangential components, by x and y where its edges face one way along an axis."""
-    if len(np.unique(edges.normal, axis=0)) > 1 or np.abs(edges.normal).max() < 1.0:
+    if edges.curved or len(np.unique(edges.normal, axis=0)) > 1 or np.abs(edges.normal).max() < 1.0:
         return condition
     given: dict[str, Field | None] = dict.fromkeys(LOCAL)
     for name, value in components(condition).items():
@@ -361,7 +364,7 @@ def _ruled(problem: ContactProblem) -> tuple[IntArray, IntArray]:
     """Owners (2, edges), and the frame (edges,) in which the edges are ruled."""
     boundary = problem.mesh.boundary
     owner = np.full((2, len(boundary)), -1)
-    parallel = np.abs(boundary.tangent).max(axis=1) == 1.0  # to an axis: both frames are one
+    parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & (boundary.turn == 0.0)  # to an axis: both frames are one
     frame = np.where(parallel, _CARTESIAN_FRAME, _NO_FRAME)
     for number, condition in enumerate(problem.conditions):
         if condition in problem.joints:

@@ -138,11 +138,11 @@ def differences(answer: ContactResult, look: ContactResult, mesh: TriangleMesh, 
     space, scales = look.discretization.space, look.discretization.scales
     cells, t = np.arange(len(fine.cells)), space.cell_points
     parents = fine.parents(mesh)
-    points = fine.corners.swapaxes(1, 2)[:, None] @ t[:, :, None]
-    flat = mesh.barycentric(np.repeat(parents, len(t)), points.reshape(-1, 2))
+    points = fine.corners.swapaxes(1, 2)[:, None] @ fine.placed(cells, t)[..., None]
+    flat = mesh.reference(np.repeat(parents, len(t)), points.reshape(-1, 2))
     apart = _stress(look, cells, t) - _stress(answer, parents, flat.reshape(len(cells), len(t), 3))
-    work = ((apart @ look.problem.compliances) * apart).sum(axis=2) @ space.cell_weights
-    return np.asarray(np.bincount(parents, 0.5 * scales.length**2 * space.cell_sizes * work, len(mesh.cells)), float)
+    work = ((apart @ look.problem.compliances) * apart).sum(axis=2) * space.cell_measures(t, space.cell_weights)
+    return np.asarray(np.bincount(parents, 0.5 * scales.length**2 * work.sum(axis=1), len(mesh.cells)), float)
 
 
 def _stress(result: ContactResult, cells: IntArray, t: FloatArray) -> FloatArray:

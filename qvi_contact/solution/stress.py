@@ -98,7 +98,7 @@ def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
 def cell_weights(discretization: Discretization) -> FloatArray:
     """Dimensionless weights (cells, g) of the quadrature points."""
     space = discretization.space
-    return np.asarray(space.cell_sizes[:, None] * space.cell_weights)
+    return space.cell_measures(space.cell_points, space.cell_weights)
 
 
 def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -24,7 +24,7 @@ def support_work(discretization: Discretization, u: FloatArray) -> float:
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
     work = 0.0
     for direction, points, values in displacements_at_points(problem, space, scales):
-        along = component(traction(discretization, u, points), points, direction)
+        along = component(traction(discretization, u, points), direction)
         work += scales.length * float(points.weights @ (values * along))
     return work
 
@@ -97,11 +97,12 @@ def prescribed_and_computed(
     for given in prescribed_tractions(problem, scales):
         points = EdgePoints(space, given.edges, count)
         normal, shear = points.tractions(u.ravel())
-        along = component(normal * points.normals.T + shear * points.tangents.T, points, given.direction)
+        directions = points.vectors(given.direction, given.turns)
+        along = component(normal * points.normals.T + shear * points.tangents.T, directions)
         wanted = given.quadrature(problem.mesh.vertices, LOAD_POINTS)
         yield wanted, along.reshape(-1, count) @ legendre.from_values(degree, count).T
 
 
-def component(vectors: FloatArray, points: EdgePoints, direction: FloatArray) -> FloatArray:
-    """The component of vectors (2, points) along one direction for each edge (n, 2), shape (points,)."""
-    return np.asarray((vectors * np.repeat(direction, points.count, axis=0).T).sum(axis=0))
+def component(vectors: FloatArray, directions: FloatArray) -> FloatArray:
+    """The component of vectors (2, points) along a direction at each point (points, 2), shape (points,)."""
+    return np.asarray((vectors * directions.T).sum(axis=0))

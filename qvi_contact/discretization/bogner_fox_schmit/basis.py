@@ -177,6 +177,10 @@ class BognerFoxSchmit:
         """None: Φ has one value everywhere."""
         return np.empty((0, 3))
 
+    def cell_measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:  # noqa: ARG002  # alike everywhere
+        """Weights (cells, q), dimensionless areas, of weights (q,) on the reference cell."""
+        return np.asarray(self.cell_sizes[:, None] * weights)
+
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """Φ at reference points of cells, see `Basis`."""
         column, row = (place[cells][:, None] for place in self.mesh.cell_places)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from qvi_contact.discretization.contact_rows import ContactRows
 
 _INWARD = 1e-9  # how far points of a part that is drawn lie inside it, as a share of its size
+_ARCS: Final = 6  # degree of quadrature beyond twice that of Φ where triangles have arcs
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
 
 
@@ -101,12 +102,17 @@ class TriangleBasis:
     @property
     def cell_points(self) -> FloatArray:
         """Barycentric coordinates of quadrature points, shape (g, 3)."""
-        return potential_points(self.degree)[0]
+        return self._rule[0]
 
     @property
     def cell_weights(self) -> FloatArray:
         """Their weights, of sum 1."""
-        return potential_points(self.degree)[1]
+        return self._rule[1]
+
+    @cached_property
+    def _rule(self) -> tuple[FloatArray, FloatArray]:
+        """Points and weights for energies; arcs, which are no polynomials, take more of them."""
+        return split_points(2 * self.degree + _ARCS) if len(self.space.curved) else potential_points(self.degree)
 
     @cached_property
     def contact_rule(self) -> ContactRule:
@@ -184,16 +190,19 @@ class TriangleBasis:
                 f"the triangle around ({x:.6g}, {y:.6g}) is this many times as long as high: give at most {_LONGEST:g}"
             )
             raise InputError("ContactProblem.mesh", float(triangles.elongations[thinnest]), remedy)
-        condensed = CondensedTriangles.of(self.space.element, triangles, compliances[materials], potential)
+        own = compliances[materials]
+        condensed = CondensedTriangles.of(self.space.element, triangles, own, potential, self._rule)
+        if len(self.space.curved):
+            condensed = condensed.with_arcs(self.space.curved, own, potential, self._rule)
         return TriangleEnergy(self.space, condensed)
 
     def points(self, cells: IntArray, t: FloatArray) -> FloatArray:
-        """Dimensionless coordinates (k, q, 2) of barycentric points t, (q, 3) or (k, q, 3), in the triangles (k,)."""
-        return np.asarray(t @ self.space.triangles.corners[cells])
+        """Dimensionless coordinates (k, q, 2) of reference points t, (q, 3) or (k, q, 3), in the triangles (k,)."""
+        return np.asarray(self.mesh.placed(cells, t) @ self.space.triangles.corners[cells])
 
     def stress(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """(σ_xx, σ_yy, σ_xy) without φ at such points, shape (k, q, 3)."""
-        table = self.space.element.reference_functions(t, 2)[..., 3:]
+        table = self.space.element.reference_functions(self.mesh.placed(cells, t), 2)[..., 3:]
         hessians = _applied(table, coefficients[cells][:, 3:])
         return np.asarray(hessians @ self.space.triangles.stress_maps[cells].swapaxes(1, 2))
 
@@ -206,9 +215,18 @@ class TriangleBasis:
         start = self.space.cuts.start
         return np.asarray((self.space.units * u)[start:].reshape(-1, 3))
 
+    def cell_measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
+        """Weights (cells, q), dimensionless areas, at reference points t (q, 3) with weights (q,) of sum 1."""
+        found = np.asarray(self.cell_sizes[:, None] * weights)
+        curved = self.space.curved
+        if len(curved):
+            found[curved.numbers] = curved.areas(t) * weights
+        return found
+
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """Φ at such points, shape (k, q)."""
         chosen, corners = coefficients[cells], self.space.triangles.corners[cells]
+        t = self.mesh.placed(cells, t)
         affine = chosen[:, :1] + ((t @ corners - corners[:, :1]) @ chosen[:, 1:3, None])[:, :, 0]
         table = self.space.element.reference_functions(t, 0)[..., 3:]
         return np.asarray(affine + _applied(table, chosen[:, 3:])[:, :, 0])

@@ -13,7 +13,7 @@ it is ½ |U w + U⁻ᵀs|² + rest, where UᵀU are the rows and columns of S be
 however small the triangle is and however far away the gauge.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -21,6 +21,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.discretization.hsieh_clough_tocher.curved import CurvedTriangles, Rule
 from qvi_contact.element.affine import EDGES, AffineTriangles
 from qvi_contact.element.compliance import nearly_incompressible
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher
@@ -58,7 +59,8 @@ class CondensedTriangles:
     rests : (n,) array
         The energy that no degree of freedom changes.
     inner : (n, interior, k) array
-        −K_vv⁻¹ K_vu, from the degrees of freedom of the reference triangle behind the third.
+        −K_vv⁻¹ K_vu, from the degrees of freedom of the reference triangle behind the third; from differences w where
+        triangles have arcs.
     shifts : (n, interior) array
         −K_vv⁻¹ l_v.
 
@@ -77,8 +79,13 @@ class CondensedTriangles:
         triangles: AffineTriangles,
         compliances: FloatArray,
         potential: FloatArray | None = None,
+        rule: Rule | None = None,
     ) -> "CondensedTriangles":
-        """Condense triangles of compliances (n, 3, 3) and potentials (n, q) at `potential_points`, block by block."""
+        """Condense triangles of compliances (n, 3, 3) and potentials (n, q), block by block.
+
+        The potentials are those at the points of the rule, by default `potential_points`.
+        """
+        rule = potential_points(element.degree) if rule is None else rule
         step = max(1, _BLOCK // element.dimension**2)
         blocks = [slice(start, start + step) for start in range(0, len(triangles), step)]
         parts = [
@@ -87,6 +94,7 @@ class CondensedTriangles:
                 triangles.take(block),
                 compliances[block],
                 None if potential is None else potential[block],
+                rule,
             )
             for block in blocks
         ]
@@ -96,33 +104,79 @@ class CondensedTriangles:
             else cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__annotations__))
         )
 
+    def with_arcs(
+        self, curved: CurvedTriangles, compliances: FloatArray, potential: FloatArray | None, rule: Rule
+    ) -> "CondensedTriangles":
+        """The same with the triangles that have arcs integrated up to them; compliances (n, 3, 3), potential (n, q)."""
+        names = list(type(self).__annotations__)
+        found = {name: getattr(self, name).copy() for name in names}
+        for block in curved.blocks(len(rule[1])):
+            cells = curved.numbers[block]
+            given = None if potential is None else potential[cells]
+            part = _condensed_to_arcs(curved, block, compliances[cells], given, rule)
+            for name in names:
+                found[name][cells] = getattr(part, name)
+        return CondensedTriangles(**found)
+
+    def take(self, chosen: IntArray) -> "CondensedTriangles":
+        """Some of them."""
+        return CondensedTriangles(*(getattr(self, name)[chosen] for name in type(self).__annotations__))
+
     def interior(self, shared: FloatArray) -> FloatArray:
-        """Interior degrees of freedom (n, interior) from those of the reference triangle behind the third, (n, k)."""
+        """Interior degrees of freedom (n, interior) from what `inner` takes, (n, k)."""
         return np.asarray((self.inner @ shared[:, :, None])[:, :, 0] + self.shifts)
 
 
 def _condensed(
-    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, potential: FloatArray | None
+    element: HsiehCloughTocher,
+    triangles: AffineTriangles,
+    compliances: FloatArray,
+    potential: FloatArray | None,
+    rule: Rule,
 ) -> CondensedTriangles:
     """`CondensedTriangles.of` for one block.
 
     With K = RᵀR, interior degrees of freedom first, the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
     The least over v makes the upper part of the first term vanish.
     """
-    order = np.concatenate([np.arange(element.shared, element.dimension), np.arange(_AFFINE, element.shared)])
-    v, w = slice(0, element.interior), slice(element.interior, None)
+    order = _interior_first(element)
     R = _triangular(element, triangles, compliances, order)
     B = element.transformations(triangles)[:, _AFFINE:, _AFFINE:]
-    residual: FloatArray = np.zeros((len(triangles), len(order)))
-    rest: FloatArray = np.zeros(len(triangles))
-    if potential is not None:
-        load, rest = _potential_load(element, triangles, compliances, potential)
+    loads = None if potential is None else _potential_load(element, triangles, compliances, potential, rule)
+    found = _without_interior(element, R, order, loads)
+    return replace(found, roots=found.roots @ B)
+
+
+def _condensed_to_arcs(
+    curved: CurvedTriangles, block: slice, compliances: FloatArray, potential: FloatArray | None, rule: Rule
+) -> CondensedTriangles:
+    """`_condensed` for a block of triangles that have arcs, whose functions are those of their degrees of freedom."""
+    order = _interior_first(curved.element)
+    R = np.asarray(np.linalg.qr(curved.stress_rows(block, compliances, rule)[:, :, order], mode="r"))
+    loads = None if potential is None else curved.potential_load(block, compliances, potential, rule)
+    return _without_interior(curved.element, R, order, loads)
+
+
+def _interior_first(element: HsiehCloughTocher) -> IntArray:
+    """The functions in the order in which they are condensed, those of the first corner left out."""
+    return np.concatenate([np.arange(element.shared, element.dimension), np.arange(_AFFINE, element.shared)])
+
+
+def _without_interior(
+    element: HsiehCloughTocher, R: FloatArray, order: IntArray, loads: tuple[FloatArray, FloatArray] | None
+) -> CondensedTriangles:
+    """The least over the interior degrees of freedom, from R, and from l (n, dimension) and e (n,) if there are any."""
+    v, w = slice(0, element.interior), slice(element.interior, None)
+    residual: FloatArray = np.zeros((len(R), len(order)))
+    rest: FloatArray = np.zeros(len(R))
+    if loads is not None:
+        load, rest = loads
         loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
         found = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])
         residual[loaded] = found[:, :, 0]
         rest = np.maximum(rest - np.square(residual).sum(axis=1) / 2.0, 0.0)
     inner = -np.linalg.solve(R[:, v, v], np.concatenate([R[:, v, w], residual[:, v, None]], axis=2))
-    return CondensedTriangles(R[:, w, w] @ B, residual[:, w], rest, inner[:, :, :-1], inner[:, :, -1])
+    return CondensedTriangles(R[:, w, w], residual[:, w], rest, inner[:, :, :-1], inner[:, :, -1])
 
 
 def _triangular(
@@ -144,10 +198,10 @@ def _triangular(
 
 
 def _potential_load(
-    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, potential: FloatArray
+    element: HsiehCloughTocher, triangles: AffineTriangles, compliances: FloatArray, potential: FloatArray, rule: Rule
 ) -> tuple[FloatArray, FloatArray]:
     """∫ cφI:σ of the reference functions (n, dimension), and ½ ∫ cφI:φI (n,)."""
-    points, weights = potential_points(element.degree)
+    points, weights = rule
     area = triangles.scales * np.sqrt(0.75) / 2.0
     strain = compliances[:, :, 0] + compliances[:, :, 1]
     mapped = (triangles.stress_maps.swapaxes(1, 2) @ strain[:, :, None])[:, :, 0] * area[:, None]

@@ -61,4 +61,11 @@ class TriangleEnergy:
             affine += (frames.affine(first) @ u[frames.columns(first)][:, :, None])[:, :, 0]
         B = self.space.element.transformations(self.space.triangles)[:, 3:, 3:]
         shared = (B @ w[:, :, None])[:, :, 0]
-        return np.hstack([affine, shared, self.condensed.interior(shared)])
+        found = np.hstack([affine, shared, self.condensed.interior(shared)])
+        curved = self.space.curved
+        if len(curved):
+            own = w[curved.numbers]
+            inner = self.condensed.take(curved.numbers).interior(own)
+            factors = np.hstack([own, inner])[:, :, None]
+            found[curved.numbers, 3:] = (curved.functions[:, 3:, 3:] @ factors)[:, :, 0]
+        return found

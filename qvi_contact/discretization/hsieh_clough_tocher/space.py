@@ -18,7 +18,9 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.discretization.hsieh_clough_tocher.arcs import from_corners
 from qvi_contact.discretization.hsieh_clough_tocher.condensed import Differences
+from qvi_contact.discretization.hsieh_clough_tocher.curved import CurvedTriangles
 from qvi_contact.discretization.hsieh_clough_tocher.cuts import Cuts, shortest_cuts
 from qvi_contact.discretization.hsieh_clough_tocher.frames import Frames
 from qvi_contact.discretization.hsieh_clough_tocher.functionals import EdgeFunctionals
@@ -74,6 +76,14 @@ class TriangleSpace:
         return AffineTriangles(self.vertices[self.mesh.cells])
 
     @cached_property
+    def curved(self) -> CurvedTriangles:
+        """Those that have arcs."""
+        numbers = np.flatnonzero(self.mesh.curved)
+        return CurvedTriangles(
+            self.element, numbers, AffineTriangles(self.triangles.corners[numbers]), self.mesh.sides[numbers]
+        )
+
+    @cached_property
     def dofs(self) -> IntArray:
         """Degrees of freedom of each triangle in the order of the element, shape (cells, shared)."""
         cells, edges, on_edge = self.mesh.cells, self.mesh.topology.of_cells, self.element.on_edge
@@ -118,8 +128,9 @@ class TriangleSpace:
         return self.mesh.topology.number(np.column_stack([edges.first, edges.second]), len(self.vertices))
 
     def lengths(self, edges: Edges) -> FloatArray:
-        """Dimensionless lengths of edges (n,)."""
-        return edges.length / self.mesh.length
+        """Dimensionless lengths of edges (n,), of arcs those of their chords."""
+        length = edges.length / edges.stretch if edges.curved else edges.length
+        return length / self.mesh.length
 
     def normal(self, edges: Edges) -> EdgeFunctionals:
         """Coefficients of Legendre, p − 1 an edge, of σ_N without φ along edges."""
@@ -130,6 +141,8 @@ class TriangleSpace:
         values[:, 1, 0], values[:, 1, 3] = 6.0 / h**2, -6.0 / h**2
         for k in range(2, self.degree - 1):
             values[:, k, self._place("N", k)] = sign**k
+        if edges.curved:
+            values[edges.turn != 0.0] = self._on_arcs(edges.take(edges.turn != 0.0))[:, : self.degree - 1]
         return self._scaled(edges, found)
 
     def shear(self, edges: Edges) -> EdgeFunctionals:
@@ -140,10 +153,28 @@ class TriangleSpace:
         found.values[:, 0, _FIRST], found.values[:, 0, _SECOND] = -slope, slope
         for k in range(1, self.degree - 1):
             found.values[:, k, self._place("Q", k)] = factor * sign**k
+        if edges.curved:
+            bent = edges.turn != 0.0
+            on_arcs = self._on_arcs(edges.take(bent))[:, self.degree - 1 :]
+            found.values[bent] = factor[bent, None, None] * on_arcs
         return self._scaled(edges, found)
 
     def resultants(self, edges: Edges) -> EdgeFunctionals:
         """What both tractions prescribe, 2p − 2 an edge: ∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_k, Q_k."""
+        return self._scaled(edges, self._resultants(edges))
+
+    def _on_arcs(self, edges: Edges) -> FloatArray:
+        """N_0 … N_(p−2), Q_0 … Q_(p−2) of Φ_ττ and Φ_τμ along arcs (n, 2p − 2, …), see `arcs`."""
+        known = self._resultants(edges).values
+        h, m = self.lengths(edges)[:, None], frame(edges)[0]
+        force = known[:, :2].copy()
+        known[:, 0] = (edges.tangent[:, :, None] * force).sum(axis=1) / h
+        known[:, 1] = (m[:, :, None] * force).sum(axis=1) / h
+        known[:, 2] /= h**2
+        return np.asarray(from_corners(edges.turn, self.degree - 2) @ known)
+
+    def _resultants(self, edges: Edges) -> EdgeFunctionals:
+        """`resultants` on values of Φ, its slopes and N_k, Q_k as such."""
         found, sign, h = self._blank(edges, 2 * self.degree - 2)
         values = found.values
         for axis in (0, 1):
@@ -154,7 +185,7 @@ class TriangleSpace:
             for k in range(first, self.degree - 1):
                 place = self._place(kind, k)
                 values[:, place - 3, place] = sign**k
-        return self._scaled(edges, found)
+        return found
 
     def _place(self, kind: str, k: int) -> int:
         """Where N_k, k ≥ 2, or Q_k, k ≥ 1, stands among the degrees of freedom of an edge and its ends."""

@@ -20,9 +20,12 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.basis import PrescribedTraction
 from qvi_contact.discretization.constraints import Rows, solve_conditions
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
+from qvi_contact.discretization.hsieh_clough_tocher.arcs import resultant_shapes
 from qvi_contact.discretization.hsieh_clough_tocher.functionals import EdgeFunctionals
 from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace, frame
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.element import legendre
+from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.mesh.edges import Edges, frames_along, vectors_along
 
 _POINTS: Final = 8  # Gauss points of edges and their parts for data given as functions, at least
 _PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
@@ -93,13 +96,12 @@ def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction
         If the tractions on a closed part of the boundary are out of balance.
 
     """
-    tractions = _projected(space, given)
-    numbers, first = np.unique(tractions.number, return_index=True)
+    rows = _joined([_conditions(space, _projected(space, _on(given, arcs=False))), *_on_arcs(space, given)])
+    numbers, first = np.unique(rows.number, return_index=True)
     lines = space.mesh.topology.ends[numbers]
     gauge = _gauge(space, lines)
-    last = space.frames.across(lines) | space.cuts.across(tractions.edges.take(first))
+    last = space.frames.across(lines) | space.cuts.across(_edges_of(space, numbers))
     place, age = _walked(space, lines, last, gauge)
-    rows = _conditions(space, tractions)
     order = np.argsort(place[np.searchsorted(numbers, rows.number)], kind="stable")
     on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
     C, d = _with_gauge(rows.C.take(order), gauge), np.concatenate([np.zeros(3), rows.d[order]])
@@ -109,6 +111,12 @@ def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction
     if imbalance > _BALANCED * float(np.abs(rows.d[rows.is_load]).max(initial=0.0)):
         raise UnbalancedLoadError(imbalance)
     return found
+
+
+def _edges_of(space: TriangleSpace, numbers: IntArray) -> Edges:
+    """Edges of the boundary by their numbers in `mesh.topology`."""
+    boundary = np.flatnonzero(space.mesh.topology.boundary)
+    return space.mesh.boundary.take(np.searchsorted(boundary, numbers))
 
 
 def _with_gauge(rows: Rows, vertex: int) -> Rows:
@@ -143,15 +151,106 @@ def _conditions(space: TriangleSpace, tractions: EdgeTractions) -> Conditions:
     directions = np.stack([tractions.direction[one], tractions.direction[other]], axis=1)
     values = np.stack([tractions.coefficients[one], tractions.coefficients[other]], axis=1)
     single = np.setdiff1d(order, np.concatenate([one, other]))
-    parts = (
-        _of_vectors(space, tractions.take(one), np.asarray(np.linalg.solve(directions, values))),
-        _of_components(space, tractions.take(single)),
+    return _joined(
+        [
+            _of_vectors(space, tractions.take(one), np.asarray(np.linalg.solve(directions, values))),
+            _of_components(space, tractions.take(single)),
+        ]
     )
+
+
+def _joined(parts: Sequence[Conditions]) -> Conditions:
+    """All of them, part by part."""
+    if len(parts) == 1:
+        return parts[0]
     d, is_load, number = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("d", "is_load", "number")
     )
     columns, values = (np.concatenate([getattr(part.C, name) for part in parts]) for name in ("columns", "values"))
     return Conditions(Rows(columns, values), d, is_load, number)
+
+
+def _on(given: Sequence[PrescribedTraction], *, arcs: bool) -> list[PrescribedTraction]:
+    """What is prescribed on edges that are arcs, or on those that are not."""
+    if not any(part.edges.curved for part in given):
+        return [] if arcs else list(given)
+    found = [part.take((part.edges.turn != 0.0) == arcs) for part in given]
+    return [part for part in found if len(part.edges)]
+
+
+def _on_arcs(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> list[Conditions]:
+    """Conditions on edges that are arcs: of both components where there are two, of one where there is one."""
+    parts = _on(given, arcs=True)
+    if not parts:
+        return []
+    numbers = [space.number(part.edges) for part in parts]
+    parts = [part.take(np.argsort(number)) for part, number in zip(parts, numbers, strict=True)]
+    numbers = [np.sort(number) for number in numbers]
+    count = np.bincount(np.concatenate(numbers), minlength=len(space.mesh.topology.ends))
+    found = []
+    for k, (part, number) in enumerate(zip(parts, numbers, strict=True)):
+        if (count[number] == 1).any():
+            found.append(_of_component_on_arcs(space, part.take(count[number] == 1)))
+        for other, its in zip(parts[k + 1 :], numbers[k + 1 :], strict=True):
+            if np.isin(number, its).any():
+                both = part.take(np.isin(number, its)), other.take(np.isin(its, number))
+                found.append(_of_vectors_on_arcs(space, *both))
+    return found
+
+
+def _of_vectors_on_arcs(space: TriangleSpace, one: PrescribedTraction, other: PrescribedTraction) -> Conditions:
+    """Both components on the same arcs: force and moment of the data, and their coefficients of Legendre."""
+    edges, degree = one.edges, space.degree - 2
+    h, (m, factor) = space.lengths(edges), frame(edges)
+    d: FloatArray = np.zeros((len(edges), 2 * degree + 2))
+    for part, its in ((one, other), (other, one)):
+        found = part.quadrature(space.mesh.vertices, _POINTS + degree)
+        chosen = edges.take(found.edge)
+        own, against = (_directions(each, found.edge, found.t) for each in (part, its))
+        dual = np.stack([-against[..., 1], against[..., 0]], axis=-1)  # at right angles to the other component
+        dual /= (dual * own).sum(axis=-1, keepdims=True)
+        normal, tangent = frames_along(chosen, found.t)
+        N, Q = (dual * normal).sum(axis=-1), factor[found.edge, None] * (dual * tangent).sum(axis=-1)
+        shapes = resultant_shapes(chosen.turn, found.t)
+        resultants = N[..., None] * shapes[..., 0] + Q[..., None] * shapes[..., 1]
+        scaled = legendre.basis(degree, found.t) * (2.0 * np.arange(degree + 1) + 1.0)
+        parts = [resultants, N[..., None] * scaled[..., 2:], Q[..., None] * scaled[..., 1:]]
+        d += found.integrals(np.concatenate(parts, axis=-1))
+    force = h[:, None] * (d[:, :1] * edges.tangent + d[:, 1:2] * m)
+    d[:, 2] *= h**2
+    d[:, :2] = force
+    is_load = np.tile(np.arange(d.shape[1]) < 3, len(edges))
+    number = np.repeat(space.number(edges), d.shape[1])
+    return Conditions(space.resultants(edges).rows(), d.ravel(), is_load, number)
+
+
+def _of_component_on_arcs(space: TriangleSpace, given: PrescribedTraction) -> Conditions:
+    """One component d·σn = (d·n) σ_N + (d·t) σ_T on arcs, in the mean square of each: p − 1 rows an edge."""
+    edges, degree = given.edges, space.degree - 2
+    h = space.lengths(edges)
+    scale = np.column_stack([h, h**2 / 6.0, *[np.ones_like(h)] * (degree - 1)])
+    t, w = gauss_legendre(degree + _POINTS)
+    at = np.tile(t, (len(edges), 1))
+    direction = _directions(given, np.arange(len(edges)), at)
+    values = legendre.basis(degree, t)
+    project = (2.0 * np.arange(degree + 1)[:, None] + 1.0) * (values * w[:, None]).T
+    combined: FloatArray = np.zeros((len(edges), degree + 1, space.normal(edges).columns.shape[1]))
+    for axis, found in zip(frames_along(edges, at), (space.normal(edges), space.shear(edges)), strict=True):
+        share = (direction * axis).sum(axis=-1)
+        share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
+        combined = combined + (project @ (share[:, :, None] * values) * scale[:, :, None]) @ found.values
+    columns = space.normal(edges).columns
+    wanted = given.quadrature(space.mesh.vertices, degree + _POINTS).coefficients(degree)
+    is_load = np.tile(np.arange(degree + 1) < 2, len(edges))
+    number = np.repeat(space.number(edges), degree + 1)
+    return Conditions(EdgeFunctionals(columns, combined, space.size).rows(), (wanted * scale).ravel(), is_load, number)
+
+
+def _directions(given: PrescribedTraction, edge: IntArray, t: FloatArray) -> FloatArray:
+    """The direction d (k, q, 2) of a component at reference points t (k, q) of its edges (k,)."""
+    if given.turns:
+        return vectors_along(given.edges.take(edge), given.direction[edge], t)
+    return np.broadcast_to(given.direction[edge, None], (*t.shape, 2))
 
 
 def _of_vectors(space: TriangleSpace, tractions: EdgeTractions, vectors: FloatArray) -> Conditions:

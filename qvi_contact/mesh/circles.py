@@ -1,0 +1,104 @@
+"""Circles that edges of triangles follow: what a mesh keeps of its arcs, and the checks it makes."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, positive_number
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.topology import OPPOSITE, Topology
+
+_ON_CIRCLE: Final = 1e-6  # distance of a vertex from its circle over the radius: arcs go through vertices all the same
+_WIDEST: Final = np.pi / 2.0 * (1.0 + 1e-12)  # angle that one edge may turn by
+_FLATTEST: Final = 1e-7  # angle below which an arc is its chord: it is off by less than rounding of the circle
+_DEEPEST: Final = 0.75  # height of an arc over the distance of its chord from the triangle's barycentre, inwards
+_HIGHEST: Final = 1.5  # the same, outwards
+
+
+@dataclass(frozen=True, eq=False)
+class Arc:
+    """Edges that lie on one circle.
+
+    Attributes
+    ----------
+    centre : (float, float)
+        Centre of the circle [length].
+    radius : float
+        Its radius [length].
+    edges : (k, 2) int array
+        The edges by their vertices. Each is the shorter of the two arcs between them.
+
+    """
+
+    centre: tuple[float, float]
+    radius: float
+    edges: IntArray
+
+    def projected(self, points: FloatArray) -> FloatArray:
+        """The points of the circle next to points (n, 2)."""
+        arms = points - np.array(self.centre)
+        return np.asarray(np.array(self.centre) + self.radius * arms / np.hypot(*arms.T)[:, None])
+
+
+def checked_arc(name: str, centre: object, radius: object, edges: IntArray, vertices: FloatArray) -> Arc:
+    """An arc whose vertices are on the circle; else `InputError`, which calls it by the name."""
+    found = Arc(_point(f"{name}.centre", centre), positive_number(f"{name}.radius", radius), edges)
+    ends = vertices[np.unique(edges)]
+    off = np.abs(np.hypot(*(ends - np.array(found.centre)).T) - found.radius)
+    worst = int(np.argmax(off))
+    if off[worst] > _ON_CIRCLE * found.radius:
+        x, y = ends[worst]
+        remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this circle: correct centre or radius"
+        raise InputError(f"{name}.radius", found.radius, remedy)
+    return found
+
+
+def turns_of(arcs: Sequence[Arc], vertices: FloatArray, topology: Topology) -> FloatArray:
+    """By which angle each edge turns from its vertex of lower number to the other, counterclockwise; shape (e,)."""
+    found = np.zeros(len(topology.ends))
+    for arc in arcs:
+        number = topology.number(arc.edges, len(vertices))
+        first, second = (vertices[end] - np.array(arc.centre) for end in topology.ends[number].T)
+        across = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+        turn = np.arctan2(across, (first * second).sum(axis=1))
+        found[number] = np.where(np.abs(turn) <= _FLATTEST, 0.0, turn)
+    return found
+
+
+def refuse_bad_arcs(
+    arcs: Sequence[Arc], turns: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology
+) -> None:
+    """`InputError` where an edge is on two arcs, is too long for its circle, or bends too far for its triangle."""
+    numbers = np.concatenate([topology.number(arc.edges, len(vertices)) for arc in arcs])
+    twice = np.flatnonzero(np.bincount(numbers, minlength=len(turns)) > 1)
+    if len(twice):
+        _refuse(vertices, topology, int(twice[0]), "lies on two arcs: give it one")
+    long = np.flatnonzero(np.abs(turns) > _WIDEST)
+    if len(long):
+        _refuse(vertices, topology, int(long[0]), "turns by more than 90°: divide the triangles there")
+    for s, (a, b) in enumerate(OPPOSITE):
+        edge = topology.of_cells[:, s]
+        cell = np.flatnonzero(turns[edge])
+        first, second, centre = vertices[cells[cell, a]], vertices[cells[cell, b]], vertices[cells[cell]].mean(axis=1)
+        chord = second - first
+        length = np.hypot(*chord.T)
+        side = (chord[:, 0] * (centre - first)[:, 1] - chord[:, 1] * (centre - first)[:, 0]) / length
+        height = np.where(side > 0.0, 1.0, -1.0) * length * np.tan(turns[edge[cell]] / 4.0) / 2.0
+        share = height / np.abs(side)  # positive outwards
+        bad = np.flatnonzero((share > _HIGHEST) | (share < -_DEEPEST))
+        if len(bad):
+            remedy = "bends too far for the triangle at it: divide the triangles there"
+            _refuse(vertices, topology, int(edge[cell[bad[0]]]), remedy)
+
+
+def _refuse(vertices: FloatArray, topology: Topology, edge: int, remedy: str) -> None:
+    x, y = vertices[topology.ends[edge]].mean(axis=0)
+    raise InputError("TriangleMesh.arcs", f"({x:.6g}, {y:.6g})", f"the edge around this point {remedy}")
+
+
+def _point(name: str, value: object) -> tuple[float, float]:
+    if not isinstance(value, Iterable) or isinstance(value, str) or len(pair := tuple(value)) != 2:
+        raise InputError(name, value, "give a pair (x, y)")
+    return finite_number(name, pair[0]), finite_number(name, pair[1])

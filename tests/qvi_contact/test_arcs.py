@@ -1,0 +1,184 @@
+"""Edges that are arcs of circles: geometry, orders on Lamé's ring, resultants."""
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    ContactProblem,
+    Displacement,
+    InputError,
+    Material,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    solve,
+)
+from qvi_contact.solution.stress import cell_weights
+
+INNER, OUTER, NU = 1.0, 2.0, 0.3
+
+
+def quarter(radial, around, *, arcs=True):
+    """A quarter of a ring, cut into triangles."""
+    r, angle = np.meshgrid(np.linspace(INNER, OUTER, radial + 1), np.linspace(0.0, np.pi / 2.0, around + 1))
+    vertices = np.column_stack([(r * np.cos(angle)).ravel(), (r * np.sin(angle)).ravel()])
+    vertices[np.abs(vertices) < 1e-14] = 0.0
+    number = np.arange(len(vertices)).reshape(r.shape)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    cells = np.concatenate([np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, b, c), (a, c, d))])
+    lines = {"inner": number[:, 0], "outer": number[:, -1], "bottom": number[0], "left": number[-1]}
+    mesh = TriangleMesh(vertices, cells, {name: np.column_stack([line[:-1], line[1:]]) for name, line in lines.items()})
+    return mesh.with_arc("inner", (0.0, 0.0), INNER).with_arc("outer", (0.0, 0.0), OUTER) if arcs else mesh
+
+
+def under_pressure(mesh, **inner):
+    return ContactProblem(
+        mesh,
+        Material(1.0, NU),
+        [
+            Traction("inner", **(inner or {"normal": -1.0, "tangential": 0.0})),
+            Traction("outer", normal=0.0, tangential=0.0),
+            Symmetry("bottom"),
+            Symmetry("left"),
+        ],
+    )
+
+
+def lame(x, y):
+    """σ_xx, σ_yy, σ_xy of unit pressure inside."""
+    square, A = x**2 + y**2, INNER**2 / (OUTER**2 - INNER**2)
+    radial, hoop = A * (1.0 - OUTER**2 / square), A * (1.0 + OUTER**2 / square)
+    return (
+        np.stack([(radial * x**2 + hoop * y**2), (radial * y**2 + hoop * x**2), (radial - hoop) * x * y], axis=-1)
+        / np.asarray(square)[..., None]
+    )
+
+
+def energy():
+    A = INNER**2 / (OUTER**2 - INNER**2)
+    return np.pi / 4.0 * A * INNER**2 * ((1.0 - NU) + (1.0 + NU) * OUTER**2 / INNER**2)
+
+
+def errors(result):
+    """Relative errors of the stress in the mean square, and of the energy."""
+    known = result.discretization
+    places, stress = result._gauss()
+    x, y = np.moveaxis(places * known.scales.length + result.problem.mesh.origin, -1, 0)
+    exact, weights = lame(x, y), cell_weights(known)[..., None] * [1.0, 1.0, 2.0]
+    wrong = stress * known.scales.stress - exact
+    return np.sqrt((weights * wrong**2).sum() / (weights * exact**2).sum()), result.energies.strain / energy() - 1.0
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+def test_orders_on_arcs_are_those_of_straight_bodies(degree):
+    (coarse, less), (fine, least) = (errors(solve(under_pressure(quarter(k, 2 * k)), degree=degree)) for k in (2, 4))
+    assert np.log2(coarse / fine) > degree - 1.3
+    assert np.log2(less / least) > 2.0 * (degree - 1.3)
+
+
+def test_energy_of_a_ring_to_twelve_digits():
+    result = solve(under_pressure(quarter(3, 5)), degree=8)
+    assert result.status.value == "solved"
+    assert len(result.solution.z) < 600
+    assert abs(errors(result)[1]) < 1e-12
+
+
+def test_chords_leave_the_sagitta():
+    assert abs(errors(solve(under_pressure(quarter(3, 5, arcs=False)), degree=8))[1]) > 1e-3
+
+
+def test_areas_follow_arcs():
+    known = solve(under_pressure(quarter(1, 2)), degree=4).discretization
+    assert cell_weights(known).sum() * known.scales.length**2 == pytest.approx(
+        np.pi / 4.0 * (OUTER**2 - INNER**2), rel=1e-13
+    )
+
+
+def test_resultants_of_arcs_are_exact():
+    """Pressure on a quarter of a circle has the force of its projections, and no moment about the centre."""
+    pressure = solve(under_pressure(quarter(1, 2)), degree=3).resultant("inner")
+    assert [pressure.x, pressure.y, pressure.moment] == pytest.approx([1.0, 1.0, 0.0], abs=1e-13)
+
+
+def test_frames_of_data_are_alike():
+    """A pressure given by Cartesian components, which turn along the arc, is the one along the normal."""
+    cartesian = under_pressure(quarter(2, 3), x=lambda x, y: x / np.hypot(x, y), y=lambda x, y: y / np.hypot(x, y))
+    one, other = (solve(problem, degree=5) for problem in (cartesian, under_pressure(quarter(2, 3))))
+    np.testing.assert_allclose(one.dofs, other.dofs, atol=1e-11)
+
+
+def test_one_component_on_an_arc():
+    """Zero shear alone, the normal displacement given: the ring is as under pressure."""
+    A = INNER**2 / (OUTER**2 - INNER**2)
+    u = A * INNER * ((1.0 - NU) + (1.0 + NU) * OUTER**2 / INNER**2)
+    mesh = quarter(2, 4)
+    given = [Traction("inner", tangential=0.0), Displacement("inner", normal=-u)]
+    problem = ContactProblem(mesh, Material(1.0, NU), [*given, *under_pressure(mesh).conditions[1:]])
+    assert errors(solve(problem, degree=8))[0] < 1e-5
+
+
+def test_a_body_that_only_tractions_hold():
+    """Tractions of a cubic Φ all around, by x and y: they balance, and the stress is that of Φ."""
+
+    def stress(x, y):
+        return 6.0 * y + 2.0 * x, 6.0 * x - 4.0 * y, -2.0 * y + 4.0 * x - 1.0
+
+    def traction(normal, row):
+        def value(x, y):
+            n, (xx, yy, xy) = normal(x, y), stress(x, y)
+            return (xx, xy)[row] * n[0] + (xy, yy)[row] * n[1]
+
+        return value
+
+    normals = {
+        "inner": lambda x, y: (-x / np.hypot(x, y), -y / np.hypot(x, y)),
+        "outer": lambda x, y: (x / np.hypot(x, y), y / np.hypot(x, y)),
+        "bottom": lambda x, y: (0.0 * x, 0.0 * y - 1.0),
+        "left": lambda x, y: (0.0 * x - 1.0, 0.0 * y),
+    }
+    given = [Traction(name, x=traction(normal, 0), y=traction(normal, 1)) for name, normal in normals.items()]
+    result = solve(ContactProblem(quarter(2, 4), Material(1.0, NU), given), degree=8)
+    x, y = np.array([0.8, 1.2, 1.95]), np.array([0.7, 1.3, 0.1])
+    np.testing.assert_allclose(result.stress(x, y), np.stack(stress(x, y), axis=-1), atol=1e-6)
+
+
+def test_finer_meshes_have_their_vertices_on_the_circle():
+    mesh = quarter(1, 2).refined().refined([0, 5])
+    for name, radius in (("inner", INNER), ("outer", OUTER)):
+        edges = mesh.edges(name)
+        np.testing.assert_allclose(np.hypot(*mesh.vertices[edges.first].T), radius, rtol=1e-14)
+        assert edges.length.sum() == pytest.approx(np.pi / 2.0 * radius, rel=1e-14)
+        np.testing.assert_allclose(np.hypot(*mesh.points_along(edges, np.array([0.3, 0.9]))), radius, rtol=1e-14)
+
+
+def test_points_between_chord_and_arc_are_found():
+    """Beyond the chord of the outer circle lies the body, beyond that of the inner one does not."""
+    mesh = quarter(1, 2)
+    angle = np.array([0.1, 0.7, 1.5])
+    way = np.column_stack([np.cos(angle), np.sin(angle)])
+    assert (mesh.locate((OUTER - 1e-6) * way) >= 0).all()
+    assert (mesh.locate((INNER - 1e-6) * way) == -1).all()
+    assert (mesh.locate((OUTER + 1e-6) * way) == -1).all()
+    assert (mesh.locate((INNER + 1e-6) * way) >= 0).all()
+    result = solve(under_pressure(mesh), degree=10)
+    x, y = (OUTER - 1e-6) * way.T
+    np.testing.assert_allclose(result.stress(x, y), lame(x, y), atol=2e-3)
+    cells = mesh.locate((OUTER - 1e-2) * way)
+    t = mesh.reference(cells, (OUTER - 1e-2) * way)
+    placed = np.einsum("nk,nkx->nx", mesh.placed(cells, t[:, None])[:, 0], mesh.corners[cells])
+    np.testing.assert_allclose(placed, (OUTER - 1e-2) * way, rtol=1e-14)
+
+
+def test_arcs_that_cannot_be():
+    mesh = quarter(1, 2, arcs=False)
+    for centre, radius, place in (((0.0, 0.0), 1.1, "(1, 0)"), ((0.1, 0.0), 1.0, "(")):
+        with pytest.raises(InputError) as caught:
+            mesh.with_arc("inner", centre, radius)
+        assert place in str(caught.value)
+    with pytest.raises(InputError):
+        mesh.with_arc("nowhere", (0.0, 0.0), 1.0)
+    with pytest.raises(InputError, match="two arcs"):
+        mesh.with_arc("inner", (0.0, 0.0), 1.0).with_arc("inner", (0.0, 0.0), 1.0)
+    triangle = TriangleMesh([(1.0, 0.0), (0.0, 1.0), (0.65, 0.65)], [(0, 1, 2)], {"rim": [(0, 1)]})
+    with pytest.raises(InputError, match="bends too far"):
+        triangle.with_arc("rim", (0.0, 0.0), 1.0)
