@@ -1,7 +1,8 @@
 """Gauss points on edges, and the tractions there as linear functions of the degrees of freedom."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -9,6 +10,8 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.basis import Basis
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.edges import Edges, frames_along, points_along, vectors_along
+
+_ON_ARCS: Final = 8  # points more for sums of products with frames that turn by 90° at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +63,10 @@ class EdgePoints:
     def tangents(self) -> FloatArray:
         """The edge's tangent at each point, shape (n q, 2)."""
         return frames_along(self.edges, self.reference)[1].reshape(-1, 2)
+
+    def for_resultants(self) -> "EdgePoints":
+        """More points where edges are arcs, whose normals turn, so that resultants are exact; else the same."""
+        return replace(self, count=self.count + _ON_ARCS) if self.edges.curved else self
 
     def vectors(self, direction: FloatArray, turns: bool) -> FloatArray:
         """Directions (n, 2) of the edges, of arcs if they turn along them, at each point, shape (n q, 2)."""

@@ -137,7 +137,7 @@ def _resultants(
     reference: tuple[float, float],
 ) -> list[tuple[str, FloatArray, float]]:
     """(component, row over all degrees of freedom, what φ contributes) for each one given, dimensionless."""
-    points = contact.points
+    points = contact.points.for_resultants()
     x, y = physical(problem, scales, points.coordinates)
     arm_x, arm_y = (x - reference[0]) / scales.length, (y - reference[1]) / scales.length
     zero = np.zeros(len(x))

@@ -36,14 +36,18 @@ class ContactPath:
     lengths: FloatArray
 
     @classmethod
-    def of(cls, ends: FloatArray) -> "ContactPath":
-        """The path through straight edges between two points each, (n, 2, 2) [length], in any order."""
+    def of(cls, ends: FloatArray, stretch: FloatArray | float = 1.0) -> "ContactPath":
+        """The path through edges between two points each, (n, 2, 2) [length], in any order.
+
+        Arcs are so many times as long as their chords as `stretch` (n,) says.
+        """
         vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
         found = chains(vertices)
         order = np.concatenate([np.empty(0, dtype=np.int64), *found])
         forward = np.concatenate([np.empty(0, dtype=bool), *(_forward(vertices[line]) for line in found)])
         number = np.repeat(np.arange(len(found)), [len(line) for line in found])
-        return cls(order, forward, number, np.hypot(*(ends[order, 1] - ends[order, 0]).T))
+        longer = np.broadcast_to(stretch, len(ends))[order]
+        return cls(order, forward, number, np.hypot(*(ends[order, 1] - ends[order, 0]).T) * longer)
 
     @cached_property
     def starts(self) -> FloatArray:

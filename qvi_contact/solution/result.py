@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -19,9 +19,10 @@ from qvi_contact.discretization.loads import LOAD_POINTS, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism import Mechanism, find_mechanism
-from qvi_contact.problem.conditions import RigidPlate
+from qvi_contact.mesh.edges import edge_ends
+from qvi_contact.problem.conditions import RigidPlate, Symmetry
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import ContactLine, contact_line, summary_units
+from qvi_contact.solution.contact_line import ContactLine, ContactState, contact_line, summary_units
 from qvi_contact.solution.loose import LooseBody, loose_bodies
 from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, stress_rounding
 from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
@@ -42,6 +43,9 @@ _ROUNDED = 1e-6
 _COUNTED = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
 _NOTHING = 1e-9  # share of it below which they are none
 """Share of the stress in which rounding of single stresses is worth a remark."""
+
+_EDGES_IN_CONTACT = 4
+"""Edges of an arc below which a contact zone is too short for them."""
 
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
@@ -226,7 +230,8 @@ class ContactResult(Stated):
         if not self.has_state:
             return remarks
         loose = tuple(body.remark for body in self.loose_bodies)
-        return remarks + loose + self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds()
+        found = self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds()
+        return remarks + loose + found + tuple(self._coarse_arcs())
 
     @cached_property
     def loose_bodies(self) -> tuple[LooseBody, ...]:
@@ -263,6 +268,25 @@ class ContactResult(Stated):
     def stress_rounding(self) -> float:
         """What rounding alone does to stresses in the smallest cells [stress]; see `stress.stress_rounding`."""
         return stress_rounding(self.discretization, self.dofs) * self.discretization.scales.stress
+
+    def _coarse_arcs(self) -> Iterator[str]:
+        """Contacts on arcs that touch along a part which is only a few edges long, both halves of it if symmetric."""
+        mesh = self.problem.mesh
+        mirrors = [mesh.edges(each.edges) for each in self.problem.conditions if isinstance(each, Symmetry)]
+        mirrored = np.concatenate([np.empty(0, dtype=np.int64), *map(edge_ends, mirrors)])
+        for rows in self.discretization.contacts:
+            line, edges = self.contacts[rows.name], rows.points.edges
+            touching = (line.state != ContactState.OPEN).reshape(len(edges), -1)
+            held = edges.take(touching.any(axis=1) & (edges.turn != 0.0))
+            count = len(held) * (2 if np.isin(edge_ends(held), mirrored).any() else 1)
+            if touching.all() or not 0 < count < _EDGES_IN_CONTACT:
+                continue
+            x, y = (float(part[touching.ravel()].mean()) for part in (line.x, line.y))
+            yield (
+                f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on only {count} edges of its arc. The "
+                f"pressure there is not resolved. Refine the mesh there until {_EDGES_IN_CONTACT} edges or more touch, "
+                "as by graded([(x, y)], 2)."
+            )
 
     def _inexact_bounds(self) -> tuple[str, ...]:
         """Contacts where a strict solve has used less than the law's own bound."""
@@ -402,7 +426,7 @@ class ContactResult(Stated):
         known = (*mesh.edge_names, *mesh.joint_names)
         contact = isinstance(edges, str) and edges not in known
         chosen = mesh.edges(named.get(edges, edges) if contact else edges)
-        points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS)
+        points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS).for_resultants()
         x, y = physical(self.problem, scales, points.coordinates)
         force_x, force_y = scales.length * points.weights * traction(self.discretization, self.dofs, points)
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))

@@ -95,6 +95,8 @@ def prescribed_and_computed(
     degree = max(space.normal_degree, space.shear_degree)
     count = max(LOAD_POINTS, degree + 1)
     for given in prescribed_tractions(problem, scales):
+        if given.edges.curved:  # normals turn: what is computed is no polynomial of the degree
+            degree = count - 1
         points = EdgePoints(space, given.edges, count)
         normal, shear = points.tractions(u.ravel())
         directions = points.vectors(given.direction, given.turns)
