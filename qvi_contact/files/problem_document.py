@@ -264,6 +264,25 @@ class OutlineTable(Table):
     """Places where triangles have another size: `sizes = [{ at = [1.0, 0.5], size = 0.05 }]`."""
 
 
+class ArcTable(Table):
+    """Edges of triangles that follow a circle, see `qvi_contact.TriangleMesh.with_arc`."""
+
+    centre: Pair
+    """Centre of the circle: `centre = [0.0, 0.0]`."""
+    radius: float
+    """Its radius, on which the vertices lie: `radius = 1.0`."""
+    name: Name | None = None
+    """Which edges, by the name they have in the mesh, in `[[edges]]` or in `[[joints]]`: `name = "bore"`."""
+    edges: list[Edge] | None = None
+    """The edges themselves instead, two vertices each: `edges = [[0, 1], [1, 2]]`."""
+
+    @model_validator(mode="after")
+    def _is_one_set(self) -> "ArcTable":
+        if (self.name is None) == (self.edges is None):
+            raise InputError("name", self.name, "give a name of edges, or edges by their vertices: one of both")
+        return self
+
+
 class MeshTable(Table):
     """Grid lines, cells left out, refinement; or triangles: in this file, in a mesh file, or of an outline."""
 
@@ -289,6 +308,8 @@ class MeshTable(Table):
     """Named edges of triangles, two vertices each: `edges = { base = [[0, 1]] }`."""
     regions: Annotated[dict[Name, list[int]], Field(max_length=_MOST_NAMES)] = {}
     """Named triangles: `regions = { core = [0] }`."""
+    arcs: Annotated[list[ArcTable], Field(max_length=_MOST_NAMES)] = []
+    """Edges of triangles that are arcs, not chords: `arcs = [{ name = "bore", centre = [0.0, 0.0], radius = 0.5 }]`."""
 
     @property
     def is_grid(self) -> bool:
@@ -304,6 +325,8 @@ class MeshTable(Table):
         for key in kinds[0]:
             if getattr(self, key) is None:
                 raise InputError(key, None, "add this key, it is needed")
+        if self.arcs and self.is_grid:
+            raise InputError("arcs", self.arcs, "arcs are sides of triangles, and this is a grid: leave this out")
         for needed, keys in _MESH_EXTRAS.items():
             for key in keys:
                 if getattr(self, key) and needed not in kinds[0]:

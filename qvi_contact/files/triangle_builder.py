@@ -9,7 +9,16 @@ from qvi_contact.basics.checks import IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.files.located import located
 from qvi_contact.files.outline_builder import outlined
-from qvi_contact.files.problem_document import Document, EdgesTable, JointTable, MeshTable, RegionTable, quoted
+from qvi_contact.files.problem_document import (
+    ArcTable,
+    Document,
+    EdgesTable,
+    JointTable,
+    MeshTable,
+    RegionTable,
+    quoted,
+)
+from qvi_contact.mesh.circles import Arc
 from qvi_contact.mesh.selection import edges_in_box, edges_on_segment, triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
 
@@ -34,7 +43,20 @@ def triangle_mesh(document: Document, folder: Path | None) -> TriangleMesh:
                 if name in regions:
                     raise InputError("name", name, "this region exists already: choose another name, or no ranges")
                 regions[name] = triangles_in_box(mesh, region.x, region.y)
-    return replace(mesh, edge_sets=sets, regions=regions)
+    mesh = replace(mesh, edge_sets=sets, regions=regions)
+    for index, table in enumerate(document.mesh.arcs):
+        with located(f"mesh.arcs[{index}]", table):
+            mesh = _with_arc(mesh, table)
+    return mesh
+
+
+def _with_arc(mesh: TriangleMesh, table: ArcTable) -> TriangleMesh:
+    """The mesh with one arc more."""
+    centre = (table.centre[0], table.centre[1])
+    if table.name is not None:
+        return mesh.with_arc(table.name, centre, table.radius)
+    arc = Arc(centre, table.radius, np.array(table.edges, dtype=np.int64).reshape(-1, 2))
+    return replace(mesh, arcs=(*mesh.arcs, arc))
 
 
 def region_name(table: RegionTable, index: int) -> str:

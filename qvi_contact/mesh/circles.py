@@ -10,7 +10,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, posit
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.topology import OPPOSITE, Topology
 
-_ON_CIRCLE: Final = 1e-6  # distance of a vertex from its circle over the radius: arcs go through vertices all the same
+_ON_CIRCLE: Final = 1.5e-6  # distance of a vertex from its circle over the radius that is taken as rounding of data
 _WIDEST: Final = np.pi / 2.0 * (1.0 + 1e-12)  # angle that one edge may turn by
 _FLATTEST: Final = 1e-7  # angle below which an arc is its chord: it is off by less than rounding of the circle
 _DEEPEST: Final = 0.75  # height of an arc over the distance of its chord from the triangle's barycentre, inwards
@@ -41,17 +41,23 @@ class Arc:
         arms = points - np.array(self.centre)
         return np.asarray(np.array(self.centre) + self.radius * arms / np.hypot(*arms.T)[:, None])
 
+    def scaled(self, factor: float) -> "Arc":
+        """The same, so many times as large."""
+        x, y = self.centre
+        return Arc((factor * x, factor * y), factor * self.radius, self.edges)
+
 
 def checked_arc(name: str, centre: object, radius: object, edges: IntArray, vertices: FloatArray) -> Arc:
-    """An arc whose vertices are on the circle; else `InputError`, which calls it by the name."""
-    found = Arc(_point(f"{name}.centre", centre), positive_number(f"{name}.radius", radius), edges)
+    """An arc whose vertices are on the circle; else `InputError`, whose fields begin with the name if there is one."""
+    of = f"{name}." if name else ""
+    found = Arc(_point(f"{of}centre", centre), positive_number(f"{of}radius", radius), edges)
     ends = vertices[np.unique(edges)]
     off = np.abs(np.hypot(*(ends - np.array(found.centre)).T) - found.radius)
     worst = int(np.argmax(off))
     if off[worst] > _ON_CIRCLE * found.radius:
         x, y = ends[worst]
         remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this circle: correct centre or radius"
-        raise InputError(f"{name}.radius", found.radius, remedy)
+        raise InputError(f"{of}radius", found.radius, remedy)
     return found
 
 

@@ -8,7 +8,7 @@ whose reader has gone is an exception; the process would end there without a wor
 would be lost. They are kept.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from threading import Lock
@@ -19,12 +19,14 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.signals import handlers_kept
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.circles import Arc
 from qvi_contact.mesh.outline import Polygon, Polygons
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.triangulation import divided_corners
 from solvers.basics.types import load
 
 _LOCK: Final = Lock()
+_ON_CIRCLE: Final = 1e-5  # difference of radii, relative, that the ends of one arc may have
 _OPTIONS: Final = {
     "General.Terminal": 0,
     "General.Verbosity": 0,
@@ -57,7 +59,8 @@ def meshed(shape: Polygons) -> MeshParts:
     with _LOCK, _session(gmsh):
         try:
             made = _mesh(gmsh, shape.scaled(unit))
-            return replace(made, vertices=made.vertices / unit)
+            arcs = [arc.scaled(1.0 / unit) for arc in made.arcs]
+            return replace(made, vertices=made.vertices / unit, arcs=arcs)
         except Exception as error:
             if type(error) is not Exception:  # gmsh raises bare ones with a text
                 raise
@@ -120,10 +123,17 @@ def _mesh(gmsh: Any, shape: Polygons) -> MeshParts:
 
 
 def _drawn(occ: Any, polygon: Polygon) -> list[int]:
-    """The polygon's pieces as lines of gmsh."""
+    """The polygon's pieces as lines and arcs of gmsh."""
     tags = [occ.addPoint(x, y, 0.0) for x, y in polygon.points.tolist()]
-    following = [*tags[1:], tags[0]]
-    return [occ.addLine(tags[k], following[k]) for k in range(len(polygon.names))]
+    ends, drawn, middles = zip(tags, [*tags[1:], tags[0]], strict=True), [], []
+    for (first, second), (x, y) in zip(ends, polygon.centres.tolist(), strict=False):
+        if np.isnan(x):
+            drawn.append(occ.addLine(first, second))
+        else:
+            middles.append(occ.addPoint(x, y, 0.0))
+            drawn.append(occ.addCircleArc(first, middles[-1], second))
+    occ.remove([(0, tag) for tag in middles])
+    return drawn
 
 
 def _set_sizes(gmsh: Any, shape: Polygons) -> None:
@@ -147,29 +157,54 @@ def _parts(gmsh: Any, shape: Polygons, surfaces: Sequence[int]) -> MeshParts:
     used = np.unique(cells)
     vertex = np.full(len(points), -1)
     vertex[used] = np.arange(len(used))
+    pairs = {tag: vertex[number[_elements(gmsh, 1, tag)]] for _, tag in gmsh.model.getEntities(1)}
     edge_sets = {}
     for name, curves in _curves(gmsh, shape).items():
-        edge_sets[name] = vertex[number[np.concatenate([_elements(gmsh, 1, tag) for tag in curves])]]
+        edge_sets[name] = np.concatenate([pairs[tag] for tag in curves])
         if (edge_sets[name] < 0).any():
             raise InputError(
                 f"joints.{name}", name, "this inner line leaves the body: end it on the boundary or inside"
             )
-    lines = vertex[number[np.concatenate([_elements(gmsh, 1, tag) for _, tag in gmsh.model.getEntities(1)])]]
-    cells = divided_corners(points[used], vertex[cells], lines)
+    cells = divided_corners(points[used], vertex[cells], np.concatenate(list(pairs.values())))
     centres = points[used][cells].mean(axis=1)
     regions = {name: np.flatnonzero(polygon.holds(centres)) for name, polygon in shape.regions.items()}
     for name, chosen in regions.items():
         if not len(chosen):
             raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
-    return MeshParts(points[used], cells, edge_sets, regions)
+    return MeshParts(points[used], cells, edge_sets, regions, _arcs(gmsh, shape, pairs))
+
+
+def _arcs(gmsh: Any, shape: Polygons, pairs: Mapping[int, IntArray]) -> list[Arc]:
+    """The edges on each circle, from those of each curve of gmsh, (k, 2) by its number."""
+    ends, found = _ends(gmsh), dict[tuple[float, float, float], set[int]]()
+    for polygon in shape.every:
+        for centre in np.unique(polygon.centres[np.isfinite(polygon.centres[:, 0])], axis=0):
+            alike = (polygon.centres == centre).all(axis=1)
+            for radius in np.unique(np.hypot(*(polygon.pieces[alike, 0] - centre).T).round(12)).tolist():
+                own = alike & (np.abs(np.hypot(*(polygon.pieces[:, 0] - centre).T) - radius) <= _ON_CIRCLE * radius)
+                on = {tag for tag, both in ends.items() if _on_one(polygon.distances(both)[:, own], shape.rounding)}
+                found.setdefault((*centre.tolist(), radius), set()).update(on)
+    taken, arcs = set[int](), []
+    for (x, y, radius), tags in found.items():
+        new = sorted(tags - taken)  # a line that two parts of the outline share is one
+        taken.update(tags)
+        if new:
+            arcs.append(Arc((x, y), radius, np.concatenate([pairs[tag] for tag in new])))
+    return arcs
+
+
+def _ends(gmsh: Any) -> dict[int, FloatArray]:
+    """Both ends (2, 2) of each curve of gmsh."""
+    found = {}
+    for entity in gmsh.model.getEntities(1):
+        tags = [abs(tag) for _, tag in gmsh.model.getBoundary([entity])]
+        found[entity[1]] = np.array([gmsh.model.getValue(0, tag, [])[:2] for tag in tags])
+    return found
 
 
 def _curves(gmsh: Any, shape: Polygons) -> dict[str, list[int]]:
     """Curves of gmsh by the name of the piece of the outline on which both their ends lie."""
-    ends = {}
-    for entity in gmsh.model.getEntities(1):
-        tags = [abs(tag) for _, tag in gmsh.model.getBoundary([entity])]
-        ends[entity[1]] = np.array([gmsh.model.getValue(0, tag, [])[:2] for tag in tags])
+    ends = _ends(gmsh)
     named = [
         (name, polygon, [other == name for other in polygon.names])
         for polygon in (shape.outer, *shape.holes)

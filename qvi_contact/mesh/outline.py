@@ -1,8 +1,7 @@
 """Bodies described by their outline: corners joined by straight lines and arcs, holes, inner lines, sizes.
 
-The triangles have straight sides. So an arc is a polygon whose vertices lie on the circle; its chords are about as long
-as the triangles there are to be. A polygon of chords h on a circle of radius r is h²/8r inside it: stresses of a body
-with arcs do not get better than that, whatever the degree, until the arcs are divided more finely.
+An arc is divided first as a polygon whose vertices lie on the circle; its chords are about as long as the triangles
+there are to be. The edges of the triangles know the circle, so that the body ends at the arc.
 """
 
 from __future__ import annotations
@@ -99,12 +98,15 @@ class Polygon:
         What each piece is called; n of a closed line, n − 1 of an open one.
     sizes : (n,) array
         Sizes of triangles at the points [length].
+    centres : (k, 2) array
+        Centre of the circle that each piece is a chord of [length]; not a number where it is straight.
 
     """
 
     points: FloatArray
     names: list[str]
     sizes: FloatArray
+    centres: FloatArray
 
     @property
     def pieces(self) -> FloatArray:
@@ -158,7 +160,8 @@ class Polygons:
         """The same, so many times as large."""
 
         def scale(polygon: Polygon) -> Polygon:
-            return replace(polygon, points=factor * polygon.points, sizes=factor * polygon.sizes)
+            centres = factor * polygon.centres
+            return replace(polygon, points=factor * polygon.points, sizes=factor * polygon.sizes, centres=centres)
 
         return Polygons(
             scale(self.outer),
@@ -223,17 +226,20 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
     points: list[FloatArray] = []
     names: list[str] = []
     sizes: list[float] = []
+    centres: list[FloatArray] = []
     for corner, following in zip(corners, [*corners[1:], corners[0]] if closed else corners[1:], strict=closed):
         own = corner.size or size
         points.append(_steps(name, corner, following, own))
         names += [corner.name] * len(points[-1])
         sizes += [own] * len(points[-1])
+        centre = (np.nan, np.nan) if corner.centre is None else corner.centre
+        centres.append(np.tile(centre, (len(points[-1]), 1)))
     if not closed:
         points.append(np.array([corners[-1].at]))
         sizes.append(corners[-1].size or size)
     if closed and len(names) < 3:
         raise InputError(name, len(corners), "give three or more corners of a closed line, or arcs between two")
-    return Polygon(np.concatenate(points), names, np.array(sizes))
+    return Polygon(np.concatenate(points), names, np.array(sizes), np.concatenate(centres))
 
 
 def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatArray:

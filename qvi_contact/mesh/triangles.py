@@ -386,7 +386,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
         """
         pairs = self.topology.ends[self.numbers(one_of("name", name, self.edge_sets, "name an edge set or joint"))]
-        arc = checked_arc("with_arc", centre, radius, pairs, self.vertices)
+        arc = checked_arc("", centre, radius, pairs, self.vertices)
         return replace(self, arcs=(*self.arcs, arc))
 
     def with_region(self, name: str, where: Where) -> TriangleMesh:

@@ -20,7 +20,6 @@ from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.arcs import stretches
 from qvi_contact.solution.between_points import between_points
 from qvi_contact.solution.contact_path import ContactPath
 from solvers.basics.frames import frame, pandas
@@ -102,14 +101,13 @@ class ContactLine:
         and on rectangles only where the inner solver is a "strict" one.
     pull_between_points : float
         Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see `between_points`.
-    turn : (edges,) array
-        Angle by which each edge turns, see `mesh.edges.Edges`: 0 where it is straight. Arcs are drawn and measured as
-        arcs, and σ_N, σ_T, gap and slip are those along their own normals and tangents.
     rounding : Rounding
         Sizes up to which numbers of the contact are rounding, and shown as 0.
 
     Notes
     -----
+    On edges that are arcs normals and tangents are those of the arc at each point.
+
     On a joint u is the displacement of the lower or left block less that of the other one: the gap is how far the joint
     stands open, the slip how far that block has moved beyond the other along the tangent; tractions and forces are
     those on the lower or left block.
@@ -131,7 +129,6 @@ class ContactLine:
     pore_pressure: FloatArray
     excess_between_points: float = 0.0
     pull_between_points: float = 0.0
-    turn: FloatArray = field(default_factory=lambda: np.zeros(1))
     rounding: Rounding = field(default_factory=Rounding)
 
     @property
@@ -172,7 +169,7 @@ class ContactLine:
     @cached_property
     def path(self) -> ContactPath:
         """The edges in order along the contact."""
-        return ContactPath.of(self.ends, stretches(self.turn))
+        return ContactPath.of(self.ends, self.weights.reshape(len(self.ends), -1).sum(axis=1))
 
     @property
     def shares(self) -> Mapping[str, float]:
@@ -328,6 +325,5 @@ def contact_line(
         pore_pressure=rows.pore_pressure * scales.stress,
         excess_between_points=float(violations.excess.max(initial=0.0)) * scales.stress,
         pull_between_points=float(violations.pull.max(initial=0.0)) * scales.stress,
-        turn=edges.turn,
         rounding=scales.rounding,
     )

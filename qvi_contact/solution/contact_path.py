@@ -6,11 +6,14 @@ leads. A path does: each line begins at the end of smallest x (and y), a closed 
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.mesh.topology import chains
+
+_ROUNDING: Final = 1e-12  # relative difference of two lengths that does not make an arc
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +39,20 @@ class ContactPath:
     lengths: FloatArray
 
     @classmethod
-    def of(cls, ends: FloatArray, stretch: FloatArray | float = 1.0) -> "ContactPath":
+    def of(cls, ends: FloatArray, lengths: FloatArray | None = None) -> "ContactPath":
         """The path through edges between two points each, (n, 2, 2) [length], in any order.
 
-        Arcs are so many times as long as their chords as `stretch` (n,) says.
+        Arcs are longer than the way from end to end: their `lengths` (n,) count, those of straight edges are not used.
         """
         vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
         found = chains(vertices)
         order = np.concatenate([np.empty(0, dtype=np.int64), *found])
         forward = np.concatenate([np.empty(0, dtype=bool), *(_forward(vertices[line]) for line in found)])
         number = np.repeat(np.arange(len(found)), [len(line) for line in found])
-        longer = np.broadcast_to(stretch, len(ends))[order]
-        return cls(order, forward, number, np.hypot(*(ends[order, 1] - ends[order, 0]).T) * longer)
+        along = np.hypot(*(ends[order, 1] - ends[order, 0]).T)
+        if lengths is not None:
+            along = np.where(lengths[order] > (1.0 + _ROUNDING) * along, lengths[order], along)
+        return cls(order, forward, number, along)
 
     @cached_property
     def starts(self) -> FloatArray:

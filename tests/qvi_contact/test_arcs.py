@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import (
+    Contact,
     ContactProblem,
     Displacement,
     InputError,
@@ -11,8 +12,12 @@ from qvi_contact import (
     Symmetry,
     Traction,
     TriangleMesh,
+    load_result,
     solve,
 )
+from qvi_contact.export import write_npz
+from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.files.problem_writer import problem_to_toml
 from qvi_contact.solution.stress import cell_weights
 from tests.qvi_contact.rings import INNER, NU, OUTER, quarter
 
@@ -168,3 +173,46 @@ def test_arcs_that_cannot_be():
     triangle = TriangleMesh([(1.0, 0.0), (0.0, 1.0), (0.65, 0.65)], [(0, 1, 2)], {"rim": [(0, 1)]})
     with pytest.raises(InputError, match="bends too far"):
         triangle.with_arc("rim", (0.0, 0.0), 1.0)
+
+
+def test_problem_files_and_archives_keep_arcs(tmp_path):
+    problem = under_pressure(quarter(1, 2))
+    again = problem_from_toml(problem_to_toml(problem)).problem
+    assert again.mesh.same_as(problem.mesh)
+    assert [arc.radius for arc in again.mesh.arcs] == [INNER, OUTER]
+    result = solve(problem, degree=4)
+    write_npz(tmp_path / "ring.npz", result)
+    stored = load_result(tmp_path / "ring.npz")
+    np.testing.assert_array_equal(stored.dofs, result.dofs)
+    assert stored.problem.mesh.same_as(problem.mesh)
+
+
+def test_arcs_of_a_problem_file_by_name():
+    text = problem_to_toml(under_pressure(quarter(1, 2, arcs=False)))
+
+    def given(radius):
+        arc = f'{{ name = "inner", centre = [0.0, 0.0], radius = {radius} }}'
+        return problem_from_toml(text.replace("[mesh]\n", f"[mesh]\narcs = [{arc}]\n")).problem
+
+    assert given("1.0").mesh.curved.sum() == 2
+    for wrong, place in (("1.1", "mesh.arcs[0].radius"), ("-1.0", "mesh.arcs[0].radius")):
+        with pytest.raises(InputError) as caught:
+            given(wrong)
+        assert caught.value.field == place
+
+
+def test_materials_and_joints_along_an_arc():
+    """A closed joint between two rings of one material, along an arc: energy and pressure of one ring."""
+    mesh = quarter(2, 4)
+    middle = (INNER + OUTER) / 2.0
+
+    def between(x, y):
+        return np.abs(np.hypot(x, y) - middle * np.cos(np.pi / 16.0)) < 1e-6
+
+    mesh = mesh.with_joint("between", between).with_arc("between", (0.0, 0.0), middle)
+    problem = under_pressure(mesh)
+    joined = ContactProblem(mesh, problem.material, [*problem.conditions, Contact("between", 0.0)])
+    result = solve(joined, degree=6)
+    assert abs(errors(result)[1]) < 1e-6
+    pressure = -lame(middle, 0.0)[0]
+    np.testing.assert_allclose(result.contacts["between"].normal_stress, -pressure, rtol=2e-3)
