@@ -27,6 +27,7 @@ from qvi_contact.companion.cells import kind_of
 from qvi_contact.companion.scope import check_scope
 from qvi_contact.errors import InputError
 from qvi_contact.solution.followed import allowed_misfit
+from qvi_contact.solution.on_arcs import rest_on_arcs
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
 from solvers.basics.narration import narrated
@@ -230,6 +231,13 @@ def _reasons(
     misfit, unit = stress.result.traction_misfit, given.discretization.scales.stress
     if misfit > allowed_misfit(unit, stress.result.stress_rounding):
         found.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
+    elif given.discretization.problem.mesh.sides.any():
+        rest = rest_on_arcs(given.discretization, stress.result.dofs)
+        found.append(
+            f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
+            f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
+            "of the energy."
+        )
     elif balance > _BALANCE:
         found.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
     if apart < -_CROSSED:

@@ -10,7 +10,7 @@ from qvi_contact.companion.space import Space
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem
@@ -138,7 +138,14 @@ def _traction_load(problem: ContactProblem, space: Space, scales: Scales) -> tup
         found = along_edges(problem.mesh, edges, given.name, given.value, load_points(space.degree))
         shapes = bernstein.basis(space.degree, found.t.ravel()).reshape(*found.t.shape, -1)
         lengths = edges.length / scales.length
-        _add(load, space.along(edges), lengths[:, None] * found.integrals(shapes) / scales.stress, given.direction)
+        if edges.curved and given.turns:
+            chosen = edges.take(found.edge)
+            along = vectors_along(chosen, given.direction[found.edge], found.t)
+            for component, unit in enumerate(np.eye(2)):
+                work = lengths[:, None] * found.integrals(shapes * along[..., [component]]) / scales.stress
+                _add(load, space.along(edges), work, np.tile(unit, (len(edges), 1)))
+        else:
+            _add(load, space.along(edges), lengths[:, None] * found.integrals(shapes) / scales.stress, given.direction)
         if found.error > MISFIT * float(np.abs(found.values).max(initial=0.0)):
             size = f"{found.error:.2g} [stress]"
             remarks.append(
@@ -166,14 +173,20 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     places = mesh.origin + scales.length * space.points(slice(None), t)
     base = float(evaluate(name, field, *(mesh.origin + scales.length * space.origins[:1]).T)[0])
     potential = (evaluate(name, field, places[..., 0], places[..., 1]) - base) / scales.stress
-    weighted = potential * (space.areas[:, None] * w)
+    weighted = potential * space.measures(t, w)
     load = body.virtual_work(np.stack([weighted, weighted, 0.0 * weighted], axis=-1), t)
     t, w = gauss_legendre(count)
     shape = bernstein.basis(space.degree, t) * w[:, None]
     for edges, numbers, outward in _outlines(problem, space):
         values = (evaluate(name, field, *mesh.points_along(edges, t)) - base) / scales.stress
         lengths = edges.length / scales.length
-        _add(load, numbers, -lengths[:, None] * (values @ shape), outward)
+        if edges.curved:
+            along = vectors_along(edges, outward, t)
+            for component, unit in enumerate(np.eye(2)):
+                work = -lengths[:, None] * ((values * along[..., component]) @ shape)
+                _add(load, numbers, work, np.tile(unit, (len(edges), 1)))
+        else:
+            _add(load, numbers, -lengths[:, None] * (values @ shape), outward)
     return load
 
 

@@ -12,6 +12,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.cell import reference_matrices
 from qvi_contact.companion.space import Space
 
+_ON_ARCS = 6  # Gauss points more where cells have arcs
 _ENTRIES = ([0, 2], [2, 1])  # of (ε_xx, ε_yy, 2ε_xy): where ∂_x and ∂_y of each component go to
 
 
@@ -42,11 +43,33 @@ class Elasticity:
                 moduli = self.moduli[:, _ENTRIES[c]][:, :, _ENTRIES[d]]
                 weights = space.areas[:, None, None] * (slopes @ moduli @ slopes.swapaxes(1, 2))
                 blocks[:, :, c, :, d] = (weights.reshape(count, 4) @ local.reshape(4, n * n)).reshape(count, n, n)
+        blocks[space.curved.numbers] = self._curved_stiffness()
         dofs = self._dofs
         rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
         data = blocks.reshape(count, 2 * n, 2 * n)
         K = sparse.coo_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=(space.size, space.size)).tocsr()
         return sparse.csr_array((K + K.T) / 2.0)
+
+    def _curved_stiffness(self) -> FloatArray:
+        """The blocks (c, n, 2, n, 2) of cells with arcs, by quadrature."""
+        space, curved = self.space, self.space.curved
+        t, w = space.cell.quadrature(self._count)
+        tables = [space.cell.derivative_values(axis, t) @ space.cell.differences[axis] for axis in (0, 1)]
+        found = np.empty((len(curved), tables[0].shape[1], 2, tables[0].shape[1], 2))
+        for k in range(len(curved)):
+            jacobians = curved.jacobians(np.array([k]), t)[0]
+            slopes = np.einsum("qab,aqn->qbn", np.linalg.inv(jacobians), np.stack(tables))
+            weights, moduli = np.abs(np.linalg.det(jacobians)) * w, self.moduli[curved.numbers[k]]
+            for c in (0, 1):
+                for d in (0, 1):
+                    inner = moduli[_ENTRIES[c]][:, _ENTRIES[d]]
+                    found[k, :, c, :, d] = np.einsum("q,qan,ab,qbm->nm", weights, slopes, inner, slopes, optimize=True)
+        return found
+
+    @property
+    def _count(self) -> int:
+        """Gauss points a direction: exact for ε:C:ε of polynomials; arcs, which are none, take more."""
+        return self.space.degree + 1 + (_ON_ARCS if len(self.space.curved) else 0)
 
     @property
     def _dofs(self) -> IntArray:
@@ -62,13 +85,20 @@ class Elasticity:
     def _gradients(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """∂_b u_c as [cell, b, point, c]."""
         cell, local = self.space.cell, v.reshape(-1, 2)[self.space.table[cells]]
-        along = [cell.derivative_values(axis, t) @ (cell.differences[axis] @ local) for axis in (0, 1)]
-        return _combined(self.space.slopes[cells].swapaxes(1, 2), np.stack(along, axis=1))
+        along = np.stack(
+            [cell.derivative_values(axis, t) @ (cell.differences[axis] @ local) for axis in (0, 1)], axis=1
+        )
+        found = _combined(self.space.slopes[cells].swapaxes(1, 2), along)
+        at, which = self.space.curved.among(cells, len(self.space.table))
+        if len(at):
+            slopes = np.linalg.inv(self.space.curved.jacobians(which, t if np.ndim(t) == 2 else t[at]))
+            found[at] = np.einsum("kqab,kaqc->kbqc", slopes, along[at])
+        return found
 
     def points(self) -> tuple[FloatArray, FloatArray]:
         """Reference points t (q, 2) and weights (cells, q) that integrate ε:C:ε exactly."""
-        t, weights = self.space.cell.quadrature(self.space.degree + 1)
-        return t, self.space.areas[:, None] * weights
+        t, weights = self.space.cell.quadrature(self._count)
+        return t, self.space.measures(t, weights)
 
     def energy(self, v: FloatArray) -> float:
         """½ ∫ ε:C:ε."""
@@ -88,6 +118,10 @@ class Elasticity:
         xx, yy, xy = np.moveaxis(stress, -1, 0)
         tensor = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=1)
         along = _combined(space.slopes, tensor)
+        if len(space.curved):
+            every = np.arange(len(space.curved))
+            slopes = np.linalg.inv(space.curved.jacobians(every, t))
+            along[space.curved.numbers] = np.einsum("kqab,kbqc->kaqc", slopes, tensor[space.curved.numbers])
         local = sum(cell.differences[axis].T @ (cell.derivative_values(axis, t).T @ along[:, axis]) for axis in (0, 1))
         found = np.bincount(self._dofs.ravel(), np.ravel(local), minlength=space.size)
         return np.asarray(found, dtype=np.float64)

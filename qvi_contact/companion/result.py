@@ -110,7 +110,7 @@ class CompanionResult(Stated):
         The point (t_x, t_y) of a rectangle lies that far along its sides, that of a triangle has these barycentric
         coordinates of its second and third corner. Cells come in the order of the mesh.
         """
-        strain = self.body.strain(self._v, slice(None), _points(tx, ty))
+        strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), _points(tx, ty)))
         return np.asarray(strain * (self.scales.displacement / self.scales.length))
 
     def cell_displacement(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
@@ -123,7 +123,7 @@ class CompanionResult(Stated):
 
     def cell_points(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
         """Coordinates x, y of such points of every cell, (cells, k, 2) [length]."""
-        place = self.space.points(slice(None), _points(tx, ty))
+        place = self.space.points(slice(None), self.space.own(slice(None), _points(tx, ty)))
         return np.asarray(self.problem.mesh.origin + self.scales.length * place)
 
     def displacement_in(self, cells: IntArray, t: FloatArray) -> FloatArray:
@@ -257,10 +257,11 @@ class CompanionResult(Stated):
 
     def _displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         local = self._v.reshape(-1, 2)[self.space.table[cells]]
-        return np.asarray(self.space.cell.values(t) @ local)
+        return np.asarray(self.space.cell.values(self.space.own(cells, t)) @ local)
 
     def _stress_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        return np.asarray(self.body.strain(self._v, cells, t) @ self.body.moduli[cells].swapaxes(1, 2))
+        strain = self.body.strain(self._v, cells, self.space.own(cells, t))
+        return np.asarray(strain @ self.body.moduli[cells].swapaxes(1, 2))
 
     def _mean(self, x: ArrayLike, y: ArrayLike, values: _InCells) -> FloatArray:
         """Mean of what the cells that hold a point say."""

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.cell import Cell
+from qvi_contact.companion.curved import CurvedCells
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.problem.problem import ContactProblem
@@ -36,6 +37,8 @@ class Space:
         Coefficients of a scalar field on each cell.
     block : (cells,) int array
         Number of the block each cell belongs to; blocks are separated by joints.
+    curved : CurvedCells
+        Cells with sides that are arcs.
 
     """
 
@@ -45,6 +48,7 @@ class Space:
     frames: FloatArray
     table: IntArray
     block: IntArray
+    curved: CurvedCells
 
     @classmethod
     def of(cls, problem: ContactProblem, cell: Cell, length: float) -> "Space":
@@ -54,7 +58,9 @@ class Space:
         first, along, across = (corners[:, number] for number in (0, *cell.axes))
         frames = np.stack([along - first, across - first], axis=-1) / length
         vertices, block = _vertices(problem)
-        return cls(mesh, cell, (first - mesh.origin) / length, frames, cell.table(vertices), block)
+        origins = (first - mesh.origin) / length
+        curved = CurvedCells.of(mesh, length)
+        return cls(mesh, cell, origins, frames, cell.table(vertices), block, curved)
 
     @property
     def degree(self) -> int:
@@ -78,7 +84,28 @@ class Space:
 
     def points(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Coordinates of reference points (k, 2), or (cells, k, 2), in cells, shape (cells, k, 2)."""
-        return np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
+        found = np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
+        if len(self.curved):
+            at, which = self.curved.among(cells, len(self.table))
+            found[at] = self.curved.points(which, t if np.ndim(t) == 2 else t[at])
+        return found
+
+    def own(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """Reference points of this space from those of the mesh, (k, 2) or (cells, k, 2), which differ beside arcs."""
+        at, which = self.curved.among(cells, len(self.table))
+        if not len(at):
+            return t
+        found = np.array(np.broadcast_to(t, (len(np.arange(len(self.table))[cells]), *np.shape(t)[-2:])))
+        found[at] = self.curved.own(self.mesh, which, found[at])
+        return found
+
+    def measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
+        """Weights (cells, q) of areas from those on the reference cell (q,), at its points t (q, 2)."""
+        found = self.areas[:, None] * weights
+        if len(self.curved):
+            every = np.arange(len(self.curved))
+            found[self.curved.numbers] = np.abs(np.linalg.det(self.curved.jacobians(every, t))) * weights
+        return np.asarray(found)
 
     @cached_property
     def places(self) -> FloatArray:

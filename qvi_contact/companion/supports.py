@@ -17,6 +17,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.companion.data import MISFIT, edge_data
 from qvi_contact.companion.space import Space
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
 
@@ -94,9 +95,15 @@ def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Give
         size = max(1.0, float(np.abs(data.coefficients).max(initial=0.0)))
         if data.misfit > MISFIT * size:
             reasons.append(_interpolated(given.name, data.misfit * scales.displacement, space.degree))
+        if edges.curved and given.turns:
+            reasons.append(f"{given.name} holds at the coefficients of arcs only, whose directions turn.")
         numbers = space.along(edges)
         coefficients.append(numbers.ravel())
-        directions.append(np.repeat(given.direction, numbers.shape[1], axis=0))
+        if given.turns:
+            places = np.linspace(0.0, 1.0, numbers.shape[1])
+            directions.append(vectors_along(edges, given.direction, places).reshape(-1, 2))
+        else:
+            directions.append(np.repeat(given.direction, numbers.shape[1], axis=0))
         values.append(data.coefficients.ravel())
     return _Given(np.concatenate(coefficients), np.concatenate(directions), np.concatenate(values)), reasons
 

@@ -25,7 +25,7 @@ from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, frames_along, vectors_along
 from qvi_contact.problem.conditions import Contact, Law
 from qvi_contact.problem.problem import ContactProblem
 from solvers.strict.quadratics import smallest
@@ -179,12 +179,16 @@ def _trace(
     joint = contact in problem.joints
     near = space.along(edges)
     far = space.along(edges, other=True) if joint else near
-    facing = np.repeat(_directions(edges.normal), near.shape[1])
+    frames = frames_along(edges, np.linspace(0.0, 1.0, p + 1))
+    facing = _directions(frames[0].reshape(-1, 2))
     pairs, columns = np.unique(np.stack([near.ravel(), far.ravel(), facing], axis=1), axis=0, return_inverse=True)
     columns = columns.reshape(near.shape)
     n, lengths = len(pairs), edges.length / scales.length
-    normals, tangents = (_by_coefficient(columns, n, vectors) for vectors in (edges.normal, edges.tangent))
+    normals, tangents = (_by_coefficient(columns, n, vectors) for vectors in frames)
     normal, tangential = (_rows(pairs, vectors, space.size, joint) for vectors in (normals, tangents))
+    if edges.curved:
+        bend = _Bend(edges, columns, pairs, p)
+        normal, tangential = bend.rows(normal, edges.normal, joint), bend.rows(tangential, edges.tangent, joint)
     weights = _sums(columns, n, np.repeat(lengths[:, None] / (p + 1), p + 1, axis=1))
     reasons: list[str] = []
     gap = _obstacle(problem, space, scales, contact, edges, columns, n, "gap", reasons)
@@ -193,7 +197,7 @@ def _trace(
     law = _law(problem, scales, contact, edges, columns, places, weights, lengths, p, bound, reasons)
     friction, cohesion, limit = law
     fluid = _fluid(problem, scales, contact, edges, columns, lengths, p, reasons)
-    motions = _motions(problem, scales, contact, edges, places, normals, tangents)
+    motions = _motions(problem, scales, contact, edges, columns, places, (normals, tangents))
     trace = Trace(
         contact.name, contact.law, edges, columns, places, weights, normal, tangential,
         friction, cohesion, limit, gap, offset, fluid, bound, motions, lengths,
@@ -213,10 +217,48 @@ def _directions(vectors: FloatArray) -> IntArray:
 
 
 def _by_coefficient(columns: IntArray, n: int, vectors: FloatArray) -> FloatArray:
-    """Vectors of edges (e, 2) at the coefficients (n, 2) that lie on them."""
+    """Vectors at the coefficients of edges (e, p + 1, 2) as those of the coefficients (n, 2)."""
     found = np.zeros((n, 2))
-    found[columns] = vectors[:, None]
+    found[columns] = vectors
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Bend:
+    """Components along arcs: c are the coefficients of the polynomial that is n(t)·v(t) at p + 1 nodes.
+
+    Attributes
+    ----------
+    edges, columns, degree
+        The edges, their coefficients (e, p + 1), and p.
+    pairs : (n, 3) int array
+        Coefficients of the body on both sides, see `_rows`.
+
+    """
+
+    edges: Edges
+    columns: IntArray
+    pairs: IntArray
+    degree: int
+
+    def rows(self, straight: sparse.csr_array, vectors: FloatArray, joint: bool) -> sparse.csr_array:
+        """Rows (n, size) along vectors (e, 2) of the chords, those inside arcs in the place of the given ones."""
+        p = self.degree
+        bent = np.flatnonzero(self.edges.turn)
+        nodes = bernstein.nodes(p)
+        along = vectors_along(self.edges.take(bent), vectors[bent], nodes)
+        project, values = bernstein.from_values(p)[1:-1], bernstein.basis(p, nodes)
+        factors = np.einsum("ki,eia,ij->ekja", project, along, values)  # (arc, row, coefficient, component)
+        columns = self.columns[bent]
+        row = np.broadcast_to(columns[:, 1:-1, None, None], factors.shape)
+        whole = np.ones(straight.shape[0])
+        whole[columns[:, 1:-1]] = 0.0
+        found = sparse.diags_array(whole) @ straight
+        for side, sign in ((0, 1.0), (1, -1.0))[: 1 + joint]:
+            dofs = 2 * self.pairs[columns, side][:, None, :, None] + np.arange(2)
+            at = (row.ravel(), np.broadcast_to(dofs, factors.shape).ravel())
+            found = found + sign * sparse.csr_array((factors.ravel(), at), shape=straight.shape)
+        return sparse.csr_array(found)
 
 
 def _sums(columns: IntArray, n: int, values: FloatArray) -> FloatArray:
@@ -329,9 +371,9 @@ def _motions(
     scales: Scales,
     contact: Contact,
     edges: Edges,
+    columns: IntArray,
     places: FloatArray,
-    normals: FloatArray,
-    tangents: FloatArray,
+    frames: tuple[FloatArray, FloatArray],
 ) -> tuple[tuple[str, FloatArray, FloatArray, float], ...]:
     """What each given component of a plate does; moments count from `RigidPlate.reference`."""
     plate = contact.plate
@@ -339,20 +381,31 @@ def _motions(
         return ()
     centre = plate_centre(problem, edges)
     reference = plate.reference(*centre)
-    arm_x, arm_y = (places - (np.array(reference) - problem.mesh.origin) / scales.length).T
-    one, zero = np.ones(len(places)), np.zeros(len(places))
-    fields = {"force_x": (one, zero), "force_y": (zero, one), "moment": (-arm_y, arm_x)}
+    middle = (np.array(reference) - problem.mesh.origin) / scales.length
     found = []
     for component in COMPONENTS:
         if getattr(plate, component) is None:
             continue
-        field = np.column_stack(fields[component])
         moment = component == "moment"
         given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
         size = scales.stress * scales.length ** (2 if moment else 1)
-        normal, tangential = ((vectors * field).sum(axis=1) for vectors in (normals, tangents))
+        field = _motion(component, places - middle)
+        normal, tangential = ((vectors * field).sum(axis=1) for vectors in frames)
+        if edges.curved:
+            p = columns.shape[1] - 1
+            at = np.stack(problem.mesh.points_along(edges, bernstein.nodes(p)), axis=-1) - problem.mesh.origin
+            field = _motion(component, at / scales.length - middle)
+            for found_at, vectors in zip((normal, tangential), frames_along(edges, bernstein.nodes(p)), strict=True):
+                found_at[columns] = (vectors * field).sum(axis=-1) @ bernstein.from_values(p).T
         found.append((component, normal, tangential, given / size))
     return tuple(found)
+
+
+def _motion(component: str, arms: FloatArray) -> FloatArray:
+    """The displacement (..., 2) of a plate that moves by 1, at arms (..., 2) from its reference."""
+    if component == "moment":
+        return np.stack([-arms[..., 1], arms[..., 0]], axis=-1)
+    return np.broadcast_to([1.0, 0.0] if component == "force_x" else [0.0, 1.0], arms.shape)
 
 
 def plate_centre(problem: ContactProblem, edges: Edges) -> tuple[float, float]:

@@ -120,3 +120,15 @@ class Mesh(Protocol):
         Of a rectangle (t_x, t_y) from 0 to 1, of a triangle the three barycentric coordinates.
         """
         ...
+
+    @property
+    def sides(self) -> FloatArray:
+        """Angles by which the sides of the cells turn, (cells, sides): 0 where they are straight; see `Edges.turn`."""
+        ...
+
+    def placed(self, cells: IntArray, t: FloatArray) -> FloatArray:
+        """Reference coordinates t, (q, d) or (k, q, d), in the cells (k,) as those of the cells with straight sides.
+
+        Cells with sides that are arcs reach beyond these, or not so far; see `mesh.curved`.
+        """
+        ...

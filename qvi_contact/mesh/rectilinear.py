@@ -353,6 +353,15 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
         inside = np.tile(_within(self.x, x) & _within(self.y, y), 4) & (cells >= 0)
         return np.tile(np.arange(len(points)), 4)[inside], cells[inside]
 
+    @property
+    def sides(self) -> FloatArray:
+        """Zeros (cells, 4): all sides are straight."""
+        return np.zeros(self.cells.shape)
+
+    def placed(self, cells: IntArray, t: FloatArray) -> FloatArray:  # noqa: ARG002  # all sides are straight
+        """The reference coordinates as they are."""
+        return t
+
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Reference coordinates (t_x, t_y), 0 to 1, of points (l, 2) [length] in cells (l,), shape (l, 2)."""
         column, row = (place[cells] for place in self.cell_places)

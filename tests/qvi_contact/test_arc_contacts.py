@@ -84,3 +84,35 @@ def test_arcs_too_coarse_for_their_contact():
     (remark,) = result.remarks
     assert "on only 2 edges of its arc" in remark
     assert "graded" in remark
+
+
+@pytest.mark.parametrize("contact", [False, True])
+def test_bracket_on_arcs(contact):
+    """Both models end at the arcs: their energies enclose the exact one and close in at twice the order."""
+    if contact:
+        conditions = Contact("inner", 0.3, gap=-WIDENED), Traction("outer", normal=0.0, tangential=0.0)
+    else:
+        conditions = Traction("inner", normal=-1.0, tangential=0.0), Traction("outer", normal=0.0, tangential=0.0)
+    gaps, exact = [], (1.0 if contact else -1.0) * np.pi / 4.0 * INNER * WIDENED
+    for k in (1, 2):
+        given = [*conditions, Symmetry("bottom"), Symmetry("left")]
+        result = solve(ContactProblem(quarter(k, 2 * k), Material(1.0, NU), given), degree=4)
+        bracket = result.bracket
+        assert bracket.lower < exact < bracket.upper
+        assert not bracket.guaranteed
+        assert "On arcs" in bracket.reasons[0]
+        gaps.append(bracket.gap / abs(exact))
+    assert gaps[1] < 2e-4
+    assert np.log2(gaps[0] / gaps[1]) > 5.0
+    x, y = np.array([1.0, INNER + 1e-9, 0.7]), np.array([0.0, 0.0, 1.2])
+    A = INNER**2 / (OUTER**2 - INNER**2)
+    radius = np.hypot(x, y)
+    radial = A * ((1.0 - NU) * radius + (1.0 + NU) * OUTER**2 / radius)
+    moved = result.displacement(x, y)
+    np.testing.assert_allclose(np.hypot(*moved.T), radial, rtol=1e-3)
+
+
+def test_plate_of_both_models():
+    result = ring(Contact("outer", 0.2, plate=RigidPlate(force_y=-0.1)), "inner", degree=4)
+    companion = result.bracket.companion
+    assert companion.plates["outer"].y == pytest.approx(result.plates["outer"].y, rel=2e-3)
