@@ -97,7 +97,7 @@ def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction
 
     """
     rows = _joined([_conditions(space, _projected(space, _on(given, arcs=False))), *_on_arcs(space, given)])
-    numbers, first = np.unique(rows.number, return_index=True)
+    numbers = np.unique(rows.number)
     lines = space.mesh.topology.ends[numbers]
     gauge = _gauge(space, lines)
     last = space.frames.across(lines) | space.cuts.across(_edges_of(space, numbers))
