@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.settled import LIMITS, LIMITS_SOURCE
+from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, UNCERTAINTY
 from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Element, on
 from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import Proof, both, by_hand, certified
@@ -22,7 +22,7 @@ from qvi_contact import (
     TriangleMesh,
     refine,
 )
-from qvi_contact.bracket import Bracket, bracket
+from qvi_contact.bracket import Bounds, Bracket, bracket
 from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem.conditions import Condition
@@ -171,6 +171,32 @@ def orders_of_refined_bounds(element: Element, quick: bool) -> Iterator[Row]:
         yield at_least(quantity, float(order), least[element], 0.0, Kind.ANALYTIC, source, proof)
 
 
+@on(QUINTIC)
+def forces_under_slip(element: Element, quick: bool) -> Iterator[Row]:
+    """The paper's plate with slip, refined until guaranteed bounds of its force are within 1e-6 of it (quick: 1e-4).
+
+    The bounds of every mesh on the way must hold the settled force.
+    """
+    target = 1e-4 if quick else 1e-6
+    for friction in (0.2,) if quick else (0.05, 0.1, 0.2):
+        limit, uncertainty = LIMITS.get(friction, (SETTLED[friction], UNCERTAINTY))
+        problem = compressed_plate(friction, (1, 1))
+        outcome = refine(problem, None, target, "plate.normal_force", guaranteed=True, **element.options)
+        proof = both(certified(outcome.result), by_hand(outcome.guaranteed, "a guaranteed bound"))
+        bounds = outcome.result.bracket.slip
+        force = Bounds(-np.inf, np.inf) if bounds is None else bounds.forces["plate.normal_force"]
+        where = f"μ = {friction:g}"
+        yield at_most(f"{where}: lower bound of P/2 [{FORCE}]", force.lower, limit, uncertainty,
+                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
+        yield at_least(f"{where}: upper bound of P/2 [{FORCE}]", force.upper, limit, uncertainty,
+                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
+        beyond = max(abs(each.value / limit - 1.0) - each.estimate for each in outcome.rounds if each.guaranteed)
+        yield at_most(f"{where}: largest error − bound of all meshes, over P/2", beyond, 0.0, uncertainty / limit,
+                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
+        yield at_most(f"{where}: unknowns for a guaranteed error of {target:g}", float(outcome.rounds[-1].unknowns),
+                       5000.0, 0.0, Kind.ANALYTIC, "what it may take", proof)  # fmt: skip
+
+
 def _trapezoid() -> ContactProblem:
     """A trapezoid pressed on a plane that is rough enough to hold all of its base."""
     block = TriangleMesh.rectangle((4, 2), 2.0, 1.0, origin=(-1.0, 0.0))
@@ -220,4 +246,5 @@ PROBLEMS: Final = {
     "bounds-refined": orders_of_refined_bounds,
     "bounds-exact": exact_states_close_the_gap,
     "bounds-force": force_between_bounds,
+    "bounds-slip": forces_under_slip,
 }

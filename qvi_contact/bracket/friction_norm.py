@@ -21,6 +21,7 @@ from qvi_contact.problem.conditions import Contact, Displacement
 from qvi_contact.problem.problem import ContactProblem
 
 _DEGREE: Final = 3  # of displacements by which a norm is computed
+_SINGULAR: Final = 1e-11  # eigenvalue of a stiffness, relative, that is a rigid motion's
 _ALIKE: Final = 1e-9  # of the body's size: a place on a side
 _ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
 _ROUNDED: Final = 1.0 + 1e-6  # over the maximum at so many angles
@@ -52,9 +53,14 @@ def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> Frictio
     if proved is not None and proved.value < slip_constants.LARGEST:
         return proved
     value = computed_norm(problem, senses)
-    return FrictionNorm(
-        value, False, f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
-    )
+    found = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
+    if value == np.inf:
+        found = (
+            "A contact can slip as far as supports let it without straining the body: hold the body along the contact."
+        )
+    elif value >= slip_constants.LARGEST:
+        found = f"Friction is too large: the norm of its operator is {value:.3g}, and must be less than 2."
+    return FrictionNorm(value, False, found)
 
 
 def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: int = _DEGREE) -> float:
@@ -62,7 +68,7 @@ def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: in
 
     With x the slip on contacts with Coulomb friction, A x·x the least energy of displacements that slip by x, and
     D x·x that of those with the normal part σμ x and no other part on contacts that S must not have, s² is the largest
-    λ of D x = λ A x.
+    λ of D x = λ A x; infinity where contacts can slip without strain.
     """
     known = BodyAtRest.of(problem, degree)
     n, pairs = known.contacts.count, list(zip(problem.contacts, known.contacts.traces, strict=True))
@@ -78,6 +84,9 @@ def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: in
     none = np.zeros(n, dtype=bool)
     below = known.least_energy(np.concatenate([none, slips]), np.concatenate([tied, tied]))
     part = known.least_energy(np.concatenate([presses, none]), np.concatenate([~presses, rough | tied]))
+    stiffness = np.linalg.eigvalsh(below)
+    if stiffness[0] <= _SINGULAR * stiffness[-1]:
+        return float("inf")
     above, place = np.zeros_like(below), np.flatnonzero(presses[slips])
     above[np.ix_(place, place)] = part * np.outer(weight[presses], weight[presses])
     return float(np.sqrt(max(float(eigh(above, below, eigvals_only=True)[-1]), 0.0)))

@@ -119,7 +119,7 @@ class SlipBounds:
         known = "Guaranteed" if self.guaranteed else "Estimated"
         bound = f"{known} bound under slip: stresses within {100.0 * self.relative_error:.2g} % of their energy norm."
         if not np.isfinite(self.error):
-            bound = f"No bound under slip: friction is too large, {self.norm.value:.3g} where 2 is the limit."
+            return f"No bound under slip. {self.norm.reason}"
         return " ".join([bound, self.assumption, *self.reasons])
 
 

@@ -40,6 +40,7 @@ Any share gives bounds. A small one makes m large, a large one the dual pair poo
 """
 
 _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
+_ROUNDED: Final = 1e-12  # of a force: rounding of its sums
 _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
 
 
@@ -209,7 +210,7 @@ class _Pairs:
         if largest is None:
             return None
         middle, residual = self._value(goals, c, z, change)
-        rest = (error * residual + largest * defect) / self.unit
+        rest = (error * residual + largest * defect) / self.unit + _ROUNDED * abs(middle)
         return Bounds(middle - rest, middle + rest)
 
     def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ import pytest
 
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
 from qvi_contact.bracket import bracket, slip_constants
+from qvi_contact.bracket.friction_ends import no_friction_operator
 from qvi_contact.bracket.friction_norm import computed_norm, friction_norm, rectangle_constant, rectangle_norm
 from qvi_contact.bracket.slip import slip_bounds
 from qvi_contact.companion import solve_companions
@@ -16,6 +17,7 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.refinement.doerfler import bulk
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import stress_in_cells
+from tests.qvi_contact.bracket.slipping import half_disc, sheared_layer
 
 PLATE = {"plate": 1}
 
@@ -339,3 +341,72 @@ class TestForces:
             found = solve(posed, degree=4).bracket.slip
             bounds = found.forces["base.normal_force"]
             assert bounds == pytest.approx((force, force), rel=1e-9)
+
+
+class TestOtherBodies:
+    """Bodies without a proved norm: estimated bounds, and none where there is no friction operator."""
+
+    @pytest.mark.parametrize(
+        ("problem", "forces"),
+        [
+            (half_disc(0.1, (4e-3, -2e-3)), ["normal_force", "tangential_force"]),
+            (half_disc(0.3, (6e-3, -2e-3)), ["normal_force", "tangential_force"]),
+            (sheared_layer(), ["normal_force", "tangential_force"]),
+        ],
+    )
+    def test_forces_of_a_finer_mesh_are_inside(self, problem, forces):
+        found = solve(problem, degree=4).bracket.slip
+        assert found.kind == "estimated"
+        assert "computed by finite elements" in found.message
+        fine = solve(replace(problem, mesh=uniformly(problem.mesh, 1)), degree=5).contacts["base"]
+        for name in forces:
+            bounds = found.forces[f"base.{name}"]
+            assert bounds.lower < getattr(fine, name) < bounds.upper
+
+    @pytest.mark.parametrize(("friction", "kind"), [(0.3, "guaranteed"), (1.0, "estimated")])
+    def test_ssnv128(self, friction, kind):
+        """Balance gives the normal force; with μ = 1 the plate opens, slips and sticks."""
+        found = solve(ssnv128((4, 4), friction=friction).triangulated(), degree=4).bracket.slip
+        assert found.kind == kind
+        assert found.relative_error < 0.05
+        force = found.forces["base.normal_force"]
+        assert force.lower <= 2.0e6 <= force.upper
+        assert "base.tangential_force" not in found.forces  # friction of the end that symmetry holds has no bound
+
+    def test_a_body_that_only_friction_holds(self):
+        """It can slip without strain: nothing bounds the error."""
+        problem = half_disc(0.3, held=False)
+        assert friction_norm(problem, {"base": 1}).value == np.inf
+        assert "without straining" in friction_norm(problem, {"base": 1}).reason
+
+    @pytest.mark.parametrize("change", ["kink", "held end"])
+    def test_no_friction_operator(self, change):
+        layer = sheared_layer()
+        if change == "held end":
+            conditions = [
+                *layer.conditions[:2],
+                Displacement("left", y=0.0),
+                Traction("left", x=0.0),
+                layer.conditions[3],
+            ]
+            layer = replace(layer, conditions=conditions)
+        else:
+            x, y = layer.mesh.vertices.T
+            bent = np.column_stack([x, y - 0.1 * (1.0 - y) * np.minimum(x, 4.0 - x)])
+            layer = replace(layer, mesh=replace(layer.mesh, vertices=bent))
+        assert "straight contacts" in no_friction_operator(layer, {"base": -1})
+        assert not no_friction_operator(sheared_layer(), {"base": -1})
+
+    def test_the_norm_settles(self):
+        """Finite elements on finer meshes change the norm little."""
+        problem = sheared_layer(1.0)
+        coarse = computed_norm(problem, {"base": 1})
+        assert computed_norm(replace(problem, mesh=uniformly(problem.mesh, 1)), {"base": 1}) == pytest.approx(
+            coarse, rel=0.03
+        )
+
+
+def uniformly(mesh, times):
+    for _ in range(2 * times):
+        mesh = mesh.refined(np.ones(mesh.cell_count, dtype=bool))
+    return mesh

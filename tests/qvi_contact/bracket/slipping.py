@@ -1,0 +1,32 @@
+"""Bodies whose contacts slip in one sense: a half disc, a sheared layer."""
+
+import numpy as np
+
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction
+from qvi_contact.mesh.triangles import TriangleMesh
+
+
+def half_disc(friction=0.3, push=(2e-3, -2e-3), held=True):
+    """A half disc of radius 1 as a polygon, its flat side on a rough plane in full contact, its crown displaced."""
+    angle = np.linspace(0.0, np.pi, 13)
+    rim = np.column_stack([np.cos(angle), np.sin(angle)])
+    vertices = np.vstack([[0.0, 0.0], rim])
+    cells = np.column_stack([np.zeros(12, dtype=int), np.arange(1, 13), np.arange(2, 14)])
+    mesh = TriangleMesh(vertices, cells)
+    mesh = mesh.with_edges("base", lambda _, y: y < 1e-9).with_edges("crown", lambda _, y: y > 0.9)
+    mesh = mesh.with_edges("flank", lambda _, y: (y >= 1e-9) & (y <= 0.9))
+    crown = Displacement("crown", x=push[0], y=push[1]) if held else Traction("crown", x=1.0, y=-10.0)
+    conditions = [Contact("base", friction, name="base"), crown, Traction("flank", x=0.0, y=0.0)]
+    return ContactProblem(mesh, Material(1000.0, 0.3, "strain"), conditions)
+
+
+def sheared_layer(friction=0.2, drag=5e-3):
+    """A layer 4 × 1 pressed on rough ground by its top, which moves to the side; its ends are free."""
+    mesh = TriangleMesh.rectangle((4, 1), 4.0, 1.0)
+    conditions = [
+        Contact("bottom", friction, name="base"),
+        Displacement("top", x=drag, y=-2e-3),
+        Traction("left", x=0.0, y=0.0),
+        Traction("right", x=0.0, y=0.0),
+    ]
+    return ContactProblem(mesh, Material(1000.0, 0.2), conditions)
