@@ -1,4 +1,4 @@
-"""The norm s of the friction operator S: proved on rectangles, else computed by finite elements.
+"""The norm s of the friction operator S: proved on rectangles and star-shaped bodies, else by finite elements.
 
 S takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
 (Sv)_N = σμ v_T, σ the sense of slip, and (Sv)_T = 0. On the others it has no normal part, and no tangential part where
@@ -16,6 +16,7 @@ from scipy.linalg import eigh
 
 from qvi_contact.bracket import slip_constants
 from qvi_contact.bracket.given import bears_shear, has_coulomb
+from qvi_contact.bracket.star_norm import star_norm
 from qvi_contact.companion.at_rest import BodyAtRest
 from qvi_contact.problem.conditions import Contact, Displacement
 from qvi_contact.problem.problem import ContactProblem
@@ -48,10 +49,13 @@ class FrictionNorm:
 
 
 def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm:
-    """A proved norm where there is one below 2, else that of finite elements."""
-    proved = rectangle_norm(problem, senses)
-    if proved is not None and proved.value < slip_constants.LARGEST:
-        return proved
+    """The least proved norm where there is one below 2, else that of finite elements."""
+    known = {"rectangle": rectangle_norm(problem, senses), "star-shaped body": star_norm(problem, senses)}
+    proved = {value: kind for kind, value in known.items() if value is not None and value < slip_constants.LARGEST}
+    if proved:
+        least = min(proved)
+        reason = f"The norm of the friction operator is at most {least:.4g} on this {proved[least]}."
+        return FrictionNorm(least, True, reason)
     value = computed_norm(problem, senses)
     found = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
     if value == np.inf:
@@ -104,7 +108,7 @@ def _is_tied(contact: Contact) -> bool:
     return contact.law == "tied"
 
 
-def rectangle_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm | None:
+def rectangle_norm(problem: ContactProblem, senses: Mapping[str, int]) -> float | None:
     """The norm of Sv = η v_a e_b on a rectangle with its contacts across the axis b; None for problems of another kind.
 
     The body is a rectangle of one material, its contacts with Coulomb friction lie on one side or on two opposite ones,
@@ -129,8 +133,7 @@ def rectangle_norm(problem: ContactProblem, senses: Mapping[str, int]) -> Fricti
     steep, half = abs(high - low) / size[b], size[b] if any(mirrors[b]) else size[b] / 2.0
     inf_sup = np.sin(0.5 * np.arctan2(*np.sort([size[a], half])))
     ratio = -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
-    value = rectangle_constant(ratio, float(inf_sup), max(abs(low), abs(high)), steep * 2.0 * size[a] / np.pi)
-    return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g} on this rectangle.")
+    return rectangle_constant(ratio, float(inf_sup), max(abs(low), abs(high)), steep * 2.0 * size[a] / np.pi)
 
 
 def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float) -> float:

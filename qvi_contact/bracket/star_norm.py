@@ -1,0 +1,184 @@
+"""The norm s of the friction operator on a star-shaped body: Sv = η v_t n for straight, parallel contacts.
+
+In `docs/theory.md`: (D32).
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from scipy import sparse
+from scipy.optimize import minimize
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.bracket.given import bears_shear, has_coulomb
+from qvi_contact.companion.cells import cell_for
+from qvi_contact.companion.space import Space
+from qvi_contact.companion.supports import PARALLEL
+from qvi_contact.problem.conditions import Displacement
+from qvi_contact.problem.problem import ContactProblem
+
+_ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
+_ROUNDED: Final = 1.0 + 1e-6  # over the maximum at so many angles
+_DEGREE: Final = 2  # of the field that shows how supports hold the mean rotation
+
+
+def star_norm(problem: ContactProblem, senses: Mapping[str, int]) -> float | None:
+    """A number s ≥ |S|, or None where the body or its contacts are of another kind.
+
+    The body has one material, no holes, and is star-shaped with respect to a disc. All contacts with Coulomb friction
+    are parallel, with the same η = σμ across. Elsewhere nothing is demanded of displacements along n where v_t ≠ 0.
+    """
+    boundary = problem.mesh.boundary
+    weight, sides = _weights(problem, senses), _held(problem)
+    chosen = np.flatnonzero(weight != 0.0)
+    normal = boundary.normal[chosen[0]]
+    slopes = weight[chosen] * (boundary.normal[chosen] @ normal)
+    parallel = np.abs(boundary.normal[chosen] @ boundary.tangent[chosen[0]]).max() <= PARALLEL
+    same = np.ptp(slopes) <= PARALLEL * np.abs(slopes).max()
+    if not (parallel and same and _leaves_free(problem, sides, weight, normal)):
+        return None
+    if len(np.unique(problem.compliances.reshape(-1, 9), axis=0)) > 1:
+        return None
+    inf_sup = _inf_sup(problem)
+    gain = None if inf_sup is None else _gain(problem, sides, inf_sup)
+    if gain is None:
+        return None
+    ratio = -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
+    return float(np.abs(slopes).max()) * star_constant(ratio, gain)
+
+
+def star_constant(ratio: float, gain: float) -> float:
+    """The norm of v ↦ v_t n in the energy norm: a number it does not exceed.
+
+    Parameters
+    ----------
+    ratio : float
+        Poisson's ratio of the plane state, −c12/c11.
+    gain : float
+        G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω, zero where displacements are free, for the rotation ω of
+        every displacement.
+
+    """
+    soft = 1.0 - ratio
+    across, along = np.cos(_ANGLES), np.sqrt(soft / 2.0) * np.sin(_ANGLES)
+    rotation = np.sqrt((gain - 0.5) / min(soft, 1.0 + ratio))
+    strains = np.sqrt(across**2 / (2.0 * soft) + along**2 / (1.0 - ratio**2))
+    return float((across * rotation + strains).max() * _ROUNDED)
+
+
+def _weights(problem: ContactProblem, senses: Mapping[str, int]) -> FloatArray:
+    """The number σμ of each boundary edge (e,); 0 without Coulomb friction."""
+    found = np.zeros(len(problem.mesh.boundary))
+    for contact in problem.contacts:
+        if has_coulomb(contact):
+            assert not callable(contact.friction)
+            found[problem.mesh.edge_set(contact.edges)] = senses[contact.name] * contact.friction
+    return found
+
+
+def _held(problem: ContactProblem) -> list[list[FloatArray]]:
+    """Directions in which each boundary edge holds displacements."""
+    found: list[list[FloatArray]] = [[] for _ in range(len(problem.mesh.boundary))]
+    for given in problem.prescribed(Displacement):
+        for edge, direction in zip(given.index.tolist(), given.direction, strict=True):
+            found[edge].append(direction)
+    for contact in problem.contacts:
+        if contact.law == "tied":
+            for edge in problem.mesh.edge_set(contact.edges).tolist():
+                found[edge] += list(np.eye(2))
+    return found
+
+
+def _leaves_free(
+    problem: ContactProblem, sides: list[list[FloatArray]], weight: FloatArray, normal: FloatArray
+) -> bool:
+    """Whether η v_t n meets what supports and other contacts demand: no part along n but where v_t = 0."""
+    boundary, tangent = problem.mesh.boundary, np.array([-normal[1], normal[0]])
+    for directions in sides:
+        held = np.array(directions).reshape(-1, 2)
+        holds_along = len(held) and np.abs(_projected(held, tangent) - tangent).max() <= PARALLEL
+        if not holds_along and (np.abs(held @ normal) > PARALLEL).any():
+            return False
+    for contact in problem.contacts:
+        index = problem.mesh.edge_set(contact.edges)
+        if contact.law == "tied" or weight[index].any():
+            continue
+        if bears_shear(contact) or np.abs(boundary.normal[index] @ normal).max() > PARALLEL:
+            return False
+    return True
+
+
+def _projected(directions: FloatArray, vector: FloatArray) -> FloatArray:
+    """The part of a vector in the span of directions (k, 2)."""
+    return np.asarray(np.linalg.lstsq(directions.T, vector, rcond=PARALLEL)[0] @ directions)
+
+
+def _inf_sup(problem: ContactProblem) -> float | None:
+    """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R that of the farthest vertex."""
+    mesh = problem.mesh
+    corners, boundary = mesh.vertices[np.unique(mesh.cells)], mesh.boundary
+    if mesh.hole_edges.any():
+        return None
+
+    def negative(centre: FloatArray) -> float:
+        inside = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
+        return -float(inside / np.linalg.norm(corners - centre, axis=1).max())
+
+    found = minimize(negative, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
+    best = -negative(np.asarray(found.x))
+    return float(np.sin(0.5 * np.arcsin(best))) if best > 0.0 else None
+
+
+def _gain(problem: ContactProblem, sides: list[list[FloatArray]], inf_sup: float) -> float | None:
+    """G of `star_constant`: by a field of mean divergence 1 where supports are, and β for what is left."""
+    space = Space.of(problem, cell_for(problem.mesh, _DEGREE), problem.mesh.length)
+    free = _free(problem, sides, space)
+    laplace, squared, mean, area = _forms(space)
+    matrix, right = laplace + squared / inf_sup**2, mean / inf_sup**2
+    if not np.abs(right[free]).max(initial=0.0) > 0.0:
+        return None
+    field = np.zeros(space.size)
+    field[free] = sparse.linalg.spsolve(sparse.csc_array(matrix[free][:, free]), right[free])
+    flux = float(mean @ field)
+    if not flux > 1e-9 * area:
+        return None
+    field *= area / flux
+    size = np.sqrt(max(float(field @ (laplace @ field)), 0.0) / area)
+    left = np.sqrt(max(float(field @ (squared @ field)) / area - 1.0, 0.0))
+    return float((size + left / inf_sup) ** 2 + inf_sup**-2)
+
+
+def _free(problem: ContactProblem, sides: list[list[FloatArray]], space: Space) -> BoolArray:
+    """Degrees of freedom of the field: components that are not zero on edges that leave displacements free."""
+    numbers = space.along(problem.mesh.boundary)
+    free = np.ones((space.size // 2, 2), dtype=bool)
+    for edge, directions in enumerate(sides):
+        held = np.array(directions).reshape(-1, 2)
+        for axis, unit in enumerate(np.eye(2)):
+            if not len(held) or np.abs(_projected(held, unit) - unit).max() > PARALLEL:
+                free[numbers[edge], axis] = False
+    return free.ravel()
+
+
+def _forms(space: Space) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray, float]:
+    """Matrices of ‖∇ψ‖² and ‖div ψ‖², the vector of ∫ div ψ, and the area."""
+    cell = space.cell
+    t, weights = cell.quadrature(space.degree + 1)
+    along = np.stack([cell.derivative_values(axis, t) @ cell.differences[axis] for axis in (0, 1)])
+    slopes = np.einsum("cab,aqn->cqnb", space.slopes, along)
+    w = space.areas[:, None] * weights
+    dofs = (2 * space.table[:, :, None] + np.arange(2)).reshape(len(space.table), -1)
+    divergence = slopes.reshape(*slopes.shape[:2], -1)
+    local = np.einsum("cq,cqnb,cqmb->cnm", w, slopes, slopes)
+    both = np.einsum("cnm,xy->cnxmy", local, np.eye(2)).reshape(len(dofs), dofs.shape[1], -1)
+    square = np.einsum("cq,cqi,cqj->cij", w, divergence, divergence)
+    works = np.einsum("cq,cqi->ci", w, divergence).ravel()
+    mean = np.asarray(np.bincount(dofs.ravel(), works, minlength=space.size), dtype=np.float64)
+    return _assembled(dofs, both, space.size), _assembled(dofs, square, space.size), mean, float(w.sum())
+
+
+def _assembled(dofs: IntArray, local: FloatArray, size: int) -> sparse.csr_array:
+    rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
+    found = sparse.coo_array((local.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+    return sparse.csr_array(found.tocsr())
