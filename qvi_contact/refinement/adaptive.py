@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, overload
+from typing import Any, TypeAlias, overload
 
 import numpy as np
 
@@ -31,6 +31,9 @@ _COLUMNS = {
     "seconds": ">9.2f",
 }  # fmt: skip
 
+RoundCallback: TypeAlias = Callable[[RefinementRound], object]
+"""Called with the record of a round."""
+
 
 @overload
 def refine(
@@ -44,7 +47,7 @@ def refine(
     thinnest: float | None = None,
     time_limit: float | None = None,
     guaranteed: bool = False,
-    callback: Callable[[RefinementRound], object] | None = None,
+    callback: RoundCallback | None = None,
     verbose: bool = False,
     **options: Any,
 ) -> Refinement: ...
@@ -62,7 +65,7 @@ def refine(
     thinnest: float | None = None,
     time_limit: float | None = None,
     guaranteed: bool = False,
-    callback: Callable[[RefinementRound], object] | None = None,
+    callback: RoundCallback | None = None,
     verbose: bool = False,
     **options: Any,
 ) -> LimitRefinement: ...
@@ -79,7 +82,7 @@ def refine(
     thinnest: float | None = None,
     time_limit: float | None = None,
     guaranteed: bool = False,
-    callback: Callable[[RefinementRound], object] | None = None,
+    callback: RoundCallback | None = None,
     verbose: bool = False,
     **options: Any,  # checked by solve
 ) -> Refinement | LimitRefinement:
@@ -217,7 +220,7 @@ def _refined_for(
 class _Told:
     """Who hears of a round: the narration, and the caller."""
 
-    def __init__(self, story: Narration, callback: Callable[[RefinementRound], object] | None) -> None:
+    def __init__(self, story: Narration, callback: RoundCallback | None) -> None:
         self._story, self._callback, self._count = story, callback, 0
 
     def __call__(self, record: RefinementRound) -> None:
@@ -255,7 +258,7 @@ def _refined(
     problem: ContactProblem,
     result: ContactResult | None,
     measure: Measure,
-    callback: Callable[[RefinementRound], object] | None,
+    callback: RoundCallback | None,
 ) -> Refinement:
     """The refinement for a quantity of results."""
     ended = Loop(strategy, callback).run(problem, result)
@@ -282,7 +285,7 @@ def _limit_refined(
     result: ContactResult | None,
     quantity: LimitFactor,
     settings: Settings,
-    callback: Callable[[RefinementRound], object] | None,
+    callback: RoundCallback | None,
 ) -> LimitRefinement:
     """The refinement for a limit load."""
     strategy = limit_strategy(problem, settings, checked_loads(problem, quantity.loads))
