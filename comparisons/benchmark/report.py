@@ -9,8 +9,7 @@ from comparisons.benchmark.measures import values_of
 from comparisons.benchmark.reference import CONVERGED_FRICTION, MEANINGLESS, SETTLED
 from comparisons.benchmark.tables import tables_of
 from comparisons.lab.report import Document as Report
-from comparisons.lab.report import render
-from comparisons.lab.report.drawing import drawn
+from comparisons.lab.report import drawn, render
 from comparisons.lab.report.numbers import NOTHING, memory, significant
 from comparisons.lab.tables import Grid
 

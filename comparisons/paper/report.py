@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from comparisons.lab.report import Document, findings_of, render, write_report
-from comparisons.lab.report.drawing import drawn
+from comparisons.lab.report import Document, drawn, findings_of, render, write_report
 from comparisons.lab.report.numbers import scientific, seconds
 from comparisons.lab.tables import Grid, grid_of
 from comparisons.paper import figures

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from comparisons.lab.report.drawing import drawn
+from comparisons.lab.report import drawn
 from comparisons.peers.measures import Reference, by_friction, slug
 from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED
 from qvi_contact.plots import GREY

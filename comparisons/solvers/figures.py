@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from comparisons.lab.report.drawing import drawn
+from comparisons.lab.report import drawn
 from comparisons.solvers.accuracies import LEVELS
 from comparisons.solvers.measures import (
     Run,

@@ -6,8 +6,7 @@ from functools import partial
 from typing import Any, Final
 
 from comparisons.lab.report import Document as Report
-from comparisons.lab.report import render
-from comparisons.lab.report.drawing import drawn
+from comparisons.lab.report import drawn, render
 from comparisons.lab.report.marks import escaped
 from comparisons.verification import exact_states, manufactured, strict
 from comparisons.verification.figures import overview

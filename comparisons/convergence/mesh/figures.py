@@ -14,7 +14,7 @@ from comparisons.convergence.mesh.overview import NAMES, SHOWN, Overview, ends_o
 from comparisons.convergence.mesh.problems import Problem
 from comparisons.convergence.mesh.study import APART, COMPANION, GOAL, GRADED, UNIFORM
 from comparisons.convergence.mesh.tractions import Field, Tractions
-from comparisons.lab.report.drawing import drawn
+from comparisons.lab.report import drawn
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.plots.style import (
     BLUE,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN, TOLERANCE
 from comparisons.convergence.outer.measures import NAMES, main_bodies, mesh_groups, single
-from comparisons.lab.report.drawing import drawn
+from comparisons.lab.report import drawn
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE, SKY, new_figure
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from comparisons.convergence.uzawa.measures import SOON, of, searches_of
 from comparisons.convergence.uzawa.methods import METHODS
-from comparisons.lab.report.drawing import drawn
+from comparisons.lab.report import drawn
 from comparisons.lab.report.numbers import scientific
 from comparisons.paper.reference import load
 from qvi_contact.basics.checks import FloatArray

@@ -10,9 +10,10 @@ The same rows give the same bytes. Formats of numbers are in `report.numbers`;
 """
 
 from comparisons.lab.report.document import Document, fill, render
+from comparisons.lab.report.drawing import drawn
 from comparisons.lab.report.environment import environment_grids
 from comparisons.lab.report.files import write_report
 from comparisons.lab.report.reader import findings_of
 from comparisons.lab.report.terminal import show
 
-__all__ = ["Document", "environment_grids", "fill", "findings_of", "render", "show", "write_report"]
+__all__ = ["Document", "drawn", "environment_grids", "fill", "findings_of", "render", "show", "write_report"]
