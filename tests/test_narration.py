@@ -2,10 +2,13 @@
 
 import dataclasses
 import inspect
+import json
 import logging
+import re
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import qvi_contact
 from qvi_contact import (
@@ -19,6 +22,7 @@ from qvi_contact import (
     solve_history,
 )
 from qvi_contact.bracket import bracket
+from qvi_contact.cli import group
 from qvi_contact.gallery import compressed_plate
 from solvers import Status, solve_qvi
 from solvers.basics.narration import ITERATIONS, narrated
@@ -61,6 +65,42 @@ def test_every_method_counts_and_calls_back(method, capsys):
     assert (stopped.solution.iterations, stopped.status) == (1, Status.MAX_ITERATIONS)
     with pytest.raises(InputError, match="max_iterations"):
         solve(PLATE, method=method, max_iterations=0)
+
+
+def solutions(found):
+    """Of the stress of a bracket, and of its two displacements."""
+    return [each.solution for each in (found.result, found.companion, found.own)]
+
+
+def test_a_bracket_counts_and_calls_back(capsys):
+    """The plate's stress violates the law between its points: it is solved for again, then displacements are, twice."""
+    result = solve(PLATE, contact_rows="gauss")
+    called = []
+    found = bracket(result, callback=called.append, verbose=True)
+    expected = [number for each in solutions(found) for number in range(1, each.iterations + 1)]
+    assert [entry.number for entry in called] == expected
+    assert numbers(capsys.readouterr().out) == expected
+    stopped = solutions(bracket(result, max_iterations=1))
+    assert [(each.iterations, each.status) for each in stopped] == 3 * [(1, Status.MAX_ITERATIONS)]
+    with pytest.raises(InputError, match="max_iterations"):
+        bracket(result, max_iterations=0)
+
+
+@pytest.mark.parametrize(
+    ("words", "titles"),
+    [
+        (["solve", DRAGGED], ["solve"]),
+        (["bracket", DRAGGED], ["solve", "bracket"]),
+        (["refine", DRAGGED, "--max-rounds", "1"], ["refine"]),
+        (["limit", DRAGGED, "--load", "drag"], ["limit_load_factor"]),
+    ],
+    ids=lambda words: "-".join(map(str, words[:1])),
+)
+def test_commands_speak_on_standard_error(words, titles):
+    """What is printed on standard output stays one JSON document."""
+    loud = CliRunner().invoke(group, [*map(str, words), "--element", "bfs", "--json", "--verbose"])
+    json.loads(loud.stdout)
+    assert re.findall(rf"qvi_contact {re.escape(qvi_contact.__version__)}: (\w+)\n", loud.stderr) == titles
 
 
 def test_nothing_is_printed_unless_asked_for(capsys):

@@ -1,7 +1,7 @@
 """A stress that obeys the contact law on whole edges."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -40,10 +40,10 @@ class AdmissibleStress:
     message: str = ""
 
 
-def admissible_stress(given: GivenProblem, result: ContactResult, tolerance: float) -> AdmissibleStress:
+def admissible_stress(given: GivenProblem, result: ContactResult, tolerance: float, **options: Any) -> AdmissibleStress:
     """The stress of the result where it is admissible for the given problem up to the tolerance, else the best that is.
 
-    The tolerance is relative to the largest contact traction.
+    The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`.
     """
     excess, pull, size = _violations(given, result)
     if max(excess.max(initial=0.0), pull.max(initial=0.0)) <= tolerance * size:
@@ -52,7 +52,7 @@ def admissible_stress(given: GivenProblem, result: ContactResult, tolerance: flo
         qvi = given.qvi
     except InputError as error:
         return AdmissibleStress(result, excess, pull, False, f"No strictly admissible stress can be sought: {error}")
-    solution = solve_qvi(qvi, tolerance=tolerance)
+    solution = solve_qvi(qvi, tolerance=tolerance, **options)
     strict = ContactResult(given.discretization, solution)
     if not strict.has_state:
         return AdmissibleStress(result, excess, pull, False, _why_not(solution.status, solution.message))

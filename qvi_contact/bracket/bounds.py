@@ -6,8 +6,9 @@ In `docs/theory.md`: (D19), (D20).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from qvi_contact.solution.followed import allowed_misfit
 from qvi_contact.solution.on_arcs import rest_on_arcs
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
+from solvers import Iteration
 from solvers.basics.narration import narrated
 from solvers.basics.watch import watched
 
@@ -45,6 +47,8 @@ def bracket(
     tolerance: float = 1e-8,
     *,
     time_limit: float | None = None,
+    max_iterations: int | None = None,
+    callback: Callable[[Iteration], object] | None = None,
     verbose: bool = False,
 ) -> Bracket:
     """Bounds of the energy of the problem that a result belongs to, and an error indicator for each cell.
@@ -77,6 +81,8 @@ def bracket(
         stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
     time_limit : float, optional
         Seconds for the two solves together; a bound that is not found in time is infinite.
+    max_iterations, callback
+        Iterations of each solve at most, and who is called with each iteration, as for `solve`.
     verbose : bool
         Print a header, a line for each iteration of the solves, and a footer with what is bounded and the time.
 
@@ -88,7 +94,7 @@ def bracket(
     Raises
     ------
     InputError
-        If there is no stress state, `degree` or `tolerance` is wrong, the result belongs to a step of a history, or a
+        If there is no stress state, an argument is wrong, the result belongs to a step of a history, or a
         fluid presses in a contact.
 
     Notes
@@ -108,17 +114,19 @@ def bracket(
     given = given_problem(result)
     if degree is None:
         degree = kind_of(given.discretization.problem.mesh).beside(given.discretization.space.degree)
+    options: dict[str, Any] = {"callback": callback}
+    if max_iterations is not None:
+        options["max_iterations"] = max_iterations
     with watched(time_limit), narrated(f"qvi_contact {__version__}: bracket", verbose) as story:
         story.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
-        stress = admissible_stress(given, result, tolerance)
+        stress = admissible_stress(given, result, tolerance, **options)
         slipping = given.kind is BracketKind.GIVEN_BOUND
         laws = [given.bounds, None] if slipping else [given.bounds]
         rough = given.kind is not BracketKind.PROBLEM
-        one_way = stress_under_slip(result, tolerance) if rough else None
+        one_way = stress_under_slip(result, tolerance, **options) if rough else None
         senses = one_way.senses if isinstance(one_way, SlippingStress) else {}
-        companions = solve_companions(
-            given.discretization.problem, laws, degree=degree, tolerance=tolerance, senses=senses
-        )
+        problem = given.discretization.problem
+        companions = solve_companions(problem, laws, degree=degree, tolerance=tolerance, senses=senses, **options)
         found = _assemble(given, stress, companions[0])
         if one_way is not None:
             found = _with_slip(found, one_way, found.reasons[len(given.reasons) :])

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -62,15 +62,18 @@ def outside_scope(discretization: Discretization) -> str:
     return ""
 
 
-def stress_under_slip(result: ContactResult, tolerance: float) -> SlippingStress | str:
-    """The stress of a result with Coulomb friction, with its senses, or why its errors have no bounds."""
+def stress_under_slip(result: ContactResult, tolerance: float, **options: Any) -> SlippingStress | str:
+    """The stress of a result with Coulomb friction, with its senses, or why its errors have no bounds.
+
+    Options are those of `solve_qvi`, where the law between points has to be found first.
+    """
     reason = outside_scope(result.discretization)
     if reason:
         return reason
     known = result.discretization
     if known.space.contact_rule.kind != known.space.strict_rows:
         strict = posed_strictly(known, known.problem)
-        solution = solve_qvi(strict.qvi, tolerance=tolerance)
+        solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)
         result = ContactResult(strict, solution)
         if not result.has_state:
             return f"No stress that obeys the contact law on whole edges was found: {solution.message}"

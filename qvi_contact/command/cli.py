@@ -67,6 +67,7 @@ _ROWS = click.option(
     type=click.Choice(["bernstein", "gauss"]),
     help="On triangles: the law on whole edges, or at Gauss points.  [default: bernstein; gauss if friction varies]",
 )
+_VERBOSE = click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error.")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 
 _PLOT = click.option("--plot", metavar="PICTURE", help="Draw the result: a file name that ends in .png, .svg or .pdf.")
@@ -112,6 +113,7 @@ def group() -> None:
 )
 @click.option("--tolerance", type=float, help="Accuracy that the certificate must confirm.  [default: 1e-8]")
 @_TIME_LIMIT
+@_VERBOSE
 @_JSON
 @_PLOT
 @_VTK
@@ -133,6 +135,7 @@ def solve(
     threads: int | None,
     tolerance: float | None,
     time_limit: float | None,
+    verbose: bool,
     as_json: bool,
     plot: str | None,
     vtk: str | None,
@@ -182,7 +185,7 @@ def solve(
     }  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options = _options(problem_file, _given(**given))
-        series, steps = solved_series(problem_file, plan_of(problem_file, swept), options)
+        series, steps = solved_series(problem_file, plan_of(problem_file, swept), options, verbose)
         checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, series, steps, checked) if as_json or save_json else {}
         page = _page(file, problem_file, steps, options, series=series)
@@ -288,6 +291,7 @@ def check(
     "--tolerance", type=float, default=1e-8, show_default=True, help="Tolerance of both solves, at most 1e-6."
 )
 @_TIME_LIMIT
+@_VERBOSE
 @_JSON
 @click.option("--plot", metavar="PICTURE", help="Draw the duality gap over the body: .png, .svg or .pdf.")
 @click.option("--vtk", metavar="VTU", help="Write the displacements for ParaView (.vtu).")
@@ -297,6 +301,7 @@ def bracket(
     degree: int | None,
     tolerance: float,
     time_limit: float | None,
+    verbose: bool,
     as_json: bool,
     plot: str | None,
     vtk: str | None,
@@ -335,9 +340,9 @@ def bracket(
     _refuse_history(problem_file, "a bracket")
     with problem_file.named_errors(), np.errstate(all="ignore"):
         options = _options(problem_file, _given(element=element, tolerance=tolerance, time_limit=time_limit))
-        with solving(problem_file.title or "bracket"), watched(options.pop("time_limit", None)):
-            result = solve_one(problem_file.problem, **options)
-            found = bracketed(result, degree, tolerance) if result.has_state else None
+        with solving(problem_file.title or "bracket", verbose=verbose), watched(options.pop("time_limit", None)):
+            result = solve_one(problem_file.problem, **options, verbose=verbose)
+            found = bracketed(result, degree, tolerance, verbose=verbose) if result.has_state else None
         _write_bracket(problem_file, found, targets)
     _show_bracket(problem_file, result, found, as_json)
     return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
@@ -360,6 +365,7 @@ def bracket(
 @_INNER
 @click.option("--tolerance", type=float, help="Accuracy that certificates must confirm.  [default: 1e-8]")
 @_TIME_LIMIT
+@_VERBOSE
 @_JSON
 @_PLOT
 @_VTK
@@ -379,6 +385,7 @@ def refine(
     inner: str | None,
     tolerance: float | None,
     time_limit: float | None,
+    verbose: bool,
     as_json: bool,
     plot: str | None,
     vtk: str | None,
@@ -425,7 +432,7 @@ def refine(
     asked = _given(target=target, quantity=quantity, max_unknowns=max_unknowns, max_rounds=max_rounds)
     with problem_file.named_errors(), np.errstate(all="ignore"):
         options = _options(problem_file, given)
-        found = refined(problem_file, {**problem_file.refine_options, **asked}, options)
+        found = refined(problem_file, {**problem_file.refine_options, **asked}, options, verbose=verbose)
         document = _refinement_document(problem_file, found)
         page = _page(file, problem_file, (found.result,), options, found)
         complete = _write(problem_file, None, found.result, targets, document, page)
@@ -453,6 +460,7 @@ def refine(
 @_DEGREE
 @_ROWS
 @_TIME_LIMIT
+@_VERBOSE
 @_JSON
 def limit(
     file: str,
@@ -462,6 +470,7 @@ def limit(
     degree: int | None,
     contact_rows: str | None,
     time_limit: float | None,
+    verbose: bool,
     as_json: bool,
 ) -> int:
     """Bounds of the largest multiple of the named loads that the contacts can carry. The other loads are fixed.
@@ -484,9 +493,10 @@ def limit(
     from qvi_contact.files.problem_file import load_problem
 
     problem_file = load_problem(file)
-    with problem_file.named_errors(), solving(problem_file.title or "limit"):
+    with problem_file.named_errors(), solving(problem_file.title or "limit", verbose=verbose):
         space = problem_file.element | _given(element=element, degree=degree, contact_rows=contact_rows)
-        found, refinement = computed(problem_file.problem, loads, target, time_limit, **space)
+        told = {"time_limit": time_limit, "verbose": verbose}
+        found, refinement = computed(problem_file.problem, loads, target, **space, **told)
     if as_json:
         click.echo(_json({"loads": list(loads), **document(found, refinement)}))
     else:

@@ -10,12 +10,15 @@ from qvi_contact.solution.limit import LimitLoad, limit_load_factor
 
 
 def computed(
-    problem: ContactProblem, loads: Sequence[str], target: float | None, time_limit: float | None, **space: Any
+    problem: ContactProblem, loads: Sequence[str], target: float | None, **options: Any
 ) -> tuple[LimitLoad, LimitRefinement | None]:
-    """The limit load of the mesh, or of one refined until it is as accurate as the target asks for."""
+    """The limit load of the mesh, or of one refined until it is as accurate as the target asks for.
+
+    Options are those of `limit_load_factor`, which `refine` has too.
+    """
     if target is None:
-        return limit_load_factor(problem, loads=list(loads), time_limit=time_limit, **space), None
-    found = refine(problem, target=target, quantity=LimitFactor(list(loads)), time_limit=time_limit, **space)
+        return limit_load_factor(problem, loads=list(loads), **options), None
+    found = refine(problem, target=target, quantity=LimitFactor(list(loads)), **options)
     return found.limit, found
 
 

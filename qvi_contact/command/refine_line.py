@@ -14,10 +14,14 @@ from qvi_contact.refinement.comparison import coulomb_contacts
 from qvi_contact.refinement.outcome import Outcome
 
 
-def refined(file: ProblemFile, asked: Mapping[str, Any], options: Mapping[str, Any]) -> Refinement:
-    """The problem refined, with a line on standard error that says what the last round has found."""
-    with solving(file.title or "refine") as advance:
-        found: Refinement = refine(file.problem, **asked, **options, callback=lambda done: advance(_so_far(done)))
+def refined(
+    file: ProblemFile, asked: Mapping[str, Any], options: Mapping[str, Any], *, verbose: bool = False
+) -> Refinement:
+    """The problem refined, with a line on standard error that says what the last round has found, or all of them."""
+    with solving(file.title or "refine", verbose=verbose) as advance:
+        found: Refinement = refine(
+            file.problem, **asked, **options, callback=lambda done: advance(_so_far(done)), verbose=verbose
+        )
     return found
 
 

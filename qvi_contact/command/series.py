@@ -57,7 +57,7 @@ class Series:
 
 
 def solved_series(
-    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any]
+    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool
 ) -> tuple[Series | None, tuple[ContactResult, ...]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
     from qvi_contact.command.solve_line import solving
@@ -65,21 +65,27 @@ def solved_series(
     if plan is not None:
         from qvi_contact.solution.sweep import solve_sweep
 
-        with solving(file.title or "sweep", len(plan.values)) as advance:
+        with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
             sweep = solve_sweep(
-                file.problem, plan.parameter, plan.values, plan.of, callback=lambda *_: advance(), **options
+                file.problem,
+                plan.parameter,
+                plan.values,
+                plan.of,
+                callback=lambda *_: advance(),
+                **options,
+                verbose=verbose,
             )
         return Series(plan.parameter, plan.values, sweep), sweep.steps
     if file.times:
         from qvi_contact.solution.history import solve_history
 
-        with solving(file.title or "history", len(file.times)) as advance:
-            history = solve_history(file.problems, callback=lambda *_: advance(), **options)
+        with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
+            history = solve_history(file.problems, callback=lambda *_: advance(), **options, verbose=verbose)
         return Series("t", file.times, history), history.steps
     from qvi_contact.solution.solver import solve
 
-    with solving(file.title or "solve"):
-        return None, (solve(file.problem, **options),)
+    with solving(file.title or "solve", verbose=verbose):
+        return None, (solve(file.problem, **options, verbose=verbose),)
 
 
 def plan_of(file: ProblemFile, given: str | None) -> SweepPlan | None:

@@ -1,7 +1,8 @@
 """What a command says of a solve under way: one line on standard error with method, iteration, residual and time."""
 
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from threading import Lock, Timer
 from typing import TYPE_CHECKING
 
@@ -17,12 +18,18 @@ _PATIENCE = 2.0  # seconds of silence
 
 
 @contextmanager
-def solving(title: str, steps: int = 1) -> Iterator[Advance]:
+def solving(title: str, steps: int = 1, *, verbose: bool = False) -> Iterator[Advance]:
     """Show on standard error how far the solves inside are, once they take two seconds; of several steps with a bar.
+
+    With `verbose` no line is shown, and what the solves inside print goes there too: standard output is for answers.
 
     A line that stays says when one method takes the place of another one. All is silent when that is not a terminal.
     The function yielded reports that a step is done, and may say how far all is: that is shown before the rest.
     """
+    if verbose:
+        with redirect_stdout(sys.stderr):
+            yield lambda _="": None
+        return
     line = _Line(title, steps)
     timer = Timer(_PATIENCE, line.show)
     timer.daemon = True
