@@ -25,7 +25,7 @@ from solvers.pivoting.opinion import another_solution
 
 pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # the study of that element
 
-STRENUOUS = {"gaps": (1, 4), "units": (5,)}
+STRENUOUS = {"gaps": (1, 4), "units": (5,), "everything": (2,), "incompressible": (0,)}
 """Problems of the sample that take seconds each."""
 
 COMMITTED = Path(task.__file__).parents[1] / "reports" / "wild"
