@@ -609,7 +609,7 @@ def _show_refinement(file: "ProblemFile", found: "Refinement") -> None:
     from qvi_contact.command.report import heading_lines, result_lines
 
     told = list(lines(found, file.units))
-    last = [line for line in result_lines(found.result, file.units) if line not in found.message]
+    last = [line for line in result_lines(found.result, file.units) if not line or line not in found.message]
     for line in (*heading_lines(file), *told, *([""] if last else []), *last):
         click.echo(line)
 

@@ -11,7 +11,20 @@ _IN_TOML: Final = (
     ("with_edges()", "[[edges]]"),
     ("with_joint()", "[[joints]]"),
     ("with_region()", "[[regions]]"),
+    (
+        "add a Traction (0 if it is free), Displacement, Symmetry or Contact",
+        "add [[tractions]] (0 if it is free), [[displacements]], [[symmetry]] or [[contacts]]",
+    ),
+    ("is not a Traction;", "is not one of [[tractions]];"),
+    ("by a Displacement or Contact", "by [[displacements]] or [[contacts]]"),
 )  # remedies written for Python
+
+
+def in_toml(remedy: str) -> str:
+    """The remedy in words of a problem file."""
+    for python, toml in _IN_TOML:
+        remedy = remedy.replace(python, toml)
+    return remedy
 
 
 @contextmanager
@@ -22,8 +35,5 @@ def located(path: str, table: Table | None = None) -> Iterator[None]:
     except InputError as error:
         key = error.field.split(".")[-1]
         known = table is not None and key in type(table).model_fields
-        remedy = error.remedy
-        for python, toml in _IN_TOML:
-            remedy = remedy.replace(python, toml)
         value = Missing() if error.value is None else error.value
-        raise InputError(f"{path}.{key}" if known else path, value, remedy) from error
+        raise InputError(f"{path}.{key}" if known else path, value, in_toml(error.remedy)) from error

@@ -14,6 +14,7 @@ import numpy as np
 
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
+from qvi_contact.files.located import in_toml
 from qvi_contact.files.problem_builder import Reader, file_path
 from qvi_contact.files.problem_document import Document, TimeRange, parse
 from qvi_contact.files.problem_size import LARGEST, check_length
@@ -95,10 +96,10 @@ class ProblemFile:
         try:
             yield
         except InputError as error:
-            path = file_path(self._document, error)
-            if path == error.field:
+            path, remedy = file_path(self._document, error), in_toml(error.remedy)
+            if (path, remedy) == (error.field, error.remedy):
                 raise
-            raise InputError(path, error.value, error.remedy) from error
+            raise InputError(path, error.value, remedy) from error
 
 
 def load_problem(path: str | Path) -> ProblemFile:

@@ -222,7 +222,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ("[[contacts]]", "[contacts]", "contacts", "double brackets"),
         ('edges = "top"', 'edges = "to"', "contacts[0].edges", "[[edges]]"),
         ('edges = "right"', 'edges = "top"', "contacts[0]", "already has the condition"),
-        ('[[symmetry]]\nedges = "left"', "", "boundary conditions", "has no condition"),
+        ('[[symmetry]]\nedges = "left"', "", "boundary conditions", "add [[tractions]]"),
         ("x = [0.0, 1.0]", "x = [0.0, 0.0]", "mesh.x", "increasing"),
         ("x = [0.0, 1.0]", "x = { stop = 1.0, cells = 2 }", "mesh.x.start", "add this key"),
         ("x = [0.0, 1.0]", "x = { start = 0, stop = 1.0, cells = 2.5 }", "mesh.x.cells", "whole number"),
