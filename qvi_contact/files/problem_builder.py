@@ -90,8 +90,12 @@ class Reader:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of Python's parser, about texts that are refused anyway
             words = set("".join(c if c.isalnum() or c == "_" else " " for c in text).split())
-            constants = {name: value for name, value in self.document.constants.items() if name in words}
-            expression = Expression(text, constants)
+            known = self.document.constants
+            used = {name: value for name, value in known.items() if name in words}
+            try:
+                expression = Expression(text, used)
+            except InputError:
+                expression = Expression(text, known)  # the same error, which names all constants
             if not expression.uses_time:
                 return expression
             if self.t is None:

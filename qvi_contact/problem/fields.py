@@ -133,7 +133,8 @@ class Expression:
                 warnings.simplefilter("ignore", SyntaxWarning)  # such as for 1(x): refused below
                 tree = ast.parse(self.text.strip(), mode="eval")
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            raise InputError("expression", self.text, f"is not an expression in x, y and t ({error})") from error
+            told = getattr(error, "msg", str(error))
+            raise InputError("expression", self.text, f"is not an expression in x, y and t ({told})") from error
         called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
         for node in ast.walk(tree):
             if id(node) not in called:

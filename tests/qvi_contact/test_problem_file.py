@@ -213,6 +213,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ("friction = 0.2", "friction = nan", "contacts[0].friction", "finite"),
         ("friction = 0.2", "friction = 1e300", "contacts[0].friction", "finite"),
         ("friction = 0.2", 'friction = "mu"', "contacts[0].friction", "mu is not a known name"),
+        ("gap = -1e-3", 'gap = "g"\n[constants]\ngrip = 0.1', "contacts[0].gap", "there are x, y, t, pi, grip"),
         ("friction = 0.2", "friction = \"__import__('os')\"", "contacts[0].friction", "not a known function"),
         ("friction = 0.2", "friction = { polynomial = [] }", "contacts[0].friction", "at least one"),
         ("friction = 0.2", 'friction = "t"', "contacts[0].friction", "[history]"),
