@@ -28,6 +28,7 @@ TABLES: dict[str, type[schema.Table]] = {
     "x, y of [mesh], as a piece or a list of pieces": schema.Segment,
     "remove of [mesh], box of [[edges]]": schema.Rectangle,
     "[mesh.refine]": schema.RefineTable,
+    "[[mesh.arcs]]": schema.ArcTable,
     "[mesh.outline]": schema.OutlineTable,
     "[[mesh.outline.corners]], and corners of holes, joints and regions": schema.CornerTable,
     "[[mesh.outline.holes]]": schema.HoleTable,

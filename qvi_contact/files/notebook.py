@@ -6,8 +6,9 @@ from typing import Final
 import numpy as np
 from markupsafe import Markup
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.shown import shown
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.problem import ContactProblem
@@ -96,21 +97,31 @@ def _drawing(mesh: Mesh, names: Sequence[str]) -> Markup:
     width, height = ((upper - lower) * scale + 2.0 * _MARGIN).tolist()
     places = (mesh.vertices - lower) * [scale, -scale] + [_MARGIN, height - _MARGIN]
     inner = mesh.interior if len(mesh.interior) <= _MOST_EDGES else mesh.interior.take(np.empty(0, dtype=np.int64))
-    paths = [Markup('<path d="{}" stroke="#bbb" stroke-width="0.5"/>').format(_path(places, inner.first, inner.second))]
+    paths = [Markup('<path d="{}" stroke="#bbb" stroke-width="0.5"/>').format(_path(places, inner))]
     edges = mesh.boundary
-    paths.append(Markup('<path d="{}" stroke="#444"/>').format(_path(places, edges.first, edges.second)))
+    paths.append(Markup('<path d="{}" stroke="#444"/>').format(_path(places, edges)))
     for number, name in enumerate(names):
         edges = mesh.edges(name)
-        path = _path(places, edges.first, edges.second)
+        path = _path(places, edges)
         paths.append(Markup('<path d="{}" {}><title>{}</title></path>').format(path, _look(number), name))
     size = Markup('width="{:.0f}" height="{:.0f}"').format(width, height)
     frame = Markup('<svg xmlns="http://www.w3.org/2000/svg" role="img" {} fill="none">{}</svg>')
     return frame.format(size, Markup("").join(paths))
 
 
-def _path(places: FloatArray, first: IntArray, second: IntArray) -> str:
-    ends = np.column_stack([places[first], places[second]]).round(1)
-    return "".join(f"M{a:g} {b:g}L{c:g} {d:g}" for a, b, c, d in ends.tolist())
+def _path(places: FloatArray, edges: Edges) -> str:
+    """Edges between places (n, 2) on the page, where y points down, as lines and arcs."""
+    first, second = places[edges.first], places[edges.second]
+    ends = np.column_stack([first, second]).round(1).tolist()
+    if not edges.curved:
+        return "".join(f"M{a:g} {b:g}L{c:g} {d:g}" for a, b, c, d in ends)
+    half = np.where(edges.turn == 0.0, 1.0, np.abs(np.sin(edges.turn / 2.0)))
+    radii = (np.hypot(*(second - first).T) / (2.0 * half)).round(1).tolist()
+    ways = [
+        f"A{radius:g} {radius:g} 0 0 {int(turn < 0.0)} " if turn else "L"
+        for radius, turn in zip(radii, edges.turn.tolist(), strict=True)
+    ]
+    return "".join(f"M{a:g} {b:g}{way}{c:g} {d:g}" for (a, b, c, d), way in zip(ends, ways, strict=True))
 
 
 def _look(number: int) -> Markup:

@@ -8,7 +8,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.bracket import Bracket
 from qvi_contact.errors import InputError
-from qvi_contact.plots.style import BLUE, GREEN, ORANGE, draw_outline, frame, lines, new_figure
+from qvi_contact.plots.style import BLUE, GREEN, ORANGE, draw_outline, edge_lines, frame, lines, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,7 +67,7 @@ def _draw_contacts(axes: "Axes", bracket: Bracket) -> None:
     mesh = bracket.problem.mesh
     for contact in bracket.problem.contacts:
         edges = mesh.edges(contact.edges)
-        ends = np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1)
+        ends = edge_lines(mesh, edges)
         axes.add_collection(lines(ends, "white", "solid", 2.4))
         axes.add_collection(lines(ends, "black", "solid", 1.0))
 

@@ -8,6 +8,7 @@ from qvi_contact.basics.checks import FloatArray, positive_number
 from qvi_contact.basics.units import Units
 from qvi_contact.companion.result import CompanionResult
 from qvi_contact.element.lattices import triangles_of
+from qvi_contact.mesh.edges import frames_along
 from qvi_contact.plots.fields import draw_values
 from qvi_contact.plots.style import GREY, VERMILLION, bounding_box, draw_outline, legend_below, lines, new_figure
 from qvi_contact.solution.sampling import cell_factors, von_mises
@@ -111,7 +112,8 @@ def _draw_obstacles(axes: "Axes", companion: CompanionResult, factor: float) -> 
             continue
         edges = problem.mesh.edges(contact.edges)
         normal, tangential = companion.obstacle(contact.name, t)
-        moved = normal[..., None] * edges.normal[:, None] + tangential[..., None] * edges.tangent[:, None]
+        normals, tangents = frames_along(edges, t)
+        moved = normal[..., None] * normals + tangential[..., None] * tangents
         place = np.stack(problem.mesh.points_along(edges, t), axis=-1) + factor * moved
         axes.add_collection(lines(place, VERMILLION, (0, (4, 2)), 1.2))
 

@@ -16,6 +16,8 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.arcs import arc_offsets
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.solution.contact_line import ContactState
 from solvers.basics.types import load
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
 
 BLUE, ORANGE, GREEN, GREY, VERMILLION = "#0072B2", "#E69F00", "#009E73", "#666666", "#D55E00"
 PURPLE, SKY = "#CC79A7", "#56B4E9"
+
+CHORDS: Final = 8
+"""Lines that stand for an arc, and for other edges drawn beside arcs."""
 
 STATE_LOOK: Final[dict[ContactState, tuple[str, str, str]]] = {
     ContactState.OPEN: (GREY, "o", "white"),
@@ -109,23 +114,41 @@ def picture_suffix(path: str | Path) -> str:
 
 
 def cell_outlines(mesh: Mesh) -> FloatArray:
-    """Closed outlines of the cells, shape (cells, 4, 2) of triangles, (cells, 5, 2) of rectangles [length]."""
-    return np.asarray(mesh.vertices[np.column_stack([mesh.cells, mesh.cells[:, 0]])])
+    """Closed outlines of the cells, shape (cells, 4, 2) of triangles, (cells, 5, 2) of rectangles [length].
+
+    Where cells have arcs every side is drawn as `CHORDS` chords.
+    """
+    corners = mesh.vertices[np.column_stack([mesh.cells, mesh.cells[:, 0]])]
+    if not mesh.sides.any():
+        return np.asarray(corners)
+    t = np.arange(CHORDS) / CHORDS
+    turns = mesh.sides[:, [2, 0, 1]] * np.array([1.0, 1.0, -1.0])  # from corner 0 to 1, to 2, back to 0
+    sides = [
+        corners[:, [k]] + arc_offsets(corners[:, k + 1] - corners[:, k], turns[:, k], t) for k in range(turns.shape[1])
+    ]
+    return np.concatenate([*sides, corners[:, :1]], axis=1)
+
+
+def edge_lines(mesh: Mesh, edges: Edges) -> FloatArray:
+    """Edges as lines (n, 2, 2) [length]; as `CHORDS` chords each where some are arcs."""
+    t = np.linspace(0.0, 1.0, (CHORDS if edges.curved else 1) + 1)
+    if edges.curved:
+        return np.stack(mesh.points_along(edges, t), axis=-1)
+    return np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1)
 
 
 def draw_grid(axes: "Axes", mesh: Mesh) -> None:
     """Draw the cells in light grey, thinner the smaller they are on the page."""
     outlines = cell_outlines(mesh)
-    shortest = np.hypot(*np.diff(outlines, axis=1).T).min(axis=0)
+    sides = outlines[:, :: (outlines.shape[1] - 1) // mesh.sides.shape[1]]
+    shortest = np.hypot(*np.diff(sides, axis=1).T).min(axis=0)
     width = float(np.clip(0.05 * np.median(shortest) * points_per_length(axes, mesh), 0.1, 0.6))
     axes.add_collection(lines(outlines, "#cccccc", "solid", width))
 
 
 def draw_outline(axes: "Axes", mesh: Mesh, colour: str = GREY, width: float = 0.8) -> None:
     """Draw the body's boundary as a thin line."""
-    vertices, edges = mesh.vertices, mesh.boundary
-    ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
-    axes.add_collection(lines(ends, colour, "solid", width))
+    axes.add_collection(lines(edge_lines(mesh, mesh.boundary), colour, "solid", width))
 
 
 def bounding_box(mesh: Mesh) -> tuple[FloatArray, FloatArray]:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.topology import chains
-from qvi_contact.plots.style import lines
+from qvi_contact.plots.style import CHORDS, lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Adjoining edges without a corner between them: a straight side, or an arc that is made of chords.
+    """Adjoining edges without a corner between them: a straight side, or an arc as chords.
 
     Attributes
     ----------
@@ -109,8 +109,12 @@ def _runs_of(mesh: Mesh, edges: Edges) -> Iterator[Run]:
     """Runs of one line of edges."""
     following = edges.take(np.roll(np.arange(len(edges)), -1))
     onward, back = edges.second == following.first, edges.first == following.second
-    turn = (edges.tangent * following.tangent).sum(axis=1)
-    facing = (edges.normal * following.normal).sum(axis=1)
+    at_ends = [(one[:, 1], other[:, 0]) for one, other in zip(_at_ends(edges), _at_ends(following), strict=True)]
+    back_to = [(one[:, 0], other[:, 1]) for one, other in zip(_at_ends(edges), _at_ends(following), strict=True)]
+    facing, turn = (
+        np.where(onward, (a * b).sum(axis=1), (c * d).sum(axis=1))
+        for (a, b), (c, d) in zip(at_ends, back_to, strict=True)
+    )
     joined = (onward | back) & (turn > CORNER) & (facing > CORNER)
     if len(edges) < 3 or joined.all():  # no closed line, or one without a corner
         joined[-1] = False
@@ -118,7 +122,24 @@ def _runs_of(mesh: Mesh, edges: Edges) -> Iterator[Run]:
     order = np.roll(np.arange(len(edges)), -shift)
     for part in np.split(order, np.flatnonzero(~joined[order])[:-1] + 1):
         piece = edges.take(part if len(part) == 1 or onward[part[0]] else part[::-1])
-        yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal)
+        if piece.curved:
+            yield _as_chords(mesh, piece)
+        else:
+            yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal)
+
+
+def _at_ends(edges: Edges) -> tuple[FloatArray, FloatArray]:
+    """Normals and tangents at both ends of edges, (n, 2, 2) each."""
+    return frames_along(edges, np.array([0.0, 1.0]))
+
+
+def _as_chords(mesh: Mesh, edges: Edges) -> Run:
+    """A run of edges, some of them arcs, as shorter chords."""
+    t = np.linspace(0.0, 1.0, CHORDS + 1)
+    points = np.stack(mesh.points_along(edges, t), axis=-1)
+    line = np.concatenate([points[:, :-1].reshape(-1, 2), points[-1, -1:]])
+    normals = frames_along(edges, (t[1:] + t[:-1]) / 2.0)[0]
+    return Run(line, normals.reshape(-1, 2))
 
 
 def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float, colour: str = "black") -> None:

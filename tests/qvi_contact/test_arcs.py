@@ -216,3 +216,24 @@ def test_materials_and_joints_along_an_arc():
     assert abs(errors(result)[1]) < 1e-6
     pressure = -lame(middle, 0.0)[0]
     np.testing.assert_allclose(result.contacts["between"].normal_stress, -pressure, rtol=2e-3)
+
+
+def test_pictures_draw_arcs():
+    pytest.importorskip("matplotlib")
+    from qvi_contact.plots.style import cell_outlines, edge_lines
+    from qvi_contact.plots.symbols import runs
+
+    mesh = quarter(1, 2)
+    for name, radius in (("inner", INNER), ("outer", OUTER)):
+        edges = mesh.edges(name)
+        np.testing.assert_allclose(np.hypot(*edge_lines(mesh, edges).reshape(-1, 2).T), radius, rtol=1e-14)
+        (run,) = runs(mesh, edges)
+        assert run.length == pytest.approx(np.pi / 2.0 * radius, rel=1e-2)
+        np.testing.assert_allclose(np.hypot(*run.line.T), radius, rtol=1e-14)
+    radii = np.hypot(*np.moveaxis(cell_outlines(mesh), -1, 0))
+    assert radii.min() == pytest.approx(INNER, rel=1e-14)
+    assert (np.abs(radii - OUTER) < 1e-12).sum() > 12
+
+
+def test_arcs_that_a_notebook_draws():
+    assert quarter(1, 2)._repr_html_().count("A140 140 0 0 1") >= 2
