@@ -104,7 +104,7 @@ def _share(runs: Sequence[Run]) -> str:
 def truth(runs: Sequence[Run]) -> Grid:
     """What was said of each inner problem, beside whether it was true."""
     headings = (
-        "solver", "said solved, true", "said solved, untrue", "of these where nobody was certified",
+        "solver", "said solved, true", "said solved, untrue", "of these without any certified answer",
         "said infeasible, untrue", "gave up, certified", "gave up", "no answer", "\"solved\" true",
     )  # fmt: skip
     rows = []
