@@ -108,8 +108,8 @@ def solve_qvi(
         Fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or `UzawaOptions`. By default
         `max_iterations` counts the iterations of the condensed method and the fixed point, and `callback` hears of all.
         `initial` is the `QVISolution` of a problem with the same unknowns and rows, or a `Start`, from which the
-        condensed method and the fixed point begin, or a pressure (m,), from which the fixed point does. One iteration
-        of the condensed method tells whether such a state is near; if it is not, the usual start is taken.
+        condensed method and the fixed point begin, or a pressure (m,), from which the fixed point does. Two iterations
+        of the condensed method tell whether such a state is near; if it is not, the usual start is taken.
 
     Returns
     -------

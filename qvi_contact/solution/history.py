@@ -206,6 +206,7 @@ def solve_history(
     element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
+    warm_start: bool = True,
     verbose: bool = False,
     **options: Any,  # checked by solve
 ) -> History:
@@ -224,10 +225,12 @@ def solve_history(
         unless its certificate passes.
     element, degree, contact_rows
         The element, its degree on triangles, and what bounds tractions there, see `discretize`.
+    warm_start : bool
+        Whether methods that take a start begin at the state of the step before.
     verbose : bool
         Print a header, a line a step, and a footer with status and time.
     **options
-        As for `solve`. Where the fixed point solves a step it starts from the pressure of the one before it.
+        As for `solve`.
 
     Returns
     -------
@@ -255,7 +258,7 @@ def solve_history(
             if callback is not None:
                 callback(number, result)
 
-        history = _history(steps, space, told, options)
+        history = _history(steps, space, told, options, warm_start and takes_state(options))
         story.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
 
@@ -265,13 +268,14 @@ def _history(
     space: dict[str, Any],
     callback: Callable[[int, ContactResult], object],
     options: dict[str, Any],
+    warm: bool,
 ) -> History:
     """All steps, again from the first where one gives up shears in corners."""
     all_scales = [Scales.of(problem) for problem in steps]
     scales = max(all_scales, key=lambda scales: (scales.loaded, scales.stress))
     freed = np.empty(0, dtype=np.int64)
     while True:
-        results = _follow(steps, scales, freed, space, callback, options)
+        results = _follow(steps, scales, freed, space, callback, options, warm)
         found = np.unique(np.concatenate([freed, *(result.discretization.freed for result in results)]))
         if len(found) == len(freed):
             return History(tuple(results), len(steps))
@@ -287,6 +291,7 @@ def _follow(
     space: dict[str, Any],
     callback: Callable[[int, ContactResult], object],
     options: dict[str, Any],
+    warm: bool,
 ) -> list[ContactResult]:
     """All steps with the shear given up at the `freed` nodes, up to one without an answer or with other nodes freed."""
     results: list[ContactResult] = []
@@ -297,7 +302,7 @@ def _follow(
             discretization = results[-1].discretization.following(problem, scales).slipped(_slip_after(results[-1]))
         else:
             discretization = discretize(problem, scales=scales, freed=freed, **space)
-        initial = {"initial": results[-1]} if results and takes_state(options) else {}
+        initial = {"initial": results[-1]} if results and warm else {}
         results.append(solve(discretization, **{**options, **initial}))
         callback(number, results[-1])
         if results[-1].status not in _CONTINUES or len(results[-1].discretization.freed) != len(freed):

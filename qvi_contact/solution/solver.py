@@ -80,7 +80,7 @@ def solve(
     **options
         ``factorisation`` and ``threads``, and options of the method, see `solvers.solve_qvi`; ``callback`` is called
         with every `solvers.Iteration` of any method. ``initial`` is an earlier `ContactResult`, such as that of a
-        smaller load: on the same mesh and element the condensed method starts from it if one iteration finds it near,
+        smaller load: on the same mesh and element the condensed method starts from it if two iterations find it near,
         and on the same contact points the fixed point starts from its pressure. An array of pressures over all contact
         points [stress], effective where a fluid presses, is for the fixed point only; negative values count as zero.
         ``initial`` chooses no method.

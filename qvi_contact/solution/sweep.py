@@ -122,6 +122,7 @@ def solve_sweep(
     element: ElementName | None = None,
     degree: int | None = None,
     contact_rows: RowKind | None = None,
+    warm_start: bool = True,
     verbose: bool = False,
     **options: Any,  # checked by solve
 ) -> Sweep:
@@ -148,10 +149,12 @@ def solve_sweep(
         Seconds for all values together. Those done until then are kept.
     element, degree, contact_rows
         As for `solve`.
+    warm_start : bool
+        Whether methods that take a start begin at the state of the value before.
     verbose : bool
         Print a header, a line a value, and a footer with status and time.
     **options
-        As for `solve`. Methods that take a start begin at the state of the value before.
+        As for `solve`.
 
     Returns
     -------
@@ -179,7 +182,7 @@ def solve_sweep(
                 callback(number, result)
 
         space = {"element": element, "degree": degree, "contact_rows": contact_rows}
-        sweep = Sweep(parameter, numbers, tuple(_solved(problems, space, told, options)))
+        sweep = Sweep(parameter, numbers, tuple(_solved(problems, space, told, options, warm_start)))
         story.end(str(sweep.status), sweep.message, {}, sweep.status is Status.SOLVED)
         return sweep
 
@@ -235,8 +238,10 @@ def _solved(
     space: dict[str, Any],
     callback: Callable[[int, ContactResult], object],
     options: dict[str, Any],
+    warm: bool,
 ) -> list[ContactResult]:
     """The results, until the time is over."""
+    warm = warm and takes_state(options)
     results: list[ContactResult] = []
     before: Discretization | None = None
     state: ContactResult | None = None
@@ -244,7 +249,7 @@ def _solved(
         if results and expired():
             break
         before = posed(problem, before=before, **space, **options)
-        start: dict[str, Any] = {"initial": state} if state is not None and takes_state(options) else {}
+        start: dict[str, Any] = {"initial": state} if state is not None and warm else {}
         results.append(solve(before, **{**options, **start}))
         state = results[-1] if results[-1].status is Status.SOLVED else state
         callback(number, results[-1])

@@ -62,7 +62,7 @@ _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
 _HALVED = 0.5
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _HOPELESS = 0.3  # of the defect corrections' contraction
-_FAR_ENOUGH = 0.5  # of the first step from an earlier answer: shorter ones cost more than they gain
+_FAR_ENOUGH = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
 _TURNS = 12
 _ONE_START = 300  # iterations of one start
 _LAST = (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
@@ -209,24 +209,29 @@ def _start(
 
 
 def _begin_near(run: _Run) -> None:
-    """One iteration from the state to start from, if there is one; back to where it was if that step is short."""
+    """Two iterations from the state to start from, if there is one; back to where it was if their steps are short."""
     start = run.options.initial
     if not (isinstance(start, Start) and start.fits(run.qvi)):
         return
     interior, elsewhere = run.interior, run.interior.point
     start_near(interior, run.problem.restricted(run.reduction.coordinates(start.z)), start)
-    residuals = interior.residuals()
-    measures = interior.measures(residuals)
-    if not np.isfinite(measures.worst):
-        interior.point = elsewhere
-        return
-    try:
-        run.warm = interior.iterate(residuals) >= _FAR_ENOUGH
-    except LinAlgError:
-        run.warm = False
-    _record(run, measures)
+    run.warm = all(_step_of(run) >= enough for enough in _FAR_ENOUGH)
     if not run.warm:
         interior.point = elsewhere
+
+
+def _step_of(run: _Run) -> float:
+    """The length of the step of one iteration, recorded; 0 where there is none."""
+    residuals = run.interior.residuals()
+    measures = run.interior.measures(residuals)
+    if not np.isfinite(measures.worst) or _limit(run, measures) is not None:
+        return 0.0
+    try:
+        length = run.interior.iterate(residuals)
+    except LinAlgError:
+        length = 0.0
+    _record(run, measures)
+    return length
 
 
 def _iterate(run: _Run) -> None:

@@ -1,4 +1,4 @@
-"""The condensed method from the answer to a problem before: the same answer, fewer iterations, never many more."""
+"""The condensed method from the answer to a problem before: the same answer, fewer iterations, at most two more."""
 
 import numpy as np
 import pytest
@@ -52,11 +52,11 @@ def test_a_neighbour_saves_iterations_and_changes_no_answer(problems, element):
     assert warm.problem.normal(warm.z) == pytest.approx(cold.problem.normal(cold.z), abs=1e-5 * size)
 
 
-def test_a_contact_that_grows_costs_one_iteration_more_at_most():
+def test_a_contact_that_grows_costs_two_iterations_more_at_most():
     results = [solve_qvi(discretize(opening(depth)).qvi) for depth in (0.002, 0.012)]
     warm = solve_qvi(results[1].problem, initial=results[0])
     assert warm.status is Status.SOLVED
-    assert warm.iterations <= results[1].iterations + 1
+    assert warm.iterations <= results[1].iterations + 2
 
 
 def test_the_point_has_the_products_of_the_path_and_the_differences_of_the_state():
@@ -88,7 +88,7 @@ def test_a_misleading_state_is_left():
         found = solve_qvi(qvi, initial=state)
         assert found.solved
         assert found.z == pytest.approx(plain.z, abs=1e-6)
-        assert found.iterations <= plain.iterations + 1
+        assert found.iterations <= plain.iterations + 2
 
 
 def test_states_of_other_problems_give_the_pressure_at_most():
