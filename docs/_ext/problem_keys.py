@@ -44,6 +44,7 @@ TABLES: dict[str, type[schema.Table]] = {
     "[[tractions]]": schema.TractionTable,
     "[[contacts]]": schema.ContactTable,
     "plate of [[contacts]]": schema.PlateTable,
+    "pin of [[contacts]]": schema.PinTable,
     "[solve]": schema.SolveTable,
     "[refine]": schema.RefinementTable,
     "[history]": schema.HistoryTable,

@@ -23,7 +23,7 @@ from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.traces import Trace
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
-from qvi_contact.problem.conditions import Contact, Displacement, Traction, components
+from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 
@@ -54,9 +54,9 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
     -------
     dict
         "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
-        driven by its offset, or "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one
-        given by components along slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential"; empty where the problem
-        is of another kind.
+        driven by its offset; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the body where a plate moves;
+        "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one given by components along
+        slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential"; empty where the problem is of another kind.
 
     """
     problem = discretization.problem
@@ -82,8 +82,9 @@ def _data(problem: ContactProblem) -> Iterator[_Datum]:
             if tied:
                 yield _Datum(f"{condition.name}.tangential_force", condition.offset, True)
             plate = condition.plate
-            for force in (plate.force_x, plate.force_y, plate.moment) if plate is not None else ():
-                yield _Datum(f"{condition.name}.plate", force or 0.0, False)
+            for force, motion in DRIVES.items() if plate is not None else ():
+                yield _Datum(f"{condition.name}.plate", getattr(plate, force) or 0.0, False)
+                yield _Datum(f"{condition.name}.{force}", getattr(plate, motion) or 0.0, True)
         elif isinstance(condition, (Traction, Displacement)):
             for component, value in components(condition).items():
                 yield _Datum(f"{condition.edges}.{component}", value, isinstance(condition, Displacement))

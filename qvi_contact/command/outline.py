@@ -14,7 +14,7 @@ from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
-from qvi_contact.problem.conditions import Condition, Contact, Traction, components
+from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction, components
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
@@ -92,9 +92,8 @@ def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
     if isinstance(condition, Contact):
         found |= {"name": condition.name, "law": condition.law, "joint": condition in problem.joints}
         if condition.plate is not None:
-            plate = condition.plate
-            forces = {name: getattr(plate, name) for name in ("force_x", "force_y", "moment")}
-            found["plate"] = {name: value for name, value in forces.items() if value is not None}
+            drives = {name: getattr(condition.plate, name) for pair in DRIVES.items() for name in pair}
+            found["plate"] = {name: value for name, value in drives.items() if value is not None}
     return found | {key: _value(getattr(condition, key)) for key in FIELDS[TABLES[type(condition)]]}
 
 

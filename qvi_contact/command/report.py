@@ -45,6 +45,10 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         x, y = (shown(part, least.displacement) for part in (motion.x, motion.y))
         turned = shown(motion.rotation, least.rotation)
         yield f"plate {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
+        pushed = result.plate_force(name)
+        across, up = (shown(part, least.force) for part in (pushed.x, pushed.y))
+        moment = shown(pushed.moment, least.moment)
+        yield f"plate {name} pushes by ({across}, {up}) {force}, turns with {moment} {units.engineering_moment}"
 
 
 def history_lines(history: History, times: Sequence[float], units: Units) -> Iterator[str]:

@@ -74,7 +74,7 @@ def admissible(
             break
         held[over] = True
     v = problem.body.expand(values)
-    c = contacts.rows @ v + contacts.motions @ (-plates)
+    c = contacts.rows @ v - contacts.plates(plates)
     return v, c, _reasons(problem, c)
 
 

@@ -51,7 +51,9 @@ class Contacts:
     obstacle : (2 n,) array
         g̃ = (g, w).
     motions : (2 n, q) array
-        What c of the plates themselves does under each motion.
+        What c of the plates themselves does under each motion that a force drives.
+    moved : (2 n,) array
+        What c of the plates themselves is under their given motions.
     resultants : (q,) array
         The force or moment that goes with it, beyond that of a fluid in the contact.
     fluid : (2 n,) array
@@ -64,6 +66,7 @@ class Contacts:
     weights: FloatArray
     obstacle: FloatArray
     motions: FloatArray
+    moved: FloatArray
     resultants: FloatArray
     fluid: FloatArray
 
@@ -86,9 +89,13 @@ class Contacts:
                 resultants.append(resultant)
             start += trace.count
         fluid = np.concatenate([np.empty(0), *(t.fluid for t in traces), np.zeros(n)])
-        motions = np.hstack(columns)
+        motions, moved = np.hstack(columns), np.hstack([np.empty((2, 0)), *(t.moved for t in traces)]).ravel()
         given = np.array(resultants) + motions.T @ fluid
-        return cls(traces, sparse.csr_array(rows), np.tile(weights, 2), obstacle, motions, given, fluid)
+        return cls(traces, sparse.csr_array(rows), np.tile(weights, 2), obstacle, motions, moved, given, fluid)
+
+    def plates(self, driven: FloatArray) -> FloatArray:
+        """What c of the plates themselves is (2 n,) under motions (q,) that forces drive, and under those given."""
+        return np.asarray(self.motions @ driven + self.moved)
 
     @property
     def count(self) -> int:
@@ -113,7 +120,7 @@ class DualProblem:
     B : (2 n, k) array
         c from w_Γ.
     constant : (2 n,) array
-        c_D.
+        c_D, plates moved as given.
     movable : (2 n,) bool array
         Where c can change.
     live : (2 n,) bool array
@@ -157,7 +164,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
 
     """
     W, rows = contacts.weights, contacts.rows @ body.supports.axes
-    constant = rows @ body.fixed
+    constant = rows @ body.fixed - contacts.moved
     B = rows[:, body.interface].toarray()
     movable = np.abs(B).sum(axis=1) > PARALLEL
     B[~movable] = 0.0

@@ -19,7 +19,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import contact_states
-from qvi_contact.solution.result import PlateMotion
+from qvi_contact.solution.result import PlateMotion, plate_motion
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.pickles import Stated
 
@@ -134,7 +134,7 @@ class CompanionResult(Stated):
         """Where a contact's obstacle stands: g and w, with the motion of a plate, as `trace` gives v_N and v_T."""
         trace, chosen = self._trace(name)
         state, contacts = self._state, self._state.contacts
-        moved = contacts.motions @ state.plates
+        moved = contacts.plates(state.plates)
         shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
         normal, tangential = trace.gap + moved[: contacts.count][chosen], trace.offset + moved[contacts.count :][chosen]
         return normal[trace.columns] @ shape.T, tangential[trace.columns] @ shape.T
@@ -143,7 +143,7 @@ class CompanionResult(Stated):
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
 
         Edges are in the order of ``problem.mesh.edges(contact.edges)``, t runs along their tangents. On a joint these
-        are the jumps, on a plate driven by force what the body moves beyond it.
+        are the jumps, on a rigid plate what the body moves beyond it.
         """
         trace, chosen = self._trace(name)
         state = self._state
@@ -173,7 +173,7 @@ class CompanionResult(Stated):
 
     @cached_property
     def plates(self) -> Mapping[str, PlateMotion]:
-        """How far each plate driven by force has moved, by the name of its contact."""
+        """How far each rigid plate has moved, by the name of its contact, and the forces that are given."""
         scales, found, start = self.scales, {}, 0
         for trace, contact in zip(self._state.contacts.traces, self.problem.contacts, strict=True):
             plate = contact.plate
@@ -188,7 +188,7 @@ class CompanionResult(Stated):
             turn = moved["moment"]
             x = moved["force_x"] - turn * (plate.pivot[1] - place[1])
             y = moved["force_y"] + turn * (plate.pivot[0] - place[0])
-            found[trace.name] = PlateMotion(x, y, turn)
+            found[trace.name] = plate_motion(plate, x, y, turn)
         return MappingProxyType(found)
 
     @cached_property

@@ -12,6 +12,7 @@ s_i = ∫ s B_i ds / W_i, under Coulomb's law min(cohesion + μ_i |τ_N|, cap), 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,11 +27,15 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, frames_along, vectors_along
-from qvi_contact.problem.conditions import Contact, Law
+from qvi_contact.problem.conditions import DRIVES, Contact, Law, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 from solvers.strict.quadratics import smallest
 
 _PLACES: FloatArray = np.concatenate([[0.0], bernstein.SAMPLES, [1.0]])
+
+
+_Frames: TypeAlias = tuple[FloatArray, FloatArray]
+"""Normals and tangents at coefficients, (n, 2) each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +65,9 @@ class Trace:
     bound : (e, q) array or None
         Bernstein coefficients of the given bound s on each edge.
     motions : tuple of (component, normal (n,), tangential (n,), resultant)
-        For each given component of a plate what c of the plate itself is when it moves by 1, and the force or moment.
+        For each force or moment on a plate what c of the plate itself is when it moves by 1, and the force or moment.
+    moved : (2, n) array
+        What c of the plate itself is under its given motion.
     lengths : (e,) array
         Of the edges.
     sense : -1, 0 or 1
@@ -84,6 +91,7 @@ class Trace:
     fluid: FloatArray
     bound: FloatArray | None
     motions: tuple[tuple[str, FloatArray, FloatArray, float], ...]
+    moved: FloatArray
     lengths: FloatArray
     sense: int = 0
 
@@ -197,10 +205,11 @@ def _trace(
     law = _law(problem, scales, contact, edges, columns, places, weights, lengths, p, bound, reasons)
     friction, cohesion, limit = law
     fluid = _fluid(problem, scales, contact, edges, columns, lengths, p, reasons)
-    motions = _motions(problem, scales, contact, edges, columns, places, (normals, tangents))
+    motions = _motions(problem, scales, contact, columns, places, (normals, tangents))
+    moved = _moved(problem, scales, contact, columns, places, (normals, tangents))
     trace = Trace(
         contact.name, contact.law, edges, columns, places, weights, normal, tangential,
-        friction, cohesion, limit, gap, offset, fluid, bound, motions, lengths,
+        friction, cohesion, limit, gap, offset, fluid, bound, motions, moved, lengths,
     )  # fmt: skip
     return trace, reasons
 
@@ -367,21 +376,15 @@ def _fluid(
 
 
 def _motions(
-    problem: ContactProblem,
-    scales: Scales,
-    contact: Contact,
-    edges: Edges,
-    columns: IntArray,
-    places: FloatArray,
-    frames: tuple[FloatArray, FloatArray],
+    problem: ContactProblem, scales: Scales, contact: Contact, columns: IntArray, places: FloatArray, frames: _Frames
 ) -> tuple[tuple[str, FloatArray, FloatArray, float], ...]:
-    """What each given component of a plate does; moments count from `RigidPlate.reference`."""
+    """What each force or moment on a plate drives; moments count from `RigidPlate.reference`."""
     plate = contact.plate
     if plate is None:
         return ()
+    edges = problem.mesh.edges(contact.edges)
     centre = plate_centre(problem, edges)
-    reference = plate.reference(*centre)
-    middle = (np.array(reference) - problem.mesh.origin) / scales.length
+    middle = plate.reference(*centre)
     found = []
     for component in COMPONENTS:
         if getattr(plate, component) is None:
@@ -389,23 +392,40 @@ def _motions(
         moment = component == "moment"
         given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
         size = scales.stress * scales.length ** (2 if moment else 1)
-        field = _motion(component, places - middle)
-        normal, tangential = ((vectors * field).sum(axis=1) for vectors in frames)
-        if edges.curved:
-            p = columns.shape[1] - 1
-            at = np.stack(problem.mesh.points_along(edges, bernstein.nodes(p)), axis=-1) - problem.mesh.origin
-            field = _motion(component, at / scales.length - middle)
-            for found_at, vectors in zip((normal, tangential), frames_along(edges, bernstein.nodes(p)), strict=True):
-                found_at[columns] = (vectors * field).sum(axis=-1) @ bernstein.from_values(p).T
+        unit = RigidPlate(pivot=middle, **{DRIVES[component]: 1.0 / scales.length if moment else 1.0})
+        normal, tangential = _along_edges(problem, scales, edges, columns, places, frames, unit)
         found.append((component, normal, tangential, given / size))
     return tuple(found)
 
 
-def _motion(component: str, arms: FloatArray) -> FloatArray:
-    """The displacement (..., 2) of a plate that moves by 1, at arms (..., 2) from its reference."""
-    if component == "moment":
-        return np.stack([-arms[..., 1], arms[..., 0]], axis=-1)
-    return np.broadcast_to([1.0, 0.0] if component == "force_x" else [0.0, 1.0], arms.shape)
+def _moved(
+    problem: ContactProblem, scales: Scales, contact: Contact, columns: IntArray, places: FloatArray, frames: _Frames
+) -> FloatArray:
+    """What c of a plate is under its given motion (2, n)."""
+    if contact.plate is None:
+        return np.zeros((2, len(places)))
+    edges = problem.mesh.edges(contact.edges)
+    return _along_edges(problem, scales, edges, columns, places, frames, contact.plate) / scales.displacement
+
+
+def _along_edges(
+    problem: ContactProblem,
+    scales: Scales,
+    edges: Edges,
+    columns: IntArray,
+    places: FloatArray,
+    frames: _Frames,
+    plate: RigidPlate,
+) -> FloatArray:
+    """Coefficients (2, n) of the given motion of a plate along normals and tangents [length]."""
+    field = plate.displacement(*(problem.mesh.origin + scales.length * places).T).T
+    found = np.stack([(vectors * field).sum(axis=1) for vectors in frames])
+    if edges.curved:
+        p = columns.shape[1] - 1
+        on_arcs = np.moveaxis(plate.displacement(*problem.mesh.points_along(edges, bernstein.nodes(p))), 0, -1)
+        for values, vectors in zip(found, frames_along(edges, bernstein.nodes(p)), strict=True):
+            values[columns] = (vectors * on_arcs).sum(axis=-1) @ bernstein.from_values(p).T
+    return found
 
 
 def plate_centre(problem: ContactProblem, edges: Edges) -> tuple[float, float]:

@@ -76,6 +76,8 @@ class ContactRows:
         resultant force and moment.
     pore_misfit : float
         Largest difference of that polynomial from p_w, dimensionless.
+    motion : (2, m) array
+        Given displacement of a rigid plate at the points, along n and along t, dimensionless; beside gap and offset.
     reach : float
         An obstacle that is farther counts as that far, see `Scales`.
 
@@ -95,6 +97,7 @@ class ContactRows:
     offset: FloatArray
     pore_pressure: FloatArray
     pore_misfit: float
+    motion: FloatArray
     reach: float = np.inf
 
     @property
@@ -125,8 +128,8 @@ class ContactRows:
 
     def work(self) -> FloatArray:
         """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
-        weights = self.points.weights
-        return self.points.load(weights * (self.gap - self.beyond), weights * self.offset)
+        weights, (across, along) = self.points.weights, self.motion
+        return self.points.load(weights * (self.gap - self.beyond + across), weights * (self.offset + along))
 
     def with_offset(self, offset: FloatArray) -> "ContactRows":
         """The same contact at another tangential offset (m,), dimensionless."""
@@ -184,8 +187,17 @@ def _rows(problem: ContactProblem, scales: Scales, contact: Contact, points: Edg
         evaluate("Contact.gap", contact.gap, x, y) / scales.displacement,
         evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
         *_pore_pressure(problem, scales, contact, points),
+        _motion(scales, contact, points, x, y),
         scales.reach,
     )
+
+
+def _motion(scales: Scales, contact: Contact, points: EdgePoints, x: FloatArray, y: FloatArray) -> FloatArray:
+    """The given motion of a plate at the points, along normals and tangents (2, m), dimensionless."""
+    if contact.plate is None:
+        return np.zeros((2, len(x)))
+    moved = contact.plate.displacement(x, y).T / scales.displacement
+    return np.stack([(moved * along).sum(axis=1) for along in (points.normals, points.tangents)])
 
 
 def _pore_pressure(

@@ -186,7 +186,11 @@ def _held(problem: ContactProblem, contact: Contact) -> Iterator[_Bounds]:
             if getattr(contact.plate, force, None) is not None:
                 fixed &= direction[:, component] == 0.0
         if fixed.any():
-            values = evaluate(name, field, *_samples(problem, edges.take(fixed)))
+            places = _samples(problem, edges.take(fixed))
+            values = evaluate(name, field, *places)
+            if contact.plate is not None:
+                moved = np.moveaxis(contact.plate.displacement(*places), 0, -1)
+                values = values + (moved * direction[fixed][:, None]).sum(axis=2)
             yield _Bounds(direction[fixed], values, not above_only, True)
 
 

@@ -333,6 +333,7 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
             "x": _quantity(motion.x, units.displacement),
             "y": _quantity(motion.y, units.displacement),
             "rotation": _quantity(motion.rotation, "rad"),
+            **_plate_force(result, name, units),
         }
         for name, motion in result.plates.items()
     }
@@ -344,6 +345,16 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
         _quantity(result.traction_misfit, units.stress),
     )
     return dict(zip(_STATE_KEYS, values, strict=True))
+
+
+def _plate_force(result: ContactResult, name: str, units: Units) -> dict[str, Any]:
+    """Force of a plate on the body, and its moment about the pivot."""
+    force = result.plate_force(name)
+    return {
+        "force_x": _quantity(force.x, units.force),
+        "force_y": _quantity(force.y, units.force),
+        "moment": _quantity(force.moment, units.moment),
+    }
 
 
 def _contact(line: ContactLine, units: Units) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import unicodedata
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -20,14 +20,23 @@ from qvi_contact.files.located import located
 from qvi_contact.files.problem_document import (
     ContactTable,
     Document,
-    PlateTable,
+    DriveTable,
     PolynomialTable,
     RegionTable,
     quoted,
 )
 from qvi_contact.files.triangle_builder import region_name, triangle_mesh
 from qvi_contact.mesh.mesh import Mesh
-from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
+from qvi_contact.problem.conditions import (
+    DRIVES,
+    Condition,
+    Contact,
+    Displacement,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    disc_gap,
+)
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.material import Material, Region, cell_materials
 from qvi_contact.problem.problem import ContactProblem
@@ -157,7 +166,7 @@ class Reader:
                     if kind != "contacts" or table.edges not in mesh.joint_names:
                         mesh.edge_set(table.edges)
                 fields = {key: self.optional(f"{path}.{key}", getattr(table, key)) for key in FIELDS[kind]}
-                plate = self._plate(f"{path}.plate", table.plate) if kind == "contacts" else None
+                plate = self._obstacle(path, table, fields) if kind == "contacts" else None
                 with located(path, table):
                     yield _condition(table, kind, fields, plate)
         used = {contact.edges for contact in self.document.contacts}
@@ -166,13 +175,21 @@ class Reader:
                 remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
                 raise InputError(f"joints[{index}]", joint.name, remedy)
 
-    def _plate(self, path: str, table: PlateTable | None) -> RigidPlate | None:
-        if table is None:
+    def _obstacle(self, path: str, table: ContactTable, fields: dict[str, Any]) -> RigidPlate | None:
+        """What moves the obstacle of a contact; a pin gives the gap too."""
+        if table.plate is not None:
+            return self._plate(f"{path}.plate", table.plate, table.plate.pivot)
+        if table.pin is None:
             return None
-        forces = {name: getattr(table, name) for name in ("force_x", "force_y", "moment")}
-        given = {name: self.scalar(f"{path}.{name}", value) for name, value in forces.items()}
+        with located(f"{path}.pin", table.pin):
+            fields["gap"] = disc_gap((table.pin.centre[0], table.pin.centre[1]), table.pin.radius)
+        return self._plate(f"{path}.pin", table.pin, table.pin.centre)
+
+    def _plate(self, path: str, table: DriveTable, pivot: Sequence[float]) -> RigidPlate:
+        drives = {name: getattr(table, name) for pair in DRIVES.items() for name in pair}
+        given: dict[str, Any] = {name: self.scalar(f"{path}.{name}", value) for name, value in drives.items()}
         with located(path, table):
-            return RigidPlate(**given, pivot=(table.pivot[0], table.pivot[1]))
+            return RigidPlate(**given, pivot=(pivot[0], pivot[1]))
 
     def _culprit(self, error: InputError) -> str:
         """The last table that an error about conditions can mean, by the edges or the name it complains about."""
@@ -203,8 +220,13 @@ def file_path(document: Document, error: InputError) -> str:
     """Path in the file of what an error met after reading is about."""
     first, _, key = error.field.partition(".")
     if first == "RigidPlate":
-        driven = [i for i, table in enumerate(document.contacts) if getattr(table.plate, key, None) is not None]
-        return f"contacts[{driven[0]}].plate.{key}" if len(driven) == 1 else f"contacts.plate.{key}"
+        driven = [
+            f"contacts[{i}].{kind}.{key}"
+            for i, table in enumerate(document.contacts)
+            for kind in ("plate", "pin")
+            if getattr(getattr(table, kind), key, None) is not None
+        ]
+        return driven[0] if len(driven) == 1 else f"contacts.plate.{key}"
     if error.value is not None and getattr(document.solve, error.field, None) == error.value:
         return f"solve.{error.field}"
     if error.value is not None and getattr(document.refine, error.field, None) == error.value:

@@ -443,17 +443,37 @@ class TractionTable(DisplacementTable):
     """What `limit` calls the load; loads of one name are scaled together: `name = "thrust"`."""
 
 
-class PlateTable(Table):
-    """A rigid plate driven by force and moment."""
+class DriveTable(Table):
+    """What moves a rigid obstacle in each component: a force or a motion; with neither it stands still."""
 
     force_x: Scalar | None = None
-    """Force on the body along x [stress × length]; the plate's place along x follows: `force_x = 1.0`."""
+    """Force on the body along x [stress × length]; the displacement along x follows: `force_x = 1.0`."""
     force_y: Scalar | None = None
     """Force on the body along y [stress × length]: `force_y = -10.0`."""
     moment: Scalar | None = None
-    """Moment on the body about the pivot [stress × length²]: `moment = 0.0`."""
+    """Moment on the body about pivot or centre [stress × length²]: `moment = 0.0`."""
+    x: Scalar | None = None
+    """Displacement of pivot or centre along x [length], instead of the force: `x = 1e-3`."""
+    y: Scalar | None = None
+    """Displacement along y [length]: `y = "-1e-3 * t"`."""
+    rotation: Scalar | None = None
+    """Rotation about pivot or centre [rad], instead of the moment: `rotation = 0.0`."""
+
+
+class PlateTable(DriveTable):
+    """A rigid plate driven by force and moment, or by a motion."""
+
     pivot: Pair = [0.0, 0.0]
     """Point that moment and rotation refer to: `pivot = [0.5, 2.0]`."""
+
+
+class PinTable(DriveTable):
+    """A rigid round pin or disc; its distance from the body is the gap."""
+
+    centre: Pair
+    """Centre, before it moves: `centre = [0.0, 0.0]`."""
+    radius: float
+    """Radius [length]: `radius = 9.95`."""
 
 
 class ContactTable(Table):
@@ -476,7 +496,9 @@ class ContactTable(Table):
     law: Literal["unilateral", "bilateral", "tied"] = "unilateral"
     """unilateral: may open; bilateral: keeps its distance; tied: does not move: `law = "bilateral"`."""
     plate: PlateTable | None = None
-    """Rigid plate driven by force, see `plate`: `plate = { force_y = -10.0 }`."""
+    """Rigid plate driven by force or moved, see `plate`: `plate = { force_y = -10.0 }`."""
+    pin: PinTable | None = None
+    """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""
     pore_pressure: FieldValue = 0.0
     """Pressure of a fluid in the contact, a field [stress]: `pore_pressure = "0.01 * (40 - y)"`."""
 
@@ -484,6 +506,12 @@ class ContactTable(Table):
     def _friction_is_given(self) -> "ContactTable":
         if self.friction is None and self.law != "tied":
             raise InputError("friction", None, "give the coefficient of friction, 0.0 if there is none")
+        return self
+
+    @model_validator(mode="after")
+    def _pin_is_alone(self) -> "ContactTable":
+        if self.pin is not None and (self.plate is not None or self.gap != 0.0):
+            raise InputError("pin", None, "a pin gives the gap and what moves it: leave out gap and plate, or the pin")
         return self
 
 

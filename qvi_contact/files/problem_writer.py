@@ -2,6 +2,7 @@
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -156,7 +157,7 @@ class _Writer:
             if condition.law != "unilateral":
                 table["law"] = condition.law
             if condition.plate is not None:
-                plate = {key: getattr(condition.plate, key) for key in ("force_x", "force_y", "moment", "pivot")}
+                plate = {field.name: getattr(condition.plate, field.name) for field in fields(condition.plate)}
                 table["plate"] = {key: value for key, value in plate.items() if value is not None}
         return table
 

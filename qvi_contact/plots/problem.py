@@ -403,6 +403,13 @@ class _Sketch:
             if plate.moment is not None:
                 around = "({:.4g}, {:.4g})".format(*plate.pivot)
                 yield f"{value_range('M', np.array([plate.moment]), self.units.engineering_moment)} about\xa0{around}"
+            for name, value, unit in (
+                ("u_x", plate.x, self.units.displacement),
+                ("u_y", plate.y, self.units.displacement),
+                ("θ", plate.rotation, "rad"),
+            ):
+                if value is not None:
+                    yield value_range(name, np.array([value]), unit)
 
     def _potential(self) -> None:
         vertices = self.problem.mesh.vertices[self.problem.mesh.body_vertices]

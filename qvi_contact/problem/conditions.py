@@ -16,8 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias, get_args
 
-from qvi_contact.basics.checks import Field, check_field, finite_number, one_of
+import numpy as np
+
+from qvi_contact.basics.checks import Field, FloatArray, check_field, finite_number, one_of, positive_number
 from qvi_contact.errors import InputError
+from qvi_contact.problem.fields import Expression
 
 Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
 """What a contact does across its line: it may open, it keeps its distance, or it does not move at all."""
@@ -142,16 +145,25 @@ class Symmetry:
         _check_edges(self)
 
 
+DRIVES: Final = {"force_x": "x", "force_y": "y", "moment": "rotation"}
+"""What drives a rigid plate in each component: a force or moment, or a motion."""
+
+
 @dataclass(frozen=True)
 class RigidPlate:
-    """A rigid obstacle driven by force rather than by displacement.
+    """A rigid obstacle, such as a plate, a stamp or a pin, that moves as a whole.
 
-    For each component given, the resultant of the tractions on the body is prescribed,
+    On every point of its contact, whichever way the edge there faces, its motion (x, y, rotation) adds
+
+        u = (x − rotation (y − y₀),   y + rotation (x − x₀))
+
+    to where the obstacle stands: n·u to `gap`, t·u to `offset`. For each force or moment given, the resultant of the
+    tractions on the body is prescribed,
 
         ∫ t_x ds = force_x,   ∫ t_y ds = force_y,   ∫ [(x − x₀) t_y − (y − y₀) t_x] ds = moment,
 
-    and the plate's motion in that component is unknown: the multiplier of the equation. In the other components the
-    plate does not move beyond the contact's `gap` and `offset`.
+    and the motion in that component is unknown: the multiplier of the equation. In a component with neither force nor
+    motion the plate stands still.
 
     Parameters
     ----------
@@ -161,6 +173,10 @@ class RigidPlate:
         Moment on the body about the pivot, counterclockwise [stress × length²].
     pivot : (float, float)
         The point (x₀, y₀) that the moment and the plate's rotation refer to [length].
+    x, y : float, optional
+        Displacement of the pivot [length], instead of the force.
+    rotation : float, optional
+        Rotation about the pivot, counterclockwise [rad], instead of the moment.
 
     """
 
@@ -168,16 +184,34 @@ class RigidPlate:
     force_y: float | None = None
     moment: float | None = None
     pivot: tuple[float, float] = (0.0, 0.0)
+    x: float | None = field(default=None, kw_only=True)
+    y: float | None = field(default=None, kw_only=True)
+    rotation: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        if self.force_x is None and self.force_y is None and self.moment is None:
-            raise InputError("RigidPlate", None, "give at least one of force_x, force_y and moment")
-        for name in ("force_x", "force_y", "moment"):
-            if getattr(self, name) is not None:
-                finite_number(f"RigidPlate.{name}", getattr(self, name))
+        names = [name for pair in DRIVES.items() for name in pair if getattr(self, name) is not None]
+        if not names:
+            remedy = "give at least one of force_x, force_y and moment, or of the motions x, y and rotation"
+            raise InputError("RigidPlate", None, remedy)
+        for name in names:
+            finite_number(f"RigidPlate.{name}", getattr(self, name))
+            if DRIVES.get(name) in names:
+                remedy = f"{DRIVES[name]} is given too: what moves a plate is a force or a motion, leave one out"
+                raise InputError(f"RigidPlate.{name}", getattr(self, name), remedy)
         if not isinstance(self.pivot, (tuple, list)) or len(self.pivot) != 2:
             raise InputError("RigidPlate.pivot", self.pivot, "give a pair (x, y)")
         object.__setattr__(self, "pivot", tuple(finite_number("RigidPlate.pivot", value) for value in self.pivot))
+
+    @property
+    def driven(self) -> bool:
+        """Whether a force or moment is given."""
+        return any(getattr(self, name) is not None for name in DRIVES)
+
+    def displacement(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """The given motion at points x, y [length], shape (2, *shape) [length]; zero in components driven by force."""
+        turn = self.rotation or 0.0
+        along_x = (self.x or 0.0) - turn * (y - self.pivot[1])
+        return np.stack([along_x, (self.y or 0.0) + turn * (x - self.pivot[0])])
 
     def reference(self, x: float, y: float) -> tuple[float, float]:
         """Arms of the moment count from here [length]: x, y as far as the forces that go with them are given."""
@@ -188,6 +222,12 @@ class RigidPlate:
         x, y = self.reference(x, y)
         forces = (x - self.pivot[0]) * (self.force_y or 0.0) - (y - self.pivot[1]) * (self.force_x or 0.0)
         return (self.moment or 0.0) - forces
+
+
+def disc_gap(centre: tuple[float, float], radius: float) -> Expression:
+    """The distance from points to a disc [length], negative inside it."""
+    x, y = (finite_number("centre", value) for value in centre)
+    return Expression(f"hypot(x - ({x!r}), y - ({y!r})) - {positive_number('radius', radius)!r}")
 
 
 @dataclass(frozen=True)
@@ -229,8 +269,8 @@ class Contact:
         Whether the contact may open and slip, slip only, or neither. A tied contact takes no friction, cohesion or
         limit.
     plate : RigidPlate, optional
-        Drives the obstacle by force and moment; not on joints. They are the resultants of the total stress, of the
-        obstacle's own pressure and the fluid's.
+        Moves the obstacle as a rigid body, by force and moment or by a motion; not on joints. Forces are the resultants
+        of the total stress, of the obstacle's own pressure and the fluid's.
     pore_pressure : float or function of (x, y)
         Pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It is given, not computed, and
         acts whether the contact is open or closed. A tied contact takes none.
@@ -276,6 +316,30 @@ class Contact:
     def tresca(cls, edges: str, bound: Field, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> Contact:
         """Unilateral contact with Tresca's law |σ_T| ≤ bound [stress], whatever the pressure."""
         return cls(edges, 0.0, gap, offset, name, cohesion=bound)
+
+    @classmethod
+    def pin(
+        cls,
+        edges: str,
+        friction: Field,
+        centre: tuple[float, float],
+        radius: float,
+        *,
+        name: str = "",
+        force_x: float | None = None,
+        force_y: float | None = None,
+        moment: float | None = None,
+        x: float | None = None,
+        y: float | None = None,
+        rotation: float | None = None,
+    ) -> Contact:
+        """A rigid round pin or disc of this centre and radius, that moves as `RigidPlate` does about its centre.
+
+        The gap is the distance from the body to the disc, √((x − x₀)² + (y − y₀)²) − radius; negative where the disc is
+        larger than its hole. Motions are small.
+        """
+        plate = RigidPlate(force_x, force_y, moment, centre, x=x, y=y, rotation=rotation)
+        return cls(edges, friction, disc_gap(plate.pivot, radius), name=name, plate=plate)
 
     @classmethod
     def frictionless(cls, edges: str, gap: Field = 0.0, name: str = "") -> Contact:

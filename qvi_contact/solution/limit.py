@@ -312,7 +312,7 @@ def loads_of(problem: ContactProblem) -> list[str]:
     """The names of loads that can be multiplied."""
     known = [BODY]
     known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
-    known += [contact.name for contact in problem.contacts if contact.plate is not None]
+    known += [contact.name for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
     return known
 
 

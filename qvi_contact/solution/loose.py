@@ -1,6 +1,7 @@
-"""Rigid motions that nothing determines: of bodies that contacts alone hold, and do not hold enough.
+"""Rigid motions that nothing determines: of bodies that contacts alone hold, and of plates driven by force.
 
-Two displacement fields with the stresses of a result differ by a rigid motion v of each body between joints. Both keep
+Two displacement fields with the stresses of a result differ by a rigid motion v of each body between joints, and of
+each plate in the components in which a force drives it. Both keep
 supports and contact laws if d·v = 0 for every prescribed component d·u, and along the contacts, with [v] as in
 `mechanism.lines`,
 
@@ -44,22 +45,26 @@ class LooseBody:
         Number of independent rigid motions, 1 to 3.
     way : str
         The motions in words, such as "turn about (0, 0)".
+    plate : bool
+        Whether a rigid plate or pin is among them.
 
     """
 
     names: tuple[str, ...]
     motions: int
     way: str
+    plate: bool = False
 
     @property
     def remark(self) -> str:
         """What it means and what to do, as sentences."""
         what = " and ".join(self.names)
         together = "which together" if len(self.names) > 1 else "which"
+        instead = " For a plate or pin, you can give the motion instead of the force." if self.plate else ""
         return (
             f"Nothing determines the position of {what}, {together} can {self.way}. Stresses and forces do not depend "
             "on it. Gaps and slips hold for one of the possible positions. To determine it, add a support, friction, "
-            "or a load that closes a contact."
+            f"or a load that closes a contact.{instead}"
         )
 
 
@@ -134,7 +139,7 @@ def _beside_others(bodies: Bodies, free: FloatArray, speeds: FloatArray) -> Floa
 
 def _described(problem: ContactProblem, bodies: Bodies, motions: FloatArray) -> Iterator[LooseBody]:
     """The bodies that move, those with the same motions together."""
-    waiting = {body: _about(bodies, body, motions) for body in range(bodies.blocks)}
+    waiting = {body: _about(bodies, body, motions) for body in range(len(bodies))}
     waiting = {body: moved for body, moved in waiting.items() if np.abs(moved).max() > _MOVES}
     while waiting:
         first, moved = next(iter(waiting.items()))
@@ -142,7 +147,8 @@ def _described(problem: ContactProblem, bodies: Bodies, motions: FloatArray) -> 
         names = tuple(_name(problem, bodies, body) for body in alike)
         waiting = {body: other for body, other in waiting.items() if body not in alike}
         own = motions[3 * first : 3 * first + _ALL]
-        yield LooseBody(names, int(np.linalg.matrix_rank(own, tol=_MOVES)), _way(own, bodies, first))
+        motions_of = int(np.linalg.matrix_rank(own, tol=_MOVES))
+        yield LooseBody(names, motions_of, _way(own, bodies, first), max(alike) >= bodies.blocks)
 
 
 def _about(bodies: Bodies, body: int, motions: FloatArray) -> FloatArray:
@@ -182,7 +188,9 @@ def _pair(at: FloatArray, size: float = 1.0) -> str:
 
 
 def _name(problem: ContactProblem, bodies: Bodies, body: int) -> str:
-    """The region with just the cells of a body, or where the body lies."""
+    """The region with just the cells of a body, or where the body lies; the contact of a plate."""
+    if body >= bodies.blocks:
+        return f"the plate at {bodies.plates[body - bodies.blocks]!r}"
     mesh, cells = problem.mesh, np.flatnonzero(bodies.of_cells == body)
     if bodies.blocks == 1:
         return "the body"

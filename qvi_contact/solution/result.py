@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, real_array
+from qvi_contact.basics.checks import FloatArray, one_of, real_array
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.edge_points import EdgePoints
@@ -20,7 +20,7 @@ from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.mesh.edges import edge_ends
-from qvi_contact.problem.conditions import RigidPlate, Symmetry
+from qvi_contact.problem.conditions import DRIVES, RigidPlate, Symmetry
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, ContactState, contact_line, summary_units
 from qvi_contact.solution.loose import LooseBody, loose_bodies
@@ -60,7 +60,7 @@ class Resultant:
     x, y : float
         Force on the body [stress × length].
     moment : float
-        Moment about the origin of coordinates, counterclockwise [stress × length²].
+        Moment about the origin of coordinates, or what is named, counterclockwise [stress × length²].
 
     """
 
@@ -97,7 +97,7 @@ class Energies:
 
 @dataclass(frozen=True)
 class PlateMotion:
-    """Motion of a rigid plate driven by force, beyond its gap and offset; zero where it is not driven.
+    """Motion of a rigid plate beyond its gap and offset, given or found; zero where it is neither driven nor moved.
 
     Attributes
     ----------
@@ -113,7 +113,9 @@ class PlateMotion:
     rotation: float = 0.0
 
 
-_MOTIONS = {"force_x": "x", "force_y": "y", "moment": "rotation"}
+def plate_motion(plate: RigidPlate, x: float, y: float, rotation: float) -> PlateMotion:
+    """The motion of a plate's pivot: what was found of it, zero where it is not driven, with what is given."""
+    return PlateMotion(x + (plate.x or 0.0), y + (plate.y or 0.0), rotation + (plate.rotation or 0.0))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -396,10 +398,10 @@ class ContactResult(Stated):
 
     @cached_property
     def plates(self) -> Mapping[str, PlateMotion]:
-        """How far each plate driven by force has moved, by the name of its contact."""
+        """How far each rigid plate or pin has moved, by the name of its contact."""
         motion: dict[str, dict[str, float]] = {}
         for row, multiplier in zip(self.discretization.plates.rows, self._multipliers("equality"), strict=True):
-            motion.setdefault(row.contact, {})[_MOTIONS[row.component]] = -float(multiplier) * row.motion
+            motion.setdefault(row.contact, {})[DRIVES[row.component]] = -float(multiplier) * row.motion
         return MappingProxyType(
             {
                 contact.name: self._about_pivot(contact.plate, rows, **motion.get(contact.name, {}))
@@ -414,7 +416,15 @@ class ContactResult(Stated):
         """The motion of the pivot from that of the point the equations refer to."""
         place = plate.reference(*centre_of(self.problem, self.discretization.scales, rows))
         arm_x, arm_y = plate.pivot[0] - place[0], plate.pivot[1] - place[1]
-        return PlateMotion(x - rotation * arm_y, y + rotation * arm_x, rotation)
+        return plate_motion(plate, x - rotation * arm_y, y + rotation * arm_x, rotation)
+
+    def plate_force(self, name: str) -> Resultant:
+        """Force of a rigid plate or pin on the body, by the name of its contact; the moment is about its pivot."""
+        plates = {contact.name: contact for contact in self.problem.contacts if contact.plate is not None}
+        contact = plates[one_of("name", name, plates, f"name a contact with a plate: {', '.join(plates) or 'none'}")]
+        assert contact.plate is not None  # as chosen
+        found, (x, y) = self.resultant(contact.edges), contact.plate.pivot
+        return Resultant(found.x, found.y, found.moment - (x * found.y - y * found.x))
 
     def resultant(self, edges: str) -> Resultant:
         """Resultant of the computed tractions σn on a named edge set, joint or contact.

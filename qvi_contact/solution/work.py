@@ -30,7 +30,7 @@ def support_work(discretization: Discretization, u: FloatArray) -> float:
 
 
 def obstacle_work(discretization: Discretization, u: FloatArray) -> float:
-    """∫_{Γ_μ} (g τ_N + w τ_T) ds [stress × length²] of u, g and w as the problem prescribes them."""
+    """∫_{Γ_μ} (g τ_N + w τ_T) ds [stress × length²] of u, g and w as the problem prescribes them, plates moved."""
     problem, scales = discretization.problem, discretization.scales
     work = 0.0
     for contact in problem.contacts:
@@ -48,7 +48,10 @@ def fluid_work(discretization: Discretization) -> float:
             points = EdgePoints(discretization.space, problem.mesh.edges(contact.edges), LOAD_POINTS)
             x, y = physical(problem, scales, points.coordinates)
             pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
-            work += scales.length * float(points.weights @ (pressure * evaluate("Contact.gap", contact.gap, x, y)))
+            gap = evaluate("Contact.gap", contact.gap, x, y)
+            if contact.plate is not None:
+                gap = gap + (contact.plate.displacement(x, y) * points.normals.T).sum(axis=0)
+            work += scales.length * float(points.weights @ (pressure * gap))
     return work
 
 
@@ -58,7 +61,10 @@ def _contact_work(discretization: Discretization, u: FloatArray, contact: Contac
     x, y = physical(discretization.problem, scales, points.coordinates)
     normal, shear = normal_and_shear(discretization, u, points)
     gap, offset = evaluate("Contact.gap", contact.gap, x, y), evaluate("Contact.offset", contact.offset, x, y)
-    return np.asarray(scales.stress * (gap * normal + offset * shear))
+    work = scales.stress * (gap * normal + offset * shear)
+    if contact.plate is not None:
+        work += (contact.plate.displacement(x, y) * traction(discretization, u, points)).sum(axis=0)
+    return np.asarray(work)
 
 
 def normal_and_shear(

@@ -1,0 +1,165 @@
+"""Rigid pins and plates that are moved or driven, on edges that face any way: motion, force, moment, what is free."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, RigidPlate, Traction, TriangleMesh
+from qvi_contact.bracket import bracket
+from qvi_contact.companion import solve_companion
+from qvi_contact.problem.conditions import disc_gap
+from tests.qvi_contact.states import difference, solved
+from tests.qvi_contact.test_holes import holed, polygon
+from tests.qvi_contact.test_plates import moved
+
+UNIT = Material(1.0, 0.3)
+SHEET, SMALL = polygon(24, 4, outer=3.0), polygon(16, 2)
+
+
+def pinned(pin, outside=None, mesh=SHEET):
+    """A sheet of 24 sides with a hole of radius 1, held outside."""
+    outside = outside or Displacement("outside", x=0.0, y=0.0)
+    return ContactProblem(mesh, UNIT, [pin, outside])
+
+
+@cache
+def pushed(friction=0.3):
+    """A pin that is 0.01 smaller than its hole, pushed by a half of its radius, unit modulus."""
+    return solved(pinned(Contact.pin("hole", friction, (0.0, 0.0), 0.99, x=0.5)))
+
+
+def test_a_pin_that_is_moved_and_the_force_that_moves_it_so():
+    expected = pushed()
+    force = expected.plate_force("hole")
+    assert force.x == pytest.approx(0.8772665667, rel=1e-8)
+    assert (expected.plates["hole"].x, expected.plates["hole"].y) == (0.5, 0.0)
+    pin = Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, force_x=force.x, force_y=force.y, moment=force.moment)
+    result = solved(pinned(pin))
+    motion = result.plates["hole"]
+    assert (motion.x, motion.y, motion.rotation) == pytest.approx((0.5, 0.0, 0.0), abs=1e-7)
+    assert difference(expected, result) < 1e-6
+    assert result.contacts["hole"].gap == pytest.approx(expected.contacts["hole"].gap, abs=1e-6)
+    assert result.remarks == ()
+
+
+def test_both_models_enclose_the_work_of_the_pin():
+    """The displacement model knows the pin's motion, and its forces come to the same."""
+    expected, found = pushed(), bracket(pushed())
+    assert found.lower <= found.upper < 1.03 * found.lower
+    assert found.companion.plates["hole"] == expected.plates["hole"]
+    other = solve_companion(expected.problem, degree=4)
+    assert other.contacts["hole"].normal_force == pytest.approx(expected.contacts["hole"].normal_force, rel=0.05)
+
+
+SIDE = {"top": (1.0, "y"), "right": (1.0, "x")}
+
+
+@pytest.mark.parametrize("side", SIDE)
+@pytest.mark.parametrize("law", ["unilateral", "tied", "wet"])
+def test_motion_of_a_plate_is_a_gap_and_an_offset(side, law):
+    """Prescribed motions beside the gap and offset that they are on one straight side, bounds and fluid included."""
+    mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0)
+    sign, normal = SIDE[side]
+    given = {"friction": 0.0, "law": "tied"} if law == "tied" else {"friction": 0.3}
+    base = Contact(side, **given, gap=1e-3, name="plate", pore_pressure=2.0 if law == "wet" else 0.0)
+    motion = {"x": -9e-3 if normal == "x" else 1e-3, "y": -9e-3 if normal == "y" else 1e-3, "rotation": 1e-3}
+    pivot, rest = (0.7, -0.3), [name for name in ("top", "right") if name != side]
+    others = [Traction(rest[0], x=0.0, y=0.0), Displacement("left", x=0.0, y=0.0), Traction("bottom", x=0.0, y=0.0)]
+    steel = Material(1000.0, 0.3)
+    expected = solved(
+        ContactProblem(mesh, steel, [moved(base, **motion, pivot=pivot, sign=sign, normal=normal), *others])
+    )
+    plate = replace(base, plate=RigidPlate(pivot=pivot, **motion))
+    result = solved(ContactProblem(mesh, steel, [plate, *others]))
+    assert difference(expected, result) < 1e-9
+    assert vars(result.plates["plate"]) == motion
+    ours, theirs = bracket(expected), bracket(result)
+    assert (theirs.lower, theirs.upper) == pytest.approx((ours.lower, ours.upper), rel=1e-7)
+    assert theirs.guaranteed == ours.guaranteed
+
+
+def test_force_of_a_tied_pin_lies_between_its_bounds():
+    """One motion drives all: the bounds of the energy are bounds of its force."""
+    pin = Contact.tied("hole", name="pin")
+    problem = pinned(replace(pin, plate=RigidPlate(x=0.1)), mesh=SMALL)
+    forces = [bracket(solved(problem, degree=degree)).forces["pin.force_x"] for degree in (3, 5)]
+    settled = solved(problem, degree=6).plate_force("pin").x
+    for found in forces:
+        assert found.lower <= settled <= found.upper
+    assert forces[1].upper - forces[1].lower < 0.03 * settled
+    turned = pinned(replace(pin, plate=RigidPlate(rotation=0.1)), mesh=SMALL)
+    moment = bracket(solved(turned)).forces["pin.moment"]
+    assert moment.lower <= solved(turned, degree=6).plate_force("pin").moment <= moment.upper
+
+
+def test_two_pins_at_once():
+    """One moved, one driven: equilibrium, and the second moved as it was gives the first state again."""
+    mesh = TriangleMesh.of_rectangles(holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5)))
+    for number, at in enumerate((0.0, 2.0)):
+        mesh = mesh.with_edges(f"hole {number}", lambda x, y, at=at: np.maximum(np.abs(x - at), np.abs(y)) < 0.6)
+    mesh = mesh.with_edges("rest", lambda x, y: np.maximum(np.abs(x - 1.0) - 1.0, np.abs(y)) > 1.4)
+
+    def eye(*contacts):
+        return ContactProblem(mesh, UNIT, [*contacts, Traction("rest", x=0.0, y=0.0)])
+
+    first = replace(Contact.tied("hole 0"), plate=RigidPlate(x=0.0, y=0.0, rotation=0.0))
+    driven = Contact.pin("hole 1", 0.4, (2.0, 0.0), 0.49, force_x=0.1, force_y=0.03, rotation=0.0)
+    result = solved(eye(first, driven))
+    ours, theirs = result.resultant("hole 0"), result.resultant("hole 1")
+    assert (theirs.x, theirs.y) == pytest.approx((0.1, 0.03), rel=1e-10)
+    total = [ours.x + theirs.x, ours.y + theirs.y, ours.moment + theirs.moment]
+    assert total == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    motion = result.plates["hole 1"]
+    again = solved(eye(first, Contact.pin("hole 1", 0.4, (2.0, 0.0), 0.49, x=motion.x, y=motion.y, rotation=0.0)))
+    assert difference(result, again) < 1e-6
+
+
+class TestWhatIsNotDetermined:
+    """Motions that nothing resists are named with the place and what to do; stresses are what they are."""
+
+    def test_a_pin_without_force(self):
+        result = solved(pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, force_x=0.0, force_y=0.0, moment=0.0)))
+        (loose,) = result.loose_bodies
+        assert (loose.names, loose.motions, loose.plate) == (("the plate at 'hole'",), 3, True)
+        assert any("the plate at 'hole'" in remark and "give the motion" in remark for remark in result.remarks)
+
+    def test_a_stamp_that_slides_without_friction(self):
+        mesh = TriangleMesh.rectangle((2, 2))
+        sides = [Displacement("bottom", x=0.0, y=0.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        for friction, free in ((0.0, True), (0.4, False)):
+            stamp = Contact("top", friction, plate=RigidPlate(force_x=0.0, force_y=-1e-3))
+            result = solved(ContactProblem(mesh, UNIT, [*sides, stamp]))
+            assert [loose.way for loose in result.loose_bodies] == ["move along (1, 0)"] * free
+
+    def test_equilibrium_that_gives_the_force(self):
+        """Nothing but the pin holds the sheet: its force is that of the loads, or contradicts them."""
+        pull = Traction("outside", x=lambda x, _: 0.01 + 0.0 * x, y=0.0)
+        mesh_length = SHEET.boundary.length[~SHEET.hole_edges].sum()
+        pin = Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, force_x=-0.01 * mesh_length, y=0.0, rotation=0.0)
+        result = solved(pinned(pin, pull))
+        assert any("already determines force_x" in remark for remark in result.remarks)
+        with pytest.raises(InputError, match="equilibrium of 'hole'"):
+            solved(pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, force_x=1.0, y=0.0, rotation=0.0), pull))
+
+
+@pytest.mark.parametrize(
+    ("given", "field"),
+    [
+        ({}, "RigidPlate"),
+        ({"force_x": 1.0, "x": 0.0}, "RigidPlate.force_x"),
+        ({"moment": 1.0, "rotation": 1.0}, "RigidPlate.moment"),
+        ({"y": np.nan}, "RigidPlate.y"),
+    ],
+)
+def test_plates_that_are_refused(given, field):
+    with pytest.raises(InputError) as caught:
+        RigidPlate(**given)
+    assert caught.value.field == field
+
+
+@pytest.mark.parametrize(("centre", "radius"), [((0.0, 0.0), 0.0), ((0.0, np.inf), 1.0), ((0.0, 0.0), -1.0)])
+def test_pins_that_are_refused(centre, radius):
+    with pytest.raises(InputError):
+        disc_gap(centre, radius)
