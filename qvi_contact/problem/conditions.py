@@ -226,8 +226,11 @@ class RigidPlate:
 
 def disc_gap(centre: tuple[float, float], radius: float) -> Expression:
     """The distance from points to a disc [length], negative inside it."""
-    x, y = (finite_number("centre", value) for value in centre)
-    return Expression(f"hypot(x - ({x!r}), y - ({y!r})) - {positive_number('radius', radius)!r}")
+    away = ", ".join(
+        f"{name} {'-' if at > 0.0 else '+'} {abs(at)!r}" if at else name
+        for name, at in zip("xy", (finite_number("centre", value) for value in centre), strict=True)
+    )
+    return Expression(f"hypot({away}) - {positive_number('radius', radius)!r}")
 
 
 @dataclass(frozen=True)

@@ -220,6 +220,16 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ("friction = 0.2", 'friction = 0.2\nlaw = "bilatral"', "contacts[0].law", "did you mean 'bilateral'"),
         ("friction = 0.2", "friction = 0.2\nplate = {}", "contacts[0].plate", "at least one of force_x"),
         ("friction = 0.2", 'friction = 0.2\nplate = { force_y = "x" }', "contacts[0].plate.force_y", "one number"),
+        (
+            "friction = 0.2",
+            "friction = 0.2\nplate = { x = 0.0, force_x = 1.0 }",
+            "contacts[0].plate.force_x",
+            "leave one",
+        ),
+        ("gap = -1e-3", "pin = { centre = [0, 0], force_y = 1.0 }", "contacts[0].pin.radius", "add this key"),
+        ("gap = -1e-3", "pin = { centre = [0, 0], radius = 0, y = 0 }", "contacts[0].pin.radius", "greater than 0"),
+        ("gap = -1e-3", "pin = { centre = [0, 0], radius = 1 }", "contacts[0].pin", "at least one of force_x"),
+        ("gap = -1e-3", "gap = 1.0\npin = { centre = [0, 0], radius = 1, x = 0 }", "contacts[0].pin", "leave out gap"),
         ("[[contacts]]", "[contacts]", "contacts", "double brackets"),
         ('edges = "top"', 'edges = "to"', "contacts[0].edges", "[[edges]]"),
         ('edges = "right"', 'edges = "top"', "contacts[0]", "already has the condition"),
@@ -294,6 +304,17 @@ def test_times_and_their_problems():
     assert [p.contacts[0].gap(np.zeros(1), np.zeros(1))[0] for p in file.problems] == [-1e-3 * t for t in file.times]
     assert [p.contacts[0].plate.moment for p in file.problems] == [0.5, 1.0, 1.5, 2.0, 2.5]
     assert file.problem_at(0.5).mesh is file.problem.mesh
+
+
+def test_pins_move_in_time_and_are_written_as_gap_and_plate(tmp_path):
+    pin = 'pin = { centre = [0.25, 2.0], radius = 0.9, x = "1e-3 * t", force_y = -1.0 }'
+    file = problem_from_toml(SMALL.replace("gap = -1e-3", pin) + "[history]\ntimes = [0.0, 1.0]\n")
+    contact = file.problems[1].contacts[0]
+    assert (contact.plate.x, contact.plate.force_y, contact.plate.pivot) == (1e-3, -1.0, (0.25, 2.0))
+    assert contact.gap(np.array([0.25, 0.25]), np.array([1.0, 3.0])) == pytest.approx([0.1, 0.1])
+    assert contact == Contact.pin("top", 0.2, (0.25, 2.0), 0.9, x=1e-3, force_y=-1.0, name=contact.name)
+    save_problem(tmp_path / "pin.toml", file.problems[1])
+    assert load_problem(tmp_path / "pin.toml").problem.contacts == (contact,)
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"version = 1 # \xe4", b"\x00" * 100])
