@@ -47,7 +47,7 @@ def outside_scope(discretization: Discretization) -> str:
         return "Bounds under slip are for rigid obstacles: the problem has a contact between two blocks."
     for contact in problem.contacts:
         name = repr(contact.name)
-        if contact.plate is not None:
+        if contact.plate is not None and contact.plate.driven:
             return f"Bounds under slip are for obstacles that are held: {name} has a plate driven by force."
         if contact.has_fluid:
             return f"Bounds under slip are for dry contacts: a fluid presses in {name}."

@@ -6,8 +6,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, RigidPlate, Traction, TriangleMesh
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    InputError,
+    Material,
+    RigidPlate,
+    Traction,
+    TriangleMesh,
+    discretize,
+)
 from qvi_contact.bracket import bracket
+from qvi_contact.bracket.senses import outside_scope
 from qvi_contact.companion import solve_companion
 from qvi_contact.problem.conditions import disc_gap
 from tests.qvi_contact.states import difference, solved
@@ -114,6 +125,13 @@ def test_two_pins_at_once():
     motion = result.plates["hole 1"]
     again = solved(eye(first, Contact.pin("hole 1", 0.4, (2.0, 0.0), 0.49, x=motion.x, y=motion.y, rotation=0.0)))
     assert difference(result, again) < 1e-6
+
+
+def test_bounds_under_slip_are_for_plates_that_are_not_driven():
+    drives = ({"x": 1.0}, {"force_x": 1.0})
+    moves, driven = (pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, **drive)) for drive in drives)
+    assert not outside_scope(discretize(moves))
+    assert "driven" in outside_scope(discretize(driven))
 
 
 class TestWhatIsNotDetermined:
