@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, ContactState
@@ -120,7 +120,10 @@ def _boundary_corners(problem: ContactProblem) -> Iterator[IntArray]:
     differ = (owners[:, one] != owners[:, other]).any(axis=0)
     across = middles[other] - middles[one]
     inwards = (across * boundary.normal[one]).sum(axis=1) > 0.0
-    turn = np.arccos(np.clip((boundary.normal[one] * boundary.normal[other]).sum(axis=1), -1.0, 1.0))
+    normals = frames_along(boundary, np.array([0.0, 1.0]))[0]
+    here = vertex[order][::2]
+    first, second = (normals[each, np.where(boundary.first[each] == here, 0, 1)] for each in (one, other))
+    turn = np.arccos(np.clip((first * second).sum(axis=1), -1.0, 1.0))
     yield vertex[order][::2][differ | (inwards & (turn > _TURN))]
 
 

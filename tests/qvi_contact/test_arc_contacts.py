@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import Contact, ContactProblem, Material, RigidPlate, Symmetry, Traction, TriangleMesh, solve
+from qvi_contact.refinement.closer import _boundary_corners
 from tests.qvi_contact.rings import INNER, NU, OUTER, quarter
 
 A = INNER**2 / (OUTER**2 - INNER**2)
@@ -116,3 +117,12 @@ def test_plate_of_both_models():
     result = ring(Contact("outer", 0.2, plate=RigidPlate(force_y=-0.1)), "inner", degree=4)
     companion = result.bracket.companion
     assert companion.plates["outer"].y == pytest.approx(result.plates["outer"].y, rel=2e-3)
+
+
+def test_smooth_arcs_have_no_corners():
+    """A closer look refines where the boundary turns inwards, which an arc of long edges does nowhere inside."""
+    mesh = quarter(1, 2)
+    conditions = [Traction(name, normal=0.0, tangential=0.0) for name in ("inner", "outer")]
+    problem = ContactProblem(mesh, Material(1.0, NU), [*conditions, Symmetry("bottom"), Symmetry("left")])
+    chosen = np.concatenate(list(_boundary_corners(problem)))
+    assert len(chosen) == 4
