@@ -71,10 +71,10 @@ def _slip(bracket: Bracket, units: Units) -> dict[str, Any] | None:
     """The bounds under slip, or why there are none; None where nothing has Coulomb friction."""
     slip = bracket.slip
     if slip is None:
-        return {"reason": bracket.slip_reason} if bracket.slip_reason else None
+        return {"reason": units.filled(bracket.slip_reason)} if bracket.slip_reason else None
     return {
         "kind": slip.kind,
-        "reasons": list(slip.reasons),
+        "reasons": [units.filled(reason) for reason in slip.reasons],
         "assumption": slip.assumption,
         "senses": dict(slip.senses),
         "margin": slip.margin,
@@ -90,9 +90,9 @@ def _slip(bracket: Bracket, units: Units) -> dict[str, Any] | None:
 def _slip_lines(bracket: Bracket, units: Units) -> Iterator[str]:
     """The bounds under slip, or why there are none."""
     if bracket.slip_reason:
-        yield f"no bounds under Coulomb slip: {bracket.slip_reason}"
+        yield f"no bounds under Coulomb slip: {units.filled(bracket.slip_reason)}"
     if bracket.slip is not None:
-        yield bracket.slip.message
+        yield units.filled(bracket.slip.message)
         for name, bounds in bracket.slip.forces.items():
             force = f"{bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}"
             yield f"{name} between {force}, {bracket.slip.kind}"

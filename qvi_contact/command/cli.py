@@ -147,13 +147,16 @@ def solve(
 ) -> int:
     """Solve the problem in FILE and report forces and states of its contacts.
 
-    Options override [solve] in the file. A file with a [history] is solved step by step. Its picture shows forces and
-    loops, and its fields are those of the last step. --set, or a [sweep] in the file, solves for several values of the
-    friction, of a load factor, or of what is added to gap or offset; files are those of the last value. After
-    --time-limit seconds the result is the best state found so far, with the status time_limit. --certificate computes
-    every number of the result (of each step) again and compares them; the exit status is 1 if any differ, and --json
-    lists them as "verification". The page of --report is one file. Its energy bounds take a second solve, of at most
-    --time-limit seconds.
+    Options override [solve] in the file. After --time-limit seconds the result is the best state found so far, with the
+    status time_limit.
+
+    A file with a [history] is solved step by step. Its picture shows forces and loops, and its fields are those of the
+    last step. --set, or a [sweep] in the file, solves for several values of the friction, of a load factor, or of what
+    is added to gap or offset. Files that are written hold the last value.
+
+    --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
+    any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
+    solve, of at most --time-limit seconds.
 
     \b
     Exit status: 0 solved, with a passing certificate

@@ -91,7 +91,7 @@ def sweep_lines(
         yield from table([parameter, "status", "iterations", "normal", "tangential", *_STATES], rows)
         yield ""
     remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
-    yield from (f"remark: {remark}" for remark in remarks)
+    yield from (f"remark: {units.filled(remark)}" for remark in remarks)
     yield message
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from qvi_contact.solution.history import History
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.sweep import Sweep
+
+_OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and keys of [sweep]
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ def solved_series(
     if plan is not None:
         from qvi_contact.solution.sweep import solve_sweep
 
-        with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
+        with _named(plan, file), solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
             sweep = solve_sweep(
                 file.problem,
                 plan.parameter,
@@ -86,6 +89,18 @@ def solved_series(
 
     with solving(file.title or "solve", verbose=verbose):
         return None, (solve(file.problem, **options, verbose=verbose),)
+
+
+@contextmanager
+def _named(plan: SweepPlan, file: ProblemFile) -> Iterator[None]:
+    """Input errors about the sweep name the option --set, or the key of the file."""
+    try:
+        yield
+    except InputError as error:
+        if error.field not in _OWN:
+            raise
+        place = f"sweep.{error.field}" if plan is file.sweep else "--set"
+        raise InputError(place, error.value, error.remedy) from error
 
 
 def plan_of(file: ProblemFile, given: str | None) -> SweepPlan | None:

@@ -76,7 +76,7 @@ class Sweep:
                 return f"{self.parameter} = {value:g}: {step.message}{others}"
         if len(self.steps) < len(self.values):
             return f"time limit after {len(self.steps)} of {len(self.values)} values. {Status.TIME_LIMIT.advice}"
-        return f"all {len(self.values)} values solved"
+        return f"all {len(self.values)} values solved" if len(self.values) > 1 else "the value is solved"
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
         """One row for each value and contact as a pandas table; needs the extra ``frame`` (pandas).

@@ -175,15 +175,22 @@ def test_values_in_a_problem_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "field"),
-    [("friction", "--set"), ("friction=", "--set"), ("=0.1", "--set"), ("friction=a,b", "--set"),
-     ("young=1.0", "parameter"), ("friction=-0.1", "values"), ("friction=nan", "values"),
-     ("nobody.friction=0.1", "of")],
-)  # fmt: skip
-def test_bad_values_on_the_command_line(words, field):
+    "words",
+    [
+        "friction",
+        "friction=",
+        "=0.1",
+        "friction=a,b",
+        "young=1.0",
+        "friction=-0.1",
+        "friction=nan",
+        "nobody.friction=0.1",
+    ],
+)
+def test_bad_values_on_the_command_line(words):
     status, message = command("solve", FILE, "--set", words)
     assert status == 2
-    assert field in message
+    assert message.startswith("--set: ")
 
 
 def test_a_history_is_not_swept(tmp_path):
