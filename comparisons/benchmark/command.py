@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.lab.options import ListCommand, folder_option
+from comparisons.lab.options import ListCommand, folder_option, json_option
 
 
 @click.command(cls=ListCommand, short_help="Time of a whole solve beside that of one factorisation.")
@@ -28,7 +28,7 @@ from comparisons.lab.options import ListCommand, folder_option
 @click.option(
     "--repeat", type=int, help="Repetitions of each run.  [default: 5 to 128² cells, 3 to 512²; 20 on graded meshes]"
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
+@json_option
 @click.option(
     "--out",
     metavar="FOLDER",

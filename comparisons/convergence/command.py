@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -10,12 +9,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from comparisons.lab.options import folder_option
+from comparisons.lab.options import json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 from qvi_contact.basics.terminal import Command
 
 if TYPE_CHECKING:
-    from comparisons.lab.report import Document
     from comparisons.lab.study import Study
 
 NAMES: Final = ("mesh", "outer", "uzawa")
@@ -30,9 +28,8 @@ _FOLDER: Final = "results/convergence"
 @click.argument("names", metavar="[STUDY]...", nargs=-1, type=click.Choice(NAMES))
 @study_options(_FOLDER, timeout=600.0, folder=True)
 @click.option("--quick", is_flag=True, help="Few and small cases, kept in other files.")
-@click.option("--out", metavar="FOLDER", default=_FOLDER, callback=folder_option, show_default=True,
-              help="Folder for the reports.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
+@out_option(_FOLDER)
+@json_option
 def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path, as_json: bool) -> None:
     """Measure how answers converge, with the mesh and with the iterations.
 
@@ -49,7 +46,7 @@ def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path,
         python -m comparisons convergence --quick
         python -m comparisons convergence mesh --workers 2 --out results/convergence
     """  # noqa: D301
-    from comparisons.lab.study.rows import finite_json
+    from comparisons.lab.reported import print_json
     from qvi_contact.basics.writing import writable_folder
 
     _check_store(run.store)
@@ -59,8 +56,7 @@ def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path,
         part.check()
     documents = [part.done(out, as_json) for part in parts]
     if as_json:
-        document = {"schema": SCHEMA, "quick": quick, "studies": documents}
-        click.echo(json.dumps(finite_json(document), indent=1, ensure_ascii=False, allow_nan=False))
+        print_json({"schema": SCHEMA, "quick": quick, "studies": documents})
 
 
 def _check_store(folder: Path) -> None:
@@ -96,20 +92,10 @@ class _Part:
 
     def done(self, out: Path, as_json: bool) -> dict[str, Any]:
         """Run what is missing, write the report, show it; the JSON of it."""
-        from comparisons.lab.report import findings_of, show, write_report
-        from comparisons.lab.study import read_study, write_csv
+        from comparisons.lab.reported import run_and_report
 
-        self.run.run(self.study)
-        stored = read_study(self.run.store)
-        report: Document = import_module(f"comparisons.convergence.{self.name}.report").report(stored.rows, self.quick)
-        written = [*write_report(report, out), out / f"{report.name}.csv.gz"]
-        write_csv(written[-1], stored.rows)
+        report = import_module(f"comparisons.convergence.{self.name}.report").report
+        found = run_and_report(self.run, self.study, lambda stored: report(stored.rows, self.quick), out)
         if not as_json:
-            show(report, written)
-        return {
-            "name": self.name,
-            "study": stored.declaration,
-            "findings": findings_of(report.text),
-            "rows": [row.flat() for row in stored.rows],
-            "files": [path.name for path in written],
-        }
+            found.tell(None)
+        return {"name": self.name, **found.document(rows=[row.flat() for row in found.stored.rows])}

@@ -1,7 +1,8 @@
 """Options that commands share."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -36,6 +37,16 @@ def _spread(words: Sequence[str], names: set[str]) -> Iterator[str]:
             if values > 1:
                 yield current
         yield word
+
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
+"""Decorator of a command that prints its report."""
+
+
+def out_option(folder: str) -> Callable[[Any], Any]:
+    """Decorator of a command that writes its report to this folder, or to another one."""
+    return click.option("--out", metavar="FOLDER", default=folder, show_default=True, callback=folder_option,
+                        help="Folder for the report.")  # fmt: skip
 
 
 def folder_option(context: click.Context, parameter: click.Parameter, value: str | None) -> Path | None:  # noqa: ARG001

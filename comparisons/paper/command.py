@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.lab.options import folder_option
+from comparisons.lab.options import folder_option, json_option
 from qvi_contact.basics.terminal import Command
 
 
@@ -16,7 +16,7 @@ from qvi_contact.basics.terminal import Command
     callback=folder_option,
     help="Folder for the report, its pictures, and tables as CSV.  [default: results/paper]",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
+@json_option
 def paper(out: Path | None, as_json: bool) -> None:
     """Recompute Table 1 and Figures 2-5 of Więckowski (1992), and compare them with the converged solution.
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.lab.options import ListCommand, folder_option
+from comparisons.lab.options import ListCommand, json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 from comparisons.peers import LEVELS
 
@@ -28,9 +28,8 @@ _FOLDER = "results/peers"
               help="Number of meshes graded to the corner and to the end of the stick zone.")  # fmt: skip
 @click.option("--repeat", type=int, default=5, help="Largest number of repetitions within 5 s.", show_default=True)
 @click.option("--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
-@click.option("--out", metavar="FOLDER", default=_FOLDER, callback=folder_option, show_default=True,
-              help="Folder for the report.")  # fmt: skip
+@json_option
+@out_option(_FOLDER)
 def peers(
     options: RunOptions,
     friction: tuple[float, ...],
@@ -57,13 +56,10 @@ def peers(
         python -m comparisons peers --getfem /usr/bin/python3
         python -m comparisons peers --friction 0.2 --cells 8 16 --levels 3 --store small.sqlite --out results/small
     """  # noqa: D301
-    from comparisons.lab.report import show, write_report
-    from comparisons.lab.study import read_study, write_csv
+    from comparisons.lab.reported import run_and_report
     from comparisons.peers import measure
     from comparisons.peers.cases import peers_study
-    from comparisons.peers.report import as_json as json_of
-    from comparisons.peers.report import report
-    from qvi_contact.basics.writing import writable_folder
+    from comparisons.peers.report import document_of, report
     from qvi_contact.errors import InputError
 
     if options.threads != 1:
@@ -71,13 +67,5 @@ def peers(
     if getfem is not None:
         os.environ[measure.GETFEM] = getfem
     study = peers_study(friction, cells, repeat, levels)
-    folder = writable_folder(out)
-    options.run(study)
-    rows = read_study(options.store).rows
-    made = report(rows)
-    written = [*write_report(made, folder), folder / f"{made.name}.csv.gz"]
-    write_csv(written[-1], rows)
-    if as_json:
-        click.echo(json_of(rows, made))
-    else:
-        show(made, written)
+    found = run_and_report(options, study, lambda stored: report(stored.rows), out)
+    found.tell(document_of(found.stored.rows, found.report) if as_json else None)

@@ -1,12 +1,10 @@
 """The report of a run, computed from its rows alone: as a document, and as JSON."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.lab.report import Document, environment_grids, findings_of, render
 from comparisons.lab.study import Row
-from comparisons.lab.study.rows import finite_json
 from comparisons.peers.figures import figures, has_bounds
 from comparisons.peers.measures import (
     BOUNDS,
@@ -69,10 +67,10 @@ def _place(
     }  # fmt: skip
 
 
-def as_json(rows: Sequence[Row], document: Document) -> str:
+def document_of(rows: Sequence[Row], report: Document) -> dict[str, Any]:
     """Values, runs and findings as one document."""
     runs = runs_of(rows)
-    found = {
+    return {
         "schema": SCHEMA,
         "units": {"half_force": "N/mm", "seconds": "s, processor time", "memory": "bytes"},
         "references": [
@@ -80,9 +78,8 @@ def as_json(rows: Sequence[Row], document: Document) -> str:
         ],
         "missing": missing(runs),
         "rows": [_run(run) for run in runs.astype(object).where(runs.notna(), None).to_dict("records")],
-        "findings": findings_of(document.text),
+        "findings": findings_of(report.text),
     }
-    return json.dumps(finite_json(found), indent=2, allow_nan=False, ensure_ascii=False)
 
 
 def _run(run: Mapping[Any, Any]) -> dict[str, Any]:

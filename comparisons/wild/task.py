@@ -32,7 +32,6 @@ from solvers.factorisation import FactorisationError
 
 REFUSED, ACCEPTED, SOLVED, WRONG = "refused", "accepted", "solved", "wrong"
 INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
-OUTCOMES: Final = (SOLVED, INFEASIBLE, OPEN, REFUSED, ACCEPTED, WRONG, FOREIGN)
 
 OTHERS: Final[Mapping[str, Mapping[str, Any]]] = {
     "qp:daqp": {"method": "fixed-point", "inner": "qp:daqp"},

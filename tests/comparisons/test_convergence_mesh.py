@@ -540,7 +540,7 @@ class TestCommand:
         monkeypatch.setattr(figures, "drawn", lambda *_: "")
         monkeypatch.setattr(command.RunOptions, "run", lambda self, _: stores.append(self.store))
         monkeypatch.setattr(
-            "comparisons.lab.study.read_study", lambda _: type("Stored", (), {"declaration": {}, "rows": rows})
+            "comparisons.lab.reported.read_study", lambda _: type("Stored", (), {"declaration": {}, "rows": rows})
         )
         monkeypatch.setattr(sys, "argv", ["comparisons", "convergence", "mesh", "--quick", "--json", "--store",
                                           str(tmp_path / "store"), "--out", str(tmp_path / "out")])  # fmt: skip
@@ -553,7 +553,7 @@ class TestCommand:
         assert (document["schema"], document["quick"], part["name"]) == (command.SCHEMA, True, "mesh")
         assert len(part["rows"]) == len(rows)
         assert part["findings"] == findings_of(report(rows, quick=True).text)
-        assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(part["files"])
-        assert "convergence-mesh-quick.html" in part["files"]
+        assert sorted(map(str, (tmp_path / "out").iterdir())) == sorted(part["files"])
+        assert str(tmp_path / "out" / "convergence-mesh-quick.html") in part["files"]
         text = (tmp_path / "out" / "convergence-mesh-quick.md").read_text(encoding="utf-8")
         assert "`python -m comparisons convergence mesh --quick`" in text

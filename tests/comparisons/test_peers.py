@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from comparisons.cli import group
 from comparisons.lab.report import drawing
 from comparisons.lab.study import read_csv, read_study
-from comparisons.lab.study.rows import Row
+from comparisons.lab.study.rows import Row, finite_json
 from comparisons.peers import LEVELS, cases, command, figures, measure, meshes, models
 from comparisons.peers.codes import companion, equilibrium, ngsolve_nitsche, process
 from comparisons.peers.figures import COSTS
@@ -35,7 +35,7 @@ from comparisons.peers.measures import (
     runs_of,
     values_of,
 )
-from comparisons.peers.report import SCHEMA, as_json, report
+from comparisons.peers.report import SCHEMA, document_of, report
 from comparisons.peers.tables import tables_of
 from comparisons.settled import LIMITS, SETTLED, UNCERTAINTY
 from qvi_contact import InputError, solve
@@ -547,7 +547,7 @@ class TestFindings:
         assert (values["runs"], values["solved"], values["failing"]) == (4, 1, "3 of GetFEM")
         assert [line[-2:] for line in lines[1:]] == [("not converged", "residual 1e-3"), ("crashed", "signal 11")]
         assert runs.error[~runs.solved].isna().all()
-        json.loads(as_json(rows, report(rows)))
+        json.dumps(finite_json(document_of(rows, report(rows))), allow_nan=False)
 
     def test_without_any_known_value(self):
         made = report([solution("GetFEM, Q2, uniform", 8, 214.4, 0.1, 0.12)])

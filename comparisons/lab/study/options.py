@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from comparisons.lab.study.declaration import Study
 from comparisons.lab.study.runner import StudyRun, run_study
+from qvi_contact.errors import InputError
 
 _KEPT = "File that keeps the rows."
 
@@ -28,6 +30,17 @@ class RunOptions:
     def inside(self, name: str) -> "RunOptions":
         """The same with the file of this name in the store's folder."""
         return replace(self, store=self.store / name)
+
+    def apart(self, quick_store: str | None, remedy: str) -> "RunOptions":
+        """The same with the store of a quick study, if this is one, unless the user has named a store.
+
+        A part of a study needs a store that the user names: give the `remedy` that says so, else an empty one.
+        """
+        if click.get_current_context().get_parameter_source("store") is not ParameterSource.DEFAULT:
+            return self
+        if remedy:
+            raise InputError("store", str(self.store), remedy)
+        return self if quick_store is None else replace(self, store=Path(quick_store))
 
     def run(self, study: Study) -> StudyRun:
         """Run the study; after an interrupt the command ends with status 130 and a line that tells how to go on."""
