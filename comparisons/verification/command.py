@@ -35,10 +35,11 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
     folder = None if out is None else writable_folder(out)
     with progress("verify", study.step_count(chapters)) as advance:
         document = study.run(chapters, quick, advance, only)
-    manual = report(document)
-    written = write_report(manual, folder) if folder else []
     if as_json:
         click.echo(json_of(document))
-    else:
-        show(manual, written, tables=verbose)
+    if folder or not as_json:
+        manual = report(document)
+        written = write_report(manual, folder) if folder else []
+        if not as_json:
+            show(manual, written, tables=verbose)
     return 0 if document["passed"] else 1

@@ -95,6 +95,14 @@ def local(tmp_path_factory):
     return comparable(path)
 
 
+@pytest.fixture(scope="module")
+def lossy(tmp_path_factory):
+    """One that loses workers, and its scheduler to the last test that uses it."""
+    found = Cluster(tmp_path_factory.mktemp("lossy"))
+    yield found
+    found.close()
+
+
 @pytest.fixture
 def started(tmp_path):
     """Start a cluster for one test."""
@@ -180,9 +188,8 @@ class TestEnds:
 class TestLosses:
     """Workers and schedulers that die."""
 
-    def test_lost_worker(self, started, tmp_path):
+    def test_lost_worker(self, lossy, tmp_path):
         """Tried again on another one, once; a run waits while there is none, and takes those that come later."""
-        lossy = started(workers=2)
         study = Study("losses", 1, "tests.comparisons.study_demo:losing", {"times": (1, 2)}, packages=())
         with ThreadPoolExecutor() as threads:
             run = threads.submit(run_study, study, tmp_path / "a", dask=lossy.address, progress=False)
@@ -197,8 +204,7 @@ class TestLosses:
         assert (second.status, second.reason) == ("crashed", "the worker of the cluster was lost, 2 times")
         assert second.environment["threads"] == 1
 
-    def test_lost_scheduler(self, started, command, tmp_path):
-        lossy = started(workers=1)
+    def test_lost_scheduler(self, lossy, command, tmp_path):
         process = command("--dask", lossy.address, "--way", "plain", "--way", "hold")
         assert eventually(lambda: rows_in(tmp_path / "a") == 1)
         lossy.processes[0].kill()

@@ -5,7 +5,6 @@ The quick run is made once in a process; with pytest-xdist, `--dist loadfile` ke
 
 import json
 import re
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -100,6 +99,7 @@ def test_plain_data_without_times(quick):
     assert not {"seconds", "began", "date", "timings", "load_average"} & set(keys(quick))
 
 
+@pytest.mark.usefixtures("outlined")
 def test_a_wrong_reference_fails_its_row_the_status_and_both_files(monkeypatch, capfd, tmp_path):
     """One force of the displacement codes moved by a thousandth, of three."""
     settled = {friction: plate.SETTLED[friction] for friction in (0.1, 0.15, 0.2)}
@@ -122,6 +122,7 @@ def breaks_off(quick):
     raise ZeroDivisionError("the mesh has\n no <cells> | none")
 
 
+@pytest.mark.usefixtures("outlined")
 def test_a_crash_is_a_failed_row_with_the_reason(monkeypatch, capfd, tmp_path):
     def sound(quick):
         """A sound problem."""
@@ -156,6 +157,7 @@ def test_the_manual_holds_the_rows(quick, manual):
     assert markdown_rows(manual.text) == [cells(row) for row in rows(quick)]
 
 
+@pytest.mark.usefixtures("outlined")
 def test_every_chapter_says_what_it_shows(manual):
     """A chapter that the template does not know is an error, not left out."""
     assert len(re.findall(r"^- \*Shows\*: .*$", manual.text, flags=re.MULTILINE)) == len(registry.CHAPTERS)
@@ -179,11 +181,13 @@ def test_without_matplotlib_there_is_no_picture(monkeypatch, tmp_path):
     assert ".svg" not in written[1].read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("outlined")
 def test_two_runs_make_the_same_manual():
     one, other = (report(study.run(registry.choose(["units"]), quick=True, advance=quiet)) for _ in range(2))
     assert one == other
 
 
+@pytest.mark.usefixtures("outlined")
 def test_other_data_make_other_files():
     changed = json.loads(json.dumps(DOCUMENT))
     changed["chapters"][0]["problems"][0]["rows"][0]["ours"] = 1.25
@@ -226,12 +230,12 @@ def test_names_choose_chapters_and_problems():
     assert registry.choose([]) == registry.CHAPTERS
 
 
-def test_json_is_one_document_and_nothing_else():
-    """As a command, piped: progress is silent."""
-    arguments = [sys.executable, "-m", "comparisons", "verify", "--quick", "--only", "units", "--json"]
-    done = subprocess.run(arguments, capture_output=True, text=True, timeout=60, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    document = json.loads(done.stdout)
+@pytest.mark.usefixtures("outlined")
+def test_json_is_one_document_and_nothing_else(monkeypatch, capfd):
+    """Where standard error is no terminal, progress is silent."""
+    status, out, err = command(monkeypatch, capfd, "--quick", "--only", "units", "--json")
+    assert (status, err) == (0, "")
+    document = json.loads(out)
     assert document["schema"] == "qvi-contact/verify/2"
     assert [problem["name"] for chapter in document["chapters"] for problem in chapter["problems"]] == ["units"]
 
@@ -244,6 +248,7 @@ def test_the_committed_manual_has_all_problems_and_passed():
     assert "--quick" not in text
 
 
+@pytest.mark.usefixtures("outlined")
 def test_a_row_without_certificate_fails_in_the_files():
     row = absolute("a", 1.0, 1.0, 1.0, Kind.ANALYTIC, "s", replace(PASSING.proof, passed=False))
     document = json.loads(json.dumps(DOCUMENT))
