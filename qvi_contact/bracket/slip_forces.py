@@ -17,6 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.given import bears_shear, has_coulomb
@@ -110,6 +111,13 @@ class _Line:
         size = self.sizes[int(values is self.pressure or values is self.room)]
         return np.asarray(values <= max(self.cut * float(values.max(initial=0.0)), _NOISE * size))
 
+    def ratio(self, part: FloatArray, whole: FloatArray, size: float) -> float | None:
+        """The largest |part|/whole; None if a part is more than rounding of a size where the whole counts as none."""
+        none = self.none(whole)
+        if np.abs(part[none]).max(initial=0.0) > _ROUNDING * size:
+            return None
+        return float((np.abs(part[~none]) / whole[~none]).max(initial=0.0))
+
     def _spread(self, chosen: BoolArray) -> BoolArray:
         found = np.zeros_like(chosen)
         found[self.trace.columns[chosen[self.trace.columns].any(axis=1)]] = True
@@ -167,7 +175,7 @@ class _Model:
         K = stress.discretization.qvi.K
         scale = 1.0 / np.sqrt(K.diagonal())
         scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
-        return cls(BodyAtRest.of(stress.problem, companion.degree), scale, sparse.linalg.splu(scaled))
+        return cls(BodyAtRest.of(stress.problem, companion.degree), scale, splu(scaled))
 
     def solved(self, K: sparse.csc_array, right: FloatArray) -> FloatArray:
         """K⁻¹ · right (n, j), once corrected."""
@@ -202,15 +210,18 @@ class _Pairs:
         return self.known.scales.displacement
 
     def bounds(self, line: _Line, a: float, b: float, error: float, defect: float) -> Bounds | None:
-        """Bounds of ∫ a σ_N + b σ_S ds on one contact."""
+        """Bounds of ∫ a σ_N + b σ_S ds on one contact; None if no z meets the conditions of (D31)."""
         goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
         c, z = self._displacement(goals)
+        moved = self._ratio_of_displacements(goals, c)
+        if moved is None:
+            return None
         change = self._stress(c)
-        largest = self._largest_ratio(goals, c, change)
-        if largest is None:
+        pressed = self._ratio_of_stresses(change)
+        if pressed is None:
             return None
         middle, residual = self._value(goals, c, z, change)
-        rest = (error * residual + largest * defect) / self.unit + _ROUNDED * abs(middle)
+        rest = (error * residual + max(moved, pressed) * defect) / self.unit + _ROUNDED * abs(middle)
         return Bounds(middle - rest, middle + rest)
 
     def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
@@ -237,53 +248,59 @@ class _Pairs:
         """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
         qvi, q = self.known.qvi, self.known.space.contact_rule.count
         work = np.zeros((2, qvi.m))
-        held = np.zeros((2, qvi.m), dtype=bool)
         products = bernstein.product_integrals(q - 1, self.companion.degree)
         for line in self.lines:
             local = c[:, line.start + line.trace.columns]
             work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
-            held[0, line.rows.rows] = np.repeat(line.loose, q)
-            held[1, line.rows.rows] = np.repeat(line.loose | line.sliding, q)
         load = qvi.N.T @ work[0] + qvi.T.T @ work[1]
-        rows = sparse.csr_array(sparse.vstack([sparse.csr_array(qvi.N)[held[0]], sparse.csr_array(qvi.T)[held[1]]]))
-        return self._nearest(load, rows)
-
-    def _nearest(self, load: FloatArray, rows: sparse.csr_array) -> FloatArray:
-        """The minimum of ½ xᵀKx − loadᵀx over rows · x = 0."""
-        both = self.model.solved(self.known.qvi.K, np.column_stack([load, rows.T.toarray()]))
-        x, influence = both[:, 0], both[:, 1:]
+        x = self.model.solved(qvi.K, load[:, None])[:, 0]
+        rows, influence = self._held
         if not rows.shape[0]:
-            return x
+            return np.asarray(x)
         x = x - influence @ np.linalg.lstsq(rows @ influence, rows @ x, rcond=1e-13)[0]
         square = (rows @ rows.T).toarray()
         for _ in range(2):  # what is left of the rows is rounding, which must not count
             x = x - rows.T @ np.linalg.lstsq(square, rows @ x, rcond=1e-13)[0]
         return np.asarray(x)
 
-    def _largest_ratio(
-        self, goals: Mapping[str, tuple[float, float]], c: FloatArray, change: FloatArray
-    ) -> float | None:
-        """The number m with which the terms on contacts are parts of Σ; None if there is none."""
-        scales, q, found = self.known.scales, self.known.space.contact_rule.count, 0.0
-        normal, shear = (scales.stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
+    @cached_property
+    def _held(self) -> tuple[sparse.csr_array, FloatArray]:
+        """Rows of tractions that are to vanish, and what they do, K⁻¹ rowsᵀ."""
+        qvi, q = self.known.qvi, self.known.space.contact_rule.count
+        held = np.zeros((2, qvi.m), dtype=bool)
+        for line in self.lines:
+            held[0, line.rows.rows] = np.repeat(line.loose, q)
+            held[1, line.rows.rows] = np.repeat(line.loose | line.sliding, q)
+        parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
+        rows = sparse.csr_array(sparse.vstack(parts))
+        return rows, self.model.solved(qvi.K, rows.T.toarray())
+
+    def _ratio_of_displacements(self, goals: Mapping[str, tuple[float, float]], c: FloatArray) -> float | None:
+        """The larger of m₁ and m₄; None if there is none."""
+        found = 0.0
         for line in self.lines:
             a, b = goals[line.contact.name]
             here = slice(line.start, line.start + line.trace.count)
             slip = line.sense * c[1, here] - b if line.sense else 0.0 * c[1, here]
             across = c[0, here] - a + line.friction * slip
-            pairs = [
-                (self.unit * slip, line.slip, self.unit),
-                (self.unit * across, line.opening, self.unit),
-                (normal[line.rows.rows].reshape(-1, q), line.pressure, np.abs(normal).max()),
-                (shear[line.rows.rows].reshape(-1, q), line.room, np.abs(normal).max()),
-            ]
-            for number, (part, whole, size) in enumerate(pairs):
-                if number == 3 and not line.sense:
-                    continue
-                none = line.none(whole)
-                if np.abs(part[none]).max(initial=0.0) > _ROUNDING * size:
+            for part, whole in ((slip, line.slip), (across, line.opening)):
+                ratio = line.ratio(self.unit * part, whole, self.unit)
+                if ratio is None:
                     return None
-                found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
+                found = max(found, ratio)
+        return found
+
+    def _ratio_of_stresses(self, change: FloatArray) -> float | None:
+        """The larger of m₂ and m₃; None if there is none."""
+        scales, q, found = self.known.scales, self.known.space.contact_rule.count, 0.0
+        normal, shear = (scales.stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
+        size = float(np.abs(normal).max())
+        for line in self.lines:
+            for part, whole in ((normal, line.pressure), *(((shear, line.room),) if line.sense else ())):
+                ratio = line.ratio(part[line.rows.rows].reshape(-1, q), whole, size)
+                if ratio is None:
+                    return None
+                found = max(found, ratio)
         return found
 
     def _value(

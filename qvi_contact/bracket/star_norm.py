@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from scipy import sparse
 from scipy.optimize import minimize
+from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.bracket.given import bears_shear, has_coulomb
@@ -139,7 +140,7 @@ def _gain(problem: ContactProblem, sides: list[list[FloatArray]], inf_sup: float
     if not np.abs(right[free]).max(initial=0.0) > 0.0:
         return None
     field = np.zeros(space.size)
-    field[free] = sparse.linalg.spsolve(sparse.csc_array(matrix[free][:, free]), right[free])
+    field[free] = spsolve(sparse.csc_array(matrix[free][:, free]), right[free])
     flux = float(mean @ field)
     if not flux > 1e-9 * area:
         return None
