@@ -22,7 +22,7 @@ from qvi_contact.bracket.law import coefficients, contact_tractions, law_bound
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.bracket.senses import SlippingStress, stress_under_slip
-from qvi_contact.bracket.slip import slip_bounds
+from qvi_contact.bracket.slip import SlipBounds, slip_bounds
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.cells import kind_of
 from qvi_contact.companion.scope import check_scope
@@ -34,6 +34,7 @@ from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
 from solvers import Iteration
 from solvers.basics.narration import narrated
 from solvers.basics.watch import watched
+from solvers.factorisation import FactorisationError
 
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
@@ -142,11 +143,18 @@ def _with_slip(found: Bracket, one_way: SlippingStress | str, reasons: tuple[str
     """A bracket with the bounds under slip, or with the reason why there are none."""
     assert found.companion is not None
     if isinstance(one_way, SlippingStress) and found.companion.has_state:
-        one_way_bounds = slip_bounds(one_way.result, found.companion, one_way.senses, reasons)
+        one_way_bounds = _slip_bounds(one_way, found.companion, reasons)
         if not isinstance(one_way_bounds, str):
             return replace(found, slip=one_way_bounds)
         return replace(found, slip_reason=one_way_bounds)
     return replace(found, slip_reason=one_way if isinstance(one_way, str) else "No admissible displacement was found.")
+
+
+def _slip_bounds(one_way: SlippingStress, companion: CompanionResult, reasons: tuple[str, ...]) -> SlipBounds | str:
+    try:
+        return slip_bounds(one_way.result, companion, one_way.senses, reasons)
+    except (FactorisationError, MemoryError) as error:
+        return f"The norm of friction was not computed: {error or 'out of memory'}."
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from scipy.linalg import eigh
 from qvi_contact.bracket import slip_constants
 from qvi_contact.bracket.given import bears_shear, has_coulomb
 from qvi_contact.bracket.star_norm import star_norm
-from qvi_contact.companion.at_rest import BodyAtRest
+from qvi_contact.companion.at_rest import MOST, BodyAtRest
 from qvi_contact.problem.conditions import Contact, Displacement
 from qvi_contact.problem.problem import ContactProblem
 
@@ -62,6 +62,8 @@ def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> Frictio
         found = (
             "A contact can slip as far as supports let it without straining the body: hold the body along the contact."
         )
+    elif np.isnan(value):
+        return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
     elif value >= slip_constants.LARGEST:
         found = f"Friction is too large: the norm of its operator is {value:.3g}, and must be less than 2."
     return FrictionNorm(value, False, found)
@@ -72,9 +74,11 @@ def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: in
 
     With x the slip on contacts with Coulomb friction, A x·x the least energy of displacements that slip by x, and
     D x·x that of those with the normal part σμ x and no other part on contacts that S must not have, s² is the largest
-    λ of D x = λ A x; infinity where contacts can slip without strain.
+    λ of D x = λ A x; infinity where contacts can slip without strain, NaN where there are too many coefficients.
     """
     known = BodyAtRest.of(problem, degree)
+    if len(known.live) > MOST:
+        return float("nan")
     n, pairs = known.contacts.count, list(zip(problem.contacts, known.contacts.traces, strict=True))
     weight = np.concatenate([np.full(trace.count, _weight(contact, senses)) for contact, trace in pairs])
     tied, rough = (

@@ -24,7 +24,7 @@ from qvi_contact.bracket.given import bears_shear, has_coulomb
 from qvi_contact.bracket.law import coefficients, effective
 from qvi_contact.bracket.outcome import Bounds
 from qvi_contact.companion import CompanionResult
-from qvi_contact.companion.at_rest import BodyAtRest, solutions
+from qvi_contact.companion.at_rest import MOST, BodyAtRest, solutions
 from qvi_contact.companion.traces import Trace
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
@@ -146,6 +146,8 @@ def force_bounds_under_slip(
     if not np.isfinite(error) or any(bears_shear(each) and not has_coulomb(each) for each in contacts):
         return {}
     model = _Model.of(stress, companion)
+    if len(model.body.live) > MOST:
+        return {}
     found: dict[str, Bounds] = {}
     for cut in _CUTS:
         pairs = _Pairs(model, stress, companion, list(_lines(stress, companion, senses, cut)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from qvi_contact.companion.dual import Contacts
 from qvi_contact.companion.solver import condensed_at_rest
 from qvi_contact.companion.supports import PARALLEL
 from qvi_contact.problem.problem import ContactProblem
+
+MOST: Final = 4000
+"""Contact coefficients, normal and tangential ones, for which dense matrices of them are made."""
 
 _SINGULAR = 1e-11  # eigenvalue of a stiffness matrix, relative, that is a rigid motion's
 _DEPENDENT = 1e-9  # singular value of rows, relative, that counts as zero
