@@ -25,16 +25,18 @@ jump or have kinks inside edges, as far as samples show it.
 In `docs/theory.md`: (D23).
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mechanism.bodies import Bodies
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.arcs import arc_offsets, stretches, turned
+from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 
@@ -45,6 +47,9 @@ _SMOOTH: Final = 1e-10  # share of the values, difference of two quadratures tha
 _ROUNDING: Final = 16.0 * np.finfo(float).eps
 _SAME: Final = 1e-9  # share of a line within which two places are one
 _CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
+_TURN: Final = 0.02  # angle by which a piece of an arc turns at most [rad]
+
+_AnyLine = TypeVar("_AnyLine", bound="Line")
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +110,21 @@ class Line:
         """Rows (p, 3 k) of w at the places."""
         return -self.relative(bodies, self.points(self.places), self.normal)
 
-    def slip(self, bodies: Bodies) -> FloatArray:
-        """Row (3 k,) of [v]_T."""
-        return np.asarray(self.relative(bodies, self.start[None], self.tangent)[0])
+    def slips(self, bodies: Bodies) -> FloatArray:
+        """Rows (r, 3 k) of which the largest is |[v]_T| anywhere, or more: one, as [v]_T is constant."""
+        return self.relative(bodies, self.start[None], self.tangent)
+
+    def slip(self, bodies: Bodies, v: FloatArray) -> float:
+        """The largest |[v]_T| of motions v, or more."""
+        return float(np.abs(self.slips(bodies) @ v).max())
+
+    def fixed_rows(self, bodies: Bodies) -> FloatArray:
+        """Rows (e, 3 k) of the velocities that a line whose bodies do not part, or do not slip either, rules out."""
+        ends = self.points(self.places[[0, -1]])
+        rows = [self.relative(bodies, ends, self.normal)] * self.fixed + [
+            self.relative(bodies, ends, self.tangent)
+        ] * self.held
+        return np.concatenate([np.zeros((0, 3 * len(bodies))), *rows])
 
     def divided(self, s: float) -> "Line":
         """The same line with one more place, where μ is the larger of its neighbours'."""
@@ -166,13 +183,68 @@ class Line:
     def _limits(self, pieces: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Bound of shear without opening, and (t_max − c)⁺, at the points t (q,) of pieces: (n, q) each."""
         s = _along(pieces, t)
-        x, y = np.moveaxis(self.start + s[..., None] * self.tangent, -1, 0)
+        x, y = self.points(s.ravel()).T.reshape(2, *s.shape)
         cohesion = evaluate("Contact.cohesion", self.contact.cohesion, x, y, minimum=0.0)
         if self.contact.shear_limit is None:
             return cohesion, np.zeros(s.shape)
         cap = evaluate("Contact.shear_limit", self.contact.shear_limit, x, y, minimum=0.0)
         bound = cap if (self.friction > 0.0).any() else np.minimum(cohesion, cap)
         return bound, np.maximum(cap - cohesion, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ArcPiece(Line):
+    """A piece of an arc, with the position s along it; `tangent` and `normal` are those of its chord.
+
+    With the angle φ from its middle, |φ| ≤ h, a rigid motion has w = p cos φ + q sin φ, [v]_T = a cos φ + b sin φ + c
+    there. The points (cos φ, sin φ) lie in the triangle of (cos h, ± sin h) and (1/cos h, 0). So w is nowhere less than
+    linear between its ends if it is not below zero there, and |[v]_T| is nowhere above the largest of three values:
+    what is proved with these stays proved.
+
+    Attributes
+    ----------
+    turn : float
+        2 h, the angle by which the tangent turns, counterclockwise [rad].
+    length : float
+        Its length [length].
+
+    """
+
+    turn: float = 0.0
+    length: float = 0.0
+
+    def points(self, s: FloatArray) -> FloatArray:
+        """Coordinates (p, 2) of places."""
+        chord = self.tangent * self.length / stretches(np.array([self.turn]))
+        return np.asarray(self.start + arc_offsets(chord.reshape(1, 2), np.array([self.turn]), s / self.length)[0])
+
+    def _turned(self, vector: FloatArray, s: FloatArray) -> FloatArray:
+        """A vector of the chord at places, (p, 2)."""
+        return turned(np.broadcast_to(vector, (len(s), 2)), (s / self.length - 0.5) * self.turn)
+
+    def opening(self, bodies: Bodies) -> FloatArray:
+        """Rows (p, 3 k) of w at the places."""
+        return -self.relative(bodies, self.points(self.places), self._turned(self.normal, self.places))
+
+    def slips(self, bodies: Bodies) -> FloatArray:
+        """Rows (3, 3 k): [v]_T at both ends, and where their lines of cos φ and sin φ meet."""
+        s = np.array([0.0, 0.5, 1.0]) * self.length
+        first, middle, last = self.relative(bodies, self.points(s), self._turned(self.tangent, s))
+        c, h = np.cos(self.turn / 2.0), self.turn / 2.0
+        a = (middle - (first + last) / 2.0) / (2.0 * np.sin(h / 2.0) ** 2)  # middle = a + c, mean of ends = a cos h + c
+        return np.stack([first, middle + a * (1.0 / c - 1.0), last])
+
+    def fixed_rows(self, bodies: Bodies) -> FloatArray:
+        """Rows (e, 3 k) of the velocities that are ruled out."""
+        ends = np.array([0.0, self.length])
+        pairs = [self.normal] * self.fixed + [self.tangent] * self.held
+        rows = [self.relative(bodies, self.points(ends), self._turned(vector, ends)) for vector in pairs]
+        return np.concatenate([np.zeros((0, 3 * len(bodies))), *rows])
+
+    def divided(self, s: float) -> "ArcPiece":
+        """The piece as it is: it is small."""
+        del s
+        return self
 
 
 def _along(ends: FloatArray, t: FloatArray) -> FloatArray:
@@ -198,9 +270,32 @@ def _of_contact(problem: ContactProblem, bodies: Bodies, contact: Contact) -> It
     second = bodies.of_cells[edges.cells[:, 1]] if joint else np.full(len(edges), bodies.number(contact))
     for pair in np.unique(np.column_stack([first, second]), axis=0):
         if pair[0] != pair[1]:
-            chosen = edges.take((first == pair[0]) & (second == pair[1]))
-            for straight in _straight(problem, chosen):
-                yield _line(problem, contact, (int(pair[0]), int(pair[1])), chosen.take(straight))
+            chosen, between = edges.take((first == pair[0]) & (second == pair[1])), (int(pair[0]), int(pair[1]))
+            straight = chosen.take(chosen.turn == 0.0)
+            for group in _straight(problem, straight):
+                yield _line(problem, contact, between, straight.take(group))
+            yield from _arc_pieces(problem, contact, between, chosen.take(chosen.turn != 0.0))
+
+
+def _arc_pieces(problem: ContactProblem, contact: Contact, pair: tuple[int, int], edges: Edges) -> Iterator[ArcPiece]:
+    """Arcs in pieces of which each turns by little."""
+    for number in range(len(edges)):
+        edge = edges.take(np.array([number]))
+        turn, count = float(edge.turn[0]), max(1, math.ceil(abs(float(edge.turn[0])) / _TURN))
+        marks = np.linspace(0.0, 1.0, count + 1)
+        ends, length = points_along(problem.mesh.vertices, edge, marks)[0], float(edge.length[0]) / count
+        directions = turned(np.stack([edge.tangent, edge.normal]), (marks[:-1, None, None] + 0.5 / count - 0.5) * turn)
+        for start, (tangent, normal) in zip(ends[:-1], directions, strict=True):
+            places, mu = np.array([0.0, length]), np.zeros(2)
+            bare = ArcPiece(
+                contact, pair, start, tangent, normal, places[None], places, mu, False, False, turn / count, length
+            )
+            if callable(contact.friction):
+                x, y = bare.points(np.linspace(0.0, length, _SAMPLES + 1)).T
+                values = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
+            else:
+                values = np.array([float(contact.friction)])
+            yield _with_law(bare, places, np.full(2, values.max()))
 
 
 def _straight(problem: ContactProblem, edges: Edges) -> Iterator[IntArray]:
@@ -230,8 +325,12 @@ def _line(problem: ContactProblem, contact: Contact, pair: tuple[int, int], edge
     normal = normal if normal @ edges.normal[longest] > 0.0 else -normal
     marks = (np.stack([vertices[edges.first], vertices[edges.second]], axis=1) - start) @ tangent
     bare = Line(contact, pair, start, tangent, normal, marks, np.empty(0), np.empty(0), False, False)
-    places, friction = _conditions(bare)
-    rough = bool((friction > 0.0).any())
+    return _with_law(bare, *_conditions(bare))
+
+
+def _with_law(bare: _AnyLine, places: FloatArray, friction: FloatArray) -> _AnyLine:
+    """The line with the places where conditions hold, μ there, and what its law fixes."""
+    contact, rough = bare.contact, bool((friction > 0.0).any())
     held = contact.law == "tied" or (contact.law == "bilateral" and rough and contact.shear_limit is None)
     return replace(bare, places=places, friction=friction, fixed=contact.law != "unilateral", held=held)
 

@@ -227,6 +227,6 @@ def _contacts(problem: ContactProblem, rigid: Rigid, v: FloatArray) -> dict[str,
     for contact in problem.contacts:
         chosen = [line for line in rigid.lines if line.contact is contact]
         opening = [float((line.opening(rigid.bodies) @ v).max()) for line in chosen]
-        slip = [abs(float(line.slip(rigid.bodies) @ v)) for line in chosen]
+        slip = [line.slip(rigid.bodies, v) for line in chosen]
         found[contact.name] = ContactMotion(max(opening, default=0.0), max(slip, default=0.0))
     return found

@@ -28,6 +28,7 @@ from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.lines import Line, lines
 from qvi_contact.mechanism.works import works
+from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
 
@@ -94,12 +95,12 @@ class Rigid:
         for given in problem.prescribed(Displacement):
             edges = boundary.take(given.index)
             block = bodies.of_cells[edges.cells[:, 0]]
-            rows += [bodies.rows(block, vertices[end], given.direction) for end in (edges.first, edges.second)]
-        for line in self.lines:
-            ends = line.points(line.places[[0, -1]])
-            rows += [line.relative(bodies, ends, line.normal)] * line.fixed
-            rows += [line.relative(bodies, ends, line.tangent)] * line.held
-        return np.concatenate(rows)
+            along = np.broadcast_to(given.direction[:, None], (len(edges), 2, 2))
+            if given.turns:
+                along = vectors_along(edges, given.direction, np.array([0.0, 1.0]))
+            ends = (edges.first, edges.second)
+            rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
+        return np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])
 
     def strongest(self, names: Sequence[str], idle: Sequence[str] = ()) -> Motion | None:
         """The motion on which driving over resisting work of the named loads is largest; None if nothing moves.
@@ -151,7 +152,7 @@ class Rigid:
         missed = [0.0, *np.abs(self.held @ v)]
         for line in self.lines:
             if not line.fixed:
-                slip = abs(float(line.slip(self.bodies) @ v)) if line.dilates and not line.capped else 0.0
+                slip = line.slip(self.bodies, v) if line.dilates and not line.capped else 0.0
                 missed += list(line.friction * slip - line.opening(self.bodies) @ v)
         found = {name: float(self.works[name].row @ v) for name in names}
         return Motion(v, found, self.resistance(v), float(max(missed)))
@@ -159,7 +160,7 @@ class Rigid:
 
 def divided(line: Line, bodies: Bodies, v: FloatArray) -> Line:
     """The line with places where opening becomes too little for all of the slip to dilate."""
-    spare = line.opening(bodies) @ v - line.friction * abs(float(line.slip(bodies) @ v))
+    spare = line.opening(bodies) @ v - line.friction * line.slip(bodies, v)
     for i in np.flatnonzero(spare[:-1] * spare[1:] < 0.0):
         share = spare[i] / (spare[i] - spare[i + 1])
         line = line.divided(float(line.places[i] + share * (line.places[i + 1] - line.places[i])))
@@ -170,7 +171,7 @@ def surrounded(line: Line, bodies: Bodies, v: FloatArray) -> Line:
     """The line with places where opening becomes too little, or where there is one, around it."""
     if not line.capped:
         return line
-    places, slip = line.places, line.friction * abs(float(line.slip(bodies) @ v))
+    places, slip = line.places, line.friction * line.slip(bodies, v)
     opening = line.opening(bodies) @ v
     spare = opening - slip
     clear = np.flatnonzero(np.abs(spare) > _NOTHING * float((np.abs(opening) + slip).max()))
@@ -195,7 +196,7 @@ def _around(places: FloatArray, s: float) -> list[float]:
 
 def resistance(line: Line, bodies: Bodies, v: FloatArray) -> float:
     """∫ π ds of a line for a motion that it admits."""
-    slip = abs(float(line.slip(bodies) @ v))
+    slip = line.slip(bodies, v)
     if line.held or slip == 0.0:
         return 0.0
     work = line.shear_work() * slip
@@ -238,8 +239,8 @@ class _Program:
             self._rows += [self._less(row) for row in opening]
             return
         slip = self._variable(work)
-        tangential = line.slip(self._bodies) @ self._basis
-        self._rows += [{**self._less(sign * tangential), slip: -1.0} for sign in (1.0, -1.0)]
+        for tangential in line.slips(self._bodies) @ self._basis:
+            self._rows += [{**self._less(sign * tangential), slip: -1.0} for sign in (1.0, -1.0)]
         if not line.capped:
             self._rows += [
                 {**self._less(row), slip: float(mu)} for row, mu in zip(opening, line.friction, strict=False)
