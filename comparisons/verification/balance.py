@@ -44,11 +44,19 @@ def of_displacements(companion: CompanionResult) -> float:
         cells = edges.cells[:, side]
         opposite = _opposite(mesh.cells[cells], edges)
         place, (xx, yy, xy) = places[opposite, cells], np.moveaxis(stresses[opposite, cells], -1, 0)
-        x, y = (-1.0 if side else 1.0) * edges.normal.T[..., None]
-        scale = edges.length[:, None] * weights
-        return place, np.stack([scale * (xx * x + xy * y), scale * (xy * x + yy * y)], axis=-1)
+        x, y = np.moveaxis(_normals(place, edges, t) * (-1.0 if side else 1.0) * weights[:, None], -1, 0)
+        return place, np.stack([xx * x + xy * y, xy * x + yy * y], axis=-1)
 
     return _imbalance(problem, forces)
+
+
+def _normals(place: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
+    """Normals n ds/dt (n, q, 2) of lines through points (n, q, 2) at t (q,), on the side of the edges' own normals."""
+    legendre = np.polynomial.legendre
+    derivative = legendre.legvander(t, len(t) - 2) @ legendre.legder(np.linalg.inv(legendre.legvander(t, len(t) - 1)))
+    along = np.einsum("pq,nqd->npd", derivative, place)
+    normal = np.stack([along[..., 1], -along[..., 0]], axis=-1)
+    return np.asarray(normal * np.sign((normal * edges.normal[:, None]).sum(axis=-1, keepdims=True)))
 
 
 def _opposite(cells: IntArray, edges: Edges) -> IntArray:

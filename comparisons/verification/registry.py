@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from comparisons.verification import (
+    benchmarks,
     bounds,
     energies,
     exact_states,
@@ -25,6 +26,7 @@ CHAPTERS: Final[Chapters] = {
     "exact": exact_states.PROBLEMS,
     "friction": manufactured.PROBLEMS,
     "ssnv128": ssnv128.PROBLEMS,
+    "benchmarks": benchmarks.PROBLEMS,
     "limits": limits.PROBLEMS,
     "not-unique": not_unique.PROBLEMS,
     "invariance": invariance.PROBLEMS,

@@ -8,7 +8,7 @@ from typing import Any, Final
 from comparisons.lab.report import Document as Report
 from comparisons.lab.report import drawn, render
 from comparisons.lab.report.marks import escaped
-from comparisons.verification import exact_states, manufactured, strict
+from comparisons.verification import benchmarks, exact_states, manufactured, strict
 from comparisons.verification.figures import overview
 from comparisons.verification.tables import HEADINGS, cells, problems_of, table_name, tables_of
 
@@ -19,6 +19,7 @@ TOLERANCES: Final = {
     "friction": manufactured.TOLERANCE,
     "touching": manufactured.TOUCHING,
     "excess": strict.EXCESS,
+    "balance": benchmarks.BALANCE,
 }
 """Tolerances that the template names."""
 

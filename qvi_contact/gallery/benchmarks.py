@@ -1,6 +1,6 @@
 """Published contact problems of several bodies on triangles: rings, a press fit, pins in holes, the corner of a block.
 
-Circles are polygons here: values at single points are off by what a chord is, resultants by its square or less.
+Circles are true arcs.
 """
 
 from typing import Final
@@ -38,7 +38,7 @@ def rings(sectors: int = 8, swing: float = 0.0, *, whole: bool = False) -> Conta
     angles = _angles(sectors, 4 if whole else 1)
     first, second = _radii(0.2, 0.6, sectors), _radii(0.6, 1.0, sectors)
     lines = [arc(radius, angles) for radius in (*first, *second[1:])]
-    mesh = fan(lines, closed=whole, joints={"joint": len(first) - 1})
+    mesh = fan(lines, closed=whole, joints={"joint": len(first) - 1}, arcs=("inner", "joint", "outer"))
 
     def pressure(x: FloatArray, y: FloatArray) -> FloatArray:
         return np.asarray(-1e7 - swing * (x**2 - y**2) / (x**2 + y**2))
@@ -57,7 +57,7 @@ def press_fit(sectors: int = 8, friction: float = 0.0, *, whole: bool = False) -
     angles = _angles(sectors, 4 if whole else 1)
     first, second = _radii(5.0, 25.0, sectors), _radii(25.0, 50.0, sectors)
     lines = [arc(radius, angles) for radius in (*first, *second[1:])]
-    mesh = fan(lines, closed=whole, centre=(0.0, 0.0), joints={"shaft": len(first) - 1})
+    mesh = fan(lines, closed=whole, centre=(0.0, 0.0), joints={"shaft": len(first) - 1}, arcs=("shaft", "outer"))
     contact = Contact("shaft", friction=friction, gap=-0.02)
     outside = Traction("outer", normal=0.0, tangential=0.0)
     return ContactProblem(mesh, Material(206e3, 0.3), [contact, outside, *_halves(whole)])
@@ -88,7 +88,7 @@ def cylinder_in_bore(sectors: int = 16, friction: float = 0.0, *, extent: float 
     angles = _angles(sectors, 2)
     first, second = _radii(1.2, 60.0, sectors), _radii(60.0, 60.0 * positive_number("extent", extent), sectors)
     lines = [arc(radius, angles) for radius in (*first, *second[1:])]
-    mesh = fan(lines, closed=False, centre=(0.0, 0.0), joints={"bore": len(first) - 1})
+    mesh = fan(lines, closed=False, centre=(0.0, 0.0), joints={"bore": len(first) - 1}, arcs=("bore", "outer"))
     mesh = _loaded(mesh, 1.2)
     contact = Contact("bore", friction=friction, gap=0.01)
     held = Displacement("outer", x=0.0, y=0.0)
@@ -137,14 +137,16 @@ def loaded_pin(sectors: int = 16) -> ContactProblem:
     lines = [arc(radius, angles) for radius in first]
     unit = arc(1.0, angles)
     lines += [unit * (50.0 ** (1.0 - share) * edge**share)[:, None] for share in shares]
-    mesh = _loaded(fan(lines, closed=False, centre=(0.0, 0.0), joints={"pin": len(first) - 1}), 10.0)
+    mesh = fan(lines, closed=False, centre=(0.0, 0.0), joints={"pin": len(first) - 1}, arcs=("pin",))
+    mesh = _loaded(mesh, 10.0)
     mesh = mesh.with_edges("wall", lambda x, _: x < -199.999)
-    mesh = mesh.with_edges("free", lambda x, y: (y > 0.0) & (x > -199.999))
+    mesh = mesh.with_edges("free", lambda x, y: (y > 0.0) & (x > -199.999) & (x < 0.0))
+    mesh = mesh.with_edges("eye", lambda x, y: (y > 0.0) & (x > 0.0)).with_arc("eye", (0.0, 0.0), 100.0)
     sheet, pin = Material(7e4, 0.3, "strain"), Material(21e4, 0.3, "strain")
     conditions: list[Condition] = [
         Contact("pin", friction=0.1),
         Displacement("wall", 0.0, 0.0),
-        Traction("free", normal=0.0, tangential=0.0),
+        *(Traction(name, normal=0.0, tangential=0.0) for name in ("eye", "free")),
         *_pulled(1e4, 10.0),
     ]
     return ContactProblem(mesh, sheet, conditions, regions=[Region(pin, name="pin")])
@@ -162,12 +164,13 @@ def _pulled(force: float, half: float) -> list[Condition]:
     return [Symmetry("axis"), Displacement("load", y=0.0), Traction("load", x=force / (2.0 * half))]
 
 
-def block_corner(friction: float | None, cells: int = 4) -> ContactProblem:
+def block_corner(friction: float | None, cells: int = 4, depth: int = 0) -> ContactProblem:
     """A square block on a large block of the same material: stresses σ ~ r^(λ−1) in the corners of the contact.
 
-    The block is [−1, 1] × [0, 2], the other [−4, 4] × [−4, 0]. Its top is pressed down by 1e-3, and moved by 1e-2 to
-    the right if there is friction, which then slips all over. The corner at x = 1 leads, with
-    λ = `CORNER_EXPONENTS`[μ]. Plane strain, E = 1, ν = 0.3; both bodies are one for `friction` None.
+    The block is [−1, 1] × [0, 2], the other [−4, 4] × [−4, 0]. Its top is pressed down by 1e-3; λ is
+    `CORNER_EXPONENTS`[μ]. With friction the top is moved to the right by 1e-2 as well, so that all of the base slips:
+    this is λ of the leading corner at x = 1. Without friction, and for `friction` None, which makes both bodies one,
+    nothing else is singular: top and bottom are free to move along. Plane strain, E = 1, ν = 0.3.
 
     Parameters
     ----------
@@ -175,6 +178,8 @@ def block_corner(friction: float | None, cells: int = 4) -> ContactProblem:
         Coefficient of friction μ; None for bodies that stick.
     cells : int
         Cells along a length of 1.
+    depth : int
+        How often the triangles at x = 1 are halved in size.
 
     """
     count = whole_number("cells", cells, _MOST)
@@ -183,10 +188,13 @@ def block_corner(friction: float | None, cells: int = 4) -> ContactProblem:
     body = (middle_y < 0.0)[:, None] | (np.abs(middle_x) < 1.0)[None]
     grid = RectilinearMesh(x, y, body).with_joint("base", "horizontal", 0.0, -1.0, 1.0)
     mesh = TriangleMesh.of_rectangles(grid.with_edges("roof", "top", at=2.0).with_edges("ground", "top", at=0.0))
+    mesh = mesh.graded([(1.0, 0.0)], depth)
     contact = Contact.tied("base") if friction is None else Contact("base", friction=friction)
     free = [Traction(name, 0.0, 0.0) for name in ("left", "right", "ground")]
-    driven = Displacement("roof", x=1e-2 if friction else 0.0, y=-1e-3)
-    conditions: list[Condition] = [contact, driven, Displacement("bottom", 0.0, 0.0), *free]
+    held: list[Condition] = [Displacement("roof", y=-1e-3), Traction("roof", x=0.0), Symmetry("bottom")]
+    if friction:
+        held = [Displacement("roof", x=1e-2, y=-1e-3), Displacement("bottom", 0.0, 0.0)]
+    conditions: list[Condition] = [contact, *held, *free]
     return ContactProblem(mesh, Material(1.0, 0.3, "strain"), conditions)
 
 

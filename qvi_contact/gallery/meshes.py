@@ -14,6 +14,7 @@ def fan(
     closed: bool,
     centre: tuple[float, float] | None = None,
     joints: Mapping[str, int] | None = None,
+    arcs: Sequence[str] = (),
 ) -> TriangleMesh:
     """Triangles between lines around a point, from the innermost line to the outermost.
 
@@ -27,6 +28,8 @@ def fan(
         A vertex inside the first line, joined to it by triangles; by default there is a hole.
     joints : mapping of str to int, optional
         Numbers of lines that are joints, by name.
+    arcs : sequence of str, optional
+        Names of lines that are arcs of circles around the origin.
 
     Returns
     -------
@@ -64,7 +67,10 @@ def fan(
     for name, line in sorted((joints or {}).items(), key=lambda item: item[1]):
         named[name] = np.flatnonzero((layer >= inside) & (layer <= line))
         inside = line + 1
-    return TriangleMesh(vertices, np.concatenate(cells), edges, named)
+    mesh = TriangleMesh(vertices, np.concatenate(cells), edges, named)
+    for name in arcs:
+        mesh = mesh.with_arc(name, (0.0, 0.0), float(np.hypot(*vertices[edges[name][0, 0]])))
+    return mesh
 
 
 def arc(radius: float, angles: FloatArray) -> FloatArray:

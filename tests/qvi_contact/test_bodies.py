@@ -49,29 +49,32 @@ def nested(*contacts, potential=0.0, **held):
 class TestClosedJoints:
     """Rings in each other, of which the inner one is held by contact alone."""
 
-    def test_lame(self):
-        """All of the rings and a quarter of them: the polygon with four edges a quarter is good for 6e-4."""
-        for whole in (True, False):
-            joint = solved(rings(4, whole=whole)).contacts["joint"]
-            assert joint.normal_force / joint.weights.sum() == pytest.approx(9.2592593e6, rel=6e-4)
-            assert joint.tangential_stress == pytest.approx(0.0, abs=1e-2)
+    @pytest.mark.parametrize("whole", [True, False])
+    def test_lame(self, whole):
+        """All of the rings and a quarter of them."""
+        joint = solved(rings(4, whole=whole)).contacts["joint"]
+        assert joint.normal_force / joint.weights.sum() == pytest.approx(9.2592593e6, rel=2e-5)
+        assert joint.normal_stress == pytest.approx(-9.2592593e6, rel=5e-3)
+        assert joint.tangential_stress == pytest.approx(0.0, abs=1e-2)
 
     def test_second_harmonic(self):
-        """Of the pressure cos 2θ outside, too: chords hinder sliding around their ends, an error like their length."""
-        missing = []
-        for sectors in (8, 16):
+        """Of the pressure cos 2θ outside, too (Michell): the order of the stress is 3, that of a mean higher."""
+        errors = []
+        for sectors in (4, 8):
             joint = solved(rings(sectors, 1e5)).contacts["joint"]
             wave = np.cos(2.0 * np.arctan2(joint.y, joint.x))
-            missing.append(1.0 + joint.weights @ (joint.normal_stress * wave) / (joint.weights @ wave**2) / 1.3571791e5)
-        assert missing == pytest.approx([0.0385, 0.0202], abs=1e-3)
+            amplitude = -joint.weights @ (joint.normal_stress * wave) / (joint.weights @ wave**2)
+            errors.append(
+                [amplitude / 1.3571791e5 - 1.0, np.abs(joint.normal_stress + 9.2592593e6 + amplitude * wave).max()]
+            )
+        assert errors[1][0] == pytest.approx(0.0, abs=2e-5)
+        assert np.log2(errors[0][1] / errors[1][1]) > 2.7
 
-    def test_press_fit(self):
-        errors = []
-        for sectors in (8, 16):
-            joint = solved(press_fit(sectors)).contacts["shaft"]
-            errors.append(joint.normal_force / joint.weights.sum() / 61.8 - 1.0)
-        assert errors[0] == pytest.approx(0.0, abs=5e-3)
-        assert errors[1] == pytest.approx(errors[0] / 4.0, rel=0.1)
+    @pytest.mark.parametrize("friction", [0.0, 0.2])
+    def test_press_fit(self, friction):
+        joint = solved(press_fit(4, friction, whole=True)).contacts["shaft"]
+        assert joint.normal_stress == pytest.approx(-61.8, rel=5e-3)
+        assert joint.normal_force / joint.weights.sum() == pytest.approx(61.8, rel=1e-4)
 
     def test_weight_of_a_loose_core(self):
         """A heavy disc lies in the bore of a plate: the joint carries its weight, open or not above."""
@@ -114,8 +117,16 @@ class TestLoose:
         assert loose.motions == 3
         assert loose.remark in result.remarks
 
-    def test_nothing_is_said_of_what_is_pressed(self):
-        assert solved(rings(4, whole=True)).loose_bodies == ()
+    @pytest.mark.parametrize("friction", [0.0, 0.2])
+    def test_what_is_pressed_can_turn_without_friction(self, friction):
+        found = solved(press_fit(4, friction, whole=True)).loose_bodies
+        assert [(loose.names, loose.motions, loose.way) for loose in found] == (
+            [] if friction else [(("the body 'shaft'",), 1, "turn about (0, 0)")]
+        )
+
+    def test_corners_of_a_polygon_hold_it(self):
+        """Chords press as arcs do, but cannot turn on each other."""
+        assert solved(nested(Contact("pin", 0.0, gap=-1e-3), Contact.tied("bush"))).loose_bodies == ()
 
     def test_bodies_that_move_together(self):
         """A pin pressed into its bush, which lies free in a plate."""
@@ -188,9 +199,10 @@ class TestBenchmarks:
 
     def test_pressure_of_a_cylinder_in_a_bore(self):
         bore = solved(cylinder_in_bore(8)).contacts["bore"]
-        middle = -bore.normal_stress[np.abs(np.arctan2(bore.y, bore.x)) < np.pi / 16.0]
-        assert middle.mean() == pytest.approx(22.415, rel=0.06)
-        assert 50.0 < np.rad2deg(np.arctan2(bore.y, bore.x)[bore.state > 0].max()) < 70.0
+        angles = np.arctan2(bore.y, bore.x)
+        near = np.where(angles < np.pi / 4.0, bore.weights, 0.0)
+        assert near @ -bore.normal_stress == pytest.approx(near @ persson_pressure(angles), rel=1e-3)
+        assert 55.0 < np.rad2deg(angles[bore.state > 0].max()) < 68.0
 
     def test_force_of_a_loaded_pin(self):
         result = solved(loaded_pin(6))
@@ -200,9 +212,7 @@ class TestBenchmarks:
     @pytest.mark.parametrize("friction", [0.0, 0.1, 0.5])
     def test_corner_exponents(self, friction):
         """The slope of the pressure where the leading corner is near, in logarithms."""
-        problem = block_corner(friction, 1)
-        mesh = problem.mesh.graded([(1.0, 0.0)], 16)
-        base = solved(replace(problem, mesh=mesh)).contacts["base"]
+        base = solved(block_corner(friction, 1, 16)).contacts["base"]
         away = 1.0 - base.x
         near = (away > 1e-4) & (away < 1e-3)
         slope = np.polyfit(np.log(away[near]), np.log(-base.normal_stress[near]), 1)[0]

@@ -1,0 +1,196 @@
+"""Chapter on published problems of several bodies: rings, a press fit, pins in holes, the corner of a block."""
+
+from collections.abc import Callable, Iterator
+from typing import Final
+
+import numpy as np
+
+from comparisons.verification import balance
+from comparisons.verification.elements import QUINTIC, TRIANGLES, Element, on
+from comparisons.verification.measures import mean_pressure
+from comparisons.verification.proof import both, certified, certified_companion
+from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, relative
+from qvi_contact import ContactLine, ContactProblem, ContactResult
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.companion import CompanionContact, solve_companion
+from qvi_contact.gallery import (
+    CORNER_EXPONENTS,
+    block_corner,
+    cylinder_in_bore,
+    loaded_pin,
+    persson_pressure,
+    press_fit,
+    rings,
+)
+
+BALANCE: Final = 1e-12
+"""Largest resultant on a body, over the forces on its edges, that is rounding."""
+
+_DEPTH: Final = 20  # how often triangles at a corner are halved
+_NEAR: Final = (1e-5, 1e-3)  # distances from it within which the pressure is a power
+
+
+@on(TRIANGLES, QUINTIC, few=1)
+def lame_rings(element: Element, quick: bool) -> Iterator[Row]:
+    """A ring in a ring under outer pressure, without friction (Code_Aster SSNP167): Lamé, and Michell for cos 2θ."""
+    result = element.solve(rings(8, 1e5))
+    joint, proof = result.contacts["joint"], certified(result)
+    ours, source = mean_pressure(joint), "Lamé"
+    yield relative("mean pressure [Pa]", ours, 9.2592593e6, 1e-6, Kind.ANALYTIC, source, proof)
+    ours, source = _second_harmonic(joint), "Michell"
+    yield relative("amplitude of cos 2θ [Pa]", ours, 1.3571791e5, 1e-4, Kind.ANALYTIC, source, proof)
+    known = 9.2592593e6 + 1.3571791e5 * np.cos(2.0 * _angles(joint))
+    error, quantity = float(np.abs(-joint.normal_stress / known - 1.0).max()), "largest relative error of the pressure"
+    yield absolute(quantity, error, 0.0, 5e-4, Kind.ANALYTIC, "Lamé and Michell, at all points", proof)
+    if not quick:
+        yield from _two_models(result, "joint", 1e-5, 1e-6)
+
+
+@on(TRIANGLES, QUINTIC, few=1)
+def fitted_shaft(element: Element, quick: bool) -> Iterator[Row]:
+    """A shaft in a hub with an interference: Lamé, with friction as well, which symmetry leaves without work."""
+    for friction in (0.0, 0.2):
+        result = element.solve(press_fit(8, friction))
+        shaft, proof = result.contacts["shaft"], certified(result)
+        source = f"Lamé, E δ (b² − a²)/(2 a b²); μ = {friction:g}"
+        yield relative("mean pressure [MPa]", mean_pressure(shaft), 61.8, 1e-5, Kind.ANALYTIC, source, proof)
+        error, quantity = (
+            float(np.abs(shaft.normal_stress / 61.8 + 1.0).max()),
+            "largest relative error of the pressure",
+        )
+        yield absolute(quantity, error, 0.0, 1e-3, Kind.ANALYTIC, f"{source}; at all points", proof)
+        if not quick:
+            yield from _two_models(result, "shaft", 1e-5, 1e-5)
+
+
+@on(TRIANGLES, QUINTIC, few=1)
+def bore(element: Element, quick: bool) -> Iterator[Row]:
+    """A cylinder in the bore of a large plate, without friction: Persson's closed form."""
+    result = element.solve(cylinder_in_bore(8 if quick else 12))
+    line, proof = result.contacts["bore"], certified(result)
+    source = "Persson; load spread over 1/50 of the radius"
+    for name, low, high in (("0° to 15°", 0.0, 15.0), ("15° to 45°", 15.0, 45.0)):
+        ours, known = _means(line, np.deg2rad(low), np.deg2rad(high))
+        tolerance = 1e-3 if quick else 2e-4
+        yield relative(f"mean pressure, {name} [MPa]", ours, known, tolerance, Kind.ANALYTIC, source, proof)
+    if element is TRIANGLES and not quick:
+        yield from _two_models(result, "bore", 1e-3, 1e-3)
+
+
+@on(TRIANGLES, QUINTIC, few=1)
+def pin(element: Element, quick: bool) -> Iterator[Row]:
+    """A pin in the eye of a sheet, pulled: NAFEMS R0094-4, computed there with finite strain."""
+    result = element.solve(loaded_pin(6 if quick else 12))
+    proof, ours = certified(result), -result.resultant("wall").x
+    quantity = "force at the clamped end, half of the sheet [N/mm]"
+    yield relative(quantity, ours, 1e4, 1e-9, Kind.ANALYTIC, "balance", proof)
+    source = "NAFEMS R0094-4; finite strain, and another place on the pin, so that only 5 % are asked for"
+    moved = float(result.displacement(50.0, 0.0)[0])
+    yield relative("u_x on the axis at the hole [mm]", moved, 0.71799, 0.05, Kind.PUBLISHED, source, proof)
+    source = (
+        "NAFEMS R0094-4; finite strain. Without clearance the hole closes on the sides of the pin, where turns of "
+        "0.01 count beside μ = 0.1. Only 20 % are asked for"
+    )
+    stress = float(result.stress(50.0, 0.0)[0])
+    yield relative("σ_xx on the axis at the hole [MPa]", stress, -136.67, 0.2, Kind.PUBLISHED, source, proof)
+    if not quick:
+        yield from _two_models(result, "pin", 2e-3, 1e-3)
+
+
+@on(TRIANGLES)
+def sticking_corner(element: Element, quick: bool) -> Iterator[Row]:
+    """A block that sticks to a large one: σ ~ r^(λ−1) in its corners makes energies converge like h^(2λ)."""
+    for friction, name in ((None, "stuck"), (0.0, "without friction")):
+        results = [element.solve(block_corner(friction, cells)) for cells in ((1, 2, 4) if quick else (2, 4, 8))]
+        energies = [result.energies.complementary for result in results]
+        ours = float(np.log2((energies[0] - energies[1]) / (energies[1] - energies[2]))) / 2.0
+        source = "Williams' eigenvalue problem; the rate of three uniform meshes"
+        known, proof = CORNER_EXPONENTS[friction], certified(*results)
+        yield relative(f"λ from the rate, {name}", ours, known, 0.03 if quick else 0.01, Kind.ANALYTIC, source, proof)
+
+
+@on(TRIANGLES)
+def sliding_corner(element: Element, quick: bool) -> Iterator[Row]:
+    """The same block sliding: the pressure near the leading corner, on triangles halved towards it."""
+    for friction in (0.0, 0.5) if quick else (0.0, 0.1, 0.3, 0.5):
+        result = element.solve(block_corner(friction, 1, _DEPTH))
+        ours, known = _exponent(result.contacts["base"]), CORNER_EXPONENTS[friction]
+        source = "four digits of the eigenvalue problem; the slope of ln p over ln r"
+        proof = certified(result)
+        yield absolute(f"λ from the pressure, μ = {friction:g}", ours, known, 1e-3, Kind.ANALYTIC, source, proof)
+
+
+@on(TRIANGLES)
+def conservation(element: Element, quick: bool) -> Iterator[Row]:
+    """Every body of these problems: the resultant of the tractions around it, by stresses and by displacements."""
+    problems: dict[str, Callable[[], ContactProblem]] = {
+        "rings": lambda: rings(8, 1e5),
+        "press fit": lambda: press_fit(8, 0.2),
+        "bore": lambda: cylinder_in_bore(8),
+        "loaded pin": lambda: loaded_pin(8),
+        "sliding block": lambda: block_corner(0.3, 2),
+    }
+    for name, problem in list(problems.items())[:: 2 if quick else 1]:
+        result, companion = element.solve(problem()), solve_companion(problem())
+        ours, proof = balance.of_stresses(result), certified(result)
+        quantity = f"{name}, stresses: largest force or moment left on a body, over the forces around it"
+        yield absolute(quantity, ours, 0.0, BALANCE, Kind.ANALYTIC, "equilibrium", proof)
+        theirs, proof = balance.of_displacements(companion), both(proof, certified_companion(companion))
+        quantity, source = (
+            f"{name}, displacements: the same",
+            "what stresses leave; C ε(v) on the same mesh leaves more",
+        )
+        yield at_least(quantity, theirs, ours, 0.0, Kind.METHODS, source, proof)
+
+
+def _two_models(result: ContactResult, contact: str, tolerance: float, apart: float) -> Iterator[Row]:
+    """The mean pressure against displacements on the same mesh, and energies from both sides."""
+    companion = solve_companion(result.problem)
+    proof, theirs = both(certified(result), certified_companion(companion)), companion.contacts[contact]
+    ours, source = mean_pressure(result.contacts[contact]), "displacement model on the same mesh"
+    yield relative("mean pressure, both models", ours, _mean(theirs), tolerance, Kind.METHODS, source, proof)
+    found = result.bracket
+    width, source = (found.upper - found.lower) / found.strain, f"bracket for {found.kind.value}"
+    yield at_most("gap of the energies over the strain energy", width, apart, 0.0, Kind.METHODS, source, proof)
+    if found.guaranteed:
+        yield at_least("the same, upper not below lower", width, 0.0, 1e-9, Kind.ANALYTIC, source, proof)
+
+
+def _mean(contact: CompanionContact) -> float:
+    return float(-(contact.weights @ contact.normal_stress) / contact.weights.sum())
+
+
+def _angles(line: ContactLine) -> FloatArray:
+    return np.asarray(np.arctan2(line.y, line.x))
+
+
+def _second_harmonic(line: ContactLine) -> float:
+    """Amplitude of cos 2θ in the pressure [stress]."""
+    wave = np.cos(2.0 * _angles(line))
+    return float(-(line.weights @ (line.normal_stress * wave)) / (line.weights @ wave**2))
+
+
+def _means(line: ContactLine, low: float, high: float) -> tuple[float, float]:
+    """Mean pressure at the points between two angles, ours and Persson's [stress]."""
+    angles = _angles(line)
+    weights = np.where((angles > low) & (angles < high), line.weights, 0.0)
+    ours, known = ((weights @ pressure) / weights.sum() for pressure in (-line.normal_stress, persson_pressure(angles)))
+    return float(ours), float(known)
+
+
+def _exponent(line: ContactLine) -> float:
+    """λ of p ~ r^(λ−1) near x = 1."""
+    away = 1.0 - line.x
+    near = (away > _NEAR[0]) & (away < _NEAR[1])
+    return float(1.0 + np.polyfit(np.log(away[near]), np.log(-line.normal_stress[near]), 1)[0])
+
+
+PROBLEMS: Final = {
+    "rings": lame_rings,
+    "press-fit": fitted_shaft,
+    "cylinder-in-bore": bore,
+    "loaded-pin": pin,
+    "corner-rates": sticking_corner,
+    "sliding-corner": sliding_corner,
+    "conservation": conservation,
+}
