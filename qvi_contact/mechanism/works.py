@@ -10,7 +10,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
 from qvi_contact.mechanism.bodies import Bodies, plate_of
-from qvi_contact.mesh.edges import Edges, points_along, vectors_along
+from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.problem.conditions import LOCAL, Contact, Traction, components
 from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
@@ -69,8 +69,8 @@ def _of_traction(problem: ContactProblem, bodies: Bodies, load: Traction) -> Wor
     edges = mesh.boundary.take(mesh.edge_set(load.edges))
     block = bodies.of_cells[edges.cells[:, 0]]
     for name, value in components(load).items():
-        direction, turns = direction_of(name, edges), name in LOCAL
-        total = total + _along(problem, bodies, edges, block, direction, f"Traction.{name}", value, turns=turns)
+        given = f"Traction.{name}", value
+        total = total + _along(problem, bodies, edges, block, direction_of(name, edges), *given, turns=name in LOCAL)
     return total
 
 
@@ -108,19 +108,23 @@ def _along(
     *,
     turns: bool = True,
 ) -> Work:
-    """∫ f d·u ds of a field f on edges whose blocks are (n,), along d (n, 2), which turns with arcs or does not."""
+    """∫ f d·u ds of a field f on edges whose blocks are (n,), along d (n, 2), which turns along arcs or does not."""
     mesh = problem.mesh
     found = along_edges(mesh, edges, name, field)
     size = np.abs(found.values * found.weights).sum(axis=1) @ edges.length[found.edge]
-    if edges.curved:
-        parts, forces = edges.take(found.edge), found.values * found.weights * edges.length[found.edge, None]
-        places = points_along(mesh.vertices, parts, found.t).reshape(-1, 2)
-        along = direction[found.edge]
-        along = vectors_along(parts, along, found.t) if turns else np.broadcast_to(along[:, None], (*found.t.shape, 2))
-        of_points = np.repeat(block[found.edge], found.t.shape[1])
-        return Work(forces.ravel() @ bodies.rows(of_points, places, along.reshape(-1, 2)), float(size))
     at_ends = found.integrals(np.stack([1.0 - found.t, found.t], axis=-1)) * edges.length[:, None]
     row = np.zeros(3 * len(bodies))
+    bent = edges.turn[found.edge] != 0.0
+    if bent.any():
+        at_ends[edges.turn != 0.0] = 0.0
+        number, t = found.edge[bent], found.t[bent]
+        arcs = edges.take(number)
+        points = np.stack(mesh.points_along(arcs, t), axis=-1).reshape(-1, 2)
+        along = (
+            vectors_along(arcs, direction[number], t) if turns else np.repeat(direction[number, None], t.shape[1], 1)
+        )
+        force = (found.values * found.weights)[bent] * edges.length[number, None]
+        row += force.ravel() @ bodies.rows(np.repeat(block[number], t.shape[1]), points, along.reshape(-1, 2))
     for force, vertices in zip(at_ends.T, (edges.first, edges.second), strict=True):  # of the same force and moment
         row += force @ bodies.rows(block, mesh.vertices[vertices], direction)
     return Work(row, float(size))

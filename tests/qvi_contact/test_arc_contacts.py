@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Material, RigidPlate, Symmetry, Traction, TriangleMesh, solve
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Material,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    limit_load_factor,
+    solve,
+)
 from qvi_contact.refinement.closer import _boundary_corners
 from tests.qvi_contact.rings import INNER, NU, OUTER, quarter
 
@@ -126,3 +136,18 @@ def test_smooth_arcs_have_no_corners():
     problem = ContactProblem(mesh, Material(1.0, NU), [*conditions, Symmetry("bottom"), Symmetry("left")])
     chosen = np.concatenate(list(_boundary_corners(problem)))
     assert len(chosen) == 4
+
+
+def test_a_ring_turns_on_its_shaft():
+    """Shear around a ring that a shaft holds by cohesion alone: limit and mechanism are those of the moment."""
+    mesh, cohesion, shear = quarter(1, 3), 0.3, 0.05
+    free = [Traction(name, normal=0.0, tangential=0.0) for name in ("bottom", "left")]
+    load = Traction("outer", normal=0.0, tangential=shear)
+    held = Contact("inner", 0.0, law="bilateral", cohesion=cohesion)
+    limit = limit_load_factor(ContactProblem(mesh, Material(1.0, NU), [held, load, *free]), ["outer"])
+    exact = cohesion * INNER**2 / (shear * OUTER**2)
+    assert [limit.lower, limit.upper] == pytest.approx([exact, exact], rel=1e-9)
+    bare = Contact("inner", 0.0, law="bilateral")
+    (motion,) = solve(ContactProblem(mesh, Material(1.0, NU), [bare, load, *free])).mechanism.motions
+    x, y = motion.centre
+    np.testing.assert_allclose([motion.x, motion.y], motion.rotation * np.array([-y, x]), atol=1e-9)  # of its middle
