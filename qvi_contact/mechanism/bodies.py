@@ -10,6 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 
@@ -88,6 +89,21 @@ def _ends(problem: ContactProblem, contact: Contact) -> FloatArray:
     """Both ends of all edges of a contact (2 n, 2) [length]."""
     edges = problem.mesh.edges(contact.edges)
     return np.asarray(problem.mesh.vertices[np.concatenate([edges.first, edges.second])])
+
+
+def enclosed_beyond(problem: ContactProblem, edges: Edges) -> BoolArray:
+    """On which edges (n,) of a joint the block that the joint goes around is the one beyond, as on half of a circle.
+
+    Joints that have one block below or to the left of them everywhere go around none.
+    """
+    bodies = Bodies.of(problem)
+    first, second = bodies.of_cells[edges.cells].T
+    found = np.zeros(len(edges), dtype=bool)
+    for low, high in np.unique(np.sort(np.stack([first, second], axis=1), axis=1), axis=0).tolist():
+        pair = (first == low) & (second == high), (first == high) & (second == low)
+        if low != high and pair[0].any() and pair[1].any():
+            found |= pair[0] if bodies.size[high] < bodies.size[low] else pair[1]
+    return found
 
 
 def blocks_of_cells(problem: ContactProblem) -> IntArray:

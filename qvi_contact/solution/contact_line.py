@@ -110,7 +110,8 @@ class ContactLine:
 
     On a joint u is the displacement of the lower or left block less that of the other one: the gap is how far the joint
     stands open, the slip how far that block has moved beyond the other along the tangent; tractions and forces are
-    those on the lower or left block.
+    those on the lower or left block. Along a closed joint the blocks change places: there the tangential force is the
+    sum of such parts, and `ContactResult.resultant` has the force on the block inside.
 
     """
 

@@ -19,6 +19,7 @@ from qvi_contact.discretization.loads import LOAD_POINTS, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism import Mechanism, find_mechanism
+from qvi_contact.mechanism.bodies import enclosed_beyond
 from qvi_contact.mesh.edges import edge_ends
 from qvi_contact.problem.conditions import DRIVES, RigidPlate, Symmetry
 from qvi_contact.problem.problem import ContactProblem
@@ -429,7 +430,7 @@ class ContactResult(Stated):
     def resultant(self, edges: str) -> Resultant:
         """Resultant of the computed tractions σn on a named edge set, joint or contact.
 
-        That of a joint acts on the lower or left block.
+        That of a joint acts on the lower or left block; of a joint around a block, such as a circle, on that block.
         """
         mesh, scales = self.problem.mesh, self.discretization.scales
         named = {contact.name: contact.edges for contact in self.problem.contacts}
@@ -438,7 +439,10 @@ class ContactResult(Stated):
         chosen = mesh.edges(named.get(edges, edges) if contact else edges)
         points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS).for_resultants()
         x, y = physical(self.problem, scales, points.coordinates)
-        force_x, force_y = scales.length * points.weights * traction(self.discretization, self.dofs, points)
+        forces = scales.length * points.weights * traction(self.discretization, self.dofs, points)
+        if named.get(edges, edges) in mesh.joint_names:
+            forces *= np.repeat(np.where(enclosed_beyond(self.problem, chosen), -1.0, 1.0), points.count)
+        force_x, force_y = forces
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
 
     @cached_property
