@@ -180,6 +180,18 @@ def test_trapezoid_has_the_bounds_of_its_comments():
     assert bounds.lower < 14.0483793 < bounds.upper
 
 
+def test_the_lug_hangs_on_its_pin():
+    result = answer("lug")
+    held, pin = result.resultant("held"), result.plate_force("bore")
+    assert (held.x, pin.x) == pytest.approx((-4000.0, 4000.0), rel=1e-12)
+    assert held.y == pytest.approx(0.0, abs=1e-9)
+    assert result.plates["bore"].x == pytest.approx(0.2573, rel=1e-3)
+    shares = result.contacts["bore"].shares
+    assert shares["stick"] == 0.0
+    assert 0.4 < shares["slip"] < 0.5
+    assert len(result.problem.mesh.arcs) == 2
+
+
 @pytest.mark.parametrize("off", [0.0, 2e-3])
 def test_a_script_that_is_off_ends_with_an_error(off, monkeypatch, capsys):
     monkeypatch.syspath_prepend(FOLDER)

@@ -285,6 +285,21 @@ def half_discs(element: Element, quick: bool) -> Iterator[Row]:
     yield relative("shear in the middle [MPa]", middle, known, 0.03, Kind.ANALYTIC, f"Cattaneo; {source}", proof)
 
 
+@on(TRIANGLES)
+def lug(element: Element, quick: bool) -> Iterator[Row]:
+    """A lug pulled by a rigid pin: the force goes through the bore, and both models move the pin as far."""
+    del quick
+    result = _solved(element, "lug")
+    held, proof, source = result.resultant("held"), certified(result), "force of the pin, balance"
+    yield relative("force where it is held [N/mm]", held.x, -4000.0, 1e-12, Kind.ANALYTIC, source, proof)
+    yield absolute("force across, over the pin's", held.y / 4000.0, 0.0, 1e-12, Kind.ANALYTIC, source, proof)
+    moved = result.plates["bore"].x
+    displacements = solve_companion(result.problem)
+    proof, source = both(proof, certified_companion(displacements)), "displacement elements on the same mesh"
+    theirs = displacements.plates["bore"].x
+    yield relative("displacement of the pin [mm]", moved, theirs, 1e-3, Kind.METHODS, source, proof)
+
+
 @on(QUINTIC)
 def trapezoid(element: Element, quick: bool) -> Iterator[Row]:
     """A trapezoid on a plane that holds it: bounds of the force hold what a displacement code finds."""
@@ -383,6 +398,7 @@ FILES: Final = {
     "gravity_column": gravity_column,
     "gravity_dam": gravity_dam,
     "half_discs": half_discs,
+    "lug": lug,
     "punch": punch,
     "ssnv128": ssnv128,
     "stacked_blocks": stacked_blocks,

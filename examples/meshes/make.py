@@ -129,7 +129,20 @@ def trapezoid() -> TriangleMesh:
     return TriangleMesh.outline([Corner(at, name) for name, at in names.items()], 0.5)
 
 
-MAKERS = (gravity_dam, wedge, brake_pad, bolted_angle, cylinder_on_block, half_discs, trapezoid)
+def lug() -> TriangleMesh:
+    """A lug 40 wide with a round end about the origin and a bore of radius 10 in it, held 60 away [mm]."""
+    half, length = 20.0, 60.0
+    corners = [
+        Corner((-length, -half), "free"),
+        Corner((0.0, -half), "end", (0.0, 0.0), size=3.0),
+        Corner((half, 0.0), "end", (0.0, 0.0), size=3.0),
+        Corner((0.0, half), "free", size=3.0),
+        Corner((-length, half), "held"),
+    ]
+    return TriangleMesh.outline(corners, 6.0, holes=[Corner.circle((0.0, 0.0), 10.0, name="bore", size=1.3)])
+
+
+MAKERS = (gravity_dam, wedge, brake_pad, bolted_angle, cylinder_on_block, half_discs, trapezoid, lug)
 BODIES = {made.__name__: made for made in MAKERS}
 
 
