@@ -21,7 +21,7 @@ from qvi_contact.discretization.plates import PlateRows
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
-from solvers import EdgeRows, FrictionQVI, Traces
+from solvers import EdgeRows, EnergyRoot, FrictionQVI, Traces
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +53,19 @@ def algebraic(posed: Posed, before: Posed | None = None, known: FrictionQVI | No
     if before is None or known is None or not _same_matrices(posed, before):
         return _assembled(posed, rows)
     A = known.A if _equal(posed.plates.A, before.plates.A) else sparse.csc_array(posed.plates.A)
-    root = posed.energy.root(posed.elimination)
+    root, at_rest = _root_and_rest(posed, before, known)
     load = rows.load
-    f = load - root.adjoint(root.apply(np.zeros(known.n)))  # what (D2) says: K u₀ itself would need 𝒦
-    return known.changed(**rows.data, f=f, root=root, load=load, A=A, b=posed.plates.b)
+    return known.changed(**rows.data, f=load - at_rest, root=root, load=load, A=A, b=posed.plates.b)
+
+
+def _root_and_rest(posed: Posed, before: Posed, known: FrictionQVI) -> tuple[EnergyRoot, FloatArray]:
+    """The root of the energy, and Rᵀr₀ = load − f (n,), which K u₀ would give too, by 𝒦."""
+    if posed.energy is before.energy and posed.elimination is before.elimination:
+        assert known.root is not None
+        assert known.load is not None
+        return known.root, known.load - known.f
+    root = posed.energy.root(posed.elimination)
+    return root, root.adjoint(root.apply(np.zeros(known.n)))
 
 
 def _assembled(posed: Posed, rows: _Rows) -> FrictionQVI:

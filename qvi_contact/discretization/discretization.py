@@ -28,6 +28,7 @@ from qvi_contact.discretization.plates import PlateRows, plate_rows
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.bogner_fox_schmit import Grid
 from qvi_contact.errors import InputError
+from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import FrictionQVI
 from solvers.basics.pickles import Stated
@@ -265,9 +266,28 @@ def _discretized(
     problem: ContactProblem, space: Basis, scales: Scales, freed: IntArray, before: Discretization | None = None
 ) -> Discretization:
     """Discretise, and share what a problem `before` in the same space has in common with this one."""
-    corners = SharedCorners(freed=freed)
-    if space.shear_at_vertices:
-        corners = SharedCorners(np.array(frictionless_corners(problem), dtype=np.int64), freed)
+    elimination = _eliminated(problem, space, scales, freed, before)
+    contacts = contact_rows(problem, space, scales)
+    plates = plate_rows(problem, scales, contacts, elimination.basis, elimination.particular)
+    energy = energy_of(problem, space, scales, before)
+    posed = Posed(problem, space, energy, scales, elimination, contacts, plates)
+    qvi = algebraic(posed, before, None if before is None else before.qvi)
+    return Discretization(problem, space, energy, scales, elimination, contacts, plates, qvi, freed)
+
+
+def _eliminated(
+    problem: ContactProblem, space: Basis, scales: Scales, freed: IntArray, before: Discretization | None
+) -> Elimination:
+    """All degrees of freedom that meet the tractions, by the basis of a problem `before` if that is the same."""
+    disagree = _disagreeing(problem, space)
+    if (
+        before is not None
+        and np.array_equal(freed, before.freed)
+        and np.array_equal(disagree, _disagreeing(before.problem, space))
+        and _same_tractions(problem, scales, before)
+    ):
+        return before.elimination
+    corners = SharedCorners(disagree, freed)
     try:
         elimination = space.eliminate(prescribed_tractions(problem, scales), corners)
     except UnbalancedLoadError as error:
@@ -280,11 +300,26 @@ def _discretized(
             remedy += "; on rectangles the loads on a hole, with the weight of what would fill it, must balance by "
             remedy += f"themselves: {FORCES_ON_HOLES}"
         raise InputError("ContactProblem.conditions", imbalance, remedy) from error
-    if before is not None:
-        elimination = elimination.sharing(before.elimination)
-    contacts = contact_rows(problem, space, scales)
-    plates = plate_rows(problem, scales, contacts, elimination.basis, elimination.particular)
-    energy = energy_of(problem, space, scales, before)
-    posed = Posed(problem, space, energy, scales, elimination, contacts, plates)
-    qvi = algebraic(posed, before, None if before is None else before.qvi)
-    return Discretization(problem, space, energy, scales, elimination, contacts, plates, qvi, freed)
+    return elimination if before is None else elimination.sharing(before.elimination)
+
+
+def _disagreeing(problem: ContactProblem, space: Basis) -> IntArray:
+    """Vertices of contacts without friction that a prescribed shear reaches, where spaces share one."""
+    return np.array(frictionless_corners(problem) if space.shear_at_vertices else [], dtype=np.int64)
+
+
+def _same_tractions(problem: ContactProblem, scales: Scales, before: Discretization) -> bool:
+    """Whether the prescribed tractions are those of a problem before, in the same units."""
+    mine, its = problem.prescribed(Traction), before.problem.prescribed(Traction)
+    return (
+        scales == before.scales
+        and problem.body_potential == before.problem.body_potential
+        and len(mine) == len(its)
+        and all(
+            one.name == other.name
+            and one.value == other.value
+            and np.array_equal(one.index, other.index)
+            and np.array_equal(one.direction, other.direction)
+            for one, other in zip(mine, its, strict=True)
+        )
+    )

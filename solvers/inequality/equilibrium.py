@@ -57,9 +57,15 @@ class Equilibrium:
     def rough_stress(self) -> float:
         """√(2 × strain energy) of the bonded solution by one linear solve, not corrected: its size, not its digits."""
         nothing, gradient = self._energy.state(np.zeros(self._size))
+        data = (np.array([nothing]), gradient, self._energy.f, self._b)  # all that it depends on
+        known = self.interface.rough_stress
+        if known is not None and all(map(np.array_equal, data, known[0])):
+            return known[1]
         z, _ = self.system.solve(-gradient, self._b)
         energy = self._energy.strain(z)
-        return float(np.sqrt(2.0 * energy)) if energy > _ROUNDING * nothing else 0.0
+        size = float(np.sqrt(2.0 * energy)) if energy > _ROUNDING * nothing else 0.0
+        self.interface.rough_stress = (data, size)
+        return size
 
     @property
     def _size(self) -> int:

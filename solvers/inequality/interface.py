@@ -73,11 +73,13 @@ class Interface:
         Rows of contact and equations.
     system : EqualitySystem
         That of K and A.
+    rough_stress : of the last problem asked for it, with the data it depends on, see `Equilibrium.rough_stress`
 
     """
 
     def __init__(self, frame: ContactFrame, factor: Factorisation) -> None:
         self.frame = frame
+        self.rough_stress: tuple[tuple[Vector, ...], float] | None = None
         self.system = EqualitySystem(frame.A, factor)
 
     @cached_property

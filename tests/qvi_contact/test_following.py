@@ -5,7 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Region, Traction, solve
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    Polynomial,
+    RectilinearMesh,
+    Region,
+    Traction,
+    solve,
+)
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.problem.conditions import RigidPlate
 
@@ -51,6 +61,32 @@ def test_other_data_share_matrices_and_are_those_made_alone(element, change):
     z = np.random.default_rng(1).normal(size=alone.qvi.n)
     assert after.qvi.gradient(z) == pytest.approx(alone.qvi.gradient(z), rel=1e-9, abs=1e-9)
     assert after.energy.coefficients(after.values(z)) == pytest.approx(alone.energy.coefficients(alone.values(z)))
+
+
+@ELEMENTS
+def test_tractions_are_eliminated_anew_only_where_they_change(element):
+    weight = Polynomial([[0.0, 0.5]])
+    first = discretize(replace(block(), body_potential=weight), element=element)
+    problem = discretize(replace(block(friction=0.5), body_potential=weight), element=element).problem
+    assert first.following(problem).elimination is first.elimination
+    pushed = replace(block(push=-1.1), body_potential=weight)
+    other = first.following(discretize(pushed, element=element).problem, first.scales)
+    assert other.elimination.basis is first.elimination.basis
+    assert np.abs(other.elimination.particular - first.elimination.particular).max() > 1e-3
+    heavier = replace(block(), body_potential=Polynomial([[0.0, 0.6]]))
+    other = first.following(discretize(heavier, element=element).problem, first.scales)
+    assert np.abs(other.elimination.particular - first.elimination.particular).max() > 1e-3
+
+
+def test_the_rough_stress_is_that_of_the_problem():
+    """Problems with other loads, or with stresses that no degree of freedom changes, have one of their own."""
+    first = discretize(block(weight=0.0), element="hct")
+    rough = first.qvi.rough_stress()
+    for change in ({"friction": 0.5}, {"push": -1.1}, {"weight": 0.3}, {"gap": -1e-3}, {"force": -2.5}):
+        problem = discretize(block(**change), element="hct").problem
+        after, alone = first.following(problem, first.scales), discretize(problem, scales=first.scales)
+        assert after.qvi.rough_stress() == pytest.approx(alone.qvi.rough_stress(), rel=1e-9)
+        assert (after.qvi.rough_stress() == rough) is (change == {"friction": 0.5})
 
 
 @ELEMENTS
