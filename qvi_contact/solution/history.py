@@ -13,7 +13,7 @@ it ended in.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
     from qvi_contact.basics.units import Units
 
+_PARALLEL = 1e-9  # sine of the angle between edges that face one way
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
@@ -143,10 +144,11 @@ class History:
         Parameters
         ----------
         name : str
-            A contact, whose obstacle moves along the tangent by its mean offset and, driven by force, by the plate's
-            own motion in the contact's centre; or an edge set with a prescribed displacement: along the tangent, or
-            along x or y across it where nothing moves along the tangent. A plate that also moves normally or turns does
-            more work than this loop shows.
+            A contact, whose obstacle moves along the tangent by its mean offset and by the motion of its plate in the
+            contact's centre; or an edge set with a prescribed displacement: along the tangent, or along x or y across
+            it where nothing moves along the tangent. A plate that also moves normally or turns does more work than this
+            loop shows. Of a plate on edges that face several ways, such as a pin, it is the component x, y or rotation
+            that does the most work, with the moment about the pivot for a rotation [rad], [stress × length²].
 
         Returns
         -------
@@ -165,8 +167,10 @@ class History:
             return np.zeros(0), np.zeros(0)
         if not (isinstance(name, str) and any(name in step.contacts for step in states)):
             return self._edge_loop(name)
-        pairs = [_obstacle(step, name) for step in states]
-        displacement, force = np.array([pair[0] for pair in pairs]), np.array([pair[1] for pair in pairs])
+        if _faces_several_ways(states[0], name):
+            displacement, force = _of_plate(states, name)
+        else:
+            displacement, force = np.array([_obstacle(step, name) for step in states]).T
         movers = [edges for edges in _displaced(states) if np.ptp(self._edge_loop(edges)[0]) > 0.0]
         if movers and not np.ptp(displacement) > 0.0:
             remedy = f"its obstacle does not move: name what drives the body, {' or '.join(map(repr, movers))}"
@@ -349,6 +353,21 @@ def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
         return 0.0
     traction = other.solution.problem.tangential(other.solution.z)
     return float(now.solution.tangential_multiplier @ traction) * now.discretization.scales.energy
+
+
+def _faces_several_ways(step: ContactResult, name: str) -> bool:
+    """Whether a contact has a rigid plate, and edges that are not parallel."""
+    tangents = next(rows.points.tangents for rows in step.discretization.contacts if rows.name == name)
+    across = tangents[:, 0] * tangents[0, 1] - tangents[:, 1] * tangents[0, 0]
+    return name in step.plates and bool(np.abs(across).max() > _PARALLEL)
+
+
+def _of_plate(states: Sequence[ContactResult], name: str) -> tuple[FloatArray, FloatArray]:
+    """The component of a plate's motion that does the most work, and its force or moment."""
+    motions = np.array([astuple(step.plates[name]) for step in states]).T
+    forces = np.array([astuple(step.plate_force(name)) for step in states]).T
+    component = int(np.argmax(np.ptp(motions, axis=1) * np.abs(forces).max(axis=1)))
+    return motions[component], forces[component]
 
 
 def _obstacle(step: ContactResult, name: str) -> tuple[float, float]:
