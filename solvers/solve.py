@@ -107,9 +107,9 @@ def solve_qvi(
     **options : object
         Fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or `UzawaOptions`. By default
         `max_iterations` counts the iterations of the condensed method and the fixed point, and `callback` hears of all.
-        `initial` is the `QVISolution` of a problem with the same unknowns and rows, or a `Start`, from which the
-        condensed method and the fixed point begin, or a pressure (m,), from which the fixed point does. Two iterations
-        of the condensed method tell whether such a state is near; if it is not, the usual start is taken.
+        `initial` is the `QVISolution` of a problem with the same unknowns and rows, from which the condensed method and
+        the fixed point begin, or a pressure (m,), from which the fixed point does. Two iterations of the condensed
+        method tell whether such a state is near; if it is not, the usual start is taken.
 
     Returns
     -------

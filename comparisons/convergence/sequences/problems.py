@@ -1,0 +1,95 @@
+"""Sequences of problems that differ in one datum of their contact."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Traction
+from qvi_contact.basics.checks import Field
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.solution.sweep import Parameter, changed
+
+_DEPTH: Final = 0.01
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A sequence.
+
+    Attributes
+    ----------
+    title : what it is called in tables
+    problem : the problem by numbers of cells
+    cells, coarse : numbers of cells, and those of a quick run
+    parameter : what changes
+    values : its values; a quick run takes every fifth
+    history : whether slip accumulates from one to the next
+
+    """
+
+    title: str
+    problem: Callable[[tuple[int, int]], ContactProblem]
+    cells: tuple[int, int]
+    coarse: tuple[int, int]
+    parameter: Parameter
+    values: tuple[float, ...]
+    history: bool = False
+
+    def problems(self, quick: bool) -> list[ContactProblem]:
+        """All problems."""
+        base = self.base(quick)
+        return [changed(base, self.parameter, value, None) for value in self.chosen(quick)]
+
+    def base(self, quick: bool) -> ContactProblem:
+        """The problem that is changed."""
+        return self.problem(self.coarse if quick else self.cells)
+
+    def chosen(self, quick: bool) -> tuple[float, ...]:
+        """The values."""
+        return self.values[:: 5 if quick else 1]
+
+
+def layer(cells: tuple[int, int], gap: Field = -_DEPTH, offset: float = 0.0) -> ContactProblem:
+    """A layer on a rigid base, 2 wide and 1 high, under a rough obstacle."""
+    mesh = RectilinearMesh.rectangle(cells, 2.0, 1.0)
+    sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    held = Displacement("bottom", x=0.0, y=0.0)
+    return ContactProblem(mesh, Material(1000.0, 0.3), [Contact("top", 0.3, gap, offset, "obstacle"), held, *sides])
+
+
+def _sheared(cells: tuple[int, int]) -> ContactProblem:
+    return layer(cells, 0.0, 0.5 * _DEPTH)
+
+
+def _punched(cells: tuple[int, int]) -> ContactProblem:
+    return layer(cells, lambda x, y: 2.0 * _DEPTH * (x - 1.0) ** 2 + 0.0 * y)
+
+
+def _plate(cells: tuple[int, int]) -> ContactProblem:
+    return compressed_plate(0.2, cells)
+
+
+def _evenly(first: float, last: float, count: int) -> tuple[float, ...]:
+    return tuple(np.linspace(first, last, count).tolist())
+
+
+CHAINS: Final = {
+    "cycle": Chain(
+        "history: 21 offsets of a full cycle, layer 64 × 128", layer, (128, 64), (16, 8), "offset",
+        tuple((_DEPTH * np.sin(np.linspace(0.0, 2.0 * np.pi, 21))).tolist()), history=True,
+    ),
+    "friction": Chain(
+        "sweep: 20 values of μ, plate 64 × 64", _plate, (64, 64), (8, 8), "friction", _evenly(0.05, 1.0, 20)
+    ),
+    "compression": Chain(
+        "sweep: 11 compressions, sheared layer 32 × 64", _sheared, (64, 32), (16, 8), "gap",
+        _evenly(-0.5 * _DEPTH, -_DEPTH, 11),
+    ),
+    "depth": Chain(
+        "sweep: 11 depths of a round punch, layer 32 × 64", _punched, (64, 32), (16, 8), "gap",
+        _evenly(-0.2 * _DEPTH, -2.0 * _DEPTH, 11),
+    ),
+}  # fmt: skip
+"""Name → sequence; in the last one the contact grows with each step."""
