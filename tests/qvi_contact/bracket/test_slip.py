@@ -359,6 +359,16 @@ class TestForces:
         assert force.upper < 214.23323205
         assert force.lower < 210.606417984 < force.upper
 
+    def test_cohesion(self):
+        """Bounds hold the force of a finer mesh, and not that without cohesion."""
+        problem = with_friction(chain(0.2)[-1].problem, 0.05)
+        glued = [replace(each, cohesion=8.0) if isinstance(each, Contact) else each for each in problem.conditions]
+        problem = replace(problem, conditions=glued)
+        force = solve(problem, degree=4).bracket.slip.forces["plate.normal_force"]
+        fine = solve(replace(problem, mesh=uniformly(problem.mesh, 1)), degree=4)
+        assert force.lower < fine.contacts["plate"].normal_force < force.upper
+        assert force.lower > 210.606417984
+
     def test_loads_balance(self):
         """Where equilibrium alone gives the normal force the bounds meet in it, with cohesion too."""
         problem = ssnv128((2, 2), friction=0.3).triangulated()
@@ -377,6 +387,7 @@ class TestOtherBodies:
         [
             (half_disc(0.3, (6e-3, -2e-3)), ["normal_force", "tangential_force"]),
             (sheared_layer(0.3), ["normal_force", "tangential_force"]),
+            (sheared_layer(0.5, 1e-3), ["normal_force", "tangential_force"]),  # sticks
         ],
     )
     def test_forces_of_a_finer_mesh_are_inside(self, problem, forces):
