@@ -307,7 +307,7 @@ def _linear(qvi: FrictionQVI, method: str, inner: str, tolerance: float) -> QVIS
         return None
     began = time.perf_counter()
     z, zero = qvi.bonded, np.zeros(qvi.m)
-    _, nu = qvi.equality_system.solve(-qvi.gradient(z))
+    _, nu = qvi.linear_system.solve(-qvi.gradient(z))
     reason = Status.SOLVED if qvi.m == 0 else Status.INFEASIBLE  # unless the certificate passes
     outcome = Outcome(reason, z, zero, zero, nu, qvi.threshold(qvi.pressure(z)), [], 0)
     outcome.timings = {"setup": 0.0, "solve": time.perf_counter() - began}

@@ -546,6 +546,8 @@ class SolveTable(Table):
     """Seconds for everything; no limit by default: `time_limit = 60.0`."""
     gap: float | None = None
     """Condensed: complementarity at the end, relative; 1e-14 by default: `gap = 1e-12`."""
+    system: str | None = None
+    """Condensed: Newton's matrices, auto (by default), dense or sparse: `system = "sparse"`."""
     variant: str | None = None
     """Fixed point: anderson (by default), damped or plain: `variant = "damped"`."""
     damping: float | None = None

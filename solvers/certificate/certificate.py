@@ -249,7 +249,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     scales = scales_at(qvi, z, body)
     residual = gradient + qvi.contact_rows.T @ np.concatenate([m_N, m_T]) + qvi.A.T @ nu
     sizes = _row_sizes(qvi, z)
-    error, outside = qvi.equality_system.solve(residual)
+    error, outside = qvi.linear_system.solve(residual)
     left = residual - qvi.K @ error - qvi.A.T @ outside
     square = float(residual @ error)
     defect = 0.5 * _admissible_square(qvi, square, error, m_N)
@@ -322,9 +322,8 @@ def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vect
     change = admissible_change(qvi, m_N) if qvi.strict else np.maximum(m_N, 0.0) - m_N
     if not change.any():
         return abs(square)
-    system = qvi.equality_system
-    force = qvi.N[:, system.interface].T @ change
-    return abs(square + 2.0 * float(change @ (qvi.N @ error)) + float(force @ system.solve_interface(force)[0]))
+    relieved = qvi.linear_system.relief(qvi.N)(change)
+    return abs(square + 2.0 * float(change @ (qvi.N @ error)) + float(change @ relieved))
 
 
 def _unsolved(qvi: FrictionQVI, left: Vector) -> float:

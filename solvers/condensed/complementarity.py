@@ -26,19 +26,14 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from solvers.basics.types import IntVector, Matrix, Vector
+from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.certificate import body_scales
 from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
-from solvers.condensed.reduction import Base, Reduction
-from solvers.inequality.blocks import Rows, add_product, dense, magnitudes, mapped, scaled, stacked, transposed
+from solvers.condensed.systems import FRICTION_SHARES, Base, NewtonSystem, Space
+from solvers.inequality.blocks import Rows, add_product, dense, magnitudes, mapped, scaled, stacked
 from solvers.inequality.problem import FrictionQVI
-
-FRICTION_SHARES = (1000.0, 100.0, 1e4, 10.0)
-"""s λ of friction bounds and caps over s λ of normal bounds on the central path, one after the other if need be: with 1
-the path often turns back where contact opens and friction is large."""
 
 SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
 """Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""
@@ -69,15 +64,16 @@ class Complementarity:
     """
 
     def __init__(
-        self, qvi: FrictionQVI, reduction: Reduction, base: Base, stress: float, share: float = FRICTION_SHARES[0]
+        self, qvi: FrictionQVI, space: Space, base: Base, stress: float, share: float = FRICTION_SHARES[0]
     ) -> None:
         self._share = share
-        self._qvi, self._reduction, self.stress = qvi, reduction, stress
-        frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), reduction.E_T, qvi.W)
-        self._equations = Equations.of(reduction.A, frictionless, reduction.size)
+        self._qvi, self._space, self.stress = qvi, space, stress
+        frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), space.E_T, qvi.W)
+        self._equations = Equations.of(space.A, frictionless, space.size)
         self._lay_out()
         self._lay_out_rows()
-        self.S: Matrix = self._equations.quadratic(reduction.stiffness)
+        self.S: Matrix | Sparse = self._equations.quadratic(space.stiffness)
+        self.system: NewtonSystem = space.system(self.S)
         self.rebase(base)
 
     def _lay_out(self) -> None:
@@ -114,13 +110,13 @@ class Complementarity:
 
     def _lay_out_rows(self) -> None:
         """Rows of tractions and bounds in the coordinates that are free."""
-        E, m, count = self._reduction.E, self._qvi.m, int((self._sign == 0.0).sum())
-        whole = len(self._equations.free) == self._reduction.size
+        E, m, count = self._space.E, self._qvi.m, int((self._sign == 0.0).sum())
+        whole = len(self._equations.free) == self._space.size
         self._all: Rows = E if whole else mapped(E, self._equations.map)
         self._all_sizes: Rows = magnitudes(self._all)
         tangential = scaled(self._sign[count:], self._all[m + self._points[count:]])
         self.B: Rows = stacked([self._all[self._points[:count]], tangential])
-        self._B_transposed: Rows = transposed(self.B)
+        self._forces: Rows = self._space.forces(self.B)
         self._split_rows: Rows = self._all[self.split]
         self._constant: Rows | None = None  # C where it is the same everywhere
         if not len(self.split):
@@ -128,16 +124,16 @@ class Complementarity:
 
     def rebase(self, base: Base) -> None:
         """Pose the problem about another point; u = 0 there, up to what equations had missed."""
-        reduction = self._reduction
+        space = self._space
         self._moved = bool(base.z.any())
         _, self._in_body, self._nothing = body_scales(self._qvi, base.strain_energy) if self._moved else (0.0, 0.0, 0.0)
         self._base = base
         self._offset: Vector = self._equations.offset(base.equality, base.tangential)
-        half = base.c + 0.5 * (reduction.stiffness @ self._offset)
-        z = base.z if base.z.any() else reduction.move(base, np.zeros(reduction.size))  # interior in equilibrium
+        half = base.c + 0.5 * (space.stiffness @ self._offset)
+        z = base.z if base.z.any() else space.move(base, np.zeros(space.size))  # interior in equilibrium
         self._energy = self._qvi.energy(z) + float(half @ self._offset)
-        self.c: Vector = self._equations.map.T @ (base.c + reduction.stiffness @ self._offset)
-        self._normal, self._tangential = reduction.tractions(base, self._offset)
+        self.c: Vector = self._equations.map.T @ (base.c + space.stiffness @ self._offset)
+        self._normal, self._tangential = space.tractions(base, self._offset)
 
     def full(self, u: Vector) -> Vector:
         """All trace coordinates y."""
@@ -237,12 +233,6 @@ class Complementarity:
         """Of (D2), with what the base lacks in accuracy."""
         return self._energy + float(0.5 * y @ (self.S @ y) + self.c @ y)
 
-    def energy_norm(self, force: Vector) -> float:
-        """√(fᵀ S⁻¹ f) of a force (k,): how far it moves the body; 0 where S is no longer definite to rounding."""
-        if self._cholesky is None or not len(force):
-            return 0.0
-        return float(np.sqrt(abs(force @ cho_solve(self._cholesky, force))))
-
     @cached_property
     def traction_rows(self) -> Matrix:
         """The rows of B of the tractions themselves, dense."""
@@ -254,20 +244,24 @@ class Complementarity:
         rows = self.traction_rows
         return np.asarray(self.weights[: len(rows)] * (rows * rows).sum(axis=1))
 
-    @cached_property
-    def _cholesky(self) -> tuple[Matrix, bool] | None:
-        try:
-            return cho_factor(self.S, lower=True) if len(self.S) else None
-        except LinAlgError:
-            return None
-
     def force(self, multipliers: Vector) -> Vector:
         """BᵀWλ (k,)."""
-        return np.asarray(self._B_transposed @ (self.weights * multipliers))
+        return np.asarray(self._forces @ (self.weights * multipliers))
 
     def add_stiffness(self, target: Matrix, factors: Vector, slack_rows: Rows) -> None:
         """Add BᵀW diag(factors) C to target (k, k)."""
-        add_product(target, self._B_transposed, scaled(self.weights * factors, slack_rows))
+        add_product(target, self._forces, scaled(self.weights * factors, slack_rows))
+
+    def blocks(self, ratio: Vector, slope: Vector) -> Vector:
+        """Blocks (M_NN, M_TN, M_TT) (3m,) of [N; T]ᵀM[N; T] = BᵀW diag(ratio) C, C as in `slack_rows` for the slope."""
+        m, factors = self._qvi.m, self.weights * ratio
+        normal = self._sign == 0.0
+        points, shear = self._points[~normal], factors[~normal]
+        change = np.full(m, -1.0)
+        change[self.split] = slope
+        mixed = -(self._sign * self.friction * factors)[~normal] * change[points]
+        parts = ((self._points[normal], factors[normal]), (points, mixed), (points, shear))
+        return np.concatenate([np.zeros(m) + np.bincount(place, values, m) for place, values in parts])
 
     def bound_multipliers(self, m_N: Vector, m_T: Vector, slack: Vector) -> Vector:  # letters of (D2)
         """λ (q,) of row multipliers (m,) each; of friction bound and cap that with the smaller slack (q,) has it."""
@@ -281,13 +275,13 @@ class Complementarity:
 
     def multipliers(self, u: Vector, lam: Vector) -> tuple[Vector, Vector, Vector]:
         """Row multipliers (m_N, m_T, ν) of (D2)."""
-        qvi, reduction = self._qvi, self._reduction
+        qvi, space = self._qvi, self._space
         rows = self.weights * lam
         normal = self._sign == 0.0
         m_N: Vector = np.zeros(qvi.m) + np.bincount(self._points[normal], rows[normal], qvi.m)
         m_T: Vector = np.zeros(qvi.m) + np.bincount(self._points[~normal], (self._sign * rows)[~normal], qvi.m)
         residual = (
-            self._base.c + reduction.stiffness @ self.full(u) + reduction.E_N.T @ m_N + reduction.E_T.T @ m_T
+            self._base.c + space.stiffness @ self.full(u) + space.E_N.T @ m_N + space.E_T.T @ m_T
         )  # fmt: skip
         nu, frictionless = self._equations.multipliers(residual, qvi.m, qvi.p)
         return m_N, m_T + frictionless, nu

@@ -17,20 +17,17 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.linalg import LinAlgError
-from numpy.typing import NDArray
-from scipy.linalg.lapack import dgetrf, dgetrs
 
-from solvers.basics.types import Matrix, Vector
+from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.saddle import Saddle
+from solvers.condensed.systems import Solve
 from solvers.inequality.blocks import Rows
 
-_STEP = 0.99  # of the way to the nearest bound
+_STEP, _LONGEST_STEP = 0.99, 0.9999  # of the way to the nearest bound: at least, and where nothing bends the way
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
 _SHORT = 0.1  # predictor steps shorter than this count little
 _CORRECTORS = 2
-_REFINEMENTS = 1
 _GAIN = 0.02  # by which a corrector has to lengthen the step
 _START = 0.1  # least slack and multiplier at the start, of the scales
 _SMOOTHEST = 1.0  # √(4 pull push) at the start, of the scale of stress
@@ -118,14 +115,15 @@ class InteriorPoint:
     ----------
     point : the iterate
     shares : (q + b,) what the products are on the central path, over τ
-    least : τ is not made smaller
+    finest : gap below which τ is not made smaller
+    least : that τ
     accurate : whether Newton steps are those of `saddle`
 
     """
 
     def __init__(self, problem: Complementarity, displacement: float) -> None:
         self.problem, self.displacement = problem, displacement
-        self.least = 0.0
+        self.finest, self.least = _FINEST, 0.0
         self.accurate = False
         self.start_at(np.zeros(problem.S.shape[0]))
         self._force_scale = displacement * float(np.abs(problem.force(np.ones(len(problem.weights)))).max(initial=0.0))
@@ -162,7 +160,7 @@ class InteriorPoint:
         slack = max(_largest(residuals.slack / problem.sizes), _largest(residuals.split)) / stress
         kink = 2.0 * _largest(np.minimum(self.point.pull, self.point.push)) / stress
         size = max(self._force_scale, residuals.largest, _LEAST)
-        self.least = _FINEST * unit / max(float(problem.weights @ problem.shares), _LEAST)
+        self.least = self.finest * unit / max(float(problem.weights @ problem.shares), _LEAST)
         return Measures(gap, slack, kink, _largest(residuals.force) / size)
 
     def iterate(self, residuals: Residuals) -> float:
@@ -181,7 +179,8 @@ class InteriorPoint:
         target = max(centring * tau, self.least) * self.shares
         comp = target - products - damping * affine.products
         step, length = _corrected(newton, point, comp, target)
-        length = self._in_neighbourhood(step, min(1.0, _STEP * length))
+        share = min(max(_STEP, reach), _LONGEST_STEP)  # what is left of the products is at least what the step leaves
+        length = self._in_neighbourhood(step, min(1.0, share * length))
         self.point = point.moved(step, length)
         return length
 
@@ -217,28 +216,17 @@ class Newton:
     problem: Complementarity
     residuals: Residuals
     rows: Rows
-    scale: Vector
-    factor: Matrix
-    pivots: NDArray[np.int32]
+    solve: Solve | None
     saddle: Saddle | None = None
 
     @classmethod
     def at(cls, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> "Newton":
-        """Assemble and factorise, scaled to a diagonal of 1; `accurate`: as in `saddle`."""
-        rows = problem.slack_rows((point.pull - point.push) / (point.pull + point.push))
+        """Assemble and factorise; `accurate`: as in `saddle`."""
+        slope = (point.pull - point.push) / (point.pull + point.push)
+        rows = problem.slack_rows(slope)
         if accurate:
-            factor, pivots = np.zeros((0, 0)), np.zeros(0, dtype=np.int32)
-            saddle = Saddle.at(problem, point.s, point.lam, rows)
-            return cls(point, problem, residuals, rows, np.zeros(0), factor, pivots, saddle)
-        H = np.array(problem.S, order="F")
-        problem.add_stiffness(H, point.lam / point.s, rows)
-        scale = 1.0 / np.sqrt(np.maximum(H.diagonal(), 1.0))
-        H *= scale
-        H *= scale[:, None]
-        factor, pivots, info = dgetrf(H, overwrite_a=1) if len(H) else (H, np.zeros(0, dtype=np.int32), 0)
-        if info > 0 or not np.isfinite(factor).all():
-            raise LinAlgError("it is singular")
-        return cls(point, problem, residuals, rows, scale, factor, pivots)
+            return cls(point, problem, residuals, rows, None, Saddle.at(problem, point.s, point.lam, rows))
+        return cls(point, problem, residuals, rows, problem.system.factorised(problem, point.lam / point.s, slope))
 
     def step(self, comp: Vector, *, only: bool = False) -> Step:
         """The change that makes the products grow by comp (q + b,); `only`: without reducing the residuals."""
@@ -258,17 +246,15 @@ class Newton:
         """Changes of y, s and λ for the residuals of y and of the slacks, and the wanted change of s λ."""
         if self.saddle is not None:
             return self.saddle.solve(force, slack, comp)
+        assert self.solve is not None
         problem = self.problem
         lam = (comp + self.point.lam * slack) / self.point.s
-        y = self._solve(-force - problem.force(lam))
+        y = self.solve(-force - problem.force(lam))
         s, lam = self._completed(y, comp, slack)
-        for _ in range(_REFINEMENTS):  # the elimination of s and λ loses digits where s is small
-            y = y + self._solve(-force - problem.S @ y - problem.force(lam))
+        for _ in range(problem.system.refinements):  # the elimination of s and λ loses digits where s is small
+            y = y + self.solve(-force - problem.S @ y - problem.force(lam))
             s, lam = self._completed(y, comp, slack)
         return y, s, lam
-
-    def _solve(self, right: Vector) -> Vector:
-        return np.asarray(self.scale * dgetrs(self.factor, self.pivots, self.scale * right)[0]) if len(right) else right
 
     def _completed(self, y: Vector, comp: Vector, slack: Vector) -> tuple[Vector, Vector]:
         """The changes of s and λ that belong to y."""

@@ -1,6 +1,7 @@
 """The condensed method: (D2) solved directly on what the contact feels, to the last digits.
 
     1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`reduction`)
+       or, where the contact is a large share of the body, nothing: all matrices are sparse   (`whole`)
     2  solve the mixed complementarity problem there by an interior point method              (`interior_point`)
        where it stalls, follow the central path around its turns                              (`central_path`)
     3  move z, compute the gradient without the rounding inside K, and go on from there: a defect correction, repeated
@@ -26,20 +27,23 @@ In `docs/theory.md`: (D8).
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from solvers.basics.checks import whole_number
+from solvers.basics.checks import one_of, whole_number
 from solvers.basics.status import Status
 from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate import certify
 from solvers.condensed.central_path import CentralPath
-from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
+from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
-from solvers.condensed.reduction import Base, Reduction
+from solvers.condensed.reduction import Reduction
+from solvers.condensed.systems import Base, Space, SystemName
 from solvers.condensed.warm_start import start_near
+from solvers.condensed.whole import Whole, obstacle
 from solvers.errors import InputError
 from solvers.inequality.equilibrium import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
@@ -53,10 +57,10 @@ _COARSEST_GAP = 1e-11  # that will do if it does not shrink any more
 _SPOILT, _LATE = 1e-11, 1e-4  # force residual, below this gap, from which on Newton steps are those of `saddle`
 _LARGEST_SADDLE = 2500  # unknowns of them
 _FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
-_PATIENCE = 6  # iterations without progress
 _PROGRESS = 0.7
 _SMALL_SHARE = 2e-3  # of the contact that belongs to one point, below which the gap has to be smaller
-_LEAST_GAP = 1e-19  # that is asked for: out of reach, so that iterations go on as long as they gain
+_LEAST_GAP = 2e-17  # that is asked for: the interior point method goes no further than half of it
+_FINER = 0.3  # of the gap that is asked for, at which iterations go on with the residuals alone
 _ENOUGH = 1e-12  # relative defect correction that is not worth another one
 _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
 _HALVED = 0.5
@@ -66,6 +70,8 @@ _FAR_ENOUGH = (0.5, 0.4)  # of the first steps from an earlier answer: shorter o
 _TURNS = 12
 _ONE_START = 300  # iterations of one start
 _LAST = (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
+SYSTEMS: Final = ("auto", "dense", "sparse")
+_FORMS: Final[dict[SystemName, str]] = {"dense": "condensed", "sparse": "full"}  # of the result
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
 
@@ -79,6 +85,8 @@ class CondensedOptions:
         by the square of the least share that a point has in the contact, where that is below 2e-3
     max_iterations : factorisations of the Newton matrix at most
     initial : the `Start` to begin near, optional; not used where it does not fit, or is not near
+    system : linear systems of Newton's method: "dense" on what the contact feels, "sparse" in all unknowns, or "auto",
+        what takes less time by the count of operations. With equations or points without friction they are dense
     callback : called with every `Iteration`
 
     """
@@ -86,6 +94,7 @@ class CondensedOptions:
     gap: float = 1e-14
     max_iterations: int = 600
     initial: object = None
+    system: Literal["auto", "dense", "sparse"] = "auto"
     callback: Callable[[Iteration], object] | None = None
 
     def __post_init__(self) -> None:
@@ -95,6 +104,7 @@ class CondensedOptions:
         if not (self.initial is None or isinstance(self.initial, Start)):
             remedy = "give the result of an earlier problem: the condensed method cannot start from a pressure alone"
             raise InputError("initial", type(self.initial).__name__, remedy)
+        one_of("system", self.system, SYSTEMS)
 
 
 @dataclass(eq=False)
@@ -102,7 +112,7 @@ class _Run:
     """Everything that changes during a solve."""
 
     qvi: FrictionQVI
-    reduction: Reduction
+    space: Space
     base: Base
     problem: Complementarity
     interior: InteriorPoint
@@ -114,7 +124,7 @@ class _Run:
     path: CentralPath | None = None
     force: float = np.inf  # residual of the iteration before
     last_gap: float = np.inf  # gap of the iteration before
-    kept: tuple[float, Point | None] = (np.inf, None)  # the best point, by its largest measure
+    kept: tuple[float, Point | None] = (np.inf, None)  # the best point, by quotients of measures and limits
     unsettled: float = np.inf  # energy norm of the residual of y when last all else was reached
     before: int = 0  # iterations of earlier starts
     elsewhere: bool = False  # whether its central path is another one than the usual
@@ -146,23 +156,34 @@ class _Run:
 def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOptions) -> QVISolution:
     """Solve the QVI by the method of this module."""
     began = time.perf_counter()
-    reduction = Reduction(qvi)
+    space, remark = _space(qvi, options)
     set_up = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a diverging iteration is judged by its gap
-        run = _start(qvi, reduction, options)
+        run = _start(qvi, space, options)
         _begin_near(run)
         _iterate(run)
         if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.operator.use_root():
-            reduction = Reduction(qvi)
-            run = _start(qvi, reduction, options)
+            run = _start(qvi, Reduction(qvi), options)
             _iterate(run)
         run = _restarted(run, tolerance)
     outcome = _outcome(run)
-    outcome.form = "condensed"
+    outcome.form = _FORMS[run.space.name]
     outcome.corrections = tuple(run.sizes)
     outcome.turned = "The central path has a turning point before this solution" if run.turns or run.elsewhere else ""
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
-    return finish(qvi, outcome, "condensed", "", tolerance)
+    solution = finish(qvi, outcome, "condensed", "", tolerance)
+    return replace(solution, message=f"{solution.message} {remark}") if remark else solution
+
+
+def _space(qvi: FrictionQVI, options: CondensedOptions) -> tuple[Space, str]:
+    """The coordinates asked for, or those that cost less; and a sentence where they cannot be had."""
+    wanted = options.system
+    if wanted == "auto":
+        wanted = "dense" if qvi.operator.condensing_pays(qvi) else "sparse"
+    reason = obstacle(qvi) if wanted == "sparse" else ""
+    if wanted == "dense" or reason:
+        return Reduction(qvi), f"Dense linear systems were taken: {reason}." if reason else ""
+    return Whole(qvi), ""
 
 
 def _restarted(first: _Run, tolerance: float) -> _Run:
@@ -170,12 +191,13 @@ def _restarted(first: _Run, tolerance: float) -> _Run:
     if first.reason in _LAST:
         return first
     best, run, accuracy = first, first, _accuracy(first)
-    for share in FRICTION_SHARES if first.warm else FRICTION_SHARES[1:]:
+    shares = first.space.shares
+    for share in shares if first.warm else shares[1:]:
         if accuracy <= tolerance:
             break
-        run = _start(first.qvi, first.reduction, first.options, share)
+        run = _start(first.qvi, first.space, first.options, share)
         run.history = first.history
-        run.before, run.elsewhere = len(run.history), share != FRICTION_SHARES[0]
+        run.before, run.elsewhere = len(run.history), share != shares[0]
         run.best = (np.inf, run.before)
         _iterate(run)
         found = _accuracy(run)
@@ -194,18 +216,18 @@ def _accuracy(run: _Run) -> float:
     return certify(run.qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu).accuracy
 
 
-def _start(
-    qvi: FrictionQVI, reduction: Reduction, options: CondensedOptions, share: float = FRICTION_SHARES[0]
-) -> _Run:
+def _start(qvi: FrictionQVI, space: Space, options: CondensedOptions, share: float | None = None) -> _Run:
     """Reduce about z = 0, and begin where the contact would be bonded."""
-    base = reduction.base(np.zeros(qvi.n))
-    bonded = reduction.bonded(base)
-    stress = max(1e-300, *(float(np.abs(part).max(initial=0.0)) for part in reduction.tractions(base, bonded)))
-    problem = Complementarity(qvi, reduction, base, stress, share)
+    base = space.base(np.zeros(qvi.n))
+    bonded = space.bonded(base)
+    stress = max(1e-300, *(float(np.abs(part).max(initial=0.0)) for part in space.tractions(base, bonded)))
+    problem = Complementarity(qvi, space, base, stress, share or space.shares[0])
     stiffness = qvi.contact_stiffness
     interior = InteriorPoint(problem, stress / stiffness if stiffness > 0.0 else 1.0)
     interior.start_at(problem.restricted(bonded))
-    return _Run(qvi, reduction, base, problem, interior, options, began=time.perf_counter())
+    run = _Run(qvi, space, base, problem, interior, options, began=time.perf_counter())
+    interior.finest = max(interior.finest, _FINER * run.final_gap)  # further on multipliers would only lose digits
+    return run
 
 
 def _begin_near(run: _Run) -> None:
@@ -214,7 +236,7 @@ def _begin_near(run: _Run) -> None:
     if not (isinstance(start, Start) and start.fits(run.qvi)):
         return
     interior, elsewhere = run.interior, run.interior.point
-    start_near(interior, run.problem.restricted(run.reduction.coordinates(start.z)), start)
+    start_near(interior, run.problem.restricted(run.space.coordinates(start.z)), start)
     run.warm = all(_step_of(run) >= enough for enough in _FAR_ENOUGH)
     if not run.warm:
         interior.point = elsewhere
@@ -243,7 +265,7 @@ def _iterate(run: _Run) -> None:
         if run.reason is not None:
             return
         contraction = run.sizes[-1] / run.steps[-1] if run.sizes and run.steps[-1] > 0.0 else 1.0
-        step = run.relative(run.reduction.length(run.problem.full(run.interior.point.y)))
+        step = run.relative(run.space.length(run.problem.full(run.interior.point.y)))
         if gap == final and run.sizes and contraction * step <= _ENOUGH:
             run.reason = Status.SOLVED if run.problem.contradiction() <= _CONTRADICTION else Status.INNER_INFEASIBLE
             return
@@ -261,9 +283,9 @@ def _iterate(run: _Run) -> None:
 def _correct(run: _Run, step: float) -> None:
     """Move the base to the current point; records what the reduced problem had missed."""
     y = run.problem.full(run.interior.point.y)
-    after = run.reduction.base(run.reduction.move(run.base, y))
+    after = run.space.base(run.space.move(run.base, y))
     run.steps.append(step)
-    run.sizes.append(run.relative(run.reduction.defect(run.base, y, after)))
+    run.sizes.append(run.relative(run.space.defect(run.base, y, after)))
     run.base = after
     run.problem.rebase(after)
     point = run.interior.point
@@ -283,7 +305,7 @@ def _iterate_to(run: _Run, gap: float) -> None:
     while True:
         residuals = run.interior.residuals()
         measures = run.interior.measures(residuals)
-        worst = measures.worst
+        worst = max(_distance(run, measures), measures.force / _FORCE_FLOOR)
         if worst < run.kept[0]:
             run.kept = (worst, run.interior.point)
         stalled = run.path is None and _stalled(run, measures)
@@ -317,7 +339,7 @@ def _prepare(run: _Run, measures: Measures) -> None:
     problem, interior = run.problem, run.interior
     if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
         interior.sharpen()
-    affordable = problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
+    affordable = problem.system.keeps_forces and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
     interior.accurate = affordable and (interior.accurate or (measures.force > _SPOILT and measures.gap < _LATE))
 
 
@@ -338,16 +360,21 @@ def _settled(run: _Run, residuals: Residuals) -> bool:
     """
     if run.scale == 0.0:  # before the first defect correction digits do not count
         return True
-    before, run.unsettled = run.unsettled, run.problem.energy_norm(residuals.force) / run.scale
+    before, run.unsettled = run.unsettled, run.problem.system.norm(residuals.force) / run.scale
     return run.unsettled <= _ENOUGH or run.unsettled > _HALVED * before
 
 
+def _distance(run: _Run, measures: Measures) -> float:
+    """How far gap, slacks and kinks are from what they may be, the largest quotient; forces follow from them."""
+    return max(measures.gap / run.final_gap, measures.slack / _SLACK, measures.kink / _SLACK)
+
+
 def _stalled(run: _Run, measures: Measures) -> bool:
-    """Whether nothing was gained for `_PATIENCE` iterations."""
-    worst = max(measures.gap / run.final_gap, measures.slack / _SLACK, measures.kink / _SLACK)
+    """Whether nothing was gained for `patience` iterations."""
+    worst = _distance(run, measures)
     if worst < _PROGRESS * run.best[0]:
         run.best = (worst, len(run.history))
-    return len(run.history) - run.best[1] >= _PATIENCE
+    return len(run.history) - run.best[1] >= run.problem.system.patience
 
 
 def _turn(run: _Run, measures: Measures) -> None:
@@ -394,7 +421,7 @@ def _record(run: _Run, measures: Measures) -> None:
 def _outcome(run: _Run) -> Outcome:
     """The last point in the unknowns of (D2)."""
     point = run.interior.point
-    z = run.reduction.move(run.base, run.problem.full(point.y))
+    z = run.space.move(run.base, run.problem.full(point.y))
     m_N, m_T, nu = run.problem.multipliers(point.y, point.lam)
     threshold = run.qvi.threshold(run.qvi.pressure(z))
     count = len(run.history)

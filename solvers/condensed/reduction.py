@@ -11,39 +11,12 @@ lacks.
 In `docs/theory.md`: (D4).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from solvers.basics.types import Matrix, Vector
-from solvers.factorisation.base import State
-from solvers.inequality.blocks import Rows
+from solvers.basics.types import Matrix, Sparse, Vector
+from solvers.condensed.systems import FRICTION_SHARES, Base, DenseSystem, SystemName
+from solvers.inequality.blocks import Rows, transposed
 from solvers.inequality.problem import FrictionQVI
-
-
-@dataclass(eq=False)
-class Base:
-    """A point about which the reduced problem is posed.
-
-    Attributes
-    ----------
-    z : (n,)
-    c : (k,) reduced gradient in trace coordinates
-    equality : (p,) b − A z
-    normal, tangential : (m,) tractions at z
-    reduced : (k,) reduced gradient by the unknowns Γ themselves
-    strain_energy : at z
-
-    """
-
-    z: Vector
-    c: Vector
-    equality: Vector
-    normal: Vector
-    tangential: Vector
-    reduced: Vector
-    strain_energy: float
-    _state: State
 
 
 class Reduction:
@@ -58,8 +31,11 @@ class Reduction:
 
     """
 
+    name: SystemName = "dense"
+    shares: tuple[float, ...] = FRICTION_SHARES
+
     def __init__(self, qvi: FrictionQVI) -> None:
-        interface = qvi.interface
+        interface = qvi.condensed_interface
         self._qvi, self._system = qvi, interface.system
         self._coordinates, self._scale = interface.coordinates, interface.scale
         self.stiffness: Matrix = interface.stiffness
@@ -69,14 +45,17 @@ class Reduction:
         self.A: Matrix = interface.A
 
     @property
-    def contact_stiffness(self) -> float:
-        """See `FrictionQVI`."""
-        return self._qvi.contact_stiffness
-
-    @property
     def size(self) -> int:
         """Number of trace coordinates k."""
         return len(self._scale)
+
+    def forces(self, rows: Rows) -> Rows:
+        """Rowsᵀ (k, q), which turns multipliers of rows (q, k) into forces."""
+        return transposed(rows)
+
+    def system(self, S: Matrix | Sparse) -> DenseSystem:
+        """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
+        return DenseSystem(np.asarray(S))
 
     def base(self, z: Vector) -> Base:
         """The reduced problem about z: one gradient and one forward elimination."""
@@ -88,7 +67,7 @@ class Reduction:
 
     def move(self, base: Base, y: Vector) -> Vector:
         """The point z + dz whose trace coordinates are y, its interior in equilibrium."""
-        return np.asarray(base.z + self._system.factor.expand(base._state, self._unknowns(y)))
+        return np.asarray(base.z + self._system.factor.expand(base.state, self._unknowns(y)))
 
     def bonded(self, base: Base) -> Vector:
         """Trace coordinates (k,) of the bonded solution, on which no contact law acts."""

@@ -10,8 +10,9 @@ from solvers.errors import SolverUnavailableError
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.dissection import SharedSubdomains, SubdomainTree
 from solvers.factorisation.levels import LEVELS
-from solvers.factorisation.registry import BACKENDS, chosen, factorise, usable
+from solvers.factorisation.registry import BACKENDS, chosen, factorise, resolve, usable
 from solvers.factorisation.threads import limited_blas, thread_count
+from solvers.factorisation.unsymmetric import Refactorisation, refactorisation
 
 SHARED: Final = "shared-subdomains"
 OTHERS: Final = ("auto", SHARED, LEVELS)
@@ -24,6 +25,8 @@ Structure: TypeAlias = Callable[[IntVector], SubdomainTree | None]
 """K as a tree of subdomains for an interface Γ, None where K has no such structure."""
 
 _WORTH_SHARING: Final = 10_000  # unknowns from which on shared subdomains are faster than any sparse back end
+_ALWAYS_CONDENSED: Final = 400  # unknowns of the interface
+_SLOWER: Final = 4.5  # sparse operations beside dense ones, measured
 _MOST_THREADS: Final = 1024  # more do not pay on any machine, and libraries take no number of any size
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
@@ -77,6 +80,27 @@ def make(K: Sparse, interface: IntVector, structure: Structure | None, request: 
             remedy = "takes a rectangle of equal cells and one material, contact on its sides; choose another one"
             raise SolverUnavailableError("factorisation", SHARED, remedy)
     return factorise(K, interface, request.name, threads)
+
+
+def make_unsymmetric(starts: IntVector, columns: IntVector, request: Request) -> Refactorisation:
+    """For matrices of a symmetric pattern (`unsymmetric`): by PARDISO, unless another back end is asked for."""
+    backend = resolve(request.name if request.name in BACKENDS else "auto")
+    threads = request.threads or _sensible_threads(len(starts) - 1)
+    return refactorisation(starts, columns, backend, threads)
+
+
+def condensing_pays(K: Sparse, interface: int) -> bool:
+    """Whether one dense matrix of the interface is factorised in less time than an unsymmetric sparse one like K.
+
+    Dense elimination takes ⅔ k³ operations for k unknowns of the interface. Nested dissection of a plane mesh of
+    squares with b unknowns at each node takes about 10 (b n)^1.5 for L Lᵀ and twice as many for L U, b = nnz / 9 n;
+    they come in smaller blocks, and so more slowly. A few hundred unknowns are always condensed: what the sparse way
+    costs besides is more than the dense one in all.
+    """
+    if interface <= _ALWAYS_CONDENSED:
+        return True
+    sparse = 2.0 * 10.0 * (K.nnz / 9.0) ** 1.5
+    return bool(2.0 / 3.0 * float(interface) ** 3 <= _SLOWER * sparse)
 
 
 def _sensible_threads(unknowns: int) -> int:

@@ -8,7 +8,7 @@ import ctypes
 import weakref
 from enum import IntEnum
 from time import perf_counter
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,9 @@ from solvers.factorisation.errors import FactorisationError, Reason
 from solvers.factorisation.mkl import library, limited_threads, version
 from solvers.factorisation.threads import thread_count
 
-__all__ = ["Pardiso", "factorise", "version"]
+__all__ = ["Pardiso", "Refactorised", "factorise", "version"]
 
-_POSITIVE_DEFINITE: Final = 2  # mtype: real symmetric positive definite
+_PERTURBATION: Final = 16  # digits after which a pivot is nothing; the usual 13 lose soft directions beside stiff ones
 _MATRIX: Final = 1  # mnum: number of the matrix of a handle, here the only one
 _PHASE, _COLUMNS, _ERROR = 3, 5, 7  # among the integer arguments
 _WIDE_FROM: Final = int(np.iinfo(np.int32).max)  # entries of K that need 64-bit integers
@@ -29,11 +29,19 @@ _PROBES: Final = 2
 _SINGULAR: Final = 0.1 / float(np.finfo(np.float64).eps)
 
 
+class Kind(IntEnum):
+    """Argument `mtype`: what a real matrix is."""
+
+    STRUCTURALLY_SYMMETRIC = 1
+    POSITIVE_DEFINITE = 2
+
+
 class Phase(IntEnum):
     """Argument `phase`."""
 
     ANALYSIS = 11
     NUMERIC = 22
+    SOLVE = 33
     FORWARD = 331  # (g_I, g_Γ) → (L⁻¹ g_I, g_Γ − M L⁻¹ g_I)
     BACKWARD = 333  # (y_I, x_Γ) → (L⁻ᵀ (y_I − Mᵀ x_Γ), x_Γ)
     RELEASE = -1
@@ -44,6 +52,8 @@ class Setting(IntEnum):
 
     OWN_VALUES = 0  # 1: do not fill in defaults
     ORDERING = 1  # 2: METIS, 3: its parallel version
+    REFINEMENT = 7  # steps at most; 0: two, and only after pivots were made larger
+    PERTURBATION = 9  # p: pivots below 10⁻ᵖ |A| are made as large
     TWO_LEVEL = 23  # 1: two-level factorisation, in which S costs next to nothing
     ZERO_BASED = 34  # 1: indices from 0
     SCHUR = 35  # 2: dense S into x in the numeric phase, factors of K_II kept
@@ -75,7 +85,7 @@ class Pardiso(Factorisation):
         self.version = version() or ""
         self.interface = interface
         start = perf_counter()
-        handle = _Handle(K, interface, threads)
+        handle = _Handle.symmetric(K, interface, threads)
         self._handle: _Handle | None = handle
         self._finalizer = weakref.finalize(self, handle.release)
         self._finalizer.atexit = False
@@ -142,27 +152,84 @@ class Pardiso(Factorisation):
         return self._handle
 
 
-class _Handle:
-    """PARDISO's arguments of one matrix: pt, iparm, and the upper triangle of K in compressed rows."""
+class Refactorised:
+    """H = L U for matrices H of one symmetric pattern, one after the other: ordering and symbolic analysis once.
 
-    def __init__(self, K: Sparse, interface: IntVector, threads: int) -> None:
+    Pivots stay on the diagonal but for those inside a dense block. See `unsymmetric` for the back end's contract.
+    """
+
+    backend = "pardiso"
+
+    def __init__(self, starts: IntVector, columns: IntVector, threads: int | None) -> None:
+        self.version = version() or ""
+        values = np.zeros(len(columns))
+        interface = np.zeros(0, dtype=np.int64)
+        rows = (starts, columns, values)
+        handle = _Handle(Kind.STRUCTURALLY_SYMMETRIC, rows, interface, thread_count(threads))
+        self._handle: _Handle | None = handle
+        self._finalizer = weakref.finalize(self, handle.release)
+        self._finalizer.atexit = False
+        self._analysed = False
+
+    def factorise(self, values: Vector) -> None:
+        """Factorise H, its entries row by row; solves are by this matrix from now on."""
+        handle = self._open()
+        handle.values[:] = values
+        if not self._analysed:
+            handle.call(Phase.ANALYSIS)
+            self._analysed = True
+        handle.call(Phase.NUMERIC)
+
+    def solve(self, right: Vector) -> Vector:
+        """H⁻¹ right (n,)."""
+        x = np.zeros_like(right)
+        self._open().call(Phase.SOLVE, np.array(right)[:, None], x[:, None])
+        return x
+
+    def release(self) -> None:
+        """Free MKL's memory; may be called again."""
+        self._finalizer()
+        self._handle = None
+
+    def _open(self) -> "_Handle":
+        if self._handle is None:
+            raise FactorisationError("backend", self.backend, "the factors have been released")
+        return self._handle
+
+
+_Rows: TypeAlias = tuple[NDArray[Any], NDArray[Any], Vector]
+"""A matrix in compressed rows: row starts, columns, values."""
+
+
+class _Handle:
+    """PARDISO's arguments of one matrix: pt, iparm, and the matrix in compressed rows, if symmetric its upper half."""
+
+    def __init__(self, kind: Kind, rows: _Rows, interface: IntVector, threads: int) -> None:
         mkl = library()
         if mkl is None:
             raise FactorisationError("backend", "pardiso", "MKL does not load")
         self.mkl = mkl
         self.threads = threads
-        self.size = int(K.shape[0])
-        self.integer: type[np.signedinteger[Any]] = np.int32 if K.nnz < _WIDE_FROM else np.int64
-        self.rows, self.columns, self.values = _upper_rows(K, self.integer)
+        self.kind = kind
+        self.size = len(rows[0]) - 1
+        self.integer: type[np.signedinteger[Any]] = np.int32 if len(rows[1]) < _WIDE_FROM else np.int64
+        self.rows, self.columns = (np.ascontiguousarray(part, dtype=self.integer) for part in rows[:2])
+        self.values = np.ascontiguousarray(rows[2])
         self.pt = np.zeros(64, dtype=np.int64)
         self.iparm = np.zeros(64, dtype=self.integer)
         self.iparm[[Setting.OWN_VALUES, Setting.ZERO_BASED, Setting.TWO_LEVEL]] = 1
         self.iparm[Setting.ORDERING] = 2
+        self.iparm[Setting.PERTURBATION] = _PERTURBATION
         self.interface = np.zeros(self.size, dtype=self.integer)
         if interface.size:
             self.iparm[Setting.SCHUR] = 2
             self.interface[interface] = 1
         self._prepare()
+
+    @classmethod
+    def symmetric(cls, K: Sparse, interface: IntVector, threads: int) -> "_Handle":
+        """Of a positive definite K in compressed columns."""
+        return cls(Kind.POSITIVE_DEFINITE, _upper_rows(K), interface, threads)
 
     def call(self, phase: Phase, b: Matrix | None = None, x: Matrix | None = None) -> None:
         """One call of `pardiso`; `FactorisationError` for its error codes."""
@@ -186,7 +253,7 @@ class _Handle:
 
     def _prepare(self) -> None:
         """Addresses of all arguments but b and x, which stay where they are, in the order of `pardiso`."""
-        numbers = [1, _MATRIX, _POSITIVE_DEFINITE, 0, self.size, 0, 0, 0]
+        numbers = [1, _MATRIX, self.kind, 0, self.size, 0, 0, 0]
         self._integers = np.array(numbers, dtype=self.integer)
         maxfct, mnum, mtype, number, n, nrhs, msglvl, self._error = (_address(self._integers[i:]) for i in range(8))
         self._dummy = np.zeros(1)
@@ -203,9 +270,9 @@ def _address(array: NDArray[Any]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-def _upper_rows(K: Sparse, integer: type[np.signedinteger[Any]]) -> tuple[NDArray[Any], NDArray[Any], Vector]:
-    """Upper triangle of K = Kᵀ in compressed rows: the lower triangle of its columns; (row starts, columns, values)."""
-    column = np.repeat(np.arange(K.shape[0], dtype=integer), np.diff(K.indptr))
+def _upper_rows(K: Sparse) -> _Rows:
+    """Upper triangle of K = Kᵀ in compressed rows: the lower triangle of its columns."""
+    column = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))
     keep = K.indices >= column
-    starts = np.concatenate([[0], np.cumsum(keep, dtype=integer)])[K.indptr]
-    return starts.astype(integer), K.indices[keep].astype(integer), K.data[keep]
+    starts = np.concatenate([[0], np.cumsum(keep)])[K.indptr]
+    return starts, K.indices[keep], K.data[keep]

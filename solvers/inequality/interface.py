@@ -7,8 +7,8 @@ import numpy as np
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation
-from solvers.inequality.blocks import Rows, scaled_columns, stacked_columns, stored, transposed
-from solvers.inequality.linear import EqualitySystem, interface_of
+from solvers.inequality.blocks import Rows, scaled_columns, stacked_columns
+from solvers.inequality.linear import EqualitySystem, columns_of, interface_of
 from solvers.inequality.traces import TraceCoordinates, trace_coordinates
 
 if TYPE_CHECKING:
@@ -48,6 +48,11 @@ class ContactFrame:
         return interface_of(self.contact_rows, self.A)
 
     @cached_property
+    def equated(self) -> IntVector:
+        """The columns in which rows of equations have an entry, sorted."""
+        return columns_of(self.A)
+
+    @cached_property
     def tractions(self) -> tuple[Sparse, Vector]:
         """See `FrictionQVI.tractions`."""
         weights = np.concatenate([self._weights, self._weights])
@@ -72,7 +77,7 @@ class Interface:
     frame : ContactFrame
         Rows of contact and equations.
     system : EqualitySystem
-        That of K and A.
+        That of K and A. What follows in trace coordinates needs all unknowns that the frame touches on its Γ.
     rough_stress : of the last problem asked for it, with the data it depends on, see `Equilibrium.rough_stress`
 
     """
@@ -88,13 +93,12 @@ class Interface:
         tractions, weights = self.frame.tractions
         if not tractions.shape[0] or not tractions.shape[1]:
             return 0.0
-        rows = stored(self.system.on_interface(tractions))
-        columns = transposed(rows)
+        relief = self.system.relief(tractions)
         total = float(weights.sum())
         v: Vector = np.ones(len(weights))
         radius = 0.0
         for _ in range(_POWER_STEPS):
-            v = np.asarray(rows @ self.system.solve_interface(columns @ (weights * v))[0])
+            v = relief(weights * v)
             radius = float(np.sqrt((weights @ v**2) / total))
             if radius == 0.0:
                 return 0.0

@@ -1,15 +1,17 @@
 """The equality-constrained linear system of (D2), its interior eliminated once by a sparse factorisation."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
 from scipy.linalg.lapack import dpotrs
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation, FactorisationError
+from solvers.inequality.blocks import stored, transposed
 
 _REFINEMENTS = 2  # of the dense system, where there are equality rows
 _DEPENDENT = 1e-12  # directions in which equality rows are weaker than this repeat each other
@@ -18,8 +20,8 @@ _DEPENDENT = 1e-12  # directions in which equality rows are weaker than this rep
 class EqualitySystem:
     """Solves  [K Aᵀ; A 0] (x, ν) = (r, c).
 
-    The unknowns Γ that contact rows B and equality rows A touch are kept, the others eliminated by the factorisation;
-    what is left is dense:
+    Unknowns Γ, those that equality rows A touch and in most cases those of contact rows B too, are kept, the others
+    eliminated by the factorisation; what is left is dense:
 
         [S A_Γᵀ; A_Γ 0] (x_Γ, ν) = (r_Γ − K_ΓI K_II⁻¹ r_I, c),    S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ.
 
@@ -29,7 +31,8 @@ class EqualitySystem:
     Parameters
     ----------
     A : as in `FrictionQVI`
-    factor : a factorisation of K whose interface holds all unknowns that contact and equality rows touch
+    factor : a factorisation of K whose interface Γ holds all unknowns that equality rows touch. What is done with
+        contact rows on Γ alone needs theirs too
 
     """
 
@@ -62,6 +65,18 @@ class EqualitySystem:
         if c is None:
             c = np.zeros((self.A.shape[0], *g.shape[1:]))
         return self._dense.solve(np.asarray(g), np.asarray(c))
+
+    def relief(self, rows: Sparse) -> Callable[[Vector], Vector]:
+        """The map m → R x of the solution for r = Rᵀm and c = 0, for rows R (j, n): what forces m relieve in R x.
+
+        By the dense system alone where Γ holds all unknowns that the rows touch.
+        """
+        if int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz:
+            across = csr_array(rows)
+            return lambda m: np.asarray(across @ self.solve(across.T @ m)[0])
+        near = stored(self.on_interface(rows))
+        columns = transposed(near)
+        return lambda m: np.asarray(near @ self.solve_interface(columns @ m)[0])
 
     @cached_property
     def _dense(self) -> "_DenseSystem":
@@ -118,9 +133,10 @@ class _DenseSystem:
 
 def interface_of(contact_rows: Sparse, A: Sparse) -> IntVector:
     """Γ: the columns in which contact or equality rows have an entry, sorted."""
-    return np.union1d(_columns(contact_rows), _columns(A))
+    return np.union1d(columns_of(contact_rows), columns_of(A))
 
 
-def _columns(matrix: Sparse) -> IntVector:
+def columns_of(matrix: Sparse) -> IntVector:
+    """The columns in which a matrix has an entry, sorted."""
     columns = matrix if matrix.format == "csc" else csc_array(matrix)
     return np.flatnonzero(np.diff(columns.indptr)).astype(np.int64)

@@ -10,7 +10,8 @@ import numpy as np
 from solvers.basics.types import IntVector, Sparse
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
-from solvers.factorisation.choice import Request, Structure, make
+from solvers.factorisation.choice import Request, Structure, condensing_pays, make, make_unsymmetric
+from solvers.factorisation.unsymmetric import Refactorisation
 from solvers.inequality.energy import EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
 from solvers.inequality.interface import ContactFrame, Interface
@@ -60,11 +61,15 @@ class Operator:
             return True
         return K.shape == L.shape and np.array_equal(K.indices, L.indices) and np.array_equal(K.data, L.data)
 
-    def equilibrium(self, problem: "FrictionQVI") -> Equilibrium:
-        """Linear algebra of a problem with this K; kept until the problem or the factorisation is gone."""
+    def equilibrium(self, problem: "FrictionQVI", *, condensed: bool = False) -> Equilibrium:
+        """Linear algebra of a problem with this K; kept until the problem or the factorisation is gone.
+
+        Its Schur complement holds the unknowns of the contact where that costs less than to eliminate them too (see
+        `factorisation.choice`), or is asked for (`condensed`).
+        """
         found = self._equilibria.get(problem)
-        if found is None:
-            found = Equilibrium(self._shared_interface(problem), problem.potential, problem.b)
+        if found is None or (condensed and not _on_interface(found.interface.frame.touched, found.system.factor)):
+            found = Equilibrium(self._shared_interface(problem, condensed), problem.potential, problem.b)
             self._equilibria[problem] = found
         return found
 
@@ -105,18 +110,34 @@ class Operator:
         self._factor = self._interface = None
         self._equilibria.clear()
 
-    def _shared_interface(self, problem: "FrictionQVI") -> Interface:
-        """The one of the problem before, if that has the same rows."""
-        found = self._interface
+    def refactorisation(self, starts: IntVector, columns: IntVector) -> Refactorisation:
+        """For unsymmetric matrices of a symmetric pattern, by the library and on the threads that are asked for."""
+        return make_unsymmetric(starts, columns, self._request)
+
+    def condensing_pays(self, problem: "FrictionQVI") -> bool:
+        """Whether dense matrices on what the contact touches cost less than sparse ones in all unknowns."""
+        return condensing_pays(self._K, len(self.frame(problem).touched))
+
+    def _shared_interface(self, problem: "FrictionQVI", condensed: bool) -> Interface:
+        """The one of the problem before, if that has the same rows, and those of the contact where they count."""
+        found, frame = self._interface, self.frame(problem)
         if found is None or not found.frame.serves(problem):
-            frame = self.frame(problem)
-            found = self._interface = Interface(frame, self._covering(frame.touched))
+            found = None
+        if found is None or (condensed and not _on_interface(frame.touched, found.system.factor)):
+            found = self._interface = Interface(frame, self._factor_for(problem, frame, condensed))
         return found
+
+    def _factor_for(self, problem: "FrictionQVI", frame: ContactFrame, condensed: bool) -> Factorisation:
+        """One that serves: that at hand, or a new one."""
+        factor = self._factor
+        if not condensed and factor is not None and _on_interface(frame.equated, factor):
+            return factor
+        return self._covering(frame.touched if condensed or self.condensing_pays(problem) else frame.equated)
 
     def _covering(self, interface: IntVector) -> Factorisation:
         """The factorisation, made anew if its interface does not hold all of the one given."""
         factor = self._factor
-        if factor is None or not np.isin(interface, factor.interface, assume_unique=True).all():
+        if factor is None or not _on_interface(interface, factor):
             factor = self._factor = self._made(interface)
         return factor
 
@@ -131,3 +152,8 @@ class Operator:
         assert self._root is not None
         R, places = self._root.matrix()
         return factorise_root(R, interface, places)
+
+
+def _on_interface(unknowns: IntVector, factor: Factorisation) -> bool:
+    """Whether all these unknowns are on the factor's interface."""
+    return bool(np.isin(unknowns, factor.interface, assume_unique=True).all())

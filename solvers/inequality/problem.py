@@ -295,8 +295,18 @@ class FrictionQVI:
 
     @property
     def equality_system(self) -> EqualitySystem:
-        """The linear system of K and A, factored on first use and kept by the `operator`."""
+        """The linear system of K and A on the unknowns of the contact, factored on first use and kept by `operator`."""
+        return self.condensed_interface.system
+
+    @property
+    def linear_system(self) -> EqualitySystem:
+        """The same to solve with, whether the unknowns of the contact are eliminated too or not: what costs less."""
         return self.interface.system
+
+    @property
+    def condensed_interface(self) -> Interface:
+        """What the contact feels, its unknowns kept."""
+        return self.operator.equilibrium(self, condensed=True).interface
 
     @property
     def factorisation(self) -> str:

@@ -65,7 +65,7 @@ class QVISolution:
     message : one readable sentence
     versions : package → version of what was used
     farkas : (rows of G, of A) multipliers proving infeasibility, else None; see `feasibility`
-    form : unknowns of the inner problems, "full" or "condensed"
+    form : unknowns of the inner problems, and of the condensed method's Newton matrices: "full" or "condensed"
     factorisation : back end and version of the factorisation of K; empty if none was made
     corrections : of the condensed method, sizes of the defect corrections in the energy norm, relative: what the
         rounding inside K had spoilt; they end where the next one would be rounding

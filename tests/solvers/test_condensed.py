@@ -9,9 +9,10 @@ from numpy.linalg import LinAlgError
 from scipy.sparse import csc_array, eye_array, random_array
 
 from solvers import FrictionQVI, Status, solve_qvi
-from solvers.condensed.complementarity import FRICTION_SHARES, Complementarity
+from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Newton
 from solvers.condensed.reduction import Reduction
+from solvers.condensed.systems import FRICTION_SHARES
 from solvers.inequality.traces import Traces
 from tests.covering import every_pair
 from tests.effort import thinned
@@ -310,11 +311,11 @@ def test_a_singular_matrix_does_not_lose_a_finished_answer(monkeypatch, seed):
     """Once the certificate passes no other start is made."""
     qvi = chain(seed, **LAWS["coulomb"])
     reference = condensed(qvi)
-    met = refusing(monkeypatch, 1e-11, 1e-11, 1e-11, 1e-11)
+    met = refusing(monkeypatch, 1e-9, 1e-9, 1e-9, 1e-9)
     found = condensed(qvi)
     assert {start for start, _ in met} == {0}
     assert found.iterations <= reference.iterations
-    assert difference(qvi, found, reference) < 1e-7
+    assert difference(qvi, found, reference) < 1e-6
 
 
 def test_the_best_of_several_starts_is_kept(monkeypatch):

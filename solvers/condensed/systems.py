@@ -1,0 +1,164 @@
+"""What the interior point method needs of linear algebra, and the dense way: S on the free trace coordinates by LU.
+
+The other way, sparse in all unknowns, is `whole`.
+
+In `docs/theory.md`: (D6).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
+
+import numpy as np
+from numpy.linalg import LinAlgError
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from solvers.basics.types import Matrix, Sparse, Vector
+from solvers.factorisation.base import State
+from solvers.inequality.blocks import Rows
+
+if TYPE_CHECKING:
+    from solvers.condensed.complementarity import Complementarity
+
+FRICTION_SHARES = (1000.0, 100.0, 1e4, 10.0)
+"""s λ of friction bounds and caps over s λ of normal bounds on the central path, one after the other if need be: with 1
+the path often turns back where contact opens and friction is large."""
+
+MANY_POINTS_SHARES = (30.0, 1000.0, 1e4, 10.0)
+"""The same where points are thousands: with larger ones slipping and opening walls take twice the iterations."""
+
+SystemName: TypeAlias = Literal["dense", "sparse"]
+
+Solve: TypeAlias = Callable[[Vector], Vector]
+"""From a force (k,) to coordinates (k,)."""
+
+
+@dataclass(eq=False)
+class Base:
+    """A point about which a problem is posed.
+
+    Attributes
+    ----------
+    z : (n,)
+    c : (k,) gradient in coordinates
+    equality : (p,) b − A z
+    normal, tangential : (m,) tractions at z
+    reduced : the gradient by the unknowns that are kept, Γ or all
+    strain_energy : at z
+    state : of the elimination, what `Factorisation.expand` takes
+
+    """
+
+    z: Vector
+    c: Vector
+    equality: Vector
+    normal: Vector
+    tangential: Vector
+    reduced: Vector
+    strain_energy: float
+    state: State
+
+
+class Space(Protocol):
+    """The coordinates y (k,) in which a problem is posed about a base; `Reduction` and `Whole`.
+
+    Attributes
+    ----------
+    name : what they are
+    shares : of friction, see `FRICTION_SHARES`
+    stiffness : (k, k), the energy is ½ yᵀ stiffness y + cᵀy + const
+    E : (2m, k) rows, tractions by coordinates; E_N, E_T its halves
+    A : (p, k) equations
+
+    """
+
+    name: SystemName
+
+    @property
+    def shares(self) -> tuple[float, ...]: ...  # noqa: D102
+    @property
+    def stiffness(self) -> Matrix | Sparse: ...  # noqa: D102
+    @property
+    def E(self) -> Rows: ...  # noqa: D102, N802  # letters of (D2)
+    @property
+    def E_N(self) -> Rows: ...  # noqa: D102, N802
+    @property
+    def E_T(self) -> Rows: ...  # noqa: D102, N802
+    @property
+    def A(self) -> Matrix: ...  # noqa: D102, N802
+    @property
+    def size(self) -> int: ...  # noqa: D102
+
+    def base(self, z: Vector) -> Base: ...  # noqa: D102
+    def move(self, base: Base, y: Vector) -> Vector: ...  # noqa: D102
+    def bonded(self, base: Base) -> Vector: ...  # noqa: D102
+    def coordinates(self, z: Vector) -> Vector: ...  # noqa: D102
+    def tractions(self, base: Base, y: Vector) -> tuple[Vector, Vector]: ...  # noqa: D102
+    def defect(self, before: Base, y: Vector, after: Base) -> float: ...  # noqa: D102
+    def length(self, y: Vector) -> float: ...  # noqa: D102
+    def forces(self, rows: Rows) -> Rows: ...  # noqa: D102
+    def system(self, S: Matrix | Sparse) -> "NewtonSystem": ...  # noqa: D102
+
+
+class NewtonSystem(Protocol):
+    """The matrices of Newton's method for one problem.
+
+    Attributes
+    ----------
+    refinements : corrections of every solve
+    patience : iterations without progress after which the central path is followed
+    keeps_forces : whether `saddle` can take its place
+
+    """
+
+    refinements: int
+    patience: int
+    keeps_forces: bool
+
+    def norm(self, force: Vector) -> float:
+        """√(fᵀ S⁻¹ f) of a force (k,): how far it moves the body; 0 where S is no longer definite to rounding."""
+        ...
+
+    def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
+        """The inverse of S + BᵀW diag(ratio) C with C for the slope (b,) of `slack_rows`; `LinAlgError` if singular."""
+        ...
+
+
+class DenseSystem:
+    """S (k, k) dense."""
+
+    refinements = 1
+    patience = 6
+    keeps_forces = True
+
+    def __init__(self, S: Matrix) -> None:
+        self._S = S
+
+    def norm(self, force: Vector) -> float:
+        """See `NewtonSystem`."""
+        if self._cholesky is None or not len(force):
+            return 0.0
+        return float(np.sqrt(abs(force @ cho_solve(self._cholesky, force))))
+
+    def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
+        """See `NewtonSystem`; scaled to a diagonal of 1."""
+        H = np.array(self._S, order="F")
+        if not len(H):
+            return lambda force: force
+        problem.add_stiffness(H, ratio, problem.slack_rows(slope))
+        scale = 1.0 / np.sqrt(np.maximum(H.diagonal(), 1.0))
+        H *= scale
+        H *= scale[:, None]
+        factor, pivots, info = dgetrf(H, overwrite_a=1)
+        if info > 0 or not np.isfinite(factor).all():
+            raise LinAlgError("it is singular")
+        return lambda force: np.asarray(scale * dgetrs(factor, pivots, scale * force)[0])
+
+    @cached_property
+    def _cholesky(self) -> tuple[Matrix, bool] | None:
+        try:
+            return cho_factor(self._S, lower=True) if len(self._S) else None
+        except LinAlgError:
+            return None

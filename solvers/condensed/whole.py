@@ -1,0 +1,225 @@
+r"""(D2) in all unknowns, for contacts that are a large share of a body: nothing is eliminated, all stays sparse.
+
+Coordinates are y = (x, t): unknowns x = D^½ z with which the diagonal of K is 1, and the traces t = Y z of
+[N; T] = E Y, all of them, whether they depend on each other or not. Both grow with every step by what the step says, so
+that t = Y z but for rounding, and slacks that are taken from E t fit each other exactly. Forces act on x alone:
+
+    S = [D^-½ K D^-½  0],      E_y = [0  E],      Eᵀ m stands for D^-½ Yᵀ Eᵀ m on x, and 0 on t.
+        [0            0]
+
+Newton's matrix is K plus, with D = diag(λ/s), one 2 × 2 block at each contact point,
+
+    H = K + [N; T]ᵀ M [N; T],    M_i = W_i [Σ_N D                0  ],
+                                           [−mu p' (D₊ − D₋)  Σ_T D]
+
+Σ_N, Σ_T over the bounds of either traction, p' = dp/dσ_N, which is −1 but at bilateral points. It has K's pattern: it
+is analysed once, and filled by one sparse matrix G, entries of H = entries of K + G (M_NN, M_TN, M_TT).
+
+In `docs/theory.md`: (D33).
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.linalg import LinAlgError
+from scipy.sparse import csc_array, csr_array, diags_array, eye_array, hstack, vstack
+
+from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
+from solvers.condensed.systems import MANY_POINTS_SHARES, Base, Solve, SystemName
+from solvers.factorisation import FactorisationError
+from solvers.factorisation.unsymmetric import Refactorisation
+from solvers.inequality.blocks import Rows
+from solvers.inequality.problem import FrictionQVI
+
+if TYPE_CHECKING:
+    from solvers.condensed.complementarity import Complementarity
+
+
+class Whole:
+    """The maps between z and the coordinates y = (x, t), with those of `Reduction`."""
+
+    name: SystemName = "sparse"
+    shares: tuple[float, ...] = MANY_POINTS_SHARES
+
+    def __init__(self, qvi: FrictionQVI) -> None:
+        self._qvi, self._linear = qvi, qvi.linear_system
+        diagonal = qvi.K.diagonal()
+        self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        rows = qvi.contact_rows if qvi.traces is None else qvi.traces.rows
+        self._Y = csr_array(rows @ diags_array(self._scale))
+        E = eye_array(rows.shape[0]) if qvi.traces is None else qvi.traces.interpolation
+        self.E: Rows = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E]))
+        self.E_N: Rows = self.E[: qvi.m]
+        self.E_T: Rows = self.E[qvi.m :]
+        self.A: Matrix = np.zeros((0, self.size))
+        self.stiffness: Sparse = _scaled(qvi.K, self._scale, rows.shape[0])
+        self._system: SparseSystem | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates k = n + r."""
+        return sum(self._Y.shape)
+
+    def base(self, z: Vector) -> Base:
+        """The problem about z: one gradient."""
+        qvi = self._qvi
+        energy, gradient = qvi.state(z)
+        c = np.concatenate([self._scale * gradient, np.zeros(self._Y.shape[0])])
+        return Base(z, c, qvi.b, qvi.normal(z), qvi.tangential(z), gradient, energy, np.zeros((0, 0)))
+
+    def move(self, base: Base, y: Vector) -> Vector:
+        """The point z + dz whose coordinates are y."""
+        return np.asarray(base.z + self._scale * y[: self._qvi.n])
+
+    def bonded(self, base: Base) -> Vector:
+        """Coordinates (k,) of the bonded solution, on which no contact law acts."""
+        return self.coordinates(self._linear.solve(-base.reduced)[0])
+
+    def tractions(self, base: Base, y: Vector) -> tuple[Vector, Vector]:
+        """(σ_N, σ_T) (m,) each."""
+        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
+
+    def defect(self, before: Base, y: Vector, after: Base) -> float:
+        """Energy norm of what K as it is assembled missed on the way from one base to the next, y its step."""
+        return self.norm(after.c - before.c - self.stiffness @ y)
+
+    def length(self, y: Vector) -> float:
+        """Energy norm of a step."""
+        return float(np.sqrt(abs(y @ (self.stiffness @ y))))
+
+    def norm(self, force: Vector) -> float:
+        """√(fᵀ S⁻¹ f) of a force (k,)."""
+        f = force[: self._qvi.n] / self._scale
+        return float(np.sqrt(abs(f @ self._linear.solve(f)[0])))
+
+    def coordinates(self, z: Vector) -> Vector:
+        """Coordinates (k,) of a point z (n,), counted from z = 0."""
+        return self.with_traces(z / self._scale)
+
+    def with_traces(self, x: Vector) -> Vector:
+        """(x, t) (k,)."""
+        return np.concatenate([x, self._Y @ x])
+
+    def forces(self, rows: Rows) -> Rows:
+        """Rowsᵀ (k, q), which turns multipliers of rows (q, k) into forces: those on t are brought to x."""
+        on_traces = csr_array(rows)[:, self._qvi.n :]
+        return csr_array(vstack([self._Y.T @ on_traces.T, csr_array((self._Y.shape[0], rows.shape[0]))]))
+
+    def system(self, S: Matrix | Sparse) -> "SparseSystem":  # noqa: ARG002  # it is this one's own
+        """Newton's matrices, analysed once."""
+        if self._system is None:
+            self._system = SparseSystem(self, self._filling())
+        return self._system
+
+    def refactorisation(self, starts: IntVector, columns: IntVector) -> Refactorisation:
+        """Of matrices with this pattern."""
+        return self._qvi.operator.refactorisation(starts, columns)
+
+    def _filling(self) -> "Filling":
+        rows, m = csr_array(self._qvi.contact_rows @ diags_array(self._scale)), self._qvi.m
+        return _filling(self.stiffness, rows[:m], rows[m:])
+
+
+class Filling(NamedTuple):
+    """A pattern in compressed rows, K's entries in it, and G (entries, 3m) by which blocks are added."""
+
+    starts: IntVector
+    columns: IntVector
+    entries: Vector
+    diagonal: IntVector
+    G: Sparse
+
+
+class SparseSystem:
+    """Newton's matrices as sparse ones of K's pattern."""
+
+    refinements = 1
+    patience = 15  # close to the limit the gap hovers for a while and goes on
+    keeps_forces = False
+
+    def __init__(self, whole: Whole, filling: "Filling") -> None:
+        self._whole, self._filling = whole, filling
+        self._size = len(filling.starts) - 1
+        self._rows = np.repeat(np.arange(self._size, dtype=np.int32), np.diff(filling.starts))
+        self._factor = whole.refactorisation(filling.starts, filling.columns)
+
+    def norm(self, force: Vector) -> float:
+        """See `NewtonSystem`."""
+        return self._whole.norm(force)
+
+    def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
+        """See `NewtonSystem`; scaled to a diagonal of 1. Only the last one can be solved with."""
+        filling = self._filling
+        values = filling.entries + filling.G @ problem.blocks(ratio, slope)
+        if not np.isfinite(values).all():
+            raise LinAlgError("it is not finite")
+        scale = 1.0 / np.sqrt(np.maximum(values[filling.diagonal], 1.0))
+        values *= scale[self._rows]
+        values *= scale[filling.columns]
+        try:
+            self._factor.factorise(values)
+        except FactorisationError as error:
+            if error.reason != "singular":
+                raise
+            raise LinAlgError("it is singular") from error
+
+        def solve(force: Vector) -> Vector:
+            return self._whole.with_traces(scale * self._factor.solve(scale * force[: self._size]))
+
+        return solve
+
+
+def obstacle(qvi: FrictionQVI) -> str:
+    """Why a problem cannot be posed in all unknowns, as a clause; empty if it can."""
+    if qvi.p:
+        return "equations, such as those of plates driven by force, are solved on the contact"
+    if qvi.frictionless.any():
+        return "points without friction are equations, which are solved on the contact"
+    return ""
+
+
+def _scaled(K: Sparse, scale: Vector, more: int) -> Sparse:
+    """diag(scale) K diag(scale) with sorted indices, and so many zero rows and columns more."""
+    if not K.has_sorted_indices:
+        K = K.sorted_indices()
+    columns = np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))
+    starts = np.append(K.indptr, np.full(more, K.indptr[-1], dtype=K.indptr.dtype))
+    return csc_array((K.data * scale[K.indices] * scale[columns], K.indices, starts), (K.shape[0] + more,) * 2)
+
+
+def _filling(K: Sparse, N: SparseRows, T: SparseRows) -> Filling:
+    """For H = K + Σ M_NN NᵀN + M_TN TᵀN + M_TT TᵀT over contact points; K may have zero columns behind those of N."""
+    m, n = N.shape
+    products = [_products(left, right) for left, right in ((N, N), (T, N), (T, T))]
+    own_starts = K.indptr[: n + 1]
+    own = np.repeat(np.arange(n, dtype=np.int64), np.diff(own_starts)) * n + K.indices  # K by rows, as it is symmetric
+    keys = np.concatenate([rows * n + columns for _, rows, columns, _ in products])
+    pattern, entries = own, K.data
+    missing = keys[_places(own, keys) < 0]
+    if len(missing):
+        pattern = np.union1d(own, np.concatenate([missing, (missing % n) * n + missing // n]))
+        entries = np.zeros(len(pattern))
+        entries[_places(pattern, own)] = K.data
+    starts = np.concatenate([[0], np.cumsum(np.bincount(pattern // n, minlength=n))])
+    points = np.concatenate([number * m + point for number, (point, *_) in enumerate(products)])
+    values = np.concatenate([value for *_, value in products])
+    G = csc_array((values, (_places(pattern, keys), points)), (len(pattern), 3 * m))
+    columns = pattern % n
+    return Filling(starts, columns, entries, np.flatnonzero(pattern // n == columns), G)
+
+
+def _places(pattern: IntVector, keys: IntVector) -> IntVector:
+    """Where keys stand in a sorted pattern, −1 where they do not."""
+    found = np.minimum(np.searchsorted(pattern, keys), len(pattern) - 1)
+    return np.where(pattern[found] == keys, found, -1)
+
+
+def _products(left: SparseRows, right: SparseRows) -> tuple[IntVector, IntVector, IntVector, Vector]:
+    """(point, row, column, value) of all entries of leftᵢᵀ rightᵢ, for each point i."""
+    counts = np.diff(right.indptr)[np.repeat(np.arange(left.shape[0]), np.diff(left.indptr))]
+    first = np.repeat(np.arange(left.nnz), counts)  # entry of left
+    point = np.repeat(np.arange(left.shape[0]), np.diff(left.indptr))[first]
+    within = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
+    second = right.indptr[point] + within
+    rows, columns = (part.astype(np.int64) for part in (left.indices[first], right.indices[second]))
+    return point, rows, columns, left.data[first] * right.data[second]

@@ -1,0 +1,85 @@
+"""H = L U of unsymmetric matrices that share one symmetric pattern, as Newton's method meets them.
+
+PARDISO orders and analyses once. Where MKL is not installed SuperLU does all of it every time. CHOLMOD factorises
+symmetric matrices only.
+"""
+
+from typing import Protocol
+
+import numpy as np
+import scipy
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from solvers.basics.types import IntVector, Module, Vector, load
+from solvers.factorisation.errors import FactorisationError
+
+_THRESHOLD = 1e-3  # a pivot on the diagonal may be so much smaller than the largest of its column
+
+
+class Refactorisation(Protocol):
+    """One matrix after the other.
+
+    Attributes
+    ----------
+    backend, version : name in `BACKENDS`, and the library with its version
+
+    """
+
+    backend: str
+    version: str
+
+    def factorise(self, values: Vector) -> None:
+        """Factorise H, its entries row by row; solves are by this matrix from now on.
+
+        Raises `FactorisationError` where H is singular.
+        """
+        ...
+
+    def solve(self, right: Vector) -> Vector:
+        """H⁻¹ right (n,)."""
+        ...
+
+    def release(self) -> None:
+        """Free the memory; may be called again."""
+        ...
+
+
+def refactorisation(
+    starts: IntVector, columns: IntVector, backend: str = "superlu", threads: int | None = None
+) -> Refactorisation:
+    """For matrices of a symmetric pattern in compressed rows with sorted columns; "pardiso" or "superlu"."""
+    if backend == "pardiso":
+        module: Module = load("solvers.factorisation.pardiso")
+        return module.Refactorised(starts, columns, threads)  # type: ignore[no-any-return]
+    return _BySuperLU(starts, columns)
+
+
+class _BySuperLU:
+    """Pivots on the diagonal as long as they are large enough; one thread."""
+
+    backend = "superlu"
+
+    def __init__(self, starts: IntVector, columns: IntVector) -> None:
+        self.version = f"scipy {scipy.__version__}"
+        self._starts, self._columns = starts, columns
+        self._factor: Module = None
+
+    def factorise(self, values: Vector) -> None:
+        """See `Refactorisation`; rows of H are columns of its transpose."""
+        size = len(self._starts) - 1
+        transposed = csc_array((values, self._columns, self._starts), (size, size))
+        try:
+            self._factor = splu(transposed, "MMD_AT_PLUS_A", _THRESHOLD, options={"SymmetricMode": True})
+        except RuntimeError as error:
+            raise FactorisationError("singular", self.backend, str(error)) from error
+
+    def solve(self, right: Vector) -> Vector:
+        """See `Refactorisation`."""
+        if self._factor is None:
+            raise FactorisationError("backend", self.backend, "there are no factors, or they have been released")
+        return np.asarray(self._factor.solve(right, "T"))
+
+    def release(self) -> None:
+        """See `Refactorisation`."""
+        self._factor = None

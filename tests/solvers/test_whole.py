@@ -1,0 +1,144 @@
+"""The condensed method in all unknowns: the same answers, the same Newton matrices, and where it is taken."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_array, eye_array, random_array
+
+from solvers import FrictionQVI, solve_qvi
+from solvers.condensed.complementarity import Complementarity
+from solvers.condensed.whole import Whole
+from solvers.errors import InputError
+from solvers.factorisation import FactorisationError, available_backends, set_default
+from solvers.factorisation.choice import condensing_pays
+from solvers.factorisation.unsymmetric import refactorisation
+from tests.solvers.test_condensed import LAWS, chain, difference
+
+UNSYMMETRIC = [name for name in ("pardiso", "superlu") if name in available_backends()]
+POSED = [law for law in LAWS if law not in ("frictionless", "equations")]
+
+
+def solved(qvi, system, **options):
+    solution = solve_qvi(qvi, method="condensed", system=system, **options)
+    assert solution.solved, solution.message
+    return solution
+
+
+@pytest.mark.parametrize(("law", "seed"), [*((law, 0) for law in POSED), ("coulomb", 1), ("cap", 1)])
+def test_both_systems_find_the_same(law, seed):
+    qvi = chain(seed, **LAWS[law])
+    sparse, dense = (solved(qvi, system) for system in ("sparse", "dense"))
+    assert (sparse.form, dense.form) == ("full", "condensed")
+    assert difference(qvi, sparse, dense) < 1e-9
+
+
+@pytest.mark.parametrize(("law", "word"), [("frictionless", "points without friction"), ("equations", "equations")])
+def test_what_needs_dense_systems_gets_them_and_says_why(law, word):
+    qvi = chain(0, **LAWS[law])
+    found = solved(qvi, "sparse")
+    assert found.form == "condensed"
+    assert word in found.message
+    assert word not in solved(qvi, "auto").message
+
+
+def test_an_unknown_system_is_refused():
+    with pytest.raises(InputError) as error:
+        solve_qvi(chain(0), system="wide")
+    assert error.value.field == "system"
+
+
+def posed(qvi):
+    whole = Whole(qvi)
+    return whole, Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0)
+
+
+@pytest.mark.parametrize("law", POSED)
+def test_newton_matrices_are_those_of_the_bounds(law):
+    """H x for a force on x by itself, and the traces of the solution beside it."""
+    qvi = chain(1, **LAWS[law])
+    _, problem = posed(qvi)
+    random = np.random.default_rng(2)
+    ratio = 10.0 ** random.uniform(-3.0, 3.0, len(problem.weights))
+    slope = random.uniform(-1.0, 1.0, len(problem.split))
+    n, unit = qvi.n, 1.0 / np.sqrt(qvi.K.diagonal())
+    C = problem.slack_rows(slope).toarray()[:, n:]
+    B, Y = problem.B.toarray()[:, n:], qvi.contact_rows.toarray() * unit
+    H = qvi.K.toarray() * unit * unit[:, None] + (B @ Y).T @ ((problem.weights * ratio)[:, None] * (C @ Y))
+    force = np.concatenate([random.normal(size=n), np.zeros(2 * qvi.m)])
+    found = problem.system.factorised(problem, ratio, slope)(force)
+    assert H @ found[:n] == pytest.approx(force[:n], abs=1e-9 * np.abs(H).max())
+    assert found[n:] == pytest.approx(Y @ found[:n], abs=1e-12 * np.abs(found).max())
+
+
+def test_points_may_link_unknowns_that_k_does_not():
+    """A diagonal K: its pattern has no place for the blocks of contact points."""
+    random = np.random.default_rng(3)
+    n, m = 12, 5
+    N, T = (random.normal(size=(m, n)) * (random.random((m, n)) < 0.4) for _ in range(2))
+    qvi = FrictionQVI(
+        K=eye_array(n), f=random.normal(size=n), N=N, n0=np.full(m, -0.5), T=T, t0=0.3 * random.normal(size=m),
+        mu=np.full(m, 0.4), W=np.full(m, 0.2),
+    )  # fmt: skip
+    assert difference(qvi, solved(qvi, "sparse"), solved(qvi, "dense")) < 1e-9
+
+
+def test_norms_and_stiffness_are_those_of_the_dense_way():
+    qvi = chain(2)
+    whole, problem = posed(qvi)
+    random = np.random.default_rng(0)
+    force = problem.force(random.normal(size=len(problem.weights)))
+    unit = 1.0 / np.sqrt(qvi.K.diagonal())
+    f = force[: qvi.n] / unit
+    assert whole.norm(force) == pytest.approx(np.sqrt(f @ np.linalg.solve(qvi.K.toarray(), f)), rel=1e-10)
+    rows = qvi.contact_rows
+    m = random.normal(size=2 * qvi.m)
+    expected = rows @ np.linalg.solve(qvi.K.toarray(), rows.T @ m)
+    plain = qvi.changed(shared=None)
+    plain.operator._factor = plain.operator._made(np.zeros(0, dtype=np.int64))  # as where the contact is large
+    for each, width in ((qvi, qvi.equality_system.interface.size), (plain, 0)):
+        assert each.linear_system.interface.size == width
+        assert each.linear_system.relief(rows)(m) == pytest.approx(expected, rel=1e-9)
+    assert plain.contact_stiffness == pytest.approx(qvi.contact_stiffness, rel=1e-9)
+    assert plain.equality_system.interface.size > 0  # made anew where what the contact feels is asked for
+
+
+@pytest.mark.parametrize("backend", UNSYMMETRIC)
+def test_one_pattern_many_matrices(backend):
+    random = np.random.default_rng(4)
+    pattern = random_array((30, 30), density=0.1, rng=random)
+    pattern = csc_array(abs(pattern) + abs(pattern.T) + eye_array(30)).tocsr()
+    factor = refactorisation(pattern.indptr, pattern.indices, backend, 1)
+    right = random.normal(size=30)
+    for _ in range(3):
+        matrix = pattern.copy()
+        matrix.data = random.normal(size=matrix.nnz) + 8.0 * (matrix.tocoo().row == matrix.tocoo().col)
+        factor.factorise(matrix.data)
+        assert matrix @ factor.solve(right) == pytest.approx(right, abs=1e-12)
+    factor.release()
+    factor.release()
+    with pytest.raises(FactorisationError):
+        factor.solve(right)
+
+
+@pytest.mark.parametrize("backend", UNSYMMETRIC)
+def test_either_library_serves(backend):
+    qvi = chain(0)
+    reference = solved(qvi, "dense")
+    set_default(backend)
+    try:
+        found = solved(qvi.changed(shared=None), "sparse")
+    finally:
+        set_default(None)
+    assert found.factorisation.startswith(backend)
+    assert difference(qvi, found, reference) < 1e-10
+
+
+def test_the_larger_share_of_a_body_the_contact_is_the_sooner_it_is_sparse():
+    """36 entries a column, as of Bogner-Fox-Schmit elements, and contacts that grow."""
+
+    def pays(unknowns, interface):
+        entries = np.arange(36 * unknowns) % unknowns
+        K = csc_array((np.ones(36 * unknowns), entries, np.arange(0, 36 * unknowns + 1, 36)), (unknowns, unknowns))
+        return condensing_pays(K, interface)
+
+    assert [pays(4000, k) for k in (300, 600, 900, 5000)] == [True, True, False, False]
+    assert (pays(4000, 900), pays(8000, 900)) == (False, True)
