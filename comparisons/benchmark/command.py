@@ -9,6 +9,24 @@ from comparisons.lab.options import ListCommand, folder_option, json_option
 
 @click.command(cls=ListCommand, short_help="Time of a whole solve beside that of one factorisation.")
 @click.option(
+    "--problem", type=click.Choice(["plate", "wall"]), default="plate", help="Problem to solve.", show_default=True
+)
+@click.option(
+    "--blocks",
+    type=int,
+    multiple=True,
+    default=(8, 16, 32),
+    help="Blocks along a side of a wall; may take several numbers.",
+    show_default=True,
+)
+@click.option(
+    "--load",
+    type=float,
+    multiple=True,
+    help="Load of a wall from the side, over its weight.  [default: 0.02, 0.3, 0.45]",
+)
+@click.option("--element", default="bfs", help="Element of a wall, bfs or hct.", show_default=True)
+@click.option(
     "--cells",
     type=int,
     multiple=True,
@@ -51,6 +69,10 @@ from comparisons.lab.options import ListCommand, folder_option, json_option
     "--limit", type=float, default=120.0, help="Seconds after which another method is stopped.", show_default=True
 )
 def benchmark(
+    problem: str,
+    blocks: tuple[int, ...],
+    load: tuple[float, ...],
+    element: str,
     cells: tuple[int, ...],
     friction: tuple[float, ...],
     threads: int,
@@ -67,28 +89,41 @@ def benchmark(
     peak memory and accuracy, and how they grow with n. Each time is a median, measured in a process of its own with a
     fixed number of threads. A solve that fails is listed with its status.
 
+    With --problem wall it is a wall of n × n blocks with dry joints between its courses, pushed from the side. Times are
+    CPU seconds then.
+
     \b
     Examples:
         python -m comparisons benchmark --cells 32 64 --friction 0.2
         python -m comparisons benchmark --threads 4 --out results/benchmark
+        python -m comparisons benchmark --problem wall --blocks 8 16
     """  # noqa: D301
     from comparisons.benchmark import rows, study
+    from comparisons.benchmark import wall as walls
     from comparisons.benchmark.plan import Plan
     from comparisons.benchmark.report import as_json as json_of
     from comparisons.benchmark.report import report
+    from comparisons.benchmark.wall_report import report as wall_report
     from comparisons.lab.report import show, write_report
     from qvi_contact.basics.terminal import progress
     from qvi_contact.basics.writing import writable_folder, write_text
 
-    plan = Plan(cells, friction, threads, repeat, not no_naive, factorisation, limit)
+    of_walls = problem == "wall"
+    plan = (
+        walls.WallPlan(blocks, load or tuple(walls.STATES), element, threads, limit)
+        if of_walls
+        else Plan(cells, friction, threads, repeat, not no_naive, factorisation, limit)
+    )
     folder = None if out is None else writable_folder(out)
     with progress("benchmark", plan.steps) as advance:
-        document = rows.document(study.run(plan, advance))
-    made = report(document)
+        document = (
+            walls.run(plan, advance) if isinstance(plan, walls.WallPlan) else rows.document(study.run(plan, advance))
+        )
+    made = wall_report(document) if of_walls else report(document)
     written = []
     if folder:
-        write_text(folder / "benchmark.json", json_of(document) + "\n")
-        written = [*write_report(made, folder), folder / "benchmark.json"]
+        write_text(folder / f"{made.name}.json", json_of(document) + "\n")
+        written = [*write_report(made, folder), folder / f"{made.name}.json"]
     if as_json:
         click.echo(json_of(document))
     else:

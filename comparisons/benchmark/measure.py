@@ -8,17 +8,20 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 
 from comparisons.benchmark.naive import cvxpy_loop
 from comparisons.benchmark.plan import TOLERANCE
+from comparisons.benchmark.wall import wall
 from qvi_contact import ContactProblem, ContactResult, discretize, solve
+from qvi_contact.discretization.families import ElementName
 from qvi_contact.gallery import compressed_plate
 from solvers.basics.types import Sparse
-from solvers.factorisation import factorise
+from solvers.factorisation import factorise, resolve
 
+_T = TypeVar("_T")
 _NOTHING: Final = np.zeros(0, dtype=np.int64)
 _PARTS: Final = ("factorisation", "interior_point", "certificate")
 _WARM_UP: Final = 4  # cells of a solve that loads all libraries
@@ -110,6 +113,34 @@ def accuracy(
         for mu in friction:
             record = _repeated(cells, grading, mu, settings, repetitions)
             emit(kind="graded", cells=cells, grading=grading, friction=mu, **record)
+
+
+def of_wall(emit: Emit, blocks: int, load: float, element: ElementName, threads: int) -> None:
+    """One wall in CPU seconds; the record is "wall"."""
+    emit(kind="wall", **_attempt(partial(_wall, blocks, load, element, threads)))
+
+
+def _wall(blocks: int, load: float, element: ElementName, threads: int) -> dict[str, Any]:
+    """Its solve, after a small one that loads all libraries, and then a plain factorisation of the same K."""
+    solve(wall(2, load), element=element, method="condensed", system="sparse", threads=threads)
+    discretization, assembly = _cpu(partial(discretize, wall(blocks, load), element=element))
+    result, seconds = _cpu(partial(solve, discretization, method="condensed", tolerance=TOLERANCE, threads=threads))
+    peak, K, solution, accuracy = peak_memory(), discretization.qvi.K, result.solution, result.certificate.accuracy
+    found = {
+        "status": result.status.value, "message": "" if solution.solved else result.message, "unknowns": K.shape[0],
+        "contact_points": solution.problem.m, "form": solution.form, "iterations": result.iterations,
+        "accuracy": accuracy if math.isfinite(accuracy) else None,
+    }  # fmt: skip
+    del result, solution, discretization
+    gc.collect()
+    _, plain = _cpu(partial(factorise, K, _NOTHING, resolve(), threads))
+    return {**found, "assembly": assembly, "factorisation": plain, "solve": seconds, "peak": peak}
+
+
+def _cpu(work: Callable[[], _T]) -> tuple[_T, float]:
+    """What it returns, and the CPU seconds of the process."""
+    began = time.process_time()
+    return work(), time.process_time() - began
 
 
 def _repeated(cells: int, grading: float, mu: float, settings: dict[str, Any], repetitions: int) -> dict[str, Any]:
@@ -206,5 +237,7 @@ def peak_memory() -> int | None:
     return None
 
 
-TASKS: Final[dict[str, Callable[..., None]]] = {"solves": solves, "loop": loop, "accuracy": accuracy}
+TASKS: Final[dict[str, Callable[..., None]]] = {
+    "solves": solves, "loop": loop, "accuracy": accuracy, "wall": of_wall
+}  # fmt: skip
 """What `worker` can do, by name."""

@@ -26,7 +26,7 @@ def report(document: Document) -> Report:
     friction = _friction(document)
     values = {**values_of(document), "friction": friction, "settled": SETTLED, "meaningless": MEANINGLESS}
     figures = {"times": drawn("benchmark", partial(picture, document, friction))}
-    return render("comparisons.benchmark", "benchmark", values, tables_of(document), figures, [_settings(document)])
+    return render("comparisons.benchmark", "benchmark", values, tables_of(document), figures, [settings(document)])
 
 
 def _friction(document: Document) -> float:
@@ -35,7 +35,7 @@ def _friction(document: Document) -> float:
     return CONVERGED_FRICTION if CONVERGED_FRICTION in measured else min(measured)
 
 
-def _settings(document: Document) -> Grid:
+def settings(document: Document) -> Grid:
     """Machine, versions, threads, command, date."""
     machine = document["machine"]
     lines = [
