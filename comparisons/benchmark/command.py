@@ -89,8 +89,8 @@ def benchmark(
     peak memory and accuracy, and how they grow with n. Each time is a median, measured in a process of its own with a
     fixed number of threads. A solve that fails is listed with its status.
 
-    With --problem wall it is a wall of n × n blocks with dry joints between its courses, pushed from the side. Times are
-    CPU seconds then.
+    With --problem wall it is a wall of n × n blocks with dry joints between its courses, pushed from the side. Times
+    are CPU seconds then.
 
     \b
     Examples:
