@@ -210,7 +210,7 @@ def test_lack_of_memory_in_mechanics(monkeypatch, name):
 
 
 @pytest.mark.parametrize(
-    "place", ["solvers.condensed.reduction.trace_coordinates", "solvers.inequality.linear.cho_factor"]
+    "place", ["solvers.inequality.interface.trace_coordinates", "solvers.inequality.linear.cho_factor"]
 )
 def test_lack_of_memory_outside_the_factorisation(monkeypatch, place):
     """The dense algebra on the contact needs memory as well."""
