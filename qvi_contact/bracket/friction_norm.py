@@ -49,9 +49,14 @@ class FrictionNorm:
 
 
 def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm:
-    """The least proved norm where there is one below 2, else that of finite elements."""
+    """The least proved norm where there is one below 2, else that of finite elements; nothing is proved with arcs."""
+    straight = not problem.mesh.sides.any()
     known = {"rectangle": rectangle_norm(problem, senses), "star-shaped body": star_norm(problem, senses)}
-    proved = {value: kind for kind, value in known.items() if value is not None and value < slip_constants.LARGEST}
+    proved = {
+        value: kind
+        for kind, value in known.items()
+        if straight and value is not None and value < slip_constants.LARGEST
+    }
     if proved:
         least = min(proved)
         reason = f"The norm of the friction operator is at most {least:.4g} on this {proved[least]}."

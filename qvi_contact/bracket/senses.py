@@ -11,6 +11,8 @@ from qvi_contact.bracket.friction_ends import no_friction_operator
 from qvi_contact.bracket.given import has_coulomb, posed_strictly
 from qvi_contact.bracket.law import coefficients, effective
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import solve_qvi
 
@@ -45,21 +47,32 @@ def outside_scope(discretization: Discretization) -> str:
         return "Bounds under slip need triangles."
     if problem.joints:
         return "Bounds under slip are for rigid obstacles: the problem has a contact between two blocks."
-    for contact in problem.contacts:
-        name = repr(contact.name)
-        if contact.plate is not None and contact.plate.driven:
-            return f"Bounds under slip are for obstacles that are held: {name} has a plate driven by force."
-        if contact.has_fluid:
-            return f"Bounds under slip are for dry contacts: a fluid presses in {name}."
-        if not has_coulomb(contact):
-            continue
-        if contact.law != "unilateral":
-            return f"Bounds under slip are for contacts that may open: {name} keeps its distance."
-        if callable(contact.friction) or callable(contact.cohesion):
-            return f"Bounds under slip need constant friction and cohesion: those of {name} are functions."
-        if contact.shear_limit is not None:
-            return f"Bounds under slip are for Coulomb's law without a limit of the shear stress: {name} has one."
-    return ""
+    reasons = (_not_of_the_kind(problem, contact) for contact in problem.contacts)
+    return next(filter(None, reasons), "")
+
+
+def _not_of_the_kind(problem: ContactProblem, contact: Contact) -> str:
+    """Why a contact is not one of those that bounds under slip are for; empty if it is."""
+    name, rough = repr(contact.name), has_coulomb(contact)
+    found = {
+        f"Bounds under slip are for obstacles that are held: {name} has a plate driven by force.": (
+            contact.plate is not None and contact.plate.driven
+        ),
+        f"Bounds under slip are for dry contacts: a fluid presses in {name}.": contact.has_fluid,
+        f"Bounds under slip are for contacts that may open: {name} keeps its distance.": (
+            rough and contact.law != "unilateral"
+        ),
+        f"Bounds under slip are for straight contacts: {name} is an arc.": (
+            rough and problem.mesh.edges(contact.edges).turn.any()
+        ),
+        f"Bounds under slip need constant friction and cohesion: those of {name} are functions.": (
+            rough and (callable(contact.friction) or callable(contact.cohesion))
+        ),
+        f"Bounds under slip are for Coulomb's law without a limit of the shear stress: {name} has one.": (
+            rough and contact.shear_limit is not None
+        ),
+    }
+    return next((reason for reason, applies in found.items() if applies), "")
 
 
 def stress_under_slip(result: ContactResult, tolerance: float, **options: Any) -> SlippingStress | str:

@@ -319,7 +319,7 @@ class _Pairs:
         strain = self.body.body.body.strain(z, slice(None), t[:, -2:]) * (self.unit / scales.length)
         compliance = known.problem.compliances
         apart = strain - np.einsum("ckl,cgl->cgk", compliance, zeta)
-        weights = known.space.cell_sizes[:, None] * w * scales.length**2
+        weights = known.space.cell_measures(t, w) * scales.length**2
         size = np.einsum("cg,cgk,ckl,cgl->", weights, apart, np.linalg.inv(compliance), apart)
         work = float(np.einsum("cg,cgk,cgk->", weights, tau, apart)) - float(companion.state.load @ z) * scales.energy
         for along in (support_work, obstacle_work):

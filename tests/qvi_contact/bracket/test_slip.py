@@ -409,6 +409,16 @@ class TestOtherBodies:
         assert force.lower <= 2.0e6 <= force.upper
         assert "base.tangential_force" not in found.forces  # friction of the end that symmetry holds has no bound
 
+    def test_arcs(self):
+        """Nothing is proved on a body with arcs, and a contact that is one has no bounds."""
+        chords = half_disc(0.1, (4e-3, -2e-3))
+        disc = replace(chords, mesh=chords.mesh.with_arc("flank", (0.0, 0.0), 1.0).with_arc("crown", (0.0, 0.0), 1.0))
+        assert friction_norm(chords, {"base": 1}).proved
+        assert not friction_norm(disc, {"base": 1}).proved
+        assert solve(disc, degree=4).bracket.slip.kind == "estimated"
+        turned = [replace(disc.conditions[0], edges="flank"), disc.conditions[1], Traction("base", x=0.0, y=0.0)]
+        assert "is an arc" in solve(replace(disc, conditions=turned), degree=4).bracket.slip_reason
+
     def test_a_body_that_only_friction_holds(self):
         """It can slip without strain: nothing bounds the error."""
         problem = half_disc(0.3, held=False)
