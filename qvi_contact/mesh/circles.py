@@ -8,13 +8,14 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, positive_number
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.arcs import turned
 from qvi_contact.mesh.topology import OPPOSITE, Topology
 
 _ON_CIRCLE: Final = 1.5e-6  # distance of a vertex from its circle over the radius that is taken as rounding of data
 _WIDEST: Final = np.pi / 2.0 * (1.0 + 1e-12)  # angle that one edge may turn by
 _FLATTEST: Final = 1e-7  # angle below which an arc is its chord: it is off by less than rounding of the circle
-_DEEPEST: Final = 0.75  # height of an arc over the distance of its chord from the triangle's barycentre, inwards
-_HIGHEST: Final = 1.5  # the same, outwards
+_HIGHEST: Final = 1.5  # height of an arc over the distance of its chord from the triangle's barycentre, outwards
+_LEAST: Final = 0.01  # share of the area between an arc's end and the barycentre that bending has to leave
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +93,27 @@ def refuse_bad_arcs(
         length = np.hypot(*chord.T)
         side = (chord[:, 0] * (centre - first)[:, 1] - chord[:, 1] * (centre - first)[:, 0]) / length
         height = np.where(side > 0.0, 1.0, -1.0) * length * np.tan(turns[edge[cell]] / 4.0) / 2.0
-        share = height / np.abs(side)  # positive outwards
-        bad = np.flatnonzero((share > _HIGHEST) | (share < -_DEEPEST))
+        left = _area_left(first - centre, second - centre, turns[edge[cell]])
+        bad = np.flatnonzero((height > _HIGHEST * np.abs(side)) | (left < _LEAST))  # height is positive outwards
         if len(bad):
             remedy = "bends too far for the triangle at it: divide the triangles there"
             _refuse(vertices, topology, int(edge[cell[bad[0]]]), remedy)
+
+
+def _area_left(first: FloatArray, second: FloatArray, turn: FloatArray) -> FloatArray:
+    """How many times as large areas are at the ends of arcs as at their chords, the lesser of both ends.
+
+    Areas are those between the line and the barycentre, from which ends are counted. They grow with (x − c)×x', least
+    at an end where the arc bends inwards: the barycentre sees all of the arc if this is positive there.
+    """
+    chord, straight = second - first, _cross(first, second)
+    at_first = _cross(first, turned(chord, -turn / 2.0)) / straight
+    at_second = _cross(second, turned(chord, turn / 2.0)) / straight
+    return np.minimum(at_first, at_second)
+
+
+def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
 
 
 def _refuse(vertices: FloatArray, topology: Topology, edge: int, remedy: str) -> None:

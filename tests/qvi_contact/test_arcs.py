@@ -175,6 +175,25 @@ def test_arcs_that_cannot_be():
         triangle.with_arc("rim", (0.0, 0.0), 1.0)
 
 
+@pytest.mark.parametrize(("height", "seen"), [(0.7, False), (0.9, True)])
+def test_barycentres_see_their_arcs(height, seen):
+    """An eighth of a circle under a triangle whose third corner lies above an end: tangents at the other end decide."""
+    end = np.sqrt(0.5)
+    vertices = [(1.0, 0.0), (end, end), (1.0 + height, 0.0)]
+    triangle = TriangleMesh(vertices, [(0, 1, 2)], {"rim": [(0, 1)]})
+    if seen:
+        curved = triangle.with_arc("rim", (0.0, 0.0), 1.0)
+        x, y = (
+            curved.points_along(curved.edges("rim"), np.linspace(0.0, 1.0, 101))
+            - curved.corners.mean(axis=1).T[:, None]
+        )
+        along = np.diff(np.unwrap(np.arctan2(y, x)))
+        assert np.abs(np.sign(along).sum()) == 100.0
+    else:
+        with pytest.raises(InputError, match="bends too far"):
+            triangle.with_arc("rim", (0.0, 0.0), 1.0)
+
+
 def test_problem_files_and_archives_keep_arcs(tmp_path):
     problem = under_pressure(quarter(1, 2))
     again = problem_from_toml(problem_to_toml(problem)).problem
