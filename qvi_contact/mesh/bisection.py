@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.circles import Arc
+from qvi_contact.mesh.circles import Arc, bent_too_far, turns_of
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology
 from qvi_contact.mesh.triangle_checks import same_places
@@ -20,8 +20,23 @@ from qvi_contact.mesh.triangle_checks import same_places
 def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
     """The mesh with marked triangles refined, and others as far as needed; without marks each is divided into four.
 
-    Old vertices keep their numbers, new ones are midpoints of old edges, those on arcs of the arcs.
+    Old vertices keep their numbers, new ones are midpoints of old edges, those on arcs of the arcs. A triangle that
+    became too flat for its arc is divided further, arcs are half as long then.
     """
+    found = _bisected(mesh, marked)
+    while found.arcs and len(flat := _too_flat(found)):
+        found = _bisected(found, flat)
+    return found
+
+
+def _too_flat(mesh: MeshParts) -> IntArray:
+    """The triangles with a side that bends too far for them."""
+    topology = Topology.of(mesh.cells, len(mesh.vertices))
+    turns = turns_of(mesh.arcs, mesh.vertices, topology)
+    return np.flatnonzero(bent_too_far(turns, mesh.vertices, mesh.cells, topology).any(axis=1))
+
+
+def _bisected(mesh: MeshParts, marked: ArrayLike | None) -> MeshParts:
     triangles: Any = import_module("skfem").MeshTri  # loaded here: reading and posing problems need none of it
     coarse = triangles(np.ascontiguousarray(mesh.vertices.T), np.ascontiguousarray(mesh.cells.T))
     if mesh.regions:

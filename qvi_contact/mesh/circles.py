@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, positive_number
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import turned
 from qvi_contact.mesh.topology import OPPOSITE, Topology
@@ -85,19 +85,23 @@ def refuse_bad_arcs(
     long = np.flatnonzero(np.abs(turns) > _WIDEST)
     if len(long):
         _refuse(vertices, topology, int(long[0]), "turns by more than 90°: divide the triangles there")
+    bent = np.argwhere(bent_too_far(turns, vertices, cells, topology))
+    if len(bent):
+        remedy = "bends too far for the triangle at it: divide the triangles there"
+        _refuse(vertices, topology, int(topology.of_cells[tuple(bent[0])]), remedy)
+
+
+def bent_too_far(turns: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology) -> BoolArray:
+    """Which sides of triangles are arcs that the barycentre does not see, or that lead too far outwards; (m, 3)."""
+    bent = turns[topology.of_cells] != 0.0
     for s, (a, b) in enumerate(OPPOSITE):
-        edge = topology.of_cells[:, s]
-        cell = np.flatnonzero(turns[edge])
-        first, second, centre = vertices[cells[cell, a]], vertices[cells[cell, b]], vertices[cells[cell]].mean(axis=1)
-        chord = second - first
-        length = np.hypot(*chord.T)
-        side = (chord[:, 0] * (centre - first)[:, 1] - chord[:, 1] * (centre - first)[:, 0]) / length
-        height = np.where(side > 0.0, 1.0, -1.0) * length * np.tan(turns[edge[cell]] / 4.0) / 2.0
-        left = _area_left(first - centre, second - centre, turns[edge[cell]])
-        bad = np.flatnonzero((height > _HIGHEST * np.abs(side)) | (left < _LEAST))  # height is positive outwards
-        if len(bad):
-            remedy = "bends too far for the triangle at it: divide the triangles there"
-            _refuse(vertices, topology, int(edge[cell[bad[0]]]), remedy)
+        cell = np.flatnonzero(bent[:, s])
+        turn, centre = turns[topology.of_cells[cell, s]], vertices[cells[cell]].mean(axis=1)
+        first, second = vertices[cells[cell, a]] - centre, vertices[cells[cell, b]] - centre
+        straight, square = _cross(first, second), np.square(second - first).sum(axis=1)
+        outwards = square * np.tan(turn / 4.0) / (2.0 * straight)  # height over that of the chord
+        bent[cell, s] = (outwards > _HIGHEST) | (_area_left(first, second, turn) < _LEAST)
+    return np.asarray(bent)
 
 
 def _area_left(first: FloatArray, second: FloatArray, turn: FloatArray) -> FloatArray:

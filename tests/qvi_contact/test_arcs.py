@@ -256,3 +256,12 @@ def test_pictures_draw_arcs():
 
 def test_arcs_that_a_notebook_draws():
     assert quarter(1, 2)._repr_html_().count("A140 140 0 0 1") >= 2
+
+
+def test_finer_meshes_see_their_arcs():
+    """A triangle halved beside its arc is too flat for it, and divided until the arc is short enough."""
+    mesh = quarter(1, 2)
+    for cell in range(mesh.cell_count):
+        finer = mesh.refined([cell]).refined([cell])
+        radii = np.hypot(*finer.vertices[finer.edge_sets["inner"]].reshape(-1, 2).T)
+        np.testing.assert_allclose(radii, INNER, rtol=1e-14)
