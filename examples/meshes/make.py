@@ -14,7 +14,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from qvi_contact import Corner, TriangleMesh
+from qvi_contact import Corner, TriangleMesh, gallery
 
 FOLDER = Path(__file__).parent
 
@@ -142,7 +142,20 @@ def lug() -> TriangleMesh:
     return TriangleMesh.outline(corners, 6.0, holes=[Corner.circle((0.0, 0.0), 10.0, name="bore", size=1.3)])
 
 
-MAKERS = (gravity_dam, wedge, brake_pad, bolted_angle, cylinder_on_block, half_discs, trapezoid, lug)
+def masonry_wall() -> TriangleMesh:
+    """Eight courses of six blocks with a door and a window [m]; made without gmsh."""
+    return gallery.masonry_wall().mesh
+
+
+def jointed_slope() -> TriangleMesh:
+    """A slope of 12 m with bedding planes and cross joints [m]; made without gmsh."""
+    return gallery.jointed_slope().mesh
+
+
+MAKERS = (
+    gravity_dam, wedge, brake_pad, bolted_angle, cylinder_on_block, half_discs, trapezoid, lug, masonry_wall,
+    jointed_slope,
+)  # fmt: skip
 BODIES = {made.__name__: made for made in MAKERS}
 
 

@@ -1,4 +1,4 @@
-"""Ready-made problems: of the literature, and with exact solutions."""
+"""Ready-made problems: of the literature, with exact solutions, and of many blocks."""
 
 from qvi_contact.gallery.benchmarks import (
     CORNER_EXPONENTS,
@@ -9,6 +9,7 @@ from qvi_contact.gallery.benchmarks import (
     press_fit,
     rings,
 )
+from qvi_contact.gallery.blocks import DOOR_AND_WINDOW, jointed_slope, masonry_wall
 from qvi_contact.gallery.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery.literature import (
     SSNV128_DISPLACEMENTS,
@@ -20,6 +21,7 @@ from qvi_contact.gallery.literature import (
 
 __all__ = [
     "CORNER_EXPONENTS",
+    "DOOR_AND_WINDOW",
     "SSNV128_DISPLACEMENTS",
     "ExactState",
     "block_corner",
@@ -27,7 +29,9 @@ __all__ = [
     "compressed_plate",
     "cylinder_in_bore",
     "gravity_column",
+    "jointed_slope",
     "loaded_pin",
+    "masonry_wall",
     "persson_pressure",
     "press_fit",
     "problem_from_state",
