@@ -11,9 +11,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.bracket.given import bears_shear, has_coulomb
 from qvi_contact.companion.supports import PARALLEL
-from qvi_contact.problem.conditions import Contact, Displacement
+from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
 

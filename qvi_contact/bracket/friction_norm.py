@@ -15,10 +15,9 @@ import numpy as np
 from scipy.linalg import eigh
 
 from qvi_contact.bracket import slip_constants
-from qvi_contact.bracket.given import bears_shear, has_coulomb
 from qvi_contact.bracket.star_norm import star_norm
 from qvi_contact.companion.at_rest import MOST, BodyAtRest
-from qvi_contact.problem.conditions import Contact, Displacement
+from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
 _DEGREE: Final = 3  # of displacements by which a norm is computed

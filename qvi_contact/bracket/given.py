@@ -11,7 +11,7 @@ from qvi_contact.bracket.outcome import BracketKind
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.families import element_on
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.result import ContactResult
@@ -114,18 +114,6 @@ def _check_no_history(result: ContactResult) -> None:
     if moved:
         remedy = "bracket the result of one solve, with the earlier slip in `offset`"
         raise InputError("result", "a step of a history, after earlier slip", remedy)
-
-
-def has_coulomb(contact: Contact) -> bool:
-    """Whether the friction bound depends on the pressure."""
-    limited = not callable(contact.shear_limit) and contact.shear_limit == 0.0
-    return contact.law != "tied" and not limited and (callable(contact.friction) or contact.friction != 0.0)
-
-
-def bears_shear(contact: Contact) -> bool:
-    """Whether a contact that is not tied has friction or cohesion."""
-    fields = (contact.friction, contact.cohesion)
-    return contact.law != "tied" and any(callable(field) or field != 0.0 for field in fields)
 
 
 def _sticks(result: ContactResult, contact: Contact) -> bool:

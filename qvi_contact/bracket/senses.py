@@ -8,10 +8,10 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.friction_ends import no_friction_operator
-from qvi_contact.bracket.given import has_coulomb, posed_strictly
+from qvi_contact.bracket.given import posed_strictly
 from qvi_contact.bracket.law import coefficients, effective
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import solve_qvi

@@ -20,7 +20,6 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket.given import bears_shear, has_coulomb
 from qvi_contact.bracket.law import coefficients, effective
 from qvi_contact.bracket.outcome import Bounds
 from qvi_contact.companion import CompanionResult
@@ -29,7 +28,7 @@ from qvi_contact.companion.traces import Trace
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
-from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.solution.work import obstacle_work, support_work

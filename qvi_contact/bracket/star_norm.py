@@ -12,11 +12,10 @@ from scipy.optimize import minimize
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.bracket.given import bears_shear, has_coulomb
 from qvi_contact.companion.cells import cell_for
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.supports import PARALLEL
-from qvi_contact.problem.conditions import Displacement
+from qvi_contact.problem.conditions import Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
 _ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)

@@ -343,9 +343,14 @@ def bracket(
     _refuse_history(problem_file, "a bracket")
     with problem_file.named_errors(), np.errstate(all="ignore"):
         options = _options(problem_file, _given(element=element, tolerance=tolerance, time_limit=time_limit))
-        with solving(problem_file.title or "bracket", verbose=verbose), watched(options.pop("time_limit", None)):
+        limit, title = options.pop("time_limit", None), problem_file.title or "bracket"
+        with solving(title, 3, verbose=verbose) as advance, watched(limit):
             result = solve_one(problem_file.problem, **options, verbose=verbose)
+            advance("stress model solved")
             found = bracketed(result, degree, tolerance, verbose=verbose) if result.has_state else None
+            advance("energy bounded, contact forces follow")
+            if found is not None and found.slip is not None:
+                _ = found.slip.forces  # takes longest on large meshes: here, where progress is shown
         _write_bracket(problem_file, found, targets)
     _show_bracket(problem_file, result, found, as_json)
     return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
@@ -361,6 +366,12 @@ def bracket(
 )
 @click.option("--max-unknowns", type=int, metavar="N", help="Largest number of unknowns.  [default: 20000]")
 @click.option("--max-rounds", type=int, metavar="N", help="Largest number of meshes.  [default: 60; on rectangles 20]")
+@click.option(
+    "--guaranteed/--estimated",
+    default=None,
+    help="Force of a contact that slips: refine until guaranteed bounds, or an estimate, meet the target.  "
+    "[default: estimated]",
+)
 @_ELEMENT
 @click.option("--degree", type=int, help="Degree of the element on triangles, 3 to 11.  [default: 5]")
 @_ROWS
@@ -381,6 +392,7 @@ def refine(
     quantity: str | None,
     max_unknowns: int | None,
     max_rounds: int | None,
+    guaranteed: bool | None,
     element: str | None,
     degree: int | None,
     contact_rows: str | None,
@@ -401,8 +413,9 @@ def refine(
     The first mesh is the one in the file: make it coarse. Each round solves the problem, computes the error of the
     quantity, and divides the cells that contribute most to it. The table has a row for each round: unknowns, value, and
     relative error. The error is a guaranteed bound or an estimate. It is a bound if no contact slips under Coulomb
-    friction, for the energy, and for the force of a contact that one prescribed displacement drives. The files written
-    are those of "qvi-contact solve", for the answer on the last mesh.
+    friction, for the energy, and for the force of a contact that one prescribed displacement drives. With --guaranteed
+    the force of a contact that slips in one sense is bounded too, on triangles, which takes more unknowns. The files
+    written are those of "qvi-contact solve", for the answer on the last mesh.
 
     Options override [refine] and [solve] in the file. After --time-limit seconds the answer is that of the last round
     done in time. The energy bounds on the page of --report take one more solve.
@@ -416,6 +429,7 @@ def refine(
     Examples:
         qvi-contact refine examples/trapezoid.toml --target 1e-4 --quantity base.normal_force
         qvi-contact refine examples/punch.toml --target 1e-4 --degree 4 --plot punch.png
+        qvi-contact refine examples/compressed_plate.toml --quantity plate.normal_force --guaranteed
         qvi-contact refine examples/trapezoid.toml --npz answer.npz && qvi-contact verify answer.npz
         qvi-contact refine examples/trapezoid.toml --json --report trapezoid.html > trapezoid.json
     """  # noqa: D301
@@ -432,7 +446,9 @@ def refine(
         element=element, degree=degree, contact_rows=contact_rows, method=method, inner=inner, tolerance=tolerance,
         time_limit=time_limit,
     )  # fmt: skip
-    asked = _given(target=target, quantity=quantity, max_unknowns=max_unknowns, max_rounds=max_rounds)
+    asked = _given(
+        target=target, quantity=quantity, max_unknowns=max_unknowns, max_rounds=max_rounds, guaranteed=guaranteed,
+    )  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):
         options = _options(problem_file, given)
         found = refined(problem_file, {**problem_file.refine_options, **asked}, options, verbose=verbose)

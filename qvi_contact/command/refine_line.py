@@ -10,7 +10,7 @@ from qvi_contact.command.report import table
 from qvi_contact.command.solve_line import solving
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.refinement import Refinement, RefinementRound, refine
-from qvi_contact.refinement.comparison import coulomb_contacts
+from qvi_contact.refinement.comparison import coulomb_contacts, sticks
 from qvi_contact.refinement.outcome import Outcome
 
 
@@ -87,6 +87,8 @@ def trust(found: Refinement, units: Units) -> str:
     if not math.isfinite(found.estimate):
         return "Error: not known."
     size = f"{shown(found.error, digits=2)} {quantity_unit(found, units)}"
+    if found.guaranteed and not sticks(found.result):
+        return f"Error: at most {size}. This is a guaranteed bound, up to rounding, if each contact slips one way only."
     if found.guaranteed and coulomb_contacts(found.problem):
         tied = "the problem with its friction contacts tied, as all of them stick in this answer"
         return f"Error: at most {size}. This is a guaranteed bound, up to rounding, for {tied}."

@@ -589,6 +589,10 @@ class RefinementTable(Table):
     """Largest number of unknowns; 20000 by default: `max_unknowns = 50_000`."""
     max_rounds: int | None = None
     """Largest number of rounds; 60 by default, 20 on rectangles: `max_rounds = 10`."""
+    guaranteed: bool | None = None
+    """On triangles, for the force of a contact that slips: refine until its guaranteed bounds are within the target. By
+    default an estimate is enough: `guaranteed = true`.
+    """
 
 
 class TimeRange(Table):

@@ -58,7 +58,7 @@ def problem_to_toml(
     solve_options : mapping, optional
         Arguments for `solve` to be taken by default.
     refine_options : mapping, optional
-        The same for `refine`: target, quantity, max_unknowns, max_rounds.
+        The same for `refine`: target, quantity, max_unknowns, max_rounds, guaranteed.
     times : sequence of float
         Times of the load steps, of which the problem is to be the first; by default the one of expressions in t.
 

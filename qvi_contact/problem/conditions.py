@@ -356,3 +356,15 @@ class Contact:
 
 
 Condition: TypeAlias = Traction | Displacement | Symmetry | Contact
+
+
+def has_coulomb(contact: Contact) -> bool:
+    """Whether the friction bound depends on the pressure."""
+    limited = not callable(contact.shear_limit) and contact.shear_limit == 0.0
+    return contact.law != "tied" and not limited and (callable(contact.friction) or contact.friction != 0.0)
+
+
+def bears_shear(contact: Contact) -> bool:
+    """Whether a contact that is not tied has friction or cohesion."""
+    fields = (contact.friction, contact.cohesion)
+    return contact.law != "tied" and any(callable(field) or field != 0.0 for field in fields)

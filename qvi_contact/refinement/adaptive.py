@@ -9,7 +9,7 @@ from typing import Any, TypeAlias, overload
 import numpy as np
 
 from qvi_contact import __version__
-from qvi_contact.basics.checks import positive_number
+from qvi_contact.basics.checks import positive_number, whole_number
 from qvi_contact.discretization.families import element_on, with_element
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -179,11 +179,11 @@ def refine(
     kind = TriangleRefinement if isinstance(problem.mesh, TriangleMesh) else LineRefinement
     settings = Settings(
         _relative(target),
-        positive_number("max_unknowns", max_unknowns),
+        whole_number("max_unknowns", max_unknowns),
         int(positive_number("max_rounds", kind.rounds if max_rounds is None else max_rounds)),
         positive_number("thinnest", kind.thinnest if thinnest is None else thinnest) * problem.mesh.length,
         options,
-        guaranteed,
+        _truth("guaranteed", guaranteed),
     )
     title = f"qvi_contact {__version__}: refine"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
@@ -191,6 +191,13 @@ def refine(
         found = _refined_for(problem, result, quantity, settings, _Told(story, callback))
         story.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
         return found
+
+
+def _truth(name: str, value: object) -> bool:
+    """The value if it is True or False."""
+    if not isinstance(value, bool):
+        raise InputError(name, value, "give True or False")
+    return value
 
 
 def _relative(target: object) -> float:

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.quantity import Measure
 from qvi_contact.solution.contact_line import ContactState
@@ -46,12 +46,7 @@ def sticks(result: ContactResult) -> bool:
 
 def coulomb_contacts(problem: ContactProblem) -> list[Contact]:
     """The contacts whose friction bound depends on the pressure."""
-    return [contact for contact in problem.contacts if _is_coulomb(contact)]
-
-
-def _is_coulomb(contact: Contact) -> bool:
-    limited = not callable(contact.shear_limit) and contact.shear_limit == 0.0
-    return contact.law != "tied" and not limited and (callable(contact.friction) or contact.friction != 0.0)
+    return [contact for contact in problem.contacts if has_coulomb(contact)]
 
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:

@@ -24,7 +24,7 @@ class Settings:
     ----------
     target : float
         Relative error.
-    max_unknowns : float
+    max_unknowns : int
         Of an answer.
     max_rounds : int
         Rounds.
@@ -38,7 +38,7 @@ class Settings:
     """
 
     target: float
-    max_unknowns: float
+    max_unknowns: int
     max_rounds: int
     thinnest: float
     options: Mapping[str, Any]

@@ -85,6 +85,41 @@ def test_a_bound_of_the_tied_problem_says_so(tmp_path):
     assert "for the problem with its friction contacts tied" in text
 
 
+class TestGuaranteed:
+    """Bounds under slip, where they are asked for."""
+
+    def kinds(self, *words):
+        found = json.loads(command(*words, "--json").stdout)["refinement"]
+        return [each["guaranteed"] for each in found["rounds"]]
+
+    def test_by_option_and_by_file(self, tmp_path):
+        asked = {"target": 0.02, "quantity": FORCE, "max_rounds": 1}
+        path = plate(tmp_path, 0.2, solve_options={"degree": 4}, refine_options=asked)
+        assert self.kinds(path) == [False]
+        assert self.kinds(path, "--guaranteed") == [True]
+        path = plate(tmp_path, 0.2, solve_options={"degree": 4}, refine_options=asked | {"guaranteed": True})
+        assert dict(load_problem(path).refine_options) == asked | {"guaranteed": True}
+        assert self.kinds(path) == [True]
+        assert self.kinds(path, "--estimated") == [False]
+
+    def test_a_bound_under_slip_is_not_said_to_stick(self, tmp_path):
+        path = plate(tmp_path, 0.2, solve_options={"degree": 4})
+        text = command(path, "--target", 0.02, "--quantity", FORCE, "--guaranteed").stdout
+        assert "This is a guaranteed bound" in text
+        assert "slips one way only" in text
+        assert "tied" not in text
+
+    def test_anything_but_true_and_false_is_refused(self):
+        with pytest.raises(InputError, match="guaranteed"):
+            refine(compressed_plate(0.2, cells=(2, 2)), guaranteed="yes")
+
+
+def test_a_whole_number_is_shown_as_given(tmp_path):
+    error = command(plate(tmp_path, 0.2), "--max-unknowns", 1).exception
+    assert error.value == 1
+    assert "1.0" not in str(error)
+
+
 class TestFile:
     """What [refine] says."""
 

@@ -1,6 +1,7 @@
 """The command `qvi-contact bracket`, its documents and pictures."""
 
 import json
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 from qvi_contact import Contact, solve
+from qvi_contact.bracket import slip
 from qvi_contact.bracket.document import document, lines
 from qvi_contact.cli import group
+from qvi_contact.command import solve_line
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import load_problem
 from qvi_contact.gallery import compressed_plate
@@ -115,3 +118,24 @@ def test_tresca_contact_with_a_wavy_bound_says_so():
     found = solve(replace(plate, conditions=[*plate.conditions[:3], wavy])).bracket
     assert not found.guaranteed
     assert sum("bound" in reason for reason in found.reasons) == 1
+
+
+def test_forces_under_slip_are_computed_while_progress_is_shown(monkeypatch):
+    """They take longest on large meshes."""
+    under_way, computed = [], []
+
+    @contextmanager
+    def watching(*_, **__):
+        under_way.append(True)
+        yield lambda _="": None
+        under_way.pop()
+
+    def forces(*_):
+        computed.append(bool(under_way))
+        return {}
+
+    monkeypatch.setattr(solve_line, "solving", watching)
+    monkeypatch.setattr(slip, "force_bounds_under_slip", forces)
+    done = command(EXAMPLES / "compressed_plate.toml", "--degree", 3)
+    assert done.return_value == 0
+    assert computed == [True]
