@@ -29,7 +29,7 @@ def example(name):
 
 @cache
 def answer(name):
-    options = {} if name in SCRIPTS else {"inner": QUICK.get(name, "qp:clarabel")}
+    options = {"inner": QUICK[name]} if name in QUICK else {}
     return solve(example(name).problem, **{**options, **example(name).solve_options})
 
 
