@@ -16,6 +16,8 @@ from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology
 from qvi_contact.mesh.triangle_checks import same_places
 
+_DIVISIONS = 6  # halvings of an arc until its triangle is high enough
+
 
 def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
     """The mesh with marked triangles refined, and others as far as needed; without marks each is divided into four.
@@ -23,17 +25,25 @@ def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
     Old vertices keep their numbers, new ones are midpoints of old edges, those on arcs of the arcs. A triangle that
     became too flat for its arc is divided further, arcs are half as long then.
     """
-    found = _bisected(mesh, marked)
-    while found.arcs and len(flat := _too_flat(found)):
-        found = _bisected(found, flat)
-    return found
+    return divided_at_arcs(_bisected(mesh, marked))
+
+
+def divided_at_arcs(mesh: MeshParts) -> MeshParts:
+    """The mesh with triangles divided whose sides bend too far for them; some are left if arcs cross other edges."""
+    for _ in range(_DIVISIONS if mesh.arcs else 0):
+        flat = _too_flat(mesh)
+        if not len(flat):
+            break
+        mesh = _bisected(mesh, flat)
+    return mesh
 
 
 def _too_flat(mesh: MeshParts) -> IntArray:
     """The triangles with a side that bends too far for them."""
-    topology = Topology.of(mesh.cells, len(mesh.vertices))
+    cells = np.sort(mesh.cells, axis=1)
+    topology = Topology.of(cells, len(mesh.vertices))
     turns = turns_of(mesh.arcs, mesh.vertices, topology)
-    return np.flatnonzero(bent_too_far(turns, mesh.vertices, mesh.cells, topology).any(axis=1))
+    return np.flatnonzero(bent_too_far(turns, mesh.vertices, cells, topology).any(axis=1))
 
 
 def _bisected(mesh: MeshParts, marked: ArrayLike | None) -> MeshParts:

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, one_of, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import stretches
-from qvi_contact.mesh.bisection import bisected
+from qvi_contact.mesh.bisection import bisected, divided_at_arcs
 from qvi_contact.mesh.circles import Arc, checked_arc, refuse_bad_arcs, turns_of
 from qvi_contact.mesh.curved import barycentric_of, reference_of
 from qvi_contact.mesh.edges import Edges, points_along
@@ -177,8 +177,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         ----------
         corners : sequence of Corner or (x, y)
             The corners around the body, either way round; the last one is joined to the first. A `Corner` can name
-            the line that begins there, and make an arc of it. Arcs are polygons of chords about as long as the
-            triangles there, see `mesh.outline`.
+            the line that begins there, and make an arc of it, which triangles follow.
         size : float
             Size of the triangles where nothing else is said: the length of their sides [length].
         holes : sequence of lines, optional
@@ -199,7 +198,14 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
         """
         outline = Outline(corners, size, holes, joints or {}, regions or {}, sizes or {})
-        mesh = cls._made(meshed(polygons(outline)))
+        parts = meshed(polygons(outline))
+        try:
+            mesh = cls._made(divided_at_arcs(parts))
+        except InputError as error:
+            if not parts.arcs:
+                raise
+            remedy = "too large for an arc near another line: give the corners there a smaller one"
+            raise InputError("size", size, remedy) from error
         for name in outline.joints:
             if name not in mesh.joint_names:
                 raise InputError(f"joints.{name}", name, "lies on the boundary: name the corner where that line begins")

@@ -237,6 +237,16 @@ class TestMeshes:
             ends = arch.vertices[np.unique(arch.edge_sets[name])]
             assert np.hypot(*(ends - [1.0, 1.0]).T) == pytest.approx(radius)
 
+    def test_holes_beside_other_lines(self):
+        """Gmsh's triangles between hole and side are too flat for the arc: they are divided, or the size is refused."""
+        body = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)]
+        hole = [Corner.circle((1.0, 0.5), 0.45, name="bore")]
+        mesh = TriangleMesh.outline(body, 0.2, holes=hole)
+        assert np.hypot(*(mesh.vertices[mesh.edge_sets["bore"]] - [1.0, 0.5]).T) == pytest.approx(0.45, rel=1e-12)
+        with pytest.raises(InputError) as caught:
+            TriangleMesh.outline(body, 1.0, holes=hole)
+        assert caught.value.field == "size"
+
     def test_sizes_are_kept(self, arch):
         for place, size in (((2.0, 0.0), 0.05), ((1.0, 0.2), 0.05), ((0.0, 0.0), 0.2), ((1.0, 2.0), 0.2)):
             vertex = np.argmin(np.hypot(*(arch.vertices - place).T))
