@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass
 
-from qvi_contact import ContactResult
+from qvi_contact import ContactProblem, ContactResult, LimitLoad
 from qvi_contact.units import Units
 
 
@@ -52,3 +52,13 @@ def compare(rows: list[Known], result: ContactResult, units: Units) -> None:
         save_figure(sys.argv[1], result_figure(result, units))
     if not (result.certificate.passed and all(row.holds for row in rows)):
         sys.exit(1)
+
+
+def draw_mechanism(problem: ContactProblem, limit: LimitLoad, units: Units) -> None:
+    """Draw how blocks move beyond the limit load, if the command line names a second picture."""
+    if len(sys.argv) > 2 and limit.mechanism is not None:
+        from qvi_contact import plots
+
+        figure = plots.problem_figure(problem, units)
+        plots.draw_mechanism(figure.axes[0], problem.mesh, limit.mechanism)
+        plots.save_figure(sys.argv[2], figure)

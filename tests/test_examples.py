@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from qvi_contact import load_problem, solve
-from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.gallery import compressed_plate, jointed_slope, masonry_wall, ssnv128
+from qvi_contact.mechanism import upper_bound
 from qvi_contact.solution.history import solve_history
 from qvi_contact.solution.limit import limit_load_factor
 from solvers import Status
@@ -190,6 +191,18 @@ def test_the_lug_hangs_on_its_pin():
     assert shares["stick"] == 0.0
     assert 0.4 < shares["slip"] < 0.5
     assert len(result.problem.mesh.arcs) == 2
+
+
+@pytest.mark.parametrize(("name", "made"), [("masonry_wall", masonry_wall), ("jointed_slope", jointed_slope)])
+def test_blocks_are_those_of_the_gallery(name, made):
+    file, same = example(name).problem, made()
+    same_edges = {edges: pairs.tolist() for edges, pairs in same.mesh.edge_sets.items()}
+    assert {edges: pairs.tolist() for edges, pairs in file.mesh.edge_sets.items()} == same_edges
+    assert {contact.name for contact in file.contacts} == {contact.name for contact in same.contacts}
+    load = {"masonry_wall": "wind", "jointed_slope": "water"}[name]
+    limit = script(name)["limit"]
+    assert upper_bound(file, [load])[0] == pytest.approx(limit.upper, rel=1e-9)
+    assert limit.upper == pytest.approx({"wind": 10.27026, "water": 1.323803}[load], rel=1e-6)
 
 
 @pytest.mark.parametrize("off", [0.0, 2e-3])

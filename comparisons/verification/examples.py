@@ -300,6 +300,34 @@ def lug(element: Element, quick: bool) -> Iterator[Row]:
     yield relative("displacement of the pin [mm]", moved, theirs, 1e-3, Kind.METHODS, source, proof)
 
 
+@on(TRIANGLES)
+def masonry_wall(element: Element, quick: bool) -> Iterator[Row]:
+    """A masonry wall with openings: forces on the ground, and a limit of the wind that both sides enclose."""
+    del quick
+    result = _solved(element, "masonry_wall")
+    ground, proof = result.contacts["ground"], certified(result)
+    yield relative("N of ground [kN/m]", ground.normal_force, 98.75, _BALANCE, Kind.ANALYTIC, "weight, balance", proof)
+    yield relative("T of ground [kN/m]", ground.tangential_force, -4.0, _BALANCE, Kind.ANALYTIC, "p h, balance", proof)
+    limit = element.limit_load(result.problem, ["wind"])
+    source = "motion of rigid blocks on the same joints"
+    quantity = "limit load factor, from below"
+    yield at_most(quantity, limit.lower, limit.upper, 0.0, Kind.METHODS, source, bounded(limit))
+    source = f"0.92 of the {source}"
+    yield at_least(quantity, limit.lower, 0.92 * limit.upper, 0.0, Kind.METHODS, source, bounded(limit))
+
+
+@on(TRIANGLES)
+def jointed_slope(element: Element, quick: bool) -> Iterator[Row]:
+    """A jointed slope pushed by water in its crack slides on its lowest bedding plane."""
+    del quick
+    crack = _solved(element, "jointed_slope")
+    proof, source = certified(crack), "γ_w z²/2"
+    yield relative("thrust [kN/m]", crack.resultant("crack").x, -80.0, _BALANCE, Kind.ANALYTIC, source, proof)
+    weight = 25.0 * 28.0 * np.sqrt(3.0)  # 28 √3 m² lie above the plane
+    factor = weight * np.tan(np.arctan(0.7) - np.pi / 6.0) / 80.0
+    yield from _from_both_sides(element, "jointed_slope", "water", factor, "W tan(φ - β)/V, plane failure")
+
+
 @on(QUINTIC)
 def trapezoid(element: Element, quick: bool) -> Iterator[Row]:
     """A trapezoid on a plane that holds it: bounds of the force hold what a displacement code finds."""
@@ -398,7 +426,9 @@ FILES: Final = {
     "gravity_column": gravity_column,
     "gravity_dam": gravity_dam,
     "half_discs": half_discs,
+    "jointed_slope": jointed_slope,
     "lug": lug,
+    "masonry_wall": masonry_wall,
     "punch": punch,
     "ssnv128": ssnv128,
     "stacked_blocks": stacked_blocks,
