@@ -82,7 +82,7 @@ def result_figure(result: ContactResult, units: Units | None = None) -> "Figure"
     if len(names) > _PANELS:
         title += f" Without a panel of tractions: {', '.join(names[_PANELS:])}."
     names = names[:_PANELS]
-    top = _panel_height(result.problem, _WIDTH / (3 if names else 2)) + 1.6  # legends
+    top = _panel_height(result.problem, _WIDTH / (3 if names else 2)) + 2.1  # titles and legends
     with settings():
         figure = new_figure(_WIDTH, top + (3.4 if names else 0.0))
         figure.set_layout_engine("constrained", h_pad=_APART)

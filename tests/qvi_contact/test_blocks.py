@@ -6,6 +6,7 @@ import pytest
 from qvi_contact import InputError, limit_load_factor, solve
 from qvi_contact.gallery import jointed_slope, masonry_wall
 from qvi_contact.mechanism import find_mechanism
+from qvi_contact.plots import result_figure
 from solvers import Status
 
 BLOCK, COURSE, WEIGHT = 0.5, 0.25, 20.0
@@ -38,9 +39,14 @@ def test_a_stack_tips():
     assert max(abs(motion.rotation) for motion in limit.mechanism.motions) > 0.1
 
 
-def test_a_wall_with_openings():
+@pytest.fixture(scope="module")
+def wall():
+    return solve(masonry_wall())
+
+
+def test_a_wall_with_openings(wall):
     """Joints in all three states, carried weight, and a limit between its two sides."""
-    result = solve(masonry_wall())
+    result = wall
     assert result.status is Status.SOLVED
     ground, heads = result.contacts["ground"], result.contacts["heads"]
     assert ground.normal_force == pytest.approx(WEIGHT * BLOCK / 2.0 * COURSE * (8 * 12 - 8 - 9), rel=1e-9)
@@ -61,6 +67,14 @@ def test_cohesion_and_a_roof_hold_a_wall():
     assert limits[0] == pytest.approx(0.3 * WEIGHT * 2 * BLOCK, rel=1e-9)
     assert limits[1] == pytest.approx(0.3 * (WEIGHT * 0.5 + 5.0) * 2 * BLOCK / 0.5, rel=1e-9)
     assert limits[0] < limits[2] <= limits[0] + 1.0 * 2 * BLOCK / 0.5 + 1e-9
+
+
+def test_the_picture_of_a_wide_wall_has_room_for_its_titles(wall):
+    figure = result_figure(wall)
+    figure.draw_without_rendering()
+    states = figure.subfigs[0]
+    lowest = states._suptitle.get_window_extent().y0
+    assert all(panel.title.get_window_extent().y1 < lowest for panel in states.axes)
 
 
 @pytest.mark.parametrize(
