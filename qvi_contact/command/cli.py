@@ -9,7 +9,7 @@ from qvi_contact import __version__
 from qvi_contact.basics.terminal import Group, run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     from qvi_contact.bracket import Bracket
     from qvi_contact.command.series import Series
@@ -124,6 +124,9 @@ def group() -> None:
 @click.option(
     "--set", "swept", metavar="NAME=V1,V2,…", help="Solve for several values of friction, load, gap or offset."
 )
+@click.option(
+    "--store", metavar="FOLDER", help="Keep each step of a history there; the same command again goes on from it."
+)
 def solve(
     file: str,
     element: str | None,
@@ -144,6 +147,7 @@ def solve(
     report: str | None,
     certificate: bool,
     swept: str | None,
+    store: str | None,
 ) -> int:
     """Solve the problem in FILE and report forces and states of its contacts.
 
@@ -151,8 +155,9 @@ def solve(
     status time_limit.
 
     A file with a [history] is solved step by step. Its picture shows forces and loops, and its fields are those of the
-    last step. --set, or a [sweep] in the file, solves for several values of the friction, of a load factor, or of what
-    is added to gap or offset. Files that are written hold the last value.
+    last step. With --store each step is written to a folder as soon as it is done. After an interruption the same
+    command goes on with the next step. --set, or a [sweep] in the file, solves for several values of the friction, of a
+    load factor, or of what is added to gap or offset. Files that are written hold the last value.
 
     --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
     any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
@@ -172,6 +177,7 @@ def solve(
         qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
         qvi-contact solve examples/punch.toml --report punch.html
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
+        qvi-contact solve examples/cyclic_shear.toml --store cycle
         qvi-contact solve examples/punch.toml --set friction=0.1,0.2,0.3
     """  # noqa: D301
     import numpy as np
@@ -188,7 +194,7 @@ def solve(
     }  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options = _options(problem_file, _given(**given))
-        series, steps = solved_series(problem_file, plan_of(problem_file, swept), options, verbose)
+        series, steps = solved_series(problem_file, plan_of(problem_file, swept), options, verbose, store)
         checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, series, steps, checked) if as_json or save_json else {}
         page = _page(file, problem_file, steps, options, series=series)
@@ -578,12 +584,13 @@ def _options(file: "ProblemFile", given: dict[str, Any]) -> dict[str, Any]:
     return options | file.element | given
 
 
-def _all_solved(series: "Series | None", steps: "tuple[ContactResult, ...]") -> bool:
+def _all_solved(series: "Series | None", steps: "Sequence[ContactResult]") -> bool:
     planned = 1 if series is None else len(series.values)
-    return len(steps) == planned and all(step.status == "solved" for step in steps)
+    statuses = [step.status for step in steps] if series is None else series.results.statuses
+    return len(statuses) == planned and all(status == "solved" for status in statuses)
 
 
-def _verified(steps: "tuple[ContactResult, ...]", tolerance: float | None) -> "tuple[Verification, ...]":
+def _verified(steps: "Sequence[ContactResult]", tolerance: float | None) -> "tuple[Verification, ...]":
     from qvi_contact.verification.verification import verify_result
 
     return tuple(verify_result(step, tolerance) for step in steps)
@@ -592,7 +599,7 @@ def _verified(steps: "tuple[ContactResult, ...]", tolerance: float | None) -> "t
 def _as_document(
     file: "ProblemFile",
     series: "Series | None",
-    steps: "tuple[ContactResult, ...]",
+    steps: "Sequence[ContactResult]",
     checked: "tuple[Verification, ...]",
 ) -> dict[str, Any]:
     """Summaries, with what was verified, if it was."""
@@ -727,7 +734,7 @@ def _write(
 def _page(
     path: str,
     file: "ProblemFile",
-    steps: "tuple[ContactResult, ...]",
+    steps: "Sequence[ContactResult]",
     options: dict[str, Any],
     refinement: "Refinement | None" = None,
     series: "Series | None" = None,
@@ -749,7 +756,7 @@ def _page(
 def _show(
     file: "ProblemFile",
     series: "Series | None",
-    steps: "tuple[ContactResult, ...]",
+    steps: "Sequence[ContactResult]",
     checked: "tuple[Verification, ...]",
 ) -> None:
     """The report for people."""

@@ -11,6 +11,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan
 
 if TYPE_CHECKING:
+    from qvi_contact.basics.terminal import Advance
     from qvi_contact.basics.units import Units
     from qvi_contact.solution.history import History
     from qvi_contact.solution.result import ContactResult
@@ -60,11 +61,13 @@ class Series:
 
 
 def solved_series(
-    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool
-) -> tuple[Series | None, tuple[ContactResult, ...]]:
+    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None = None
+) -> tuple[Series | None, Sequence[ContactResult]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
     from qvi_contact.command.solve_line import solving
 
+    if store is not None and not file.times:
+        raise InputError("--store", store, "keeps the steps of a history: give a file with a [history]")
     if plan is not None:
         from qvi_contact.solution.sweep import solve_sweep
 
@@ -83,12 +86,25 @@ def solved_series(
         from qvi_contact.solution.history import solve_history
 
         with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
-            history = solve_history(file.problems, callback=lambda *_: advance(), **options, verbose=verbose)
+            told = _Told(advance)
+            history = solve_history(file.problems, told, store=store, **options, verbose=verbose)
         return Series("t", file.times, history), history.steps
     from qvi_contact.solution.solver import solve
 
     with solving(file.title or "solve", verbose=verbose):
         return None, (solve(file.problem, **options, verbose=verbose),)
+
+
+class _Told:
+    """Advances to the number of a step: the first that is told need not be the first of all."""
+
+    def __init__(self, advance: Advance) -> None:
+        self._advance, self._done = advance, 0
+
+    def __call__(self, number: int, _result: ContactResult) -> None:
+        while self._done < number:
+            self._advance()
+            self._done += 1
 
 
 @contextmanager

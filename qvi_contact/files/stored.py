@@ -1,6 +1,7 @@
 """Results kept in files: everything a result claims, and the problem, so that it can be checked from the file alone."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -26,11 +27,14 @@ _TEXTS: Final = ("method", "inner", "form", "factorisation")
 
 def solution_arrays(result: ContactResult, units: Units | None = None, title: str = "") -> dict[str, Any]:
     """The problem and the algebraic solution, from which `load_result` makes the result again."""
-    solution, known = result.solution, result.discretization
     problem, missing = _problem_text(result, units, title)
+    return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
+
+
+def answer_arrays(result: ContactResult) -> dict[str, Any]:
+    """The algebraic solution alone, from which `answer_from_archive` makes the result again beside the problem."""
+    solution, known = result.solution, result.discretization
     return {
-        "problem": problem,
-        "problem_missing": missing,
         "degree": known.space.degree,
         "contact_rows": known.space.contact_rule.kind,
         "centres": known.space.centres,
@@ -83,7 +87,19 @@ def load_result(path: str | Path) -> ContactResult:
 
 def result_from_archive(archive: Archive) -> ContactResult:
     """The result of an archive that was read; see `load_result`."""
-    known = _discretization(archive)
+    text, missing = archive.text("problem"), archive.text("problem_missing")
+    if not text:
+        remedy = (
+            f"holds no problem to check against ({missing}). Check the result in Python with "
+            "verify_result, or write it anew with expressions or polynomials for functions"
+        )
+        raise InputError("result", archive.path, remedy)
+    return answer_from_archive(archive, lambda scales: _discretized(archive, text, scales))
+
+
+def answer_from_archive(archive: Archive, posed: Callable[[Scales], Discretization]) -> ContactResult:
+    """The result of an archive that was read, of a problem that is posed in given units, without earlier slip."""
+    known = _discretization(archive, posed)
     qvi = _strict(archive, known.qvi) if archive.number("strict") != 0.0 else known.qvi
     vectors = [archive.floats(name) for name in _VECTORS]
     for name, vector, size in zip(_VECTORS, vectors, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True):
@@ -112,14 +128,8 @@ def _problem_text(result: ContactResult, units: Units | None, title: str) -> tup
         return "", str(error)
 
 
-def _discretization(archive: Archive) -> Discretization:
-    text, missing = archive.text("problem"), archive.text("problem_missing")
-    if not text:
-        remedy = (
-            f"holds no problem to check against ({missing}). Check the result in Python with "
-            "verify_result, or write it anew with expressions or polynomials for functions"
-        )
-        raise InputError("result", archive.path, remedy)
+def _discretization(archive: Archive, posed: Callable[[Scales], Discretization]) -> Discretization:
+    """The problem of an archive, in its units and after the slip before it."""
     length, stress, compliance = _sized(archive, "scales", 3)
     if not min(length, stress, compliance) > 0.0 or not np.isfinite([length, stress, compliance]).all():
         raise InputError("result", archive.path, "entry 'scales' holds units that are not positive numbers")
@@ -127,7 +137,7 @@ def _discretization(archive: Archive) -> Discretization:
     if not reach > 0.0:
         raise InputError("result", archive.path, "entry 'reach' is not a positive number")
     scales = Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach)
-    fresh = _discretized(archive, text, scales)
+    fresh = posed(scales)
     _check_centres(archive, fresh)
     counts = [len(rows.gap) for rows in fresh.contacts]
     slip = _sized(archive, "earlier_slip", sum(counts))

@@ -12,9 +12,11 @@ it ended in.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import hashlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import astuple, dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -22,13 +24,14 @@ from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, one_of
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.contact_rows import laws_vary
-from qvi_contact.discretization.discretization import discretize
+from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
+from qvi_contact.problem.fingerprint import mesh_digest, problem_digest
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.contact_line import summary_units
 from qvi_contact.solution.result import ContactResult
@@ -36,6 +39,7 @@ from qvi_contact.solution.solver import rows_for, solve
 from solvers import Status
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.narration import narrated
+from solvers.basics.types import load
 from solvers.basics.watch import expired, watched
 from solvers.solve import takes_state
 
@@ -46,6 +50,7 @@ if TYPE_CHECKING:
 
 _PARALLEL = 1e-9  # sine of the angle between edges that face one way
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
+_PASSING = ("callback", "threads", "throw")  # options that change no answer
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
 
@@ -58,28 +63,35 @@ class History:
 
     Attributes
     ----------
-    steps : tuple of ContactResult
-        One for each load step done.
+    steps : sequence of ContactResult
+        One for each load step done: a tuple, or with a store a sequence that reads a step when it is asked for.
     planned : int
         Number of load steps asked for.
+    statuses : tuple of Status
+        The status of each step done.
 
     """
 
-    steps: tuple[ContactResult, ...]
+    steps: Sequence[ContactResult]
     planned: int
+    statuses: tuple[Status, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.statuses) != len(self.steps):
+            object.__setattr__(self, "statuses", tuple(step.status for step in self.steps))
 
     @property
     def status(self) -> Status:
         """Solved if every step was; else that of the first step that was not, or "time_limit" if steps are missing."""
         end = Status.SOLVED if len(self.steps) == self.planned else Status.TIME_LIMIT
-        return next((step.status for step in self.steps if step.status is not Status.SOLVED), end)
+        return next((status for status in self.statuses if status is not Status.SOLVED), end)
 
     @property
     def message(self) -> str:
         """One sentence about the outcome."""
-        for number, step in enumerate(self.steps, 1):
-            if step.status is not Status.SOLVED:
-                return f"step {number} of {self.planned}: {step.message}"
+        for number, status in enumerate(self.statuses, 1):
+            if status is not Status.SOLVED:
+                return f"step {number} of {self.planned}: {self.steps[number - 1].message}"
         if len(self.steps) < self.planned:
             return f"time limit after {len(self.steps)} of {self.planned} steps. {Status.TIME_LIMIT.advice}"
         return f"all {self.planned} steps solved"
@@ -117,9 +129,9 @@ class History:
         energy = {} if units is None else {"dissipated": units.energy}
         return frame(columns_of(rows), {**summary_units(units), **energy})
 
-    def _numbered(self) -> list[tuple[int, ContactResult]]:
+    def _numbered(self) -> Iterator[tuple[int, ContactResult]]:
         """The steps that have a state, with their numbers."""
-        return [(number, step) for number, step in enumerate(self.steps, 1) if step.has_state]
+        return enumerate(self._states, 1)
 
     @property
     def dissipated(self) -> FloatArray:
@@ -134,9 +146,12 @@ class History:
         cycle it is the work that obstacles and supports have done, the area of their loops. It tends to `dissipated` as
         the steps shrink, and equals it if friction is used up at both ends of every step in which a point slips.
         """
-        states = self._states
-        work = [_friction_work(now, last) for now, last in zip(states, [None, *states[:-1]], strict=True)]
-        return np.asarray(0.5 * (self.dissipated + np.array(work)))
+        work: list[float] = []
+        last: ContactResult | None = None
+        for now in self._states:
+            work.append(0.5 * (_friction_work(now, now) + _friction_work(now, last)))
+            last = now
+        return np.array(work)
 
     def loop(self, name: str) -> tuple[FloatArray, FloatArray]:
         """Displacement of what drives the body, and the force on the body in its direction, in each step.
@@ -180,7 +195,7 @@ class History:
     def _edge_loop(self, name: str) -> tuple[FloatArray, FloatArray]:
         """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
         states = self._states
-        given = [_prescribed(step, name) for step in states]
+        given = [tuple(_prescribed(step, name)) for step in states]
         always = [component for component in given[0] if all(component in each for each in given)]
         pairs = [np.array([_supported(step, name, component) for step in states]).T for component in always]
         found = [(displacement, force) for displacement, force in pairs]
@@ -189,9 +204,9 @@ class History:
         return next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
 
     @property
-    def _states(self) -> tuple[ContactResult, ...]:
-        """The steps that have a state."""
-        return tuple(step for step in self.steps if step.has_state)
+    def _states(self) -> Sequence[ContactResult]:
+        """The steps that have a state: all but the last may be, which ends the history where it has none."""
+        return self.steps if not self.steps or self.steps[-1].has_state else self.steps[:-1]
 
 
 def loop_area(displacement: FloatArray, force: FloatArray) -> float:
@@ -206,6 +221,7 @@ def solve_history(
     problems: Iterable[ContactProblem],
     callback: Callable[[int, ContactResult], object] | None = None,
     *,
+    store: str | Path | None = None,
     time_limit: float | None = None,
     element: ElementName | None = None,
     degree: int | None = None,
@@ -220,10 +236,14 @@ def solve_history(
     ----------
     problems : iterable of ContactProblem
         The problem at each load step: the same mesh, regions and contacts, while loads, displacements, gaps, offsets
-        and friction may change. An `offset` is the obstacle's own tangential displacement, slip is added to it.
+        and friction may change. An `offset` is the obstacle's own tangential displacement, slip is added to it. With a
+        store a sequence is read twice, step by step, and nothing of it is kept; what is no sequence becomes a list.
     callback : callable, optional
         Called with the number of each step, from 1, and its result. Where a step gives up the shear in a corner beside
         a contact (see `discretize`) all steps do, and the history starts again.
+    store : str or Path, optional
+        A folder that keeps each step as soon as it is done, and takes it out of memory. The same call again goes on
+        where the last one stopped, whatever stopped it; steps already there are not told to `callback`.
     time_limit : float, optional
         Seconds for all steps together. The steps done until then are kept; the last one has the status "time_limit"
         unless its certificate passes.
@@ -244,14 +264,15 @@ def solve_history(
     Raises
     ------
     InputError
-        If there is no step, or mesh or contacts change.
+        If there is no step, mesh or contacts change, or the store cannot be written or holds another history.
 
     """
     title = f"qvi_contact {__version__}: solve_history"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
-        steps = [with_element(problem, element) for problem in _checked_steps(problems)]
+        steps = _Problems.of(problems, element, kept=store is None)
+        survey = _surveyed(steps)
         contact_rows = rows_for(options.get("method"), contact_rows)
-        if contact_rows is None and any(map(laws_vary, steps)):
+        if contact_rows is None and survey.laws_vary:
             contact_rows = "gauss"  # in all steps, as slip is handed on from one to the next
         space = {"element": element, "degree": degree, "contact_rows": contact_rows}
         story.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
@@ -262,70 +283,187 @@ def solve_history(
             if callback is not None:
                 callback(number, result)
 
-        history = _history(steps, space, told, options, warm_start and takes_state(options))
+        keeper = _keeper(store, steps, {**space, **options, "warm_start": warm_start})
+        warm = warm_start and takes_state(options)
+        history = _history(_Run(steps, survey.scales, space, told, options, warm), keeper)
         story.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
 
 
-def _history(
-    steps: Sequence[ContactProblem],
-    space: dict[str, Any],
-    callback: Callable[[int, ContactResult], object],
-    options: dict[str, Any],
-    warm: bool,
-) -> History:
-    """All steps, again from the first where one gives up shears in corners."""
-    all_scales = [Scales.of(problem) for problem in steps]
-    scales = max(all_scales, key=lambda scales: (scales.loaded, scales.stress))
-    freed = np.empty(0, dtype=np.int64)
-    while True:
-        results = _follow(steps, scales, freed, space, callback, options, warm)
-        found = np.unique(np.concatenate([freed, *(result.discretization.freed for result in results)]))
-        if len(found) == len(freed):
-            return History(tuple(results), len(steps))
-        if expired():  # no time to begin again: the steps before the one that gave up a shear are what they were
-            return History(tuple(results[:-1] or results), len(steps))
-        freed = found
+class _Steps(Protocol):
+    """The results so far."""
+
+    statuses: list[Status]
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> ContactResult: ...
+
+    def add(self, result: ContactResult, *, done: bool) -> None: ...
+
+    def first(self, count: int) -> Sequence[ContactResult]: ...
 
 
-def _follow(
-    steps: Sequence[ContactProblem],
-    scales: Scales,
-    freed: IntArray,
-    space: dict[str, Any],
-    callback: Callable[[int, ContactResult], object],
-    options: dict[str, Any],
-    warm: bool,
-) -> list[ContactResult]:
-    """All steps with the shear given up at the `freed` nodes, up to one without an answer or with other nodes freed."""
-    results: list[ContactResult] = []
-    for number, problem in enumerate(steps, 1):
-        if results and expired():
-            break
-        if results:
-            discretization = results[-1].discretization.following(problem, scales).slipped(_slip_after(results[-1]))
-        else:
-            discretization = discretize(problem, scales=scales, freed=freed, **space)
-        initial = {"initial": results[-1]} if results and warm else {}
-        results.append(solve(discretization, **{**options, **initial}))
-        callback(number, results[-1])
-        if results[-1].status not in _CONTINUES or len(results[-1].discretization.freed) != len(freed):
-            break
-    return results
+class _InMemory:
+    """Steps of which nothing but the memory knows."""
+
+    def __init__(self) -> None:
+        self._results: list[ContactResult] = []
+        self.statuses: list[Status] = []
+
+    def __len__(self) -> int:
+        return len(self._results)
+
+    def __getitem__(self, index: int, /) -> ContactResult:
+        return self._results[index]
+
+    def add(self, result: ContactResult, *, done: bool) -> None:  # noqa: ARG002  # all are kept
+        self._results.append(result)
+        self.statuses.append(result.status)
+
+    def first(self, count: int) -> Sequence[ContactResult]:
+        return tuple(self._results[:count])
 
 
-def _checked_steps(problems: Iterable[ContactProblem]) -> list[ContactProblem]:
-    steps = list(problems) if isinstance(problems, Iterable) else []
-    if not steps or not all(isinstance(problem, ContactProblem) for problem in steps):
-        raise InputError("problems", problems, "give a list of at least one ContactProblem")
-    first = steps[0]
-    for number, problem in enumerate(steps[1:], 2):
+class _Problems(Sequence[ContactProblem]):
+    """The problem of each step on its element, made anew each time unless it is kept."""
+
+    def __init__(self, problems: Sequence[ContactProblem], element: ElementName | None) -> None:
+        self._problems, self._element = problems, element
+
+    def __len__(self) -> int:
+        return len(self._problems)
+
+    def __getitem__(self, index: int) -> ContactProblem:  # type: ignore[override]  # of one step
+        problem = self._problems[index]
+        if not isinstance(problem, ContactProblem):
+            raise InputError(f"problems[{index}]", problem, "give a ContactProblem for each load step")
+        return with_element(problem, self._element)
+
+    @classmethod
+    def of(
+        cls, problems: Iterable[ContactProblem], element: ElementName | None, kept: bool
+    ) -> Sequence[ContactProblem]:
+        if not isinstance(problems, Iterable):
+            raise InputError("problems", problems, "give a list of at least one ContactProblem")
+        given = cls(problems if isinstance(problems, Sequence) else list(problems), element)
+        if not len(given):
+            raise InputError("problems", problems, "give a list of at least one ContactProblem")
+        return [given[index] for index in range(len(given))] if kept else given
+
+
+@dataclass(frozen=True)
+class _Survey:
+    """What all steps have in common: units, and whether the law varies along an edge in any of them."""
+
+    scales: Scales
+    laws_vary: bool
+
+
+def _surveyed(steps: Sequence[ContactProblem]) -> _Survey:
+    """One look at every step, which must have the mesh and the contacts of the first."""
+    first, vary = steps[0], False
+    scales = Scales.of(first)
+    for number in range(len(steps)):
+        problem = steps[number]
         if problem.mesh is not first.mesh and not problem.mesh.same_as(first.mesh):
-            raise InputError(f"problems[{number - 1}].mesh", problem.mesh, "give every load step the same mesh")
+            raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
         if [_frame(contact) for contact in problem.contacts] != [_frame(contact) for contact in first.contacts]:
             names = [contact.name for contact in problem.contacts]
-            raise InputError(f"problems[{number - 1}].conditions", names, "give every load step the same contacts")
-    return steps
+            raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
+        scales = max(scales, Scales.of(problem), key=lambda scales: (scales.loaded, scales.stress))
+        vary = vary or laws_vary(problem)
+    return _Survey(scales, vary)
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A history to be solved."""
+
+    steps: Sequence[ContactProblem]
+    scales: Scales
+    space: dict[str, Any]
+    callback: Callable[[int, ContactResult], object]
+    options: dict[str, Any]
+    warm: bool
+
+    def posed(self, freed: IntArray) -> Callable[[int, Scales], Discretization]:
+        """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
+        made: list[Discretization] = []
+
+        def posed(number: int, scales: Scales) -> Discretization:
+            if not made:
+                made.append(discretize(self.steps[0], scales=self.scales, freed=freed, **self.space))
+            if number == 1 and scales == self.scales:
+                return made[0]
+            return made[0].following(self.steps[number - 1], scales)
+
+        return posed
+
+
+class _Keeper(Protocol):
+    """Where results are kept, and the vertices whose shear they give up."""
+
+    freed: IntArray
+
+    def begun(self, freed: IntArray, posed: Callable[[int, Scales], Discretization]) -> _Steps: ...
+
+
+class _Memory:
+    """Nowhere but in memory."""
+
+    def __init__(self) -> None:
+        self.freed: IntArray = np.empty(0, dtype=np.int64)
+
+    def begun(self, freed: IntArray, posed: Callable[[int, Scales], Discretization]) -> _Steps:  # noqa: ARG002
+        return _InMemory()
+
+
+def _keeper(store: str | Path | None, steps: Sequence[ContactProblem], options: dict[str, Any]) -> _Keeper:
+    """Memory, or the store, which is for this history only: for its mesh, problems and options."""
+    if store is None:
+        return _Memory()
+    told = {name: value for name, value in sorted(options.items()) if name not in _PASSING and value is not None}
+    found = hashlib.sha256(mesh_digest(steps[0].mesh) + repr(told).encode())
+    for number in range(len(steps)):
+        found.update(problem_digest(steps[number]))
+    keeper: _Keeper = load("qvi_contact.files.step_store").StepStore(store, found.hexdigest(), len(steps))
+    return keeper
+
+
+def _history(run: _Run, keeper: _Keeper) -> History:
+    """All steps, again from the first where one gives up shears in corners."""
+    freed = keeper.freed
+    while True:
+        results = _follow(run, freed, keeper.begun(freed, run.posed(freed)))
+        found, count = np.union1d(freed, results[len(results) - 1].discretization.freed), len(results)
+        if len(found) > len(freed) and not expired():
+            freed = found
+            continue
+        if len(found) > len(freed) and count > 1:
+            count -= 1  # no time to begin again: the steps before the one that gave up a shear are what they were
+        return History(results.first(count), len(run.steps), tuple(results.statuses[:count]))
+
+
+def _follow(run: _Run, freed: IntArray, results: _Steps) -> _Steps:
+    """All steps with the shear given up at the `freed` nodes, up to one without an answer or with other nodes freed."""
+    for number in range(len(results) + 1, len(run.steps) + 1):
+        before = results[number - 2] if number > 1 else None
+        if before is None:
+            discretization = run.posed(freed)(1, run.scales)
+        elif expired():
+            break
+        else:
+            discretization = before.discretization.following(run.steps[number - 1], run.scales)
+            discretization = discretization.slipped(_slip_after(before))
+        initial = {"initial": before} if before is not None and run.warm else {}
+        result = solve(discretization, **{**run.options, **initial})
+        done = result.status in _CONTINUES and len(result.discretization.freed) == len(freed)
+        results.add(result, done=done)
+        run.callback(number, result)
+        if not done:
+            break
+    return results
 
 
 def _frame(contact: Contact) -> tuple[str, str, str]:

@@ -61,6 +61,11 @@ class Sweep:
     steps: tuple[ContactResult, ...]
 
     @property
+    def statuses(self) -> tuple[Status, ...]:
+        """The status of each value done."""
+        return tuple(step.status for step in self.steps)
+
+    @property
     def status(self) -> Status:
         """Solved if all values were; else the status of the first that was not, "time_limit" if some are missing."""
         end = Status.SOLVED if len(self.steps) == len(self.values) else Status.TIME_LIMIT

@@ -1,0 +1,207 @@
+"""Steps of a history in a folder: one archive for each step that is done, written whole or not at all.
+
+`store.json` tells which history it is: a digest of all its problems and options. Beside it stands `step-000001.npz`
+for the first step, and so on. After an interruption the steps up to the first that is missing or damaged are kept.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final, overload
+
+import numpy as np
+
+from qvi_contact.basics.checks import IntArray
+from qvi_contact.basics.writing import writable_folder, write_text
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.errors import InputError
+from qvi_contact.files.archive import Archive, write_archive
+from qvi_contact.files.stored import answer_arrays, answer_from_archive
+from qvi_contact.solution.result import ContactResult
+from solvers import Status
+
+_FORMAT: Final = "qvi_contact steps"
+_VERSION: Final = 1
+_HEADER: Final = "store.json"
+
+Restore = Callable[[int, Scales], Discretization]
+"""The problem of a step, from 1, in these units, without earlier slip."""
+
+
+class StoredSteps(Sequence[ContactResult]):
+    """Results of steps, read when they are asked for; the last one that was read or added is at hand.
+
+    Attributes
+    ----------
+    statuses : list of Status
+        Of each step.
+
+    """
+
+    def __init__(self, store: StepStore, restore: Restore) -> None:
+        self._store, self._restore = store, restore
+        self.statuses: list[Status] = store.statuses()
+        self._end: ContactResult | None = None
+        self._near: tuple[int, ContactResult] | None = None
+
+    def __len__(self) -> int:
+        return len(self.statuses)
+
+    @overload
+    def __getitem__(self, index: int) -> ContactResult: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[ContactResult]: ...
+
+    def __getitem__(self, index: int | slice) -> ContactResult | Sequence[ContactResult]:
+        if isinstance(index, slice):
+            return _Part(self, range(len(self))[index])
+        number = range(len(self))[index] + 1
+        if number == len(self) and self._end is not None:
+            return self._end
+        if self._near is None or self._near[0] != number:
+            archive = self._store.archive(number)
+            self._near = number, answer_from_archive(archive, lambda scales: self._restore(number, scales))
+        return self._near[1]
+
+    def first(self, count: int) -> Sequence[ContactResult]:
+        """The first steps."""
+        return self if count == len(self) else self[:count]
+
+    def add(self, result: ContactResult, *, done: bool) -> None:
+        """One more step: written if it is done, else at hand only, as the end."""
+        number = len(self) + 1
+        if done:
+            self._store.write(number, result)
+            self._near = number, result
+        else:
+            self._end = result
+        self.statuses.append(result.status)
+
+
+class _Part(Sequence[ContactResult]):
+    """Some of the steps, read when they are asked for."""
+
+    def __init__(self, steps: StoredSteps, numbers: range) -> None:
+        self._steps, self._numbers = steps, numbers
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, index: int) -> ContactResult: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[ContactResult]: ...
+
+    def __getitem__(self, index: int | slice) -> ContactResult | Sequence[ContactResult]:
+        if isinstance(index, slice):
+            return _Part(self._steps, self._numbers[index])
+        return self._steps[self._numbers[index]]
+
+
+class StepStore:
+    """A folder of steps.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Made if it is missing.
+    fingerprint : str
+        Digest of the problems and options.
+    planned : int
+        Number of steps.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, holds other files, or the steps of another history.
+
+    """
+
+    def __init__(self, folder: str | Path, fingerprint: str, planned: int) -> None:
+        self._folder, self._fingerprint, self._planned = writable_folder(folder, "store"), fingerprint, planned
+        self.freed: IntArray = np.empty(0, dtype=np.int64)
+        header = self._folder / _HEADER
+        if header.exists():
+            self.freed = self._checked(header)
+        elif any(self._others()):
+            raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
+        else:
+            self._write_header()
+
+    def begun(self, freed: IntArray, restore: Restore) -> StoredSteps:
+        """The steps there are with the shear given up at these vertices: none, if those there gave up others."""
+        if not np.array_equal(freed, self.freed):
+            self.freed = freed
+            self._write_header()
+        return StoredSteps(self, restore)
+
+    def write(self, number: int, result: ContactResult) -> None:
+        """Keep a step."""
+        write_archive(self._path(number), answer_arrays(result) | {"store": self._fingerprint})
+
+    def archive(self, number: int) -> Archive:
+        """A step, as it was read.
+
+        Raises
+        ------
+        InputError
+            If it cannot be read, was changed, or belongs to another history.
+
+        """
+        archive = Archive(self._path(number))
+        if not archive.intact or archive.text("store") != self._fingerprint:
+            remedy = "was changed, or belongs to another history: delete the file, and run the history again"
+            raise InputError("store", archive.path, remedy)
+        return archive
+
+    def statuses(self) -> list[Status]:
+        """Statuses of the steps up to the first that is missing or damaged."""
+        found: list[Status] = []
+        while len(found) < self._planned:
+            try:
+                archive = self.archive(len(found) + 1)
+                if not np.array_equal(archive.integers("freed"), self.freed):
+                    break
+                found.append(Status(archive.text("status")))
+            except (InputError, ValueError):
+                break
+        return found
+
+    def _path(self, number: int) -> Path:
+        return self._folder / f"step-{number:06}.npz"
+
+    def _others(self) -> Iterator[Path]:
+        """Files that are not left of a write that was interrupted."""
+        return (path for path in self._folder.iterdir() if not path.name.startswith(".writing-"))
+
+    def _write_header(self) -> None:
+        document = {
+            "format": _FORMAT,
+            "version": _VERSION,
+            "fingerprint": self._fingerprint,
+            "planned": self._planned,
+            "freed": self.freed.tolist(),
+        }
+        write_text(self._folder / _HEADER, json.dumps(document, indent=2) + "\n")
+
+    def _checked(self, header: Path) -> IntArray:
+        """Vertices whose shear is given up, of a store of this history."""
+        remedy = "is not the description of stored steps: give an empty folder, or a new name"
+        try:
+            document: Any = json.loads(header.read_text(encoding="utf-8"))
+            known = (document["format"], document["version"])
+            freed = np.array(document["freed"], dtype=np.int64).reshape(-1)
+            planned, fingerprint = document["planned"], document["fingerprint"]
+        except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
+            raise InputError("store", str(header), remedy) from error
+        if known != (_FORMAT, _VERSION):
+            raise InputError("store", str(header), remedy)
+        if fingerprint != self._fingerprint:
+            other = f"holds another history, of {planned} steps: problems or options differ. Give a new folder"
+            raise InputError("store", str(self._folder), other)
+        return freed
