@@ -5,18 +5,21 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.verification import balance
+from comparisons.verification import balance, rollers
 from comparisons.verification.elements import QUINTIC, TRIANGLES, Element, on
 from comparisons.verification.measures import mean_pressure
 from comparisons.verification.proof import both, certified, certified_companion
-from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, relative
-from qvi_contact import ContactLine, ContactProblem, ContactResult
+from comparisons.verification.row import Kind, Row, absolute, at_least, relative
+from comparisons.verification.two_models import two_models
+from qvi_contact import ContactLine, ContactProblem
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.companion import CompanionContact, solve_companion
+from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import (
     CORNER_EXPONENTS,
     block_corner,
     cylinder_in_bore,
+    cylinder_on_block,
+    half_discs,
     loaded_pin,
     persson_pressure,
     press_fit,
@@ -46,7 +49,7 @@ def lame_rings(element: Element, quick: bool) -> Iterator[Row]:
     error, quantity = float(np.abs(-joint.normal_stress / known - 1.0).max()), "largest relative error of the pressure"
     yield absolute(quantity, error, 0.0, 5e-4, Kind.ANALYTIC, "Lamé and Michell, at all points", proof)
     if not quick:
-        yield from _two_models(result, "joint", 1e-5, 1e-6)
+        yield from two_models(result, "joint", 1e-5, 1e-6)
 
 
 @on(TRIANGLES, QUINTIC, few=1)
@@ -63,7 +66,7 @@ def fitted_shaft(element: Element, quick: bool) -> Iterator[Row]:
         )
         yield absolute(quantity, error, 0.0, 1e-3, Kind.ANALYTIC, f"{source}; at all points", proof)
         if not quick:
-            yield from _two_models(result, "shaft", 1e-5, 1e-5)
+            yield from two_models(result, "shaft", 1e-5, 1e-5)
 
 
 @on(TRIANGLES, QUINTIC, few=1)
@@ -77,7 +80,7 @@ def bore(element: Element, quick: bool) -> Iterator[Row]:
         tolerance = 1e-3 if quick else 2e-4
         yield relative(f"mean pressure, {name} [MPa]", ours, known, tolerance, Kind.ANALYTIC, source, proof)
     if element is TRIANGLES and not quick:
-        yield from _two_models(result, "bore", 1e-3, 1e-3)
+        yield from two_models(result, "bore", 1e-3, 1e-3)
 
 
 @on(TRIANGLES, QUINTIC, few=1)
@@ -103,7 +106,7 @@ def pin(element: Element, quick: bool) -> Iterator[Row]:
     stress = float(result.stress(50.0, 0.0)[0])
     yield relative("σ_xx on the axis at the hole [MPa]", stress, -160.51, 0.05, Kind.PUBLISHED, source, proof)
     if not quick:
-        yield from _two_models(result, "pin", 2e-3, 1e-3)
+        yield from two_models(result, "pin", 2e-3, 1e-3)
 
 
 @on(TRIANGLES)
@@ -138,6 +141,8 @@ def conservation(element: Element, quick: bool) -> Iterator[Row]:
         "bore": lambda: cylinder_in_bore(8),
         "loaded pin": lambda: loaded_pin(8),
         "sliding block": lambda: block_corner(0.3, 2),
+        "cylinder on block": lambda: cylinder_on_block(0.01, 4, 2),
+        "half discs": lambda: half_discs(0.01, 4, 2),
     }
     for name, problem in list(problems.items())[:: 2 if quick else 1]:
         result, companion = element.solve(problem()), solve_companion(problem())
@@ -150,23 +155,6 @@ def conservation(element: Element, quick: bool) -> Iterator[Row]:
             "what stresses leave; C ε(v) on the same mesh leaves more",
         )
         yield at_least(quantity, theirs, ours, 0.0, Kind.METHODS, source, proof)
-
-
-def _two_models(result: ContactResult, contact: str, tolerance: float, apart: float) -> Iterator[Row]:
-    """The mean pressure against displacements on the same mesh, and energies from both sides."""
-    companion = solve_companion(result.problem)
-    proof, theirs = both(certified(result), certified_companion(companion)), companion.contacts[contact]
-    ours, source = mean_pressure(result.contacts[contact]), "displacement model on the same mesh"
-    yield relative("mean pressure, both models", ours, _mean(theirs), tolerance, Kind.METHODS, source, proof)
-    found = result.bracket
-    width, source = (found.upper - found.lower) / found.strain, f"bracket for {found.kind.value}"
-    yield at_most("gap of the energies over the strain energy", width, apart, 0.0, Kind.METHODS, source, proof)
-    if found.guaranteed:
-        yield at_least("the same, upper not below lower", width, 0.0, 1e-9, Kind.ANALYTIC, source, proof)
-
-
-def _mean(contact: CompanionContact) -> float:
-    return float(-(contact.weights @ contact.normal_stress) / contact.weights.sum())
 
 
 def _angles(line: ContactLine) -> FloatArray:
@@ -201,5 +189,6 @@ PROBLEMS: Final = {
     "loaded-pin": pin,
     "corner-rates": sticking_corner,
     "sliding-corner": sliding_corner,
+    **rollers.PROBLEMS,
     "conservation": conservation,
 }

@@ -7,6 +7,7 @@ from qvi_contact.gallery.benchmarks import (
     loaded_pin,
     persson_pressure,
     press_fit,
+    press_fit_torque,
     rings,
 )
 from qvi_contact.gallery.blocks import DOOR_AND_WINDOW, jointed_slope, masonry_wall
@@ -18,6 +19,7 @@ from qvi_contact.gallery.literature import (
     ssnv128,
     stick_slip_block,
 )
+from qvi_contact.gallery.rollers import cylinder_on_block, half_discs
 
 __all__ = [
     "CORNER_EXPONENTS",
@@ -28,12 +30,15 @@ __all__ = [
     "cantilever",
     "compressed_plate",
     "cylinder_in_bore",
+    "cylinder_on_block",
     "gravity_column",
+    "half_discs",
     "jointed_slope",
     "loaded_pin",
     "masonry_wall",
     "persson_pressure",
     "press_fit",
+    "press_fit_torque",
     "problem_from_state",
     "pure_bending",
     "rings",

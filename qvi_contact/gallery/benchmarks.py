@@ -63,11 +63,45 @@ def press_fit(sectors: int = 8, friction: float = 0.0, *, whole: bool = False) -
     return ContactProblem(mesh, Material(206e3, 0.3), [contact, outside, *_halves(whole)])
 
 
+def press_fit_torque(
+    friction: float, torque: float = 0.0, *, turn: float | None = None, sectors: int = 4
+) -> ContactProblem:
+    """A hollow shaft in a hub with an interference, twisted: it slips at the torque 2π μ p R².
+
+    As `press_fit`, with a bore of radius 5 mm in the shaft: p = 59.927 MPa (Lamé). The torque acts as shear in that
+    bore, and the outside of the hub is kept from turning.
+
+    Parameters
+    ----------
+    friction : float
+        Coefficient of friction μ.
+    torque : float
+        Counterclockwise, for a unit of thickness [N mm/mm].
+    turn : float, optional
+        Displacement along the bore instead of a torque [mm].
+    sectors : int
+        Edges of each circle in a quarter.
+
+    """
+    angles = _angles(sectors, 4)
+    first, second = _radii(5.0, 25.0, sectors), _radii(25.0, 50.0, sectors)
+    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
+    mesh = fan(lines, closed=True, joints={"shaft": len(first) - 1}, arcs=("shaft", "outer", "inner"))
+    shear = torque / (2.0 * np.pi * 5.0**3)
+    bore: list[Condition] = [Traction("inner", x=lambda _, y: -shear * y, y=lambda x, _: shear * x)]
+    if turn is not None:  # tangents of edges point to the right
+        bore = [Traction("inner", normal=0.0), Displacement("inner", tangential=lambda _, y: -turn * np.sign(y))]
+    held: list[Condition] = [Displacement("outer", tangential=0.0), Traction("outer", normal=0.0)]
+    return ContactProblem(mesh, Material(206e3, 0.3), [Contact("shaft", friction=friction, gap=-0.02), *held, *bore])
+
+
 def _halves(whole: bool) -> list[Condition]:
     return [] if whole else [Symmetry("start"), Symmetry("end")]
 
 
-def cylinder_in_bore(sectors: int = 16, friction: float = 0.0, *, extent: float = 100.0) -> ContactProblem:
+def cylinder_in_bore(
+    sectors: int = 16, friction: float = 0.0, *, extent: float = 100.0, share: float = 1.0
+) -> ContactProblem:
     """A cylinder in the bore of a very large plate, pressed to one side by its axis: Persson's problem.
 
     Radii 60 and 59.99 mm, both E = 210 000 MPa, ν = 0.3, plane stress, 1875 N/mm along x. Without friction the contact
@@ -83,6 +117,8 @@ def cylinder_in_bore(sectors: int = 16, friction: float = 0.0, *, extent: float 
         Coefficient of friction μ.
     extent : float
         Radius at which the plate is held, over that of the bore.
+    share : float
+        Part of the load.
 
     """
     angles = _angles(sectors, 2)
@@ -92,7 +128,7 @@ def cylinder_in_bore(sectors: int = 16, friction: float = 0.0, *, extent: float 
     mesh = _loaded(mesh, 1.2)
     contact = Contact("bore", friction=friction, gap=0.01)
     held = Displacement("outer", x=0.0, y=0.0)
-    return ContactProblem(mesh, Material(210e3, 0.3), [contact, held, *_pulled(1875.0 / 2.0, 1.2)])
+    return ContactProblem(mesh, Material(210e3, 0.3), [contact, held, *_pulled(share * 1875.0 / 2.0, 1.2)])
 
 
 def persson_pressure(angle: ArrayLike) -> FloatArray:

@@ -19,9 +19,12 @@ from qvi_contact.gallery import (
     CORNER_EXPONENTS,
     block_corner,
     cylinder_in_bore,
+    cylinder_on_block,
+    half_discs,
     loaded_pin,
     persson_pressure,
     press_fit,
+    press_fit_torque,
     rings,
 )
 from qvi_contact.gallery.meshes import arc, fan
@@ -207,3 +210,36 @@ class TestBenchmarks:
         near = (away > 2e-4) & (away < 2e-3)
         slope = np.polyfit(np.log(away[near]), np.log(-base.normal_stress[near]), 1)[0]
         assert 1.0 + slope == pytest.approx(CORNER_EXPONENTS[friction], abs=1e-3)
+
+
+def ellipse(x, values):
+    """Height and half-width of v² = h² (1 − x²/a²)."""
+    large = values > 0.3 * values.max()
+    slope, square = np.polyfit(x[large] ** 2, values[large] ** 2, 1)
+    return np.sqrt(square), np.sqrt(-square / slope)
+
+
+class TestRollers:
+    """Round bodies on true arcs that touch in a short part of their surfaces."""
+
+    def test_hertz(self):
+        line = solved(cylinder_on_block(0.01, 4, 3)).contacts["contact"]
+        assert ellipse(line.x, -line.normal_stress) == pytest.approx((358.536, 0.62146), rel=2e-4)
+        assert line.normal_force == pytest.approx(175.0, rel=1e-12)
+
+    def test_cattaneo(self):
+        """The pressure is that of Hertz still, and what friction lacks in the middle is an ellipse, too."""
+        line = solved(half_discs(1e-4, 4, 3)).contacts["contact"]
+        assert ellipse(line.x, -line.normal_stress) == pytest.approx((0.09351351, 0.00680778), rel=3e-4)
+        missing = -0.2 * line.normal_stress - np.abs(line.tangential_stress)
+        assert ellipse(line.x, missing)[1] == pytest.approx(0.00496511, rel=1e-3)
+
+    def test_the_torque_of_a_press_fit(self):
+        """2π μ p R²: all but all of it is carried; turned further the shaft slips, and carries no more."""
+        limit = 2.0 * np.pi * 0.2 * 59.927273 * 25.0**2
+        below = solved(press_fit_torque(0.2, 0.999 * limit)).contacts["shaft"]
+        sliding = solved(press_fit_torque(0.2, turn=0.01)).contacts["shaft"]
+        for line, torque in ((below, 0.999 * limit), (sliding, limit)):
+            assert abs(line.weights @ line.tangential_stress) * 25.0 == pytest.approx(torque, rel=1e-4)
+        assert sliding.shares["slip"] == 1.0
+        assert below.shares["stick"] > 0.0
