@@ -81,7 +81,7 @@ class Cluster:
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory):
-    """One cluster for all tests that leave it as it is."""
+    """One cluster for all tests; the last ones that use it take its workers away, and in the end its scheduler."""
     found = Cluster(tmp_path_factory.mktemp("cluster"))
     yield found
     found.close()
@@ -93,14 +93,6 @@ def local(tmp_path_factory):
     path = tmp_path_factory.mktemp("local") / "a"
     run_study(DEMO, path)
     return comparable(path)
-
-
-@pytest.fixture(scope="module")
-def lossy(tmp_path_factory):
-    """One that loses workers, and its scheduler to the last test that uses it."""
-    found = Cluster(tmp_path_factory.mktemp("lossy"))
-    yield found
-    found.close()
 
 
 @pytest.fixture
@@ -188,26 +180,26 @@ class TestEnds:
 class TestLosses:
     """Workers and schedulers that die."""
 
-    def test_lost_worker(self, lossy, tmp_path):
+    def test_lost_worker(self, running, tmp_path):
         """Tried again on another one, once; a run waits while there is none, and takes those that come later."""
         study = Study("losses", 1, "tests.comparisons.study_demo:losing", {"times": (1, 2)}, packages=())
         with ThreadPoolExecutor() as threads:
-            run = threads.submit(run_study, study, tmp_path / "a", dask=lossy.address, progress=False)
-            assert eventually(lambda: lossy.lost() == 2)
+            run = threads.submit(run_study, study, tmp_path / "a", dask=running.address, progress=False)
+            assert eventually(lambda: running.lost() == 2)
             assert not run.done()
             for _ in range(2):  # one of them is lost to the case that is then given up
-                lossy.add_worker()
+                running.add_worker()
             assert run.result(timeout=60).statuses == {"done": 1, "crashed": 1}
-        assert lossy.lost() == 3
+        assert running.lost() == 3
         first, second = read_study(tmp_path / "a").rows
         assert (first.status, first.result) == ("done", {"tried": 2})
         assert (second.status, second.reason) == ("crashed", "the worker of the cluster was lost, 2 times")
         assert second.environment["threads"] == 1
 
-    def test_lost_scheduler(self, lossy, command, tmp_path):
-        process = command("--dask", lossy.address, "--way", "plain", "--way", "hold")
+    def test_lost_scheduler(self, running, command, tmp_path):
+        process = command("--dask", running.address, "--way", "plain", "--way", "hold")
         assert eventually(lambda: rows_in(tmp_path / "a") == 1)
-        lossy.processes[0].kill()
+        running.processes[0].kill()
         out, err = process.communicate(timeout=60)
         assert (process.returncode, out) == (2, "")
         assert "the scheduler was lost" in err
