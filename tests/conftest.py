@@ -15,8 +15,10 @@ from solvers import InputError
 from solvers.basics import watch
 from solvers.factorisation import set_default
 from solvers.factorisation.registry import VARIABLE
+from tests.effort import examples
 
-settings.register_profile("suite", deadline=None, derandomize=True)  # neither time nor chance decides a test
+# neither time nor chance decides a test
+settings.register_profile("suite", max_examples=examples(50), deadline=None, derandomize=True)
 settings.load_profile("suite")
 
 
