@@ -52,7 +52,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"(numpy|np|scipy|matplotlib|click|collections|dataclasses|pathlib|typing|types|enum)(\..*)?"),
     (
         r"py:.*",
-        r"(Any|Array|ArrayLike|Axes|Console|DataFrame|PolyCollection|TriMesh|Figure|IO|Module|NDArray|Protocol|Self)",
+        r"(Any|Array|ArrayLike|FloatArray|Axes|Console|DataFrame|PolyCollection|TriMesh|Figure|IO|Module|NDArray|Protocol|Self)",
     ),
     (r"py:.*", r"(str|int|float|bool|None|object|tuple|list|dict|Path|Mapping|Sequence|Callable|Iterable|Iterator)"),
     (r"py:.*", "|".join(_ALIASES)),  # in a table of api/problem.md
@@ -62,5 +62,5 @@ nitpick_ignore_regex = [
     (r"py:class", r"qvi_contact\.(problem\.problem\.Prescribed|solution\.contact_path\.ContactPath)"),
     (r"py:class", r"qvi_contact\.companion\.(elasticity|space|state)\.\w+"),
     (r"py:class", r"qvi_contact\.(mesh\.(edges|mesh|rectilinear|topology)\.\w+|plots\.figures\.LoadHistory)"),
-    (r"py:class", r"solvers\.(factorisation\.dissection|inequality\.(energy|linear|operator))\.\w+"),
+    (r"py:class", r"solvers\.(factorisation\.dissection|inequality\.(energy|interface|linear|operator))\.\w+"),
 ]

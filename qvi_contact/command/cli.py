@@ -122,7 +122,10 @@ def group() -> None:
 @_REPORT
 @click.option("--certificate", is_flag=True, help="Compute the certificate again and print it as a table.")
 @click.option(
-    "--set", "swept", metavar="NAME=V1,V2,…", help="Solve for several values of friction, load, gap or offset."
+    "--set",
+    "swept",
+    metavar="NAME=V1,V2,…",
+    help="Solve for several values: of friction, of a factor of load, of what is added to gap or offset.",
 )
 @click.option(
     "--store", metavar="FOLDER", help="Keep each step of a history there; the same command again goes on from it."

@@ -44,11 +44,11 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     for name, motion in result.plates.items():
         x, y = (shown(part, least.displacement) for part in (motion.x, motion.y))
         turned = shown(motion.rotation, least.rotation)
-        yield f"plate {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
+        yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
         pushed = result.plate_force(name)
         across, up = (shown(part, least.force) for part in (pushed.x, pushed.y))
         moment = shown(pushed.moment, least.moment)
-        yield f"plate {name} pushes by ({across}, {up}) {force}, turns with {moment} {units.engineering_moment}"
+        yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
 
 
 def history_lines(history: History, times: Sequence[float], units: Units) -> Iterator[str]:
@@ -78,6 +78,8 @@ def sweep_lines(
 ) -> Iterator[str]:
     """One table for each contact, a row for each value, then the outcome."""
     least = Rounding.largest(step.discretization.scales.rounding for step in steps)
+    length = f"[{units.displacement}]"
+    swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
     for contact in steps[0].problem.contacts:
         rows = []
         for step, value in zip(steps, values, strict=False):
@@ -88,7 +90,9 @@ def sweep_lines(
                 row += [*forces, *_shares(line)]
             rows.append(row)
         yield f"contact {contact.name}, forces in {units.engineering_force}"
-        yield from table([parameter, "status", "iterations", "normal", "tangential", *_STATES], rows)
+        yield from table(
+            [swept.get(parameter, parameter), "status", "iterations", "normal", "tangential", *_STATES], rows
+        )
         yield ""
     remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
     yield from (f"remark: {units.filled(remark)}" for remark in remarks)
@@ -153,12 +157,12 @@ def _shares(line: ContactLine) -> list[str]:
 def _data(condition: Mapping[str, Any]) -> str:
     """What is given, without what goes without saying."""
     given = {key: value for key, value in condition.items() if key not in _HIDDEN and value not in (None, "unilateral")}
-    given |= given.pop("plate", {})
+    drives = given.pop("plate", {})  # also those of 0: without a force it stands still in that direction
     given = {
         key: value
         for key, value in given.items()
         if value != 0.0 or key in ("x", "y", "normal", "tangential", "friction")
-    }
+    } | drives
     text = ", ".join(f"{key} = {value}" for key, value in given.items())
     return f": {text}" if text else ""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.mesh.arcs import arc_offsets
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.topology import chains
@@ -41,7 +42,7 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Adjoining edges without a corner between them: a straight side, or an arc as chords.
+    """Adjoining edges without a corner between them: a straight side, or an arc as short pieces.
 
     Attributes
     ----------
@@ -49,11 +50,14 @@ class Run:
         Ends of the edges one behind the other, in the direction of their tangents [length].
     normals : (n, 2) array
         Outward unit normals of the edges.
+    turns : (n,) array
+        Angles by which the edges turn [rad]; 0 where they are straight.
 
     """
 
     line: FloatArray
     normals: FloatArray
+    turns: FloatArray
 
     @cached_property
     def _steps(self) -> FloatArray:
@@ -94,7 +98,8 @@ class Run:
         last = len(self._lengths) - 1
         before, after = (np.clip(np.searchsorted(self._along, s, side) - 1, 0, last) for side in ("left", "right"))
         tangents = self._steps / self._lengths[:, None]
-        points = self.line[after] + (s - self._along[after])[:, None] * tangents[after]
+        shares = (s - self._along[after]) / self._lengths[after]
+        points = self.line[after] + arc_offsets(self._steps[after], self.turns[after], shares[:, None])[:, 0]
         between = (values[before] + values[after] for values in (self.normals, tangents))
         return Places(points, *(vectors / np.hypot(*vectors.T)[:, None] for vectors in between))
 
@@ -123,9 +128,9 @@ def _runs_of(mesh: Mesh, edges: Edges) -> Iterator[Run]:
     for part in np.split(order, np.flatnonzero(~joined[order])[:-1] + 1):
         piece = edges.take(part if len(part) == 1 or onward[part[0]] else part[::-1])
         if piece.curved:
-            yield _as_chords(mesh, piece)
+            yield _divided(mesh, piece)
         else:
-            yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal)
+            yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal, piece.turn)
 
 
 def _at_ends(edges: Edges) -> tuple[FloatArray, FloatArray]:
@@ -133,13 +138,13 @@ def _at_ends(edges: Edges) -> tuple[FloatArray, FloatArray]:
     return frames_along(edges, np.array([0.0, 1.0]))
 
 
-def _as_chords(mesh: Mesh, edges: Edges) -> Run:
-    """A run of edges, some of them arcs, as shorter chords."""
+def _divided(mesh: Mesh, edges: Edges) -> Run:
+    """A run of edges, some of them arcs, as shorter ones, whose chords are near enough to be drawn."""
     t = np.linspace(0.0, 1.0, CHORDS + 1)
     points = np.stack(mesh.points_along(edges, t), axis=-1)
     line = np.concatenate([points[:, :-1].reshape(-1, 2), points[-1, -1:]])
     normals = frames_along(edges, (t[1:] + t[:-1]) / 2.0)[0]
-    return Run(line, normals.reshape(-1, 2))
+    return Run(line, normals.reshape(-1, 2), np.repeat(edges.turn / CHORDS, CHORDS))
 
 
 def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float, colour: str = "black") -> None:

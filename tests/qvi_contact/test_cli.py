@@ -563,6 +563,18 @@ def test_check_says_what_was_understood(shell, tmp_path):
     assert (tmp_path / "rich.png").exists()
 
 
+def test_check_shows_forces_of_zero_that_let_an_obstacle_move(shell):
+    """Without a force it would stand still in that direction."""
+    status, out, err = shell("check", EXAMPLES / "lug.toml")
+    assert (status, err) == (0, "")
+    assert "force_y = 0.0" in out and "rotation = 0.0" in out
+
+
+@pytest.mark.parametrize(("given", "heading"), [("gap=0,1e-4", "added gap [mm]"), ("load=1,0.5", "load factor")])
+def test_sweeps_say_what_their_values_do(shell, plate, given, heading):
+    assert heading in shell("solve", plate, "--set", given)[1]
+
+
 def test_check_as_json_adds_up_the_loads(shell):
     status, out, err = shell("check", EXAMPLES / "gravity_column.toml", "--json")
     assert (status, err) == (0, "")

@@ -78,6 +78,12 @@ class TestRuns:
                 for vertex in run.line:
                     assert np.hypot(*(places.points - vertex).T).min() < 1e-12  # no corner is cut off
 
+    def test_places_on_an_arc_lie_on_the_circle(self):
+        """Between the chords that are drawn too: a gap of a rounded pin is that of the arc."""
+        mesh = ring().with_edges("bore", lambda x, y: np.hypot(x, y) < 1.1).with_arc("bore", (0.0, 0.0), 1.0)
+        for run in runs(mesh, mesh.edges("bore")):
+            assert np.hypot(*run.ends_and_points(0.01).points.T) == pytest.approx(1.0, abs=1e-13)
+
     def test_sides_that_only_meet_the_same_line_are_apart(self):
         mesh = TriangleMesh.rectangle((4, 1), 4.0).with_edges("feet", lambda x, y: (y == 0.0) & ((x < 1.0) | (x > 3.0)))
         assert [run.length for run in runs(mesh, mesh.edges("feet"))] == pytest.approx([1.0, 1.0])
