@@ -177,7 +177,8 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         ----------
         corners : sequence of Corner or (x, y)
             The corners around the body, either way round; the last one is joined to the first. A `Corner` can name
-            the line that begins there, and make an arc of it, which triangles follow.
+            the line that begins there, and make an arc of it. Triangles have sides that are parts of the arc there, as
+            with `with_arc`.
         size : float
             Size of the triangles where nothing else is said: the length of their sides [length].
         holes : sequence of lines, optional

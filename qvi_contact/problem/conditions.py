@@ -191,7 +191,7 @@ class RigidPlate:
     def __post_init__(self) -> None:
         names = [name for pair in DRIVES.items() for name in pair if getattr(self, name) is not None]
         if not names:
-            remedy = "give at least one of force_x, force_y and moment, or of the motions x, y and rotation"
+            remedy = "give at least one of force_x, force_y, moment, x, y and rotation: x = 0 if it stands still"
             raise InputError("RigidPlate", None, remedy)
         for name in names:
             finite_number(f"RigidPlate.{name}", getattr(self, name))
