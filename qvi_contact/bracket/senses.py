@@ -55,7 +55,7 @@ def _not_of_the_kind(problem: ContactProblem, contact: Contact) -> str:
     """Why a contact is not one of those that bounds under slip are for; empty if it is."""
     name, rough = repr(contact.name), has_coulomb(contact)
     found = {
-        f"Bounds under slip are for obstacles that are held: {name} has a plate driven by force.": (
+        f"Bounds under slip are for obstacles whose motion is given: that of {name} is driven by force.": (
             contact.plate is not None and contact.plate.driven
         ),
         f"Bounds under slip are for dry contacts: a fluid presses in {name}.": contact.has_fluid,
