@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Final
 
 import click
 
@@ -10,20 +11,28 @@ from comparisons.lab.study.options import RunOptions, study_options
 from comparisons.peers import LEVELS
 
 _FOLDER = "results/peers"
+_PLATE, _PIN = "plate", "pin"
+_DEFAULTS: Final = {
+    "friction": {_PLATE: (0.2, 0.05, 1.0), _PIN: (0.0, 0.1)},
+    "cells": {_PLATE: (8, 16, 32), _PIN: (6, 12)},
+}  # fmt: skip
+
+
+def _shown(name: str) -> str:
+    """Defaults of an option as the help says them."""
+    plate, pin = (", ".join(map(str, _DEFAULTS[name][problem])) for problem in (_PLATE, _PIN))
+    return f"{plate}; of the pin {pin}"
 
 
 @click.command(cls=ListCommand, short_help="Accuracy and cost beside displacement codes.")
 @study_options(f"{_FOLDER}/peers.sqlite", timeout=300.0)
-@click.option(
-    "--friction",
-    type=float,
-    multiple=True,
-    default=(0.2, 0.05, 1.0),
-    help="Coefficients of friction; may take several numbers.",
-    show_default=True,
-)
-@click.option("--cells", type=int, multiple=True, default=(8, 16, 32), show_default=True,
-              help="Cells along a side of equal and of corner-graded meshes; may take several numbers.")  # fmt: skip
+@click.option("--problem", type=click.Choice([_PLATE, _PIN]), default=_PLATE, show_default=True,
+              help="The compressed plate, or the loaded pin of NAFEMS.")  # fmt: skip
+@click.option("--friction", type=float, multiple=True, show_default=_shown("friction"),
+              help="Coefficients of friction; may take several numbers.")  # fmt: skip
+@click.option("--cells", type=int, multiple=True, show_default=_shown("cells"),
+              help="Cells along a side of equal and of corner-graded meshes, or edges of the pin in a quarter; "
+              "may take several numbers.")  # fmt: skip
 @click.option("--levels", type=int, default=LEVELS, show_default=True,
               help="Number of meshes graded to the corner and to the end of the stick zone.")  # fmt: skip
 @click.option("--repeat", type=int, default=5, help="Largest number of repetitions within 5 s.", show_default=True)
@@ -32,6 +41,7 @@ _FOLDER = "results/peers"
 @out_option(_FOLDER)
 def peers(
     options: RunOptions,
+    problem: str,
     friction: tuple[float, ...],
     cells: tuple[int, ...],
     levels: int,
@@ -41,6 +51,9 @@ def peers(
     out: Path,
 ) -> None:
     """Compare the force of the compressed plate with that of displacement codes, for its cost.
+
+    With --problem pin it is the loaded pin of NAFEMS R0094-4: displacements and forces on the same triangles by
+    NGSolve, GetFEM and this package side by side, with small strain and with finite strain.
 
     The codes are NGSolve (Nitsche's method, degrees 2 to 6), GetFEM (its contact brick, degrees 2 to 4), and this
     package on rectangles, on triangles of degree 3 to 6, and with its displacement model. Stresses and displacements
@@ -54,11 +67,15 @@ def peers(
     \b
     Examples:
         python -m comparisons peers --getfem /usr/bin/python3
+        python -m comparisons peers --problem pin --getfem /usr/bin/python3
         python -m comparisons peers --friction 0.2 --cells 8 16 --levels 3 --store small.sqlite --out results/small
     """  # noqa: D301
     from comparisons.lab.reported import run_and_report
     from comparisons.peers import measure
-    from comparisons.peers.cases import peers_study
+    from comparisons.peers.cases import missing_codes, peers_study
+    from comparisons.peers.pin.report import document_of as document_of_pins
+    from comparisons.peers.pin.report import report as pin_report
+    from comparisons.peers.pin.study import pin_study
     from comparisons.peers.report import document_of, report
     from qvi_contact.errors import InputError
 
@@ -66,6 +83,13 @@ def peers(
         raise InputError("threads", options.threads, "leave it at 1: every code runs on one thread")
     if getfem is not None:
         os.environ[measure.GETFEM] = getfem
+    friction, cells = friction or _DEFAULTS["friction"][problem], cells or _DEFAULTS["cells"][problem]
+    if problem == _PIN:
+        options = options.apart(f"{_FOLDER}/pin.sqlite", "")
+        pins = pin_study(friction, cells, missing_codes())
+        found = run_and_report(options, pins, lambda stored: pin_report(stored.rows), out)
+        found.tell(document_of_pins(found.stored.rows, found.report) if as_json else None)
+        return
     study = peers_study(friction, cells, repeat, levels)
     found = run_and_report(options, study, lambda stored: report(stored.rows), out)
     found.tell(document_of(found.stored.rows, found.report) if as_json else None)

@@ -75,7 +75,7 @@ def plain_mesh(family: str, friction: float, number: int) -> dict[str, Any]:
     """
     made = FAMILIES[family].make(friction, number)
     if isinstance(made, TriangleMesh):
-        vertices, cells, lines = made.vertices, _counter_clockwise(made.vertices, made.cells), None
+        vertices, cells, lines = made.vertices, counter_clockwise(made.vertices, made.cells), None
     else:
         vertices, cells = _rectangles(*made)
         lines = [line.tolist() for line in made]
@@ -151,7 +151,7 @@ def _rectangles(x: FloatArray, y: FloatArray) -> tuple[FloatArray, Any]:
     return np.column_stack([np.tile(x, y.size), np.repeat(y, columns)]), cells
 
 
-def _counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
+def counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
     """The same triangles with their vertices in the positive sense."""
     (ax, ay), (bx, by) = ((vertices[cells[:, k]] - vertices[cells[:, 0]]).T for k in (1, 2))
     return np.where((ax * by < ay * bx)[:, None], cells[:, ::-1], cells)
