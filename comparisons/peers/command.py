@@ -1,6 +1,7 @@
 """The command `peers`."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -12,15 +13,13 @@ from comparisons.peers import LEVELS
 
 _FOLDER = "results/peers"
 _PLATE, _PIN = "plate", "pin"
-_DEFAULTS: Final = {
-    "friction": {_PLATE: (0.2, 0.05, 1.0), _PIN: (0.0, 0.1)},
-    "cells": {_PLATE: (8, 16, 32), _PIN: (6, 12)},
-}  # fmt: skip
+_FRICTION: Final[dict[str, tuple[float, ...]]] = {_PLATE: (0.2, 0.05, 1.0), _PIN: (0.0, 0.1)}
+_CELLS: Final[dict[str, tuple[int, ...]]] = {_PLATE: (8, 16, 32), _PIN: (6, 12)}
 
 
-def _shown(name: str) -> str:
+def _shown(defaults: Mapping[str, tuple[float, ...]]) -> str:
     """Defaults of an option as the help says them."""
-    plate, pin = (", ".join(map(str, _DEFAULTS[name][problem])) for problem in (_PLATE, _PIN))
+    plate, pin = (", ".join(map(str, defaults[problem])) for problem in (_PLATE, _PIN))
     return f"{plate}; of the pin {pin}"
 
 
@@ -28,14 +27,16 @@ def _shown(name: str) -> str:
 @study_options(f"{_FOLDER}/peers.sqlite", timeout=300.0)
 @click.option("--problem", type=click.Choice([_PLATE, _PIN]), default=_PLATE, show_default=True,
               help="The compressed plate, or the loaded pin of NAFEMS.")  # fmt: skip
-@click.option("--friction", type=float, multiple=True, show_default=_shown("friction"),
+@click.option("--friction", type=float, multiple=True, show_default=_shown(_FRICTION),
               help="Coefficients of friction; may take several numbers.")  # fmt: skip
-@click.option("--cells", type=int, multiple=True, show_default=_shown("cells"),
+@click.option("--cells", type=int, multiple=True, show_default=_shown(_CELLS),
               help="Cells along a side of equal and of corner-graded meshes, or edges of the pin in a quarter; "
               "may take several numbers.")  # fmt: skip
 @click.option("--levels", type=int, default=LEVELS, show_default=True,
-              help="Number of meshes graded to the corner and to the end of the stick zone.")  # fmt: skip
-@click.option("--repeat", type=int, default=5, help="Largest number of repetitions within 5 s.", show_default=True)
+              help="Number of meshes of the plate graded to the corner and to the end of the stick zone.")  # fmt: skip
+@click.option(
+    "--repeat", type=int, default=5, help="Largest number of repetitions within 5 s, for the plate.", show_default=True
+)
 @click.option("--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not.")
 @json_option
 @out_option(_FOLDER)
@@ -83,7 +84,7 @@ def peers(
         raise InputError("threads", options.threads, "leave it at 1: every code runs on one thread")
     if getfem is not None:
         os.environ[measure.GETFEM] = getfem
-    friction, cells = friction or _DEFAULTS["friction"][problem], cells or _DEFAULTS["cells"][problem]
+    friction, cells = friction or _FRICTION[problem], cells or _CELLS[problem]
     if problem == _PIN:
         options = options.apart(f"{_FOLDER}/pin.sqlite", "")
         pins = pin_study(friction, cells, missing_codes())

@@ -1,0 +1,50 @@
+"""The loaded pin by displacement codes: the same data for every code, and the same displacement."""
+
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from comparisons.peers.codes import own_pin
+from comparisons.peers.pin.study import MODELS, pin_study, plain_pin, run
+from qvi_contact.errors import InputError
+
+MOVED = {0.0: 0.758518, 0.1: 0.738677}
+"""u_x [mm] of the sheet on the axis, by NGSolve with degree 4 on twice as many edges."""
+
+
+def test_plain_data_are_the_gallerys_pin():
+    """Areas and sides of half an eye with its pin; the load's traction times its length is the force."""
+    plain = plain_pin(0.1, 4)
+    places = {name: np.array(plain["vertices"])[pairs] for name, pairs in plain["sides"].items()}
+    assert np.hypot(*places["hole"].T) == pytest.approx(50.0)
+    assert np.hypot(*places["eye"].T) == pytest.approx(100.0)
+    assert np.abs(places["axis"][..., 1]).max() < 1e-12
+    load = np.linalg.norm(np.diff(places["load"], axis=1), axis=-1).sum()
+    assert plain["traction"] * load == pytest.approx(plain["force"])
+    a, b, c = np.array(plain["vertices"])[np.array(plain["cells"]).T]
+    assert np.all(np.linalg.det(np.stack([b - a, c - a], axis=-1)) > 0.0)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_triangles_move_as_far_as_ngsolve_says(friction):
+    """Half a thousandth on four edges in a quarter; the force is carried to rounding."""
+    found = own_pin.build(plain_pin(friction, 4), degree=4).solve()
+    assert found["moved"] == pytest.approx(MOVED[friction], rel=5e-4)
+    assert found["carried"] == pytest.approx(1e4, rel=1e-9)
+
+
+@pytest.mark.skipif(find_spec("ngsolve") is None, reason="NGSolve is not installed")
+def test_ngsolve_moves_as_far_on_the_same_triangles():
+    """In a process of its own, as the study runs it."""
+    name = next(name for name, (code, *_) in MODELS.items() if code == "ngsolve")
+    found = run({"friction": 0.1, "sectors": 4, "model": name})
+    assert found["moved"] == pytest.approx(MOVED[0.1], rel=2e-3)
+    assert found["carried"] == pytest.approx(1e4, rel=1e-6)
+
+
+@pytest.mark.parametrize(("friction", "sectors"), [((), (6,)), ((-0.1,), (6,)), ((np.nan,), (6,)), ((0.1,), (0,))])
+def test_wrong_values_are_refused(friction, sectors):
+    """Before a process starts."""
+    with pytest.raises(InputError):
+        pin_study(friction, sectors, ())
