@@ -195,3 +195,25 @@ def test_the_command_goes_on(tmp_path):
     single = CliRunner().invoke(group, [*words, "--store", str(tmp_path / "none")], standalone_mode=False)
     assert "history" in str(single.exception)
     assert not (tmp_path / "none").exists()
+
+
+def test_corners_given_up_on_the_way_are_remembered(tmp_path):
+    """The history starts again with them; one that goes on starts with them."""
+
+    def driven(offset):
+        mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
+        sides = [Traction("left", x=0.0, y=8.0), Traction("right", x=0.0, y=-8.0)]
+        held = Displacement("top", x=0.0, y=-0.01)
+        base = Contact("bottom", 0.3, offset=offset, name="plate")
+        return ContactProblem(mesh, Material(1000.0, 0.3), [base, held, *sides])
+
+    steps, told = [driven(offset) for offset in (0.0, 0.01, 0.02, 0.03, 0.01)], []
+    whole = solve_history(steps, element="bfs")
+    solve_history(steps, lambda number, _: told.append(number), store=tmp_path / "steps", element="bfs")
+    assert len(told) > len(steps)
+    (tmp_path / "steps" / "step-000005.npz").unlink()
+    told.clear()
+    again = solve_history(steps, lambda number, _: told.append(number), store=tmp_path / "steps", element="bfs")
+    assert told == [5]
+    assert len(again.steps[4].discretization.freed)
+    same(again, whole)
