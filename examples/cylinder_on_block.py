@@ -21,6 +21,7 @@ STEEL = qc.Material(young=2.1e5, poisson=0.3, plane="strain")  # [MPa]
 BLOCK = qc.Material(young=7e4, poisson=0.3, plane="strain")
 
 mesh = qc.TriangleMesh.load(Path(__file__).parent / "meshes" / "cylinder_on_block.msh")
+mesh = mesh.with_arc("cylinder", (0.0, math.sqrt(RADIUS**2 - 1.5**2)), RADIUS)  # the file has chords
 problem = qc.ContactProblem(
     mesh,
     BLOCK,
@@ -46,8 +47,8 @@ slope, square = np.polyfit(line.x[loaded] ** 2, pressure[loaded] ** 2, 1)
 compare(
     [
         Known("force on the right half [N/mm]", line.normal_force, FORCE / 2.0, 1e-9, "F/2"),
-        Known("peak pressure [MPa]", math.sqrt(square), peak, 1e-3, "Hertz, 2F/(π a)"),
-        Known("half-width of the contact [mm]", math.sqrt(-square / slope), width, 1e-3, "Hertz, √(4FR/(π E*))"),
+        Known("peak pressure [MPa]", math.sqrt(square), peak, 2e-4, "Hertz, 2F/(π a)"),
+        Known("half-width of the contact [mm]", math.sqrt(-square / slope), width, 2e-4, "Hertz, √(4FR/(π E*))"),
     ],
     result,
     Units(length="mm", stress="MPa"),
