@@ -7,6 +7,8 @@ import numpy as np
 
 from comparisons.verification import balance, rollers
 from comparisons.verification.elements import QUINTIC, TRIANGLES, Element, on
+from comparisons.verification.examples import wedge_problem
+from comparisons.verification.limits import oblique
 from comparisons.verification.measures import mean_pressure
 from comparisons.verification.proof import both, certified, certified_companion
 from comparisons.verification.row import Kind, Row, absolute, at_least, relative
@@ -143,6 +145,8 @@ def conservation(element: Element, quick: bool) -> Iterator[Row]:
         "sliding block": lambda: block_corner(0.3, 2),
         "cylinder on block": lambda: cylinder_on_block(0.01, 4, 2),
         "half discs": lambda: half_discs(0.01, 4, 2),
+        "wedge": wedge_problem,
+        "oblique block": lambda: oblique(0.99),
     }
     for name, problem in list(problems.items())[:: 2 if quick else 1]:
         result, companion = element.solve(problem()), solve_companion(problem())

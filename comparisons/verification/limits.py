@@ -147,13 +147,13 @@ def wedge(element: Element, quick: bool) -> Iterator[Row]:
 def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
     """A block 40 × 20 on a plane tilted by 30°, pressed by 300: a shear of 99 % of μN holds, one of 101 % slides."""
     del quick
-    holds, slides = (element.solve(_oblique(share)) for share in (0.99, 1.01))
+    holds, slides = (element.solve(oblique(share)) for share in (0.99, 1.01))
     plane, proof, source = holds.contacts["plane"], certified(holds), "SSNV503: balance"
     yield relative("N [N/mm]", plane.normal_force, 12000.0, 1e-8, Kind.ANALYTIC, source, proof)
     yield relative("|T| at 99 % [N/mm]", abs(plane.tangential_force), 3564.0, 1e-8, Kind.ANALYTIC, source, proof)
     status, proof = slides.status.value, infeasible(slides)
     yield word("status at 101 %", status, "infeasible", Kind.ANALYTIC, "SSNV503: T > μN", proof)
-    limit = element.limit_load(_oblique(0.5), ["drag"])
+    limit = element.limit_load(oblique(0.5), ["drag"])
     for quantity, ours in (("mesh", limit.lower), ("body", limit.upper)):
         source = "μN over half of it"
         yield relative(f"factor that the {quantity} carries", ours, 2.0, 1e-6, Kind.ANALYTIC, source, bounded(limit))
@@ -224,7 +224,7 @@ def _on_a_slope(friction: float) -> ContactProblem:
     return ContactProblem(mesh, _STEEL, [Contact("bottom", friction), weight, *sides])
 
 
-def _oblique(share: float) -> ContactProblem:
+def oblique(share: float) -> ContactProblem:
     """Uniform pressure and this share of the shear that friction carries, all around the block."""
     cosine, sine = math.sqrt(0.75), 0.5
     mesh = _moved(TriangleMesh.rectangle((4, 2), 40.0, 20.0), np.array([[cosine, -sine], [sine, cosine]]))

@@ -10,6 +10,7 @@ from comparisons.lab.report import drawn, render
 from comparisons.lab.report.marks import escaped
 from comparisons.verification import benchmarks, exact_states, manufactured, strict
 from comparisons.verification.figures import overview
+from comparisons.verification.pictures import picture_name, pictures
 from comparisons.verification.tables import HEADINGS, cells, problems_of, table_name, tables_of
 
 Document = dict[str, Any]
@@ -36,7 +37,8 @@ def report(document: Document) -> Report:
         "chapters": {chapter["name"]: list(map(_problem, chapter["problems"])) for chapter in document["chapters"]},
         "machine": document["machine"], "versions": document["versions"], "command": command_of(document),
     }  # fmt: skip
-    figures = {"overview": drawn("verification-overview", partial(overview, document))}
+    names = [problem["name"] for problem in problems_of(document)]
+    figures = {"overview": drawn("verification-overview", partial(overview, document)), **pictures(names)}
     return render("comparisons.verification", "verification", values, tables_of(document), figures)
 
 
@@ -47,7 +49,10 @@ def command_of(document: Document) -> str:
 
 
 def _problem(problem: Document) -> Document:
-    return {"name": problem["name"], "about": escaped(problem["about"]), "table": table_name(problem["name"])}
+    name = problem["name"]
+    return {
+        "name": name, "about": escaped(problem["about"]), "table": table_name(name), "picture": picture_name(name),
+    }  # fmt: skip
 
 
 def _failed(document: Document) -> Iterator[Document]:

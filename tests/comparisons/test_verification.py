@@ -16,6 +16,7 @@ from comparisons.lab.report import drawing, write_report
 from comparisons.lab.report.reader import parts_of
 from comparisons.lab.tables import Grid
 from comparisons.verification import plate, registry, study
+from comparisons.verification.pictures import PICTURES
 from comparisons.verification.report import as_json, report
 from comparisons.verification.row import Kind, absolute
 from comparisons.verification.tables import HEADINGS, cells
@@ -167,9 +168,13 @@ def test_every_chapter_says_what_it_shows(manual):
 
 def test_the_picture_has_every_problem(quick, manual):
     names = [problem["name"] for chapter in quick["chapters"] for problem in chapter["problems"]]
-    (picture,) = manual.pictures.values()
+    picture, *problems = manual.pictures.values()
     assert all(f">{name}</text>" in picture for name in names)
     assert picture.startswith("<svg")
+    assert len(problems) == len(PICTURES)
+    assert all("mm]" in problem or "[m]" in problem or "[length]" in problem for problem in problems)
+    assert max(map(len, problems)) < 200_000
+    assert set(PICTURES) <= set(names)
 
 
 def test_without_matplotlib_there_is_no_picture(monkeypatch, tmp_path):
