@@ -286,9 +286,9 @@ class ContactResult(Stated):
                 continue
             x, y = (float(part[touching.ravel()].mean()) for part in (line.x, line.y))
             yield (
-                f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on fewer than {_EDGES_IN_CONTACT} edges of its "
-                f"arc ({count}). The pressure there is not resolved. Refine the mesh there until {_EDGES_IN_CONTACT} edges "
-                "or more touch, as by graded([(x, y)], 2)."
+                f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on fewer than {_EDGES_IN_CONTACT} edges of "
+                f"its arc ({count}). The pressure there is not resolved. Refine the mesh there until "
+                f"{_EDGES_IN_CONTACT} edges or more touch, as by graded([(x, y)], 2)."
             )
 
     def _inexact_bounds(self) -> tuple[str, ...]:
