@@ -7,8 +7,10 @@ Each iteration factorises, once, the Newton matrix of the conditions with s λ =
 
 Only products are nonlinear: a step of length t leaves 1 − t of every residual, and the kink of |σ_N| is rounded off by
 as much as the gap is open, no less. One step length is taken for everything, since the threshold couples slacks and
-multipliers. Sources: S. Mehrotra, SIAM J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex
-problems; nothing is proved for this one, which is not monotone, hence `central_path`, and the certificate.
+multipliers. Among thousands of contact points those at the ends of joints snap one after the other, each at a turn of
+its own; there a step passes the few bounds that stop it (`_past_few`). Sources: S. Mehrotra, SIAM J. Optim. 2 (1992);
+J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex problems; nothing is proved for this one, which is not monotone,
+hence `central_path`, and the certificate.
 
 In `docs/theory.md`: (D6).
 """
@@ -29,6 +31,11 @@ _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
 _SHORT = 0.1  # predictor steps shorter than this count little
 _CORRECTORS = 2
 _GAIN = 0.02  # by which a corrector has to lengthen the step
+_HELD_UP = 0.7  # steps shorter than this go past the few bounds that stop them
+_FARTHER = 1.3  # if that makes them so much longer
+_KEPT = 0.3  # of slacks and multipliers that are passed
+_MOST_CENTRING = 0.3  # of τ where steps may do so: at a turn for a few bounds τ would else stay where it is
+_LATE = 10.0  # times the least τ, below which nothing is passed any more
 _START = 0.1  # least slack and multiplier at the start, of the scales
 _SMOOTHEST = 1.0  # √(4 pull push) at the start, of the scale of stress
 _SHARPER = 0.1  # of the shares of pull push, where it lags behind
@@ -174,15 +181,39 @@ class InteriorPoint:
         trial = point.moved(affine, reach)
         ahead = float(self.problem.weights @ (trial.s * trial.lam))
         now = max(float(self.problem.weights @ (point.s * point.lam)), _LEAST)
-        centring = min(1.0, max((max(ahead, 0.0) / now) ** 3, 1e-6, (1.0 - reach) ** 3))
+        most = _MOST_CENTRING if self._few else 1.0
+        centring = min(most, max((max(ahead, 0.0) / now) ** 3, 1e-6, (1.0 - reach) ** 3))
         damping = 1.0 if reach >= _SHORT else reach**2
         target = max(centring * tau, self.least) * self.shares
         comp = target - products - damping * affine.products
         step, length = _corrected(newton, point, comp, target)
         share = min(max(_STEP, reach), _LONGEST_STEP)  # what is left of the products is at least what the step leaves
         length = self._in_neighbourhood(step, min(1.0, share * length))
+        if self._few and length < _HELD_UP and tau > _LATE * self.least:
+            return self._past_few(step, length)
         self.point = point.moved(step, length)
         return length
+
+    def _past_few(self, step: Step, length: float) -> float:
+        """A step that is longer if it is stopped by few bounds, whose slacks and multipliers keep a share instead.
+
+        That leaves residuals at these bounds alone, which the next steps reduce. Returns its length.
+        """
+        point = self.point
+        falls = _falls(point, step)
+        farther = min(1.0, _STEP / max(float(np.partition(falls, -1 - self._few)[-1 - self._few]), _LEAST))
+        if farther <= _FARTHER * length:
+            self.point = point.moved(step, length)
+            return length
+        moved = point.moved(step, farther)
+        pairs = ((moved.s, point.s), (moved.lam, point.lam), (moved.pull, point.pull), (moved.push, point.push))
+        self.point = Point(moved.y, *(np.maximum(after, _KEPT * before) for after, before in pairs))
+        return farther
+
+    @property
+    def _few(self) -> int:
+        """Bounds that must not hold up all the others."""
+        return int(self.problem.system.stragglers * len(self.shares))
 
     def parameter(self) -> float:
         """τ of the current point: Σ W s λ / Σ W ω; 0 without bounds."""
@@ -282,9 +313,14 @@ def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector) -> tu
 
 def _longest(point: Point, step: Step) -> float:
     """The length at which a slack, a multiplier, a pull or a push reaches zero."""
-    fall = [-step.s / point.s, -step.lam / point.lam, -step.pull / point.pull, -step.push / point.push]
-    largest = float(np.concatenate(fall).max(initial=0.0))
+    largest = float(_falls(point, step).max(initial=0.0))
     return 1.0 / largest if largest > 0.0 else np.inf
+
+
+def _falls(point: Point, step: Step) -> Vector:
+    """By which shares all that must stay positive falls."""
+    pairs = ((step.s, point.s), (step.lam, point.lam), (step.pull, point.pull), (step.push, point.push))
+    return np.concatenate([-change / value for change, value in pairs])
 
 
 def _largest(values: Vector) -> float:

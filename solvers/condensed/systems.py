@@ -110,12 +110,14 @@ class NewtonSystem(Protocol):
     refinements : corrections of every solve
     patience : iterations without progress after which the central path is followed
     keeps_forces : whether `saddle` can take its place
+    stragglers : share of slacks and multipliers that may not hold up all the others
 
     """
 
     refinements: int
     patience: int
     keeps_forces: bool
+    stragglers: float
 
     def norm(self, force: Vector) -> float:
         """√(fᵀ S⁻¹ f) of a force (k,): how far it moves the body; 0 where S is no longer definite to rounding."""
@@ -132,6 +134,7 @@ class DenseSystem:
     refinements = 1
     patience = 6
     keeps_forces = True
+    stragglers = 0.0
 
     def __init__(self, S: Matrix) -> None:
         self._S = S

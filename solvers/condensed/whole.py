@@ -136,6 +136,7 @@ class SparseSystem:
     refinements = 1
     patience = 15  # close to the limit the gap hovers for a while and goes on
     keeps_forces = False
+    stragglers = 0.02
 
     def __init__(self, whole: Whole, filling: "Filling") -> None:
         self._whole, self._filling = whole, filling

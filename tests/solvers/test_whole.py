@@ -6,6 +6,7 @@ from scipy.sparse import csc_array, eye_array, random_array
 
 from solvers import FrictionQVI, solve_qvi
 from solvers.condensed.complementarity import Complementarity
+from solvers.condensed.interior_point import InteriorPoint, Step
 from solvers.condensed.whole import Whole
 from solvers.errors import InputError
 from solvers.factorisation import FactorisationError, available_backends, set_default
@@ -67,6 +68,22 @@ def test_newton_matrices_are_those_of_the_bounds(law):
     found = problem.system.factorised(problem, ratio, slope)(force)
     assert H @ found[:n] == pytest.approx(force[:n], abs=1e-9 * np.abs(H).max())
     assert found[n:] == pytest.approx(Y @ found[:n], abs=1e-12 * np.abs(found).max())
+
+
+@pytest.mark.parametrize(("share", "length", "kept"), [(0.05, 0.99, 0.3), (0.0, 0.0495, 1.0 - 20.0 * 0.0495)])
+def test_few_bounds_do_not_hold_up_the_others(share, length, kept, monkeypatch):
+    """Every bound falls by its size in a step of one; one of them by twenty times that."""
+    _, problem = posed(chain(1))
+    interior = InteriorPoint(problem, 1.0)
+    monkeypatch.setattr(problem.system, "stragglers", share, raising=False)
+    before = interior.point
+    fall = before.s.copy()
+    fall[0] *= 20.0
+    step = Step(np.ones_like(before.y), -fall, 0.0 * before.lam, 0.0 * before.pull, 0.0 * before.push)
+    found = interior._past_few(step, 0.0495)
+    assert found == pytest.approx(length)
+    assert interior.point.s[0] == pytest.approx(kept * before.s[0])
+    assert interior.point.y == pytest.approx(before.y + length)
 
 
 def test_points_may_link_unknowns_that_k_does_not():
