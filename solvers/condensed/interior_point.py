@@ -26,7 +26,7 @@ from solvers.condensed.saddle import Saddle
 from solvers.condensed.systems import Solve
 from solvers.inequality.blocks import Rows
 
-_STEP, _LONGEST_STEP = 0.99, 0.9999  # of the way to the nearest bound: at least, and where nothing bends the way
+_STEP = 0.99  # of the way to the nearest bound, at least
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
 _SHORT = 0.1  # predictor steps shorter than this count little
 _CORRECTORS = 2
@@ -187,7 +187,7 @@ class InteriorPoint:
         target = max(centring * tau, self.least) * self.shares
         comp = target - products - damping * affine.products
         step, length = _corrected(newton, point, comp, target)
-        share = min(max(_STEP, reach), _LONGEST_STEP)  # what is left of the products is at least what the step leaves
+        share = min(max(_STEP, reach), self.problem.system.longest)  # products keep at least what the step leaves
         length = self._in_neighbourhood(step, min(1.0, share * length))
         if self._few and length < _HELD_UP and tau > _LATE * self.least:
             return self._past_few(step, length)

@@ -60,6 +60,7 @@ _FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
 _PROGRESS = 0.7
 _SMALL_SHARE = 2e-3  # of the contact that belongs to one point, below which the gap has to be smaller
 _LEAST_GAP = 2e-17  # that is asked for: the interior point method goes no further than half of it
+_NO_GAP = 1e-19  # out of reach, so that iterations go on as long as they gain
 _FINER = 0.3  # of the gap that is asked for, at which iterations go on with the residuals alone
 _ENOUGH = 1e-12  # relative defect correction that is not worth another one
 _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
@@ -124,7 +125,7 @@ class _Run:
     path: CentralPath | None = None
     force: float = np.inf  # residual of the iteration before
     last_gap: float = np.inf  # gap of the iteration before
-    kept: tuple[float, Point | None] = (np.inf, None)  # the best point, by quotients of measures and limits
+    kept: tuple[float, Point | None] = (np.inf, None)  # the best point, see `_worst`
     unsettled: float = np.inf  # energy norm of the residual of y when last all else was reached
     before: int = 0  # iterations of earlier starts
     elsewhere: bool = False  # whether its central path is another one than the usual
@@ -145,7 +146,8 @@ class _Run:
         """
         weights = self.problem.weights
         share = float(weights.min() / weights.sum()) if len(weights) else 1.0
-        return min(self.options.gap, max(self.options.gap * (share / _SMALL_SHARE) ** 2, _LEAST_GAP))
+        least = _NO_GAP if self.problem.system.last_digits else _LEAST_GAP
+        return min(self.options.gap, max(self.options.gap * (share / _SMALL_SHARE) ** 2, least))
 
     def relative(self, length: float) -> float:
         """An energy norm over that of the first step."""
@@ -226,7 +228,8 @@ def _start(qvi: FrictionQVI, space: Space, options: CondensedOptions, share: flo
     interior = InteriorPoint(problem, stress / stiffness if stiffness > 0.0 else 1.0)
     interior.start_at(problem.restricted(bonded))
     run = _Run(qvi, space, base, problem, interior, options, began=time.perf_counter())
-    interior.finest = max(interior.finest, _FINER * run.final_gap)  # further on multipliers would only lose digits
+    if not problem.system.last_digits:
+        interior.finest = max(interior.finest, _FINER * run.final_gap)
     return run
 
 
@@ -305,7 +308,7 @@ def _iterate_to(run: _Run, gap: float) -> None:
     while True:
         residuals = run.interior.residuals()
         measures = run.interior.measures(residuals)
-        worst = max(_distance(run, measures), measures.force / _FORCE_FLOOR)
+        worst = _worst(run, measures)
         if worst < run.kept[0]:
             run.kept = (worst, run.interior.point)
         stalled = run.path is None and _stalled(run, measures)
@@ -362,6 +365,13 @@ def _settled(run: _Run, residuals: Residuals) -> bool:
         return True
     before, run.unsettled = run.unsettled, run.problem.system.norm(residuals.force) / run.scale
     return run.unsettled <= _ENOUGH or run.unsettled > _HALVED * before
+
+
+def _worst(run: _Run, measures: Measures) -> float:
+    """What the best point is chosen by; forces count as much as the gap where their last digits are within reach."""
+    if run.problem.system.last_digits:
+        return measures.worst
+    return max(_distance(run, measures), measures.force / _FORCE_FLOOR)
 
 
 def _distance(run: _Run, measures: Measures) -> float:

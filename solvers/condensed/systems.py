@@ -111,6 +111,8 @@ class NewtonSystem(Protocol):
     patience : iterations without progress after which the central path is followed
     keeps_forces : whether `saddle` can take its place
     stragglers : share of slacks and multipliers that may not hold up all the others
+    longest : step that is taken at most, of the way to the nearest bound
+    last_digits : whether iterations go on for the digits of forces where the gap is at its floor
 
     """
 
@@ -118,6 +120,8 @@ class NewtonSystem(Protocol):
     patience: int
     keeps_forces: bool
     stragglers: float
+    longest: float
+    last_digits: bool
 
     def norm(self, force: Vector) -> float:
         """√(fᵀ S⁻¹ f) of a force (k,): how far it moves the body; 0 where S is no longer definite to rounding."""
@@ -135,6 +139,8 @@ class DenseSystem:
     patience = 6
     keeps_forces = True
     stragglers = 0.0
+    longest = 0.99  # beyond, forces lose digits on graded meshes
+    last_digits = True
 
     def __init__(self, S: Matrix) -> None:
         self._S = S

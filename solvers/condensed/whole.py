@@ -137,6 +137,8 @@ class SparseSystem:
     patience = 15  # close to the limit the gap hovers for a while and goes on
     keeps_forces = False
     stragglers = 0.02
+    longest = 0.9999  # where nothing bends the way
+    last_digits = False
 
     def __init__(self, whole: Whole, filling: "Filling") -> None:
         self._whole, self._filling = whole, filling

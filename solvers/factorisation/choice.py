@@ -26,7 +26,7 @@ Structure: TypeAlias = Callable[[IntVector], SubdomainTree | None]
 
 _WORTH_SHARING: Final = 10_000  # unknowns from which on shared subdomains are faster than any sparse back end
 _ALWAYS_CONDENSED: Final = 400  # unknowns of the interface
-_SLOWER: Final = 4.5  # sparse operations beside dense ones, measured
+_SLOWER: Final = 4.5  # sparse operations beside dense ones, see docs/theory.md
 _MOST_THREADS: Final = 1024  # more do not pay on any machine, and libraries take no number of any size
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
