@@ -26,10 +26,10 @@ _STEEL: Final = Units(length="mm", stress="MPa")
 _SI: Final = Units(length="m", stress="Pa")
 
 PICTURES: Final[dict[str, tuple[Callable[[], ContactProblem], Units | None]]] = {
-    "rings": (lambda: rings(2), _SI),
+    "rings": (lambda: rings(4), _SI),
     "press-fit": (lambda: press_fit(2), _STEEL),
     "cylinder-in-bore": (lambda: cylinder_in_bore(2, extent=2.0), _STEEL),
-    "loaded-pin": (lambda: loaded_pin(2), _STEEL),
+    "loaded-pin": (lambda: loaded_pin(4), _STEEL),
     "sliding-corner": (lambda: block_corner(0.3, 1, 3), None),
     "cylinder-on-block": (lambda: cylinder_on_block(1.0, 2, 0), _STEEL),
     "half-discs": (lambda: half_discs(1.0, 2, 0), _STEEL),
