@@ -44,8 +44,8 @@ def test_ratios_are_over_single_solves(rows):
 def test_numbers_of_the_findings(rows):
     values = values_of(runs_of(rows))
     assert (values["solved"], values["planned"]) == (286, 286)
-    assert (values["cycle"], values["cycle_cold"]) == pytest.approx((0.22, 0.32), abs=0.005)
-    assert (values["friction"], values["friction_cold"]) == pytest.approx((3.9, 4.3), abs=0.05)
+    assert (values["cycle"], values["cycle_cold"]) == pytest.approx((0.21, 0.30), abs=0.005)
+    assert (values["friction"], values["friction_cold"]) == pytest.approx((4.0, 4.5), abs=0.05)
     assert (values["least"], values["most"], values["depth"]) == pytest.approx((0.30, 0.42, 0.07), abs=0.005)
     assert values["accuracy"] == pytest.approx(8.3e-10, rel=0.01)
     assert values["force"] == pytest.approx(2.6e-10, rel=0.02)

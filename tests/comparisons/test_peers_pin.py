@@ -1,14 +1,18 @@
 """The loaded pin by displacement codes: the same data for every code, and the same displacement."""
 
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from comparisons.lab.study import read_csv
 from comparisons.peers.codes import own_pin
+from comparisons.peers.pin import report as reports
 from comparisons.peers.pin.study import MODELS, pin_study, plain_pin, run
 from qvi_contact.errors import InputError
 
+COMMITTED = Path(reports.__file__).parents[2] / "reports" / "peers"
 MOVED = {0.0: 0.758518, 0.1: 0.738677}
 """u_x [mm] of the sheet on the axis, by NGSolve with degree 4 on twice as many edges."""
 
@@ -48,3 +52,15 @@ def test_wrong_values_are_refused(friction, sectors):
     """Before a process starts."""
     with pytest.raises(InputError):
         pin_study(friction, sectors, ())
+
+
+def test_the_committed_rows_agree_and_make_the_committed_report():
+    """On twelve edges in a quarter this package and NGSolve of degree 4 differ by a hundred-thousandth."""
+    rows = read_csv(COMMITTED / "peers-pin.csv.gz")
+    found = {
+        (row.case["model"], row.case["friction"]): row.result["moved"] for row in rows if row.case["sectors"] == 12
+    }
+    for friction, moved in MOVED.items():
+        assert found["NGSolve, p = 4", friction] == pytest.approx(moved, rel=3e-6)
+        assert found["triangles, p = 4", friction] == pytest.approx(found["NGSolve, p = 4", friction], rel=1.1e-5)
+    assert reports.report(rows).text == (COMMITTED / "peers-pin.md").read_text(encoding="utf-8")

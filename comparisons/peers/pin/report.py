@@ -60,8 +60,10 @@ def _apart(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         own = [run["moved"] for run in here if MODELS[run["model"]][0] == _OWN]
         others = [run["moved"] for run in here if MODELS[run["model"]][0] != _OWN]
         if own and others:
-            worst = max(abs(other / own[0] - 1.0) for other in others)
-            found.append({"friction": friction, "sectors": finest, "moved": own[0], "worst": worst})
+            apart = [abs(other / own[0] - 1.0) for other in others]
+            found.append(
+                {"friction": friction, "sectors": finest, "moved": own[0], "least": min(apart), "worst": max(apart)}
+            )
     return found
 
 
