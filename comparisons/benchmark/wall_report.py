@@ -42,6 +42,11 @@ def _number(form: str) -> Any:
     return lambda value: NOTHING if value is None or value != value else format(value, form)
 
 
+def _text(value: object) -> str:
+    """A text; beside other rows one that is missing is NaN."""
+    return value if isinstance(value, str) and value else NOTHING
+
+
 _WALLS: Final = {
     "blocks": "blocks a side", "load": "load", "contact_points": "points", "unknowns": "unknowns", "status": "status",
     "form": "unknowns kept", "iterations": "iterations", "accuracy": "residual", "assembly": "assembly",
@@ -53,5 +58,5 @@ _FORMS: Final = {
     **dict.fromkeys(("blocks", "contact_points", "unknowns", "iterations", "from", "to"), _number(".0f")),
     "load": _number("g"), "accuracy": scientific, "peak": memory, "ratio": _number(".1f"), "exponent": _number(".2f"),
     **dict.fromkeys(("assembly", "solve", "factorisation"), seconds),
-    **dict.fromkeys(("status", "form", "message"), lambda value: value or NOTHING),
+    **dict.fromkeys(("status", "form", "message"), _text),
 }  # fmt: skip

@@ -56,6 +56,21 @@ def test_growth_and_targets_are_those_of_the_rows(document):
     assert "1.50 at most (target ≤ 1.3: missed)" in text
 
 
+def test_a_wall_that_was_not_finished_stands_beside_others(document):
+    """Its numbers are missing, and what others have as a text is no number."""
+    (row,) = document["walls"]
+    lost = {
+        **row,
+        **dict.fromkeys(("form", "solve", "ratio", "iterations")),
+        "status": "not finished",
+        "message": "late",
+    }
+    text = report({**document, "walls": [{**row, "message": None}, lost]}).text
+    assert "not finished" in text
+    assert "late" in text
+    assert "nan" not in text
+
+
 @pytest.mark.parametrize("wrong", [{"blocks": (0,)}, {"threads": 0}, {"element": "q2"}, {"loads": (-0.1,)}])
 def test_bad_plans_are_refused(wrong):
     with pytest.raises(InputError):
