@@ -30,6 +30,7 @@ _STEP = 0.99  # of the way to the nearest bound, at least
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
 _SHORT = 0.1  # predictor steps shorter than this count little
 _CORRECTORS = 2
+_REFINEMENTS = 1
 _GAIN = 0.02  # by which a corrector has to lengthen the step
 _HELD_UP = 0.7  # steps shorter than this go past the few bounds that stop them
 _FARTHER = 1.3  # if that makes them so much longer
@@ -282,7 +283,7 @@ class Newton:
         lam = (comp + self.point.lam * slack) / self.point.s
         y = self.solve(-force - problem.force(lam))
         s, lam = self._completed(y, comp, slack)
-        for _ in range(problem.system.refinements):  # the elimination of s and λ loses digits where s is small
+        for _ in range(_REFINEMENTS):  # the elimination of s and λ loses digits where s is small
             y = y + self.solve(-force - problem.S @ y - problem.force(lam))
             s, lam = self._completed(y, comp, slack)
         return y, s, lam

@@ -107,7 +107,6 @@ class NewtonSystem(Protocol):
 
     Attributes
     ----------
-    refinements : corrections of every solve
     patience : iterations without progress after which the central path is followed
     keeps_forces : whether `saddle` can take its place
     stragglers : share of slacks and multipliers that may not hold up all the others
@@ -116,7 +115,6 @@ class NewtonSystem(Protocol):
 
     """
 
-    refinements: int
     patience: int
     keeps_forces: bool
     stragglers: float
@@ -135,7 +133,6 @@ class NewtonSystem(Protocol):
 class DenseSystem:
     """S (k, k) dense."""
 
-    refinements = 1
     patience = 6
     keeps_forces = True
     stragglers = 0.0

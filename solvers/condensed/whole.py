@@ -133,7 +133,6 @@ class Filling(NamedTuple):
 class SparseSystem:
     """Newton's matrices as sparse ones of K's pattern."""
 
-    refinements = 1
     patience = 15  # close to the limit the gap hovers for a while and goes on
     keeps_forces = False
     stragglers = 0.02
