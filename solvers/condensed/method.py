@@ -342,7 +342,7 @@ def _prepare(run: _Run, measures: Measures) -> None:
     problem, interior = run.problem, run.interior
     if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
         interior.sharpen()
-    affordable = problem.system.keeps_forces and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
+    affordable = problem.system.last_digits and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
     interior.accurate = affordable and (interior.accurate or (measures.force > _SPOILT and measures.gap < _LATE))
 
 

@@ -108,15 +108,14 @@ class NewtonSystem(Protocol):
     Attributes
     ----------
     patience : iterations without progress after which the central path is followed
-    keeps_forces : whether `saddle` can take its place
     stragglers : share of slacks and multipliers that may not hold up all the others
     longest : step that is taken at most, of the way to the nearest bound
-    last_digits : whether iterations go on for the digits of forces where the gap is at its floor
+    last_digits : whether forces have digits left where the gap is at its floor: iterations go on for them, and `saddle`
+        can take its place
 
     """
 
     patience: int
-    keeps_forces: bool
     stragglers: float
     longest: float
     last_digits: bool
@@ -134,7 +133,6 @@ class DenseSystem:
     """S (k, k) dense."""
 
     patience = 6
-    keeps_forces = True
     stragglers = 0.0
     longest = 0.99  # beyond, forces lose digits on graded meshes
     last_digits = True

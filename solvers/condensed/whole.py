@@ -134,7 +134,6 @@ class SparseSystem:
     """Newton's matrices as sparse ones of K's pattern."""
 
     patience = 15  # close to the limit the gap hovers for a while and goes on
-    keeps_forces = False
     stragglers = 0.02
     longest = 0.9999  # where nothing bends the way
     last_digits = False
