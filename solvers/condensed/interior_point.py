@@ -36,7 +36,7 @@ _HELD_UP = 0.7  # steps shorter than this go past the few bounds that stop them
 _FARTHER = 1.3  # if that makes them so much longer
 _KEPT = 0.3  # of slacks and multipliers that are passed
 _MOST_CENTRING = 0.3  # of τ where steps may do so: at a turn for a few bounds τ would else stay where it is
-_LATE = 10.0  # times the least τ, below which nothing is passed any more
+_PASSED_FROM = 10.0  # times the least τ, below which nothing is passed any more
 _START = 0.1  # least slack and multiplier at the start, of the scales
 _SMOOTHEST = 1.0  # √(4 pull push) at the start, of the scale of stress
 _SHARPER = 0.1  # of the shares of pull push, where it lags behind
@@ -190,7 +190,7 @@ class InteriorPoint:
         step, length = _corrected(newton, point, comp, target)
         share = min(max(_STEP, reach), self.problem.system.longest)  # products keep at least what the step leaves
         length = self._in_neighbourhood(step, min(1.0, share * length))
-        if self._few and length < _HELD_UP and tau > _LATE * self.least:
+        if self._few and length < _HELD_UP and tau > _PASSED_FROM * self.least:
             return self._past_few(step, length)
         self.point = point.moved(step, length)
         return length
