@@ -62,6 +62,10 @@ class Factorisation(ABC):
     def size(self) -> int:
         """Number of unknowns n."""
 
+    def keeps(self, unknowns: IntVector) -> bool:
+        """Whether all these unknowns, none given twice, are on the interface."""
+        return bool(np.isin(unknowns, self.interface, assume_unique=True).all())
+
     def reduce(self, right: Vector | Matrix) -> tuple[Vector | Matrix, State]:
         """(g_Γ − K_ΓI K_II⁻¹ g_I, state for `expand`) for right-hand sides g, (n,) or (n, j)."""
         right = self._checked("right", right, self.size)

@@ -88,6 +88,11 @@ class Interface:
         self.system = EqualitySystem(frame.A, factor)
 
     @cached_property
+    def is_condensed(self) -> bool:
+        """Whether all unknowns that the frame touches are on Γ."""
+        return self.system.factor.keeps(self.frame.touched)
+
+    @cached_property
     def contact_stiffness(self) -> float:
         """See `FrictionQVI.contact_stiffness`."""
         tractions, weights = self.frame.tractions

@@ -68,7 +68,7 @@ class Operator:
         `factorisation.choice`), or is asked for (`condensed`).
         """
         found = self._equilibria.get(problem)
-        if found is None or (condensed and not _on_interface(found.interface.frame.touched, found.system.factor)):
+        if found is None or (condensed and not found.interface.is_condensed):
             found = Equilibrium(self._shared_interface(problem, condensed), problem.potential, problem.b)
             self._equilibria[problem] = found
         return found
@@ -121,24 +121,16 @@ class Operator:
     def _shared_interface(self, problem: "FrictionQVI", condensed: bool) -> Interface:
         """The one of the problem before, if that has the same rows, and those of the contact where they count."""
         found, frame = self._interface, self.frame(problem)
-        if found is None or not found.frame.serves(problem):
-            found = None
-        if found is None or (condensed and not _on_interface(frame.touched, found.system.factor)):
+        if found is None or not found.frame.serves(problem) or (condensed and not found.is_condensed):
             found = self._interface = Interface(frame, self._factor_for(problem, frame, condensed))
         return found
 
     def _factor_for(self, problem: "FrictionQVI", frame: ContactFrame, condensed: bool) -> Factorisation:
-        """One that serves: that at hand, or a new one."""
+        """The one at hand if its interface holds the unknowns that it must, or a new one."""
         factor = self._factor
-        if not condensed and factor is not None and _on_interface(frame.equated, factor):
-            return factor
-        return self._covering(frame.touched if condensed or self.condensing_pays(problem) else frame.equated)
-
-    def _covering(self, interface: IntVector) -> Factorisation:
-        """The factorisation, made anew if its interface does not hold all of the one given."""
-        factor = self._factor
-        if factor is None or not _on_interface(interface, factor):
-            factor = self._factor = self._made(interface)
+        if factor is None or not factor.keeps(frame.touched if condensed else frame.equated):
+            wide = condensed or self.condensing_pays(problem)
+            factor = self._factor = self._made(frame.touched if wide else frame.equated)
         return factor
 
     def _made(self, interface: IntVector) -> Factorisation:
@@ -152,8 +144,3 @@ class Operator:
         assert self._root is not None
         R, places = self._root.matrix()
         return factorise_root(R, interface, places)
-
-
-def _on_interface(unknowns: IntVector, factor: Factorisation) -> bool:
-    """Whether all these unknowns are on the factor's interface."""
-    return bool(np.isin(unknowns, factor.interface, assume_unique=True).all())
