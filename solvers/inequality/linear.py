@@ -44,7 +44,7 @@ class EqualitySystem:
 
     def on_interface(self, rows: Sparse) -> Sparse:
         """Columns Γ (j, k) of rows (j, n), the same arrays where there are no entries in others, as in contact rows."""
-        if int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz:
+        if self._goes_beyond(rows):
             return csc_array(rows[:, self.interface])
         starts = np.append(rows.indptr[self.interface], rows.indptr[-1])
         return csc_array((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface)))
@@ -71,12 +71,16 @@ class EqualitySystem:
 
         By the dense system alone where Γ holds all unknowns that the rows touch.
         """
-        if int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz:
+        if self._goes_beyond(rows):
             across = csr_array(rows)
             return lambda m: np.asarray(across @ self.solve(across.T @ m)[0])
         near = stored(self.on_interface(rows))
         columns = transposed(near)
         return lambda m: np.asarray(near @ self.solve_interface(columns @ m)[0])
+
+    def _goes_beyond(self, rows: Sparse) -> bool:
+        """Whether rows (j, n) have entries off Γ."""
+        return int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz
 
     @cached_property
     def _dense(self) -> "_DenseSystem":
