@@ -8,7 +8,7 @@ import ctypes
 import weakref
 from enum import IntEnum
 from time import perf_counter
-from typing import Any, Final, TypeAlias
+from typing import Any, ClassVar, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,19 +76,36 @@ def factorise(K: Sparse, interface: IntVector, threads: int | None) -> "Pardiso"
     return Pardiso(K, interface, thread_count(threads))
 
 
-class Pardiso(Factorisation):
-    """Factors held by MKL; every call runs with the number of threads given at the start."""
+class _Owner:
+    """What MKL holds of one matrix, until it is released or nobody needs it."""
 
-    backend = "pardiso"
+    backend: ClassVar[str] = "pardiso"
 
-    def __init__(self, K: Sparse, interface: IntVector, threads: int) -> None:
+    def __init__(self, handle: "_Handle") -> None:
         self.version = version() or ""
-        self.interface = interface
-        start = perf_counter()
-        handle = _Handle.symmetric(K, interface, threads)
         self._handle: _Handle | None = handle
         self._finalizer = weakref.finalize(self, handle.release)
         self._finalizer.atexit = False
+
+    def release(self) -> None:
+        """Free MKL's memory; may be called again."""
+        self._finalizer()
+        self._handle = None
+
+    def _open(self) -> "_Handle":
+        if self._handle is None:
+            raise FactorisationError("backend", self.backend, "the factors have been released")
+        return self._handle
+
+
+class Pardiso(_Owner, Factorisation):
+    """Factors held by MKL; every call runs with the number of threads given at the start."""
+
+    def __init__(self, K: Sparse, interface: IntVector, threads: int) -> None:
+        self.interface = interface
+        start = perf_counter()
+        handle = _Handle.symmetric(K, interface, threads)
+        super().__init__(handle)
         handle.call(Phase.ANALYSIS)
         analysed = perf_counter()
         schur = np.zeros((interface.size, interface.size))
@@ -108,11 +125,6 @@ class Pardiso(Factorisation):
     def size(self) -> int:
         """Number of unknowns n."""
         return self._open().size
-
-    def release(self) -> None:
-        """Free MKL's memory; may be called again."""
-        self._finalizer()
-        self._handle = None
 
     def _schur_scale(self) -> Vector:
         return self._scale
@@ -146,29 +158,17 @@ class Pardiso(Factorisation):
             handle.call(phase, b, x)
         return x
 
-    def _open(self) -> "_Handle":
-        if self._handle is None:
-            raise FactorisationError("backend", self.backend, "the factors have been released")
-        return self._handle
 
-
-class Refactorised:
+class Refactorised(_Owner):
     """H = L U for matrices H of one symmetric pattern, one after the other: ordering and symbolic analysis once.
 
     Pivots stay on the diagonal but for those inside a dense block. See `unsymmetric` for the back end's contract.
     """
 
-    backend = "pardiso"
-
     def __init__(self, starts: IntVector, columns: IntVector, threads: int | None) -> None:
-        self.version = version() or ""
-        values = np.zeros(len(columns))
+        rows = (starts, columns, np.zeros(len(columns)))
         interface = np.zeros(0, dtype=np.int64)
-        rows = (starts, columns, values)
-        handle = _Handle(Kind.STRUCTURALLY_SYMMETRIC, rows, interface, thread_count(threads))
-        self._handle: _Handle | None = handle
-        self._finalizer = weakref.finalize(self, handle.release)
-        self._finalizer.atexit = False
+        super().__init__(_Handle(Kind.STRUCTURALLY_SYMMETRIC, rows, interface, thread_count(threads)))
         self._analysed = False
 
     def factorise(self, values: Vector) -> None:
@@ -185,16 +185,6 @@ class Refactorised:
         x = np.zeros_like(right)
         self._open().call(Phase.SOLVE, np.array(right)[:, None], x[:, None])
         return x
-
-    def release(self) -> None:
-        """Free MKL's memory; may be called again."""
-        self._finalizer()
-        self._handle = None
-
-    def _open(self) -> "_Handle":
-        if self._handle is None:
-            raise FactorisationError("backend", self.backend, "the factors have been released")
-        return self._handle
 
 
 _Rows: TypeAlias = tuple[NDArray[Any], NDArray[Any], Vector]
