@@ -52,7 +52,6 @@ class Setting(IntEnum):
 
     OWN_VALUES = 0  # 1: do not fill in defaults
     ORDERING = 1  # 2: METIS, 3: its parallel version
-    REFINEMENT = 7  # steps at most; 0: two, and only after pivots were made larger
     PERTURBATION = 9  # p: pivots below 10⁻ᵖ |A| are made as large
     TWO_LEVEL = 23  # 1: two-level factorisation, in which S costs next to nothing
     ZERO_BASED = 34  # 1: indices from 0
