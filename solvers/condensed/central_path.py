@@ -88,9 +88,7 @@ class CentralPath:
         return fraction * shift
 
     def _relative(self, log: float, step: Step) -> Vector:
-        point = self._method.point
-        changes = (step.s / point.s, step.lam / point.lam, step.pull / point.pull, step.push / point.push)
-        return np.concatenate([[log], *changes])
+        return np.concatenate([[log], step.relative_to(self._method.point)])
 
 
 def _sum(first: Step, second: Step, factor: float) -> Step:

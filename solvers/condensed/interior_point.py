@@ -79,6 +79,11 @@ class Step(NamedTuple):
         """Of second order, in the products (q + b,)."""
         return np.concatenate([self.s * self.lam, self.pull * self.push])
 
+    def relative_to(self, point: Point) -> Vector:
+        """Changes (2q + 2b,) of all that must stay positive, over their values."""
+        pairs = ((self.s, point.s), (self.lam, point.lam), (self.pull, point.pull), (self.push, point.push))
+        return np.concatenate([change / value for change, value in pairs])
+
 
 class Residuals(NamedTuple):
     """What is left of S y + c + BᵀWλ = 0 (k,), s = slack (q,) and σ_N = pull − push (b,).
@@ -201,7 +206,7 @@ class InteriorPoint:
         That leaves residuals at these bounds alone, which the next steps reduce. Returns its length.
         """
         point = self.point
-        falls = _falls(point, step)
+        falls = -step.relative_to(point)
         farther = min(1.0, _STEP / max(float(np.partition(falls, -1 - self._few)[-1 - self._few]), _LEAST))
         if farther <= _FARTHER * length:
             self.point = point.moved(step, length)
@@ -314,14 +319,8 @@ def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector) -> tu
 
 def _longest(point: Point, step: Step) -> float:
     """The length at which a slack, a multiplier, a pull or a push reaches zero."""
-    largest = float(_falls(point, step).max(initial=0.0))
+    largest = float((-step.relative_to(point)).max(initial=0.0))
     return 1.0 / largest if largest > 0.0 else np.inf
-
-
-def _falls(point: Point, step: Step) -> Vector:
-    """By which shares all that must stay positive falls."""
-    pairs = ((step.s, point.s), (step.lam, point.lam), (step.pull, point.pull), (step.push, point.push))
-    return np.concatenate([-change / value for change, value in pairs])
 
 
 def _largest(values: Vector) -> float:
