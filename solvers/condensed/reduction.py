@@ -14,35 +14,33 @@ In `docs/theory.md`: (D4).
 import numpy as np
 
 from solvers.basics.types import Matrix, Sparse, Vector
-from solvers.condensed.systems import FRICTION_SHARES, Base, DenseSystem, SystemName
+from solvers.condensed.systems import FRICTION_SHARES, Base, DenseSystem, Space
 from solvers.inequality.blocks import Rows, transposed
 from solvers.inequality.problem import FrictionQVI
 
 
-class Reduction:
+class Reduction(Space):
     """The maps between z and trace coordinates, and S_y.
 
     Attributes
     ----------
     stiffness : S_y (k, k)
     E : (2m, k) rows, tractions by trace coordinates
-    E_N, E_T : (m, k) its halves
     A : A_y (p, k)
 
     """
 
-    name: SystemName = "dense"
-    shares: tuple[float, ...] = FRICTION_SHARES
+    name = "dense"
+    shares = FRICTION_SHARES
+    stiffness: Matrix
 
     def __init__(self, qvi: FrictionQVI) -> None:
         interface = qvi.condensed_interface
         self._qvi, self._system = qvi, interface.system
         self._coordinates, self._scale = interface.coordinates, interface.scale
-        self.stiffness: Matrix = interface.stiffness
-        self.E: Rows = interface.rows
-        self.E_N: Rows = self.E[: qvi.m]
-        self.E_T: Rows = self.E[qvi.m :]
-        self.A: Matrix = interface.A
+        self.stiffness = interface.stiffness
+        self.E = interface.rows
+        self.A = interface.A
 
     @property
     def size(self) -> int:
@@ -78,19 +76,11 @@ class Reduction:
         """Trace coordinates (k,) of a point z (n,), counted from z = 0."""
         return np.asarray(self._coordinates.from_values(z[self._system.interface]) / self._scale)
 
-    def tractions(self, base: Base, y: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) (m,) each."""
-        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
-
     def defect(self, before: Base, y: Vector, after: Base) -> float:
         """Energy norm of what the reduced problem missed on the way from one base to the next, y its step."""
         predicted = before.reduced + self._system.schur @ self._unknowns(y)
         missed = after.reduced - predicted
         return float(np.sqrt(abs(missed @ self._system.solve_interface(missed)[0])))
-
-    def length(self, y: Vector) -> float:
-        """Energy norm √(yᵀ S_y y) of a step."""
-        return float(np.sqrt(abs(y @ (self.stiffness @ y))))
 
     def _unknowns(self, y: Vector) -> Vector:
         return np.asarray(self._coordinates.to_unknowns(self._scale * y))

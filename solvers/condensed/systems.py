@@ -5,10 +5,11 @@ The other way, sparse in all unknowns, is `whole`.
 In `docs/theory.md`: (D6).
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -61,7 +62,7 @@ class Base:
     state: State
 
 
-class Space(Protocol):
+class Space(ABC):
     """The coordinates y (k,) in which a problem is posed about a base; `Reduction` and `Whole`.
 
     Attributes
@@ -74,32 +75,62 @@ class Space(Protocol):
 
     """
 
-    name: SystemName
+    name: ClassVar[SystemName]
+    shares: ClassVar[tuple[float, ...]]
+    stiffness: Matrix | Sparse
+    E: Rows
+    A: Matrix
 
     @property
-    def shares(self) -> tuple[float, ...]: ...  # noqa: D102
-    @property
-    def stiffness(self) -> Matrix | Sparse: ...  # noqa: D102
-    @property
-    def E(self) -> Rows: ...  # noqa: D102, N802  # letters of (D2)
-    @property
-    def E_N(self) -> Rows: ...  # noqa: D102, N802
-    @property
-    def E_T(self) -> Rows: ...  # noqa: D102, N802
-    @property
-    def A(self) -> Matrix: ...  # noqa: D102, N802
-    @property
-    def size(self) -> int: ...  # noqa: D102
+    @abstractmethod
+    def size(self) -> int:
+        """Number of coordinates k."""
 
-    def base(self, z: Vector) -> Base: ...  # noqa: D102
-    def move(self, base: Base, y: Vector) -> Vector: ...  # noqa: D102
-    def bonded(self, base: Base) -> Vector: ...  # noqa: D102
-    def coordinates(self, z: Vector) -> Vector: ...  # noqa: D102
-    def tractions(self, base: Base, y: Vector) -> tuple[Vector, Vector]: ...  # noqa: D102
-    def defect(self, before: Base, y: Vector, after: Base) -> float: ...  # noqa: D102
-    def length(self, y: Vector) -> float: ...  # noqa: D102
-    def forces(self, rows: Rows) -> Rows: ...  # noqa: D102
-    def system(self, S: Matrix | Sparse) -> "NewtonSystem": ...  # noqa: D102
+    @abstractmethod
+    def base(self, z: Vector) -> Base:
+        """The problem about z."""
+
+    @abstractmethod
+    def move(self, base: Base, y: Vector) -> Vector:
+        """The point z + dz (n,) whose coordinates are y."""
+
+    @abstractmethod
+    def bonded(self, base: Base) -> Vector:
+        """Coordinates (k,) of the bonded solution, on which no contact law acts."""
+
+    @abstractmethod
+    def coordinates(self, z: Vector) -> Vector:
+        """Coordinates (k,) of a point z (n,), counted from z = 0."""
+
+    @abstractmethod
+    def defect(self, before: Base, y: Vector, after: Base) -> float:
+        """Energy norm of what was missed on the way from one base to the next, y its step."""
+
+    @abstractmethod
+    def forces(self, rows: Rows) -> Rows:
+        """Rowsᵀ (k, q), which turns multipliers of rows (q, k) into forces."""
+
+    @abstractmethod
+    def system(self, S: Matrix | Sparse) -> "NewtonSystem":
+        """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
+
+    @cached_property
+    def E_N(self) -> Rows:  # noqa: N802  # letters of (D2)
+        """The rows (m, k) of normal tractions."""
+        return self.E[: self.E.shape[0] // 2]
+
+    @cached_property
+    def E_T(self) -> Rows:  # noqa: N802
+        """The rows (m, k) of tangential tractions."""
+        return self.E[self.E.shape[0] // 2 :]
+
+    def tractions(self, base: Base, y: Vector) -> tuple[Vector, Vector]:
+        """(σ_N, σ_T) (m,) each."""
+        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
+
+    def length(self, y: Vector) -> float:
+        """Energy norm of a step."""
+        return float(np.sqrt(abs(y @ (self.stiffness @ y))))
 
 
 class NewtonSystem(Protocol):

@@ -25,7 +25,7 @@ from numpy.linalg import LinAlgError
 from scipy.sparse import csc_array, csr_array, diags_array, eye_array, hstack, vstack
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
-from solvers.condensed.systems import MANY_POINTS_SHARES, Base, Solve, SystemName
+from solvers.condensed.systems import MANY_POINTS_SHARES, Base, Solve, Space
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.unsymmetric import Refactorisation
 from solvers.inequality.blocks import Rows
@@ -35,11 +35,12 @@ if TYPE_CHECKING:
     from solvers.condensed.complementarity import Complementarity
 
 
-class Whole:
+class Whole(Space):
     """The maps between z and the coordinates y = (x, t), with those of `Reduction`."""
 
-    name: SystemName = "sparse"
-    shares: tuple[float, ...] = MANY_POINTS_SHARES
+    name = "sparse"
+    shares = MANY_POINTS_SHARES
+    stiffness: Sparse
 
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi, self._linear = qvi, qvi.linear_system
@@ -48,11 +49,9 @@ class Whole:
         rows = qvi.contact_rows if qvi.traces is None else qvi.traces.rows
         self._Y = csr_array(rows @ diags_array(self._scale))
         E = eye_array(rows.shape[0]) if qvi.traces is None else qvi.traces.interpolation
-        self.E: Rows = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E]))
-        self.E_N: Rows = self.E[: qvi.m]
-        self.E_T: Rows = self.E[qvi.m :]
-        self.A: Matrix = np.zeros((0, self.size))
-        self.stiffness: Sparse = _scaled(qvi.K, self._scale, rows.shape[0])
+        self.E = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E]))
+        self.A = np.zeros((0, self.size))
+        self.stiffness = _scaled(qvi.K, self._scale, rows.shape[0])
         self._system: SparseSystem | None = None
 
     @property
@@ -75,17 +74,9 @@ class Whole:
         """Coordinates (k,) of the bonded solution, on which no contact law acts."""
         return self.coordinates(self._linear.solve(-base.reduced)[0])
 
-    def tractions(self, base: Base, y: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) (m,) each."""
-        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
-
     def defect(self, before: Base, y: Vector, after: Base) -> float:
         """Energy norm of what K as it is assembled missed on the way from one base to the next, y its step."""
         return self.norm(after.c - before.c - self.stiffness @ y)
-
-    def length(self, y: Vector) -> float:
-        """Energy norm of a step."""
-        return float(np.sqrt(abs(y @ (self.stiffness @ y))))
 
     def norm(self, force: Vector) -> float:
         """√(fᵀ S⁻¹ f) of a force (k,)."""
