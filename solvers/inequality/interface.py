@@ -24,7 +24,6 @@ class ContactFrame:
     """
 
     def __init__(self, problem: "FrictionQVI") -> None:
-        self._of = _frame_of(problem)
         self._weights = problem.W
         self._halves = (problem.N, problem.T)
         self.A: Sparse = problem.A
@@ -34,7 +33,8 @@ class ContactFrame:
 
     def serves(self, problem: "FrictionQVI") -> bool:
         """Whether a problem has this frame: the very same matrices, as `FrictionQVI.changed` hands them on."""
-        same = all(mine is its for mine, its in zip(self._of, _frame_of(problem), strict=True))
+        own, others = (*self._halves, self.A, self.traces), (problem.N, problem.T, problem.A, problem.traces)
+        same = all(mine is its for mine, its in zip(own, others, strict=True))
         return same and (self._weights is problem.W or np.array_equal(self._weights, problem.W))
 
     @cached_property
@@ -61,10 +61,6 @@ class ContactFrame:
             if (own > 0.0).all():
                 return self.traces.rows, own
         return self.contact_rows, weights
-
-
-def _frame_of(problem: "FrictionQVI") -> tuple[object, ...]:
-    return problem.N, problem.T, problem.A, problem.traces
 
 
 class Interface:
