@@ -187,6 +187,30 @@ class _Model:
 
 
 @dataclass(frozen=True, eq=False)
+class _Spaces:
+    """Displacements w of the interface that meet the conditions of z, and those that test it.
+
+    Attributes
+    ----------
+    held : list of (int, int)
+        By contact how many conditions hold z where it is closed, and where it sticks.
+    particular, free : arrays
+        All w that meet them with right-hand side d are particular · d + free · y.
+    others : array
+        Basis of the tests.
+    matrix : array
+        Energy of tests and y.
+
+    """
+
+    held: list[tuple[int, int]]
+    particular: FloatArray
+    free: FloatArray
+    others: FloatArray
+    matrix: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class _Pairs:
     """Dual pairs z, ζ on the mesh of a result."""
 
@@ -225,25 +249,34 @@ class _Pairs:
         rest = (error * residual + max(moved, pressed) * defect) / self.unit + _ROUNDED * abs(middle)
         return Bounds(middle - rest, middle + rest)
 
-    def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
-        """Coefficients c (2, n) of z on the contacts, and z (size,), dimensionless: a and b of length 1."""
+    @cached_property
+    def _spaces(self) -> _Spaces:
+        """Where z and its tests may move, whatever a and b."""
         body, n = self.body, self.body.contacts.count
-        trial, test, wanted = [], [], []
+        held, trial, test = [], [], []
         for line in self.lines:
-            a, b = goals[line.contact.name]
             closed, stuck = (line.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
             closed, stuck = closed[body.live[closed]], stuck[body.live[n + stuck]]
             normal, shear = body.B[closed], line.sense * body.B[n + stuck]
             trial += [normal + line.friction * line.sense * body.B[n + closed], shear]
             test += [normal, shear]
-            wanted += [np.full(len(closed), a + line.friction * b), np.full(len(stuck), b)]
+            held.append((len(closed), len(stuck)))
         particular, free = solutions(np.vstack(trial))
         _, others = solutions(np.vstack(test))
-        start = particular @ np.concatenate(wanted)
-        matrix, right = others.T @ body.body.S @ free, -others.T @ (body.body.S @ start)
-        w = start + free @ np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
+        return _Spaces(held, particular, free, others, others.T @ body.body.S @ free)
+
+    def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+        """Coefficients c (2, n) of z on the contacts, and z (size,), dimensionless: a and b of length 1."""
+        body, spaces = self.body, self._spaces
+        wanted = []
+        for line, (closed, stuck) in zip(self.lines, spaces.held, strict=True):
+            a, b = goals[line.contact.name]
+            wanted += [np.full(closed, a + line.friction * b), np.full(stuck, b)]
+        start = spaces.particular @ np.concatenate(wanted)
+        right = -spaces.others.T @ (body.body.S @ start)
+        w = start + spaces.free @ np.linalg.lstsq(spaces.matrix, right, rcond=1e-13)[0]
         z = body.body.expand(w)
-        return (body.contacts.rows @ z).reshape(2, n), z
+        return (body.contacts.rows @ z).reshape(2, body.contacts.count), z
 
     def _stress(self, c: FloatArray) -> FloatArray:
         """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
@@ -255,18 +288,17 @@ class _Pairs:
             work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
         load = qvi.N.T @ work[0] + qvi.T.T @ work[1]
         x = self.model.solved(qvi.K, load[:, None])[:, 0]
-        rows, influence = self._held
+        rows, influence, reached, square = self._held
         if not rows.shape[0]:
             return np.asarray(x)
-        x = x - influence @ np.linalg.lstsq(rows @ influence, rows @ x, rcond=1e-13)[0]
-        square = (rows @ rows.T).toarray()
+        x = x - influence @ np.linalg.lstsq(reached, rows @ x, rcond=1e-13)[0]
         for _ in range(2):  # what is left of the rows is rounding, which must not count
             x = x - rows.T @ np.linalg.lstsq(square, rows @ x, rcond=1e-13)[0]
         return np.asarray(x)
 
     @cached_property
-    def _held(self) -> tuple[sparse.csr_array, FloatArray]:
-        """Rows of tractions that are to vanish, and what they do, K⁻¹ rowsᵀ."""
+    def _held(self) -> tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]:
+        """Rows of tractions that are to vanish, what they do, K⁻¹ rowsᵀ, and rows times that and times rowsᵀ."""
         qvi, q = self.known.qvi, self.known.space.contact_rule.count
         held = np.zeros((2, qvi.m), dtype=bool)
         for line in self.lines:
@@ -274,7 +306,8 @@ class _Pairs:
             held[1, line.rows.rows] = np.repeat(line.loose | line.sliding, q)
         parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
         rows = sparse.csr_array(sparse.vstack(parts))
-        return rows, self.model.solved(qvi.K, rows.T.toarray())
+        influence = self.model.solved(qvi.K, rows.T.toarray())
+        return rows, influence, rows @ influence, (rows @ rows.T).toarray()
 
     def _ratio_of_displacements(self, goals: Mapping[str, tuple[float, float]], c: FloatArray) -> float | None:
         """The larger of m₁ and m₄; None if there is none."""
