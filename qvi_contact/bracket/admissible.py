@@ -7,7 +7,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.given import GivenProblem
-from qvi_contact.bracket.law import coefficients, contact_tractions, largest
+from qvi_contact.bracket.law import contact_tractions, largest, traction_coefficients
 from qvi_contact.errors import InputError
 from qvi_contact.solution.result import ContactResult
 from solvers import Status, solve_qvi
@@ -75,11 +75,10 @@ def _violations(given: GivenProblem, result: ContactResult) -> tuple[FloatArray,
     discretization, qvi = given.discretization, given.discretization.qvi
     if not qvi.m:
         return np.zeros(0), np.zeros(0), 1.0
-    space = discretization.space
-    normal, tangential = contact_tractions(discretization, result.dofs)
-    shear = coefficients(discretization, tangential, space.shear_degree)
+    at_points = contact_tractions(discretization, result.dofs)
+    normal, shear = traction_coefficients(discretization, at_points)
     excess = np.maximum(largest(shear - given.threshold), largest(-shear - given.threshold))
     bilateral = qvi.bilateral.reshape(len(shear), -1).any(axis=1)
-    pull = np.where(bilateral, 0.0, largest(coefficients(discretization, normal, space.normal_degree)))
-    size = max(np.abs(normal).max(), np.abs(tangential).max(), result.certificate.scales.get("stress", 0.0))
+    pull = np.where(bilateral, 0.0, largest(normal))
+    size = max(*(np.abs(part).max() for part in at_points), result.certificate.scales.get("stress", 0.0))
     return np.maximum(excess, 0.0), np.maximum(pull, 0.0), float(size) or 1.0

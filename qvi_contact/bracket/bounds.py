@@ -18,7 +18,7 @@ from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible
 from qvi_contact.bracket.data import data_reasons
 from qvi_contact.bracket.forces import force_bounds, force_differences
 from qvi_contact.bracket.given import GivenProblem, given_problem
-from qvi_contact.bracket.law import coefficients, contact_tractions, law_bound
+from qvi_contact.bracket.law import contact_tractions, law_bound, traction_coefficients
 from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.bracket.senses import SlippingStress, stress_under_slip
@@ -210,12 +210,9 @@ def _edges(given: GivenProblem, stress: AdmissibleStress, companion: CompanionRe
     discretization, qvi = given.discretization, given.discretization.qvi
     if not qvi.m:
         return _Edges({}, 0.0, 0.0)
-    unit, space = discretization.scales.stress, discretization.space
+    unit = discretization.scales.stress
     at_points = contact_tractions(discretization, stress.result.dofs)
-    normal, shear = (
-        unit * coefficients(discretization, values, degree)
-        for values, degree in zip(at_points, (space.normal_degree, space.shear_degree), strict=True)
-    )
+    normal, shear = (unit * part for part in traction_coefficients(discretization, at_points))
     bound, own = unit * given.threshold, unit * law_bound(discretization, at_points[0])[0]
     found, slack, outer = {}, 0.0, 0.0
     for rows in discretization.contacts:

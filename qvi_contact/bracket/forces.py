@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray
-from qvi_contact.bracket.law import coefficients, effective
+from qvi_contact.bracket.law import effective, traction_coefficients
 from qvi_contact.bracket.outcome import Bounds, ForceDifference
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.traces import Trace
@@ -103,12 +103,8 @@ def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, 
     for rows, trace in zip(known.contacts, contacts.traces, strict=True):
         chosen = slice(start, start + trace.count)
         parts = [
-            _moments(known, values, degree, trace) * known.scales.stress * known.scales.length
-            for values, degree in zip(
-                effective(known, result.dofs, rows),
-                (known.space.normal_degree, known.space.shear_degree),
-                strict=True,
-            )
+            _moments(part, trace) * known.scales.stress * known.scales.length
+            for part in traction_coefficients(known, effective(known, result.dofs, rows))
         ]
         sums = [
             float((part - theirs[chosen])[live[chosen]].sum())
@@ -119,8 +115,8 @@ def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, 
     return found
 
 
-def _moments(discretization: Discretization, values: FloatArray, degree: int, trace: Trace) -> FloatArray:
-    """∫ τ B_i ds (n,) at the coefficients of a contact, dimensionless, from τ at its points."""
-    products = bernstein.product_integrals(degree, trace.columns.shape[1] - 1)
-    on_edges = trace.lengths[:, None] * (coefficients(discretization, values, degree) @ products)
+def _moments(tractions: FloatArray, trace: Trace) -> FloatArray:
+    """∫ τ B_i ds (n,) at the coefficients of a contact, dimensionless, from those of τ (e, q)."""
+    products = bernstein.product_integrals(tractions.shape[1] - 1, trace.columns.shape[1] - 1)
+    on_edges = trace.lengths[:, None] * (tractions @ products)
     return np.asarray(np.bincount(trace.columns.ravel(), on_edges.ravel(), minlength=trace.count))

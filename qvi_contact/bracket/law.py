@@ -37,6 +37,18 @@ def coefficients(discretization: Discretization, values: FloatArray, degree: int
     return np.asarray(values.reshape(-1, len(points)) @ np.linalg.pinv(bernstein.basis(degree, points)).T)
 
 
+def traction_coefficients(
+    discretization: Discretization, tractions: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Those of σ_N and σ_T, (e, q) each, from their values at the contact points (m,)."""
+    normal, shear = tractions
+    space = discretization.space
+    return (
+        coefficients(discretization, normal, space.normal_degree),
+        coefficients(discretization, shear, space.shear_degree),
+    )
+
+
 def largest(polynomials: FloatArray) -> FloatArray:
     """The largest value (e,) of polynomials (e, q), or what is no less than that: exact up to degree 2."""
     return largest_quadratic(polynomials) if polynomials.shape[1] == 3 else polynomials.max(axis=1)

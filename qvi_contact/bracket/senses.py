@@ -9,7 +9,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.friction_ends import no_friction_operator
 from qvi_contact.bracket.given import posed_strictly
-from qvi_contact.bracket.law import coefficients, effective
+from qvi_contact.bracket.law import effective, traction_coefficients
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
@@ -111,12 +111,7 @@ def _ratios(result: ContactResult) -> dict[str, FloatArray]:
     for contact, rows in zip(known.problem.contacts, known.contacts, strict=True):
         if not has_coulomb(contact):
             continue
-        normal, shear = (
-            coefficients(known, values, degree)
-            for values, degree in zip(
-                effective(known, result.dofs, rows), (known.space.normal_degree, known.space.shear_degree), strict=True
-            )
-        )
+        normal, shear = traction_coefficients(known, effective(known, result.dofs, rows))
         assert not callable(contact.friction)
         assert not callable(contact.cohesion)
         bound = contact.cohesion / known.scales.stress - contact.friction * normal

@@ -14,7 +14,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket import slip_constants
 from qvi_contact.bracket.friction_norm import FrictionNorm, friction_norm
-from qvi_contact.bracket.law import coefficients, contact_tractions, law_bound
+from qvi_contact.bracket.law import contact_tractions, law_bound, traction_coefficients
 from qvi_contact.bracket.outcome import Bounds, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.bracket.senses import LEAST_MARGIN, margin_of
@@ -212,9 +212,7 @@ def _laws(stress: ContactResult) -> tuple[FloatArray, FloatArray, FloatArray]:
     if not known.qvi.m:
         return (np.zeros((0, 1)),) * 3
     at_points = contact_tractions(known, stress.dofs)
-    degrees = known.space.normal_degree, known.space.shear_degree
-    normal, shear = (coefficients(known, values, degree) for values, degree in zip(at_points, degrees, strict=True))
-    return normal, shear, law_bound(known, at_points[0])[0]
+    return *traction_coefficients(known, at_points), law_bound(known, at_points[0])[0]
 
 
 def _defects(stress: ContactResult, companion: CompanionResult) -> tuple[dict[str, EdgeParts], float]:

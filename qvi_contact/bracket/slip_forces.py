@@ -20,7 +20,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket.law import coefficients, effective
+from qvi_contact.bracket.law import effective, traction_coefficients
 from qvi_contact.bracket.outcome import Bounds
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.at_rest import MOST, BodyAtRest, solutions
@@ -374,14 +374,8 @@ def _lines(stress: ContactResult, companion: CompanionResult, senses: Mapping[st
         here = slice(start, start + trace.count)
         if contact.law != "tied":
             sense = float(senses.get(contact.name, 0))
-            normal, shear = (
-                known.scales.stress * coefficients(known, values, degree)
-                for values, degree in zip(
-                    effective(known, stress.dofs, rows),
-                    (known.space.normal_degree, known.space.shear_degree),
-                    strict=True,
-                )
-            )
+            found = traction_coefficients(known, effective(known, stress.dofs, rows))
+            normal, shear = (known.scales.stress * part for part in found)
             opening = trace.gap * known.scales.displacement - c[0, here]
             slip = sense * (c[1, here] - trace.offset * known.scales.displacement)
             assert not callable(contact.friction)
