@@ -6,13 +6,14 @@ every neighbour must leave the normal part of Sv free, or the tangential displac
 In `docs/theory.md`: (D26).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket.friction_data import held_directions, spans, weight
 from qvi_contact.companion.supports import PARALLEL
-from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
+from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
 
@@ -23,7 +24,7 @@ def no_friction_operator(problem: ContactProblem, senses: Mapping[str, int]) -> 
     edge = np.tile(np.arange(len(boundary)), 2)
     order = np.argsort(ends, kind="stable")
     starts = np.searchsorted(ends[order], np.arange(len(vertices) + 1))
-    held, laws = _supports(problem), _laws(problem)
+    held, laws = held_directions(problem), _laws(problem)
     for contact in problem.contacts:
         if not has_coulomb(contact):
             continue
@@ -43,57 +44,24 @@ def _fits(
     problem: ContactProblem,
     one: int,
     other: int,
-    held: Mapping[int, list[FloatArray]],
+    held: list[FloatArray],
     laws: Mapping[int, Contact],
     senses: Mapping[str, int],
 ) -> bool:
     """Whether Sv of one edge, with Coulomb friction, is continuous with what the next edge demands."""
     boundary = problem.mesh.boundary
     normal, tangent = boundary.normal[one], boundary.tangent[one]
-    directions = np.array(held.get(other, [])).reshape(-1, 2)
-    if len(directions) and _spans(directions, tangent):
+    if spans(held[other], tangent):
         return True
-    weight = _weight(laws[one], senses)
-    if (np.abs(directions @ normal) > PARALLEL).any():
+    if (np.abs(held[other] @ normal) > PARALLEL).any():
         return False
     law = laws.get(other)
     if law is None or law.law == "tied":
         return True
-    across = weight * float(boundary.normal[other] @ normal) * tangent - _weight(law, senses) * boundary.tangent[other]
-    along = weight * float(boundary.tangent[other] @ normal) if bears_shear(law) else 0.0
+    own = weight(laws[one], senses)
+    across = own * float(boundary.normal[other] @ normal) * tangent - weight(law, senses) * boundary.tangent[other]
+    along = own * float(boundary.tangent[other] @ normal) if bears_shear(law) else 0.0
     return bool(np.abs(across).max() <= PARALLEL and abs(along) <= PARALLEL)
-
-
-def _spans(directions: FloatArray, wanted: FloatArray) -> bool:
-    """Whether a direction is a combination of given ones (k, 2)."""
-    known = np.linalg.lstsq(directions.T, wanted, rcond=PARALLEL)[0] @ directions
-    return bool(np.abs(known - wanted).max() <= PARALLEL)
-
-
-def _weight(contact: Contact, senses: Mapping[str, int]) -> float:
-    if not has_coulomb(contact):
-        return 0.0
-    assert not callable(contact.friction)
-    return senses[contact.name] * contact.friction
-
-
-def _supports(problem: ContactProblem) -> dict[int, list[FloatArray]]:
-    """Directions in which displacements are prescribed, by boundary edge; tied contacts included."""
-    found: dict[int, list[FloatArray]] = {}
-    for index, direction in _held(problem):
-        for number, vector in zip(index.tolist(), direction, strict=True):
-            found.setdefault(number, []).append(vector)
-    return found
-
-
-def _held(problem: ContactProblem) -> Iterator[tuple[IntArray, FloatArray]]:
-    for given in problem.prescribed(Displacement):
-        yield given.index, given.direction
-    for contact in problem.contacts:
-        if contact.law == "tied":
-            index = problem.mesh.edge_set(contact.edges)
-            for axis in np.eye(2):
-                yield index, np.tile(axis, (len(index), 1))
 
 
 def _laws(problem: ContactProblem) -> dict[int, Contact]:

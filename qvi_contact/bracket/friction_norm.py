@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from qvi_contact.bracket import slip_constants
+from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio, weight
 from qvi_contact.bracket.star_norm import star_norm
 from qvi_contact.companion.at_rest import MOST, BodyAtRest
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
@@ -23,8 +24,6 @@ from qvi_contact.problem.problem import ContactProblem
 _DEGREE: Final = 3  # of displacements by which a norm is computed
 _SINGULAR: Final = 1e-11  # eigenvalue of a stiffness, relative, that is a rigid motion's
 _ALIKE: Final = 1e-9  # of the body's size: a place on a side
-_ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
-_ROUNDED: Final = 1.0 + 1e-6  # over the maximum at so many angles
 
 
 @dataclass(frozen=True)
@@ -84,12 +83,12 @@ def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: in
     if len(known.live) > MOST:
         return float("nan")
     n, pairs = known.contacts.count, list(zip(problem.contacts, known.contacts.traces, strict=True))
-    weight = np.concatenate([np.full(trace.count, _weight(contact, senses)) for contact, trace in pairs])
+    weights = np.concatenate([np.full(trace.count, weight(contact, senses)) for contact, trace in pairs])
     tied, rough = (
         np.concatenate([np.full(trace.count, chosen(contact)) for contact, trace in pairs])
         for chosen in (_is_tied, bears_shear)
     )
-    slips = (weight != 0.0) & known.live[n:] & ~tied
+    slips = (weights != 0.0) & known.live[n:] & ~tied
     presses = slips & known.live[:n]
     if not presses.any():
         return 0.0
@@ -100,16 +99,8 @@ def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: in
     if stiffness[0] <= _SINGULAR * stiffness[-1]:
         return float("inf")
     above, place = np.zeros_like(below), np.flatnonzero(presses[slips])
-    above[np.ix_(place, place)] = part * np.outer(weight[presses], weight[presses])
+    above[np.ix_(place, place)] = part * np.outer(weights[presses], weights[presses])
     return float(np.sqrt(max(float(eigh(above, below, eigvals_only=True)[-1]), 0.0)))
-
-
-def _weight(contact: Contact, senses: Mapping[str, int]) -> float:
-    """σμ; 0 where there is no Coulomb friction."""
-    if not has_coulomb(contact):
-        return 0.0
-    assert not callable(contact.friction)
-    return senses[contact.name] * contact.friction
 
 
 def _is_tied(contact: Contact) -> bool:
@@ -122,8 +113,8 @@ def rectangle_norm(problem: ContactProblem, senses: Mapping[str, int]) -> float 
     The body is a rectangle of one material, its contacts with Coulomb friction lie on one side or on two opposite ones,
     and along one whole side at right angles to these v_a = 0. With η linear between the contacts' sides, see (D29).
     """
-    sides = _sides(problem, senses)
-    if sides is None or len(np.unique(problem.compliances.reshape(-1, 9), axis=0)) > 1:
+    sides, ratio = _sides(problem, senses), one_ratio(problem)
+    if sides is None or ratio is None:
         return None
     across = {side // 2 for side in sides if any(edge.slope is not None for edge in sides[side])}
     if len(across) != 1:
@@ -140,7 +131,6 @@ def rectangle_norm(problem: ContactProblem, senses: Mapping[str, int]) -> float 
     size = np.ptp(problem.mesh.vertices, axis=0)
     steep, half = abs(high - low) / size[b], size[b] if any(mirrors[b]) else size[b] / 2.0
     inf_sup = np.sin(0.5 * np.arctan2(*np.sort([size[a], half])))
-    ratio = -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
     return rectangle_constant(ratio, float(inf_sup), max(abs(low), abs(high)), steep * 2.0 * size[a] / np.pi)
 
 
@@ -160,13 +150,13 @@ def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: f
 
     """
     soft, stiff, gain = 1.0 - ratio, 1.0 + ratio, inf_sup**-2
-    turned = largest * np.cos(_ANGLES)  # weight of ∂_b v_a, of its rotation and of its shear strain
-    stretched = steepest * np.cos(_ANGLES) + largest * np.sqrt(soft / 2.0) * np.sin(_ANGLES)
+    turned = largest * np.cos(ANGLES)  # weight of ∂_b v_a, of its rotation and of its shear strain
+    stretched = steepest * np.cos(ANGLES) + largest * np.sqrt(soft / 2.0) * np.sin(ANGLES)
     rotation = np.array([gain / (2.0 * soft), (gain - 1.0) / (2.0 * stiff)])
     square = turned**2 * (rotation.sum() + 0.5 / soft) + stretched**2 / (soft * stiff)
     square += 2.0 * turned * np.sqrt(rotation[0] * (turned**2 + stretched**2) / (2.0 * soft))
     square += 2.0 * turned * stretched * np.sqrt(rotation[1] / (2.0 * stiff))
-    return float(np.sqrt(square.max()) * _ROUNDED)
+    return float(np.sqrt(square.max()) * ROUNDED)
 
 
 @dataclass(frozen=True)
@@ -214,7 +204,7 @@ def _sides(problem: ContactProblem, senses: Mapping[str, int]) -> dict[int, list
         if _is_tied(contact):
             held[index] = True
         elif has_coulomb(contact):
-            slope[index] = _weight(contact, senses) * np.where(end[index] == 1, 1.0, -1.0)
+            slope[index] = weight(contact, senses) * np.where(end[index] == 1, 1.0, -1.0)
         else:
             pressed[index], rough[index] = True, bears_shear(contact)
     found: dict[int, list[_Edge]] = {side: [] for side in range(4)}

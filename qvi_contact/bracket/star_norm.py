@@ -12,14 +12,13 @@ from scipy.optimize import minimize
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, held_directions, one_ratio, spans, weight
 from qvi_contact.companion.cells import cell_for
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.supports import PARALLEL
-from qvi_contact.problem.conditions import Displacement, bears_shear, has_coulomb
+from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
-_ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
-_ROUNDED: Final = 1.0 + 1e-6  # over the maximum at so many angles
 _DEGREE: Final = 2  # of the field that shows how supports hold the mean rotation
 
 
@@ -30,21 +29,21 @@ def star_norm(problem: ContactProblem, senses: Mapping[str, int]) -> float | Non
     are parallel, with the same η = σμ across. Elsewhere nothing is demanded of displacements along n where v_t ≠ 0.
     """
     boundary = problem.mesh.boundary
-    weight, sides = _weights(problem, senses), _held(problem)
-    chosen = np.flatnonzero(weight != 0.0)
+    weights, sides = _weights(problem, senses), held_directions(problem)
+    chosen = np.flatnonzero(weights != 0.0)
     normal = boundary.normal[chosen[0]]
-    slopes = weight[chosen] * (boundary.normal[chosen] @ normal)
+    slopes = weights[chosen] * (boundary.normal[chosen] @ normal)
     parallel = np.abs(boundary.normal[chosen] @ boundary.tangent[chosen[0]]).max() <= PARALLEL
     same = np.ptp(slopes) <= PARALLEL * np.abs(slopes).max()
-    if not (parallel and same and _leaves_free(problem, sides, weight, normal)):
+    if not (parallel and same and _leaves_free(problem, sides, weights, normal)):
         return None
-    if len(np.unique(problem.compliances.reshape(-1, 9), axis=0)) > 1:
+    ratio = one_ratio(problem)
+    if ratio is None:
         return None
     inf_sup = _inf_sup(problem)
     gain = None if inf_sup is None else _gain(problem, sides, inf_sup)
     if gain is None:
         return None
-    ratio = -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
     return float(np.abs(slopes).max()) * star_constant(ratio, gain)
 
 
@@ -61,10 +60,10 @@ def star_constant(ratio: float, gain: float) -> float:
 
     """
     soft = 1.0 - ratio
-    across, along = np.cos(_ANGLES), np.sqrt(soft / 2.0) * np.sin(_ANGLES)
+    across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)
     rotation = np.sqrt((gain - 0.5) / min(soft, 1.0 + ratio))
     strains = np.sqrt(across**2 / (2.0 * soft) + along**2 / (1.0 - ratio**2))
-    return float((across * rotation + strains).max() * _ROUNDED)
+    return float((across * rotation + strains).max() * ROUNDED)
 
 
 def _weights(problem: ContactProblem, senses: Mapping[str, int]) -> FloatArray:
@@ -72,46 +71,23 @@ def _weights(problem: ContactProblem, senses: Mapping[str, int]) -> FloatArray:
     found = np.zeros(len(problem.mesh.boundary))
     for contact in problem.contacts:
         if has_coulomb(contact):
-            assert not callable(contact.friction)
-            found[problem.mesh.edge_set(contact.edges)] = senses[contact.name] * contact.friction
+            found[problem.mesh.edge_set(contact.edges)] = weight(contact, senses)
     return found
 
 
-def _held(problem: ContactProblem) -> list[list[FloatArray]]:
-    """Directions in which each boundary edge holds displacements."""
-    found: list[list[FloatArray]] = [[] for _ in range(len(problem.mesh.boundary))]
-    for given in problem.prescribed(Displacement):
-        for edge, direction in zip(given.index.tolist(), given.direction, strict=True):
-            found[edge].append(direction)
-    for contact in problem.contacts:
-        if contact.law == "tied":
-            for edge in problem.mesh.edge_set(contact.edges).tolist():
-                found[edge] += list(np.eye(2))
-    return found
-
-
-def _leaves_free(
-    problem: ContactProblem, sides: list[list[FloatArray]], weight: FloatArray, normal: FloatArray
-) -> bool:
+def _leaves_free(problem: ContactProblem, sides: list[FloatArray], weights: FloatArray, normal: FloatArray) -> bool:
     """Whether η v_t n meets what supports and other contacts demand: no part along n but where v_t = 0."""
     boundary, tangent = problem.mesh.boundary, np.array([-normal[1], normal[0]])
-    for directions in sides:
-        held = np.array(directions).reshape(-1, 2)
-        holds_along = len(held) and np.abs(_projected(held, tangent) - tangent).max() <= PARALLEL
-        if not holds_along and (np.abs(held @ normal) > PARALLEL).any():
+    for held in sides:
+        if not spans(held, tangent) and (np.abs(held @ normal) > PARALLEL).any():
             return False
     for contact in problem.contacts:
         index = problem.mesh.edge_set(contact.edges)
-        if contact.law == "tied" or weight[index].any():
+        if contact.law == "tied" or weights[index].any():
             continue
         if bears_shear(contact) or np.abs(boundary.normal[index] @ normal).max() > PARALLEL:
             return False
     return True
-
-
-def _projected(directions: FloatArray, vector: FloatArray) -> FloatArray:
-    """The part of a vector in the span of directions (k, 2)."""
-    return np.asarray(np.linalg.lstsq(directions.T, vector, rcond=PARALLEL)[0] @ directions)
 
 
 def _inf_sup(problem: ContactProblem) -> float | None:
@@ -130,7 +106,7 @@ def _inf_sup(problem: ContactProblem) -> float | None:
     return float(np.sin(0.5 * np.arcsin(best))) if best > 0.0 else None
 
 
-def _gain(problem: ContactProblem, sides: list[list[FloatArray]], inf_sup: float) -> float | None:
+def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
     """G of `star_constant`: by a field of mean divergence 1 where supports are, and β for what is left."""
     space = Space.of(problem, cell_for(problem.mesh, _DEGREE), problem.mesh.length)
     free = _free(problem, sides, space)
@@ -149,14 +125,13 @@ def _gain(problem: ContactProblem, sides: list[list[FloatArray]], inf_sup: float
     return float((size + left / inf_sup) ** 2 + inf_sup**-2)
 
 
-def _free(problem: ContactProblem, sides: list[list[FloatArray]], space: Space) -> BoolArray:
+def _free(problem: ContactProblem, sides: list[FloatArray], space: Space) -> BoolArray:
     """Degrees of freedom of the field: components that are not zero on edges that leave displacements free."""
     numbers = space.along(problem.mesh.boundary)
     free = np.ones((space.size // 2, 2), dtype=bool)
-    for edge, directions in enumerate(sides):
-        held = np.array(directions).reshape(-1, 2)
+    for edge, held in enumerate(sides):
         for axis, unit in enumerate(np.eye(2)):
-            if not len(held) or np.abs(_projected(held, unit) - unit).max() > PARALLEL:
+            if not spans(held, unit):
                 free[numbers[edge], axis] = False
     return free.ravel()
 
