@@ -17,12 +17,11 @@ from scipy.linalg import eigh
 from qvi_contact.bracket import slip_constants
 from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio, weight
 from qvi_contact.bracket.star_norm import star_norm
-from qvi_contact.companion.at_rest import MOST, BodyAtRest
+from qvi_contact.companion.at_rest import MOST, SINGULAR, BodyAtRest
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
 _DEGREE: Final = 3  # of displacements by which a norm is computed
-_SINGULAR: Final = 1e-11  # eigenvalue of a stiffness, relative, that is a rigid motion's
 _ALIKE: Final = 1e-9  # of the body's size: a place on a side
 
 
@@ -48,13 +47,9 @@ class FrictionNorm:
 
 def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm:
     """The least proved norm where there is one below 2, else that of finite elements; nothing is proved with arcs."""
-    straight = not problem.mesh.sides.any()
-    known = {"rectangle": rectangle_norm(problem, senses), "star-shaped body": star_norm(problem, senses)}
-    proved = {
-        value: kind
-        for kind, value in known.items()
-        if straight and value is not None and value < slip_constants.LARGEST
-    }
+    ways = {} if problem.mesh.sides.any() else {"rectangle": rectangle_norm, "star-shaped body": star_norm}
+    known = {kind: norm(problem, senses) for kind, norm in ways.items()}
+    proved = {value: kind for kind, value in known.items() if value is not None and value < slip_constants.LARGEST}
     if proved:
         least = min(proved)
         reason = f"The norm of the friction operator is at most {least:.4g} on this {proved[least]}."
@@ -96,7 +91,7 @@ def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: in
     below = known.least_energy(np.concatenate([none, slips]), np.concatenate([tied, tied]))
     part = known.least_energy(np.concatenate([presses, none]), np.concatenate([~presses, rough | tied]))
     stiffness = np.linalg.eigvalsh(below)
-    if stiffness[0] <= _SINGULAR * stiffness[-1]:
+    if stiffness[0] <= SINGULAR * stiffness[-1]:
         return float("inf")
     above, place = np.zeros_like(below), np.flatnonzero(presses[slips])
     above[np.ix_(place, place)] = part * np.outer(weights[presses], weights[presses])

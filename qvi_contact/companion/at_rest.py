@@ -17,7 +17,9 @@ from qvi_contact.problem.problem import ContactProblem
 MOST: Final = 4000
 """Contact coefficients, normal and tangential ones, for which dense matrices of them are made."""
 
-_SINGULAR = 1e-11  # eigenvalue of a stiffness matrix, relative, that is a rigid motion's
+SINGULAR: Final = 1e-11
+"""Eigenvalue of a stiffness matrix, relative, that is a rigid motion's."""
+
 _DEPENDENT = 1e-9  # singular value of rows, relative, that counts as zero
 
 
@@ -84,5 +86,5 @@ def pseudo_solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
     if not len(matrix):
         return np.zeros((0, right.shape[1]))
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2.0)
-    kept = values > _SINGULAR * values[-1]
+    kept = values > SINGULAR * values[-1]
     return np.asarray((vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ right))
