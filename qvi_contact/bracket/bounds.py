@@ -142,15 +142,14 @@ def bracket(
 def _with_slip(found: Bracket, one_way: SlippingStress | str, reasons: tuple[str, ...]) -> Bracket:
     """A bracket with the bounds under slip, or with the reason why there are none."""
     assert found.companion is not None
-    if isinstance(one_way, SlippingStress) and found.companion.has_state:
-        one_way_bounds = _slip_bounds(one_way, found.companion, reasons)
-        if not isinstance(one_way_bounds, str):
-            return replace(found, slip=one_way_bounds)
-        return replace(found, slip_reason=one_way_bounds)
-    return replace(found, slip_reason=one_way if isinstance(one_way, str) else "No admissible displacement was found.")
+    slip = one_way if isinstance(one_way, str) else _slip_bounds(one_way, found.companion, reasons)
+    return replace(found, slip_reason=slip) if isinstance(slip, str) else replace(found, slip=slip)
 
 
 def _slip_bounds(one_way: SlippingStress, companion: CompanionResult, reasons: tuple[str, ...]) -> SlipBounds | str:
+    """The bounds under slip, or why there are none."""
+    if not companion.has_state:
+        return "No admissible displacement was found."
     try:
         return slip_bounds(one_way.result, companion, one_way.senses, reasons)
     except (FactorisationError, MemoryError) as error:

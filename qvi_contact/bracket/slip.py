@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -27,6 +28,9 @@ ADMISSIBLE = 1e-6
 
 _BACKWARDS = 1e-12  # of the displacements: what is no slip against the sense
 _OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
+
+_Laws: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""Coefficients (e, q) of τ_N, τ_T and the bound that τ_N itself gives."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,14 +144,15 @@ def slip_bounds(
         Why neither is exactly admissible.
 
     """
-    refusal = _refused(stress, companion, senses)
+    laws, margin = _laws(stress), margin_of(stress, senses)
+    refusal = _stress_refused(stress, laws, margin) or _displacement_refused(companion, senses)
     if refusal:
         return refusal
     discretization, u = stress.discretization, stress.dofs
     problem = discretization.problem
     fields = CellFields.of(discretization, u, max(discretization.space.degree - 2, companion.degree - 1, 5))
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-    edges, slack = _defects(stress, companion)
+    edges, slack = _defects(stress, laws, companion)
     norm = friction_norm(problem, senses)
     residual, defect = float(np.sqrt(2.0 * inside.sum())), slack
     defect += float(sum(part.contact.sum() + part.friction.sum() for part in edges.values()))
@@ -158,7 +163,7 @@ def slip_bounds(
         shares = 2.0 * slip_constants.amplification(s) ** 2 * inside + on_edges / slip_constants.coercivity(s)
     return SlipBounds(
         senses,
-        margin_of(stress, senses),
+        margin,
         norm,
         residual,
         defect,
@@ -171,13 +176,16 @@ def slip_bounds(
     )
 
 
-def _refused(stress: ContactResult, companion: CompanionResult, senses: Mapping[str, int]) -> str:
-    """Why a stress is not admissible, or a displacement is not in K; empty if both are."""
-    for name, (excess, pull) in _violations(stress).items():
+def _stress_refused(stress: ContactResult, laws: _Laws, margin: float) -> str:
+    """Why a stress is not admissible; empty if it is."""
+    for name, (excess, pull) in _violations(stress, laws).items():
         if excess > ADMISSIBLE or pull > ADMISSIBLE:
             return f"The stress does not obey the law of contact {name!r} on whole edges."
-    if margin_of(stress, senses) < LEAST_MARGIN:
-        return "The stress reaches its friction bound in the other sense too."
+    return "The stress reaches its friction bound in the other sense too." if margin < LEAST_MARGIN else ""
+
+
+def _displacement_refused(companion: CompanionResult, senses: Mapping[str, int]) -> str:
+    """Why a displacement is not in K; empty if it is."""
     assert companion.state is not None
     contacts, c = companion.state.contacts, companion.state.c
     n, size, start = contacts.count, max(1.0, float(np.abs(c).max(initial=0.0))), 0
@@ -192,10 +200,10 @@ def _refused(stress: ContactResult, companion: CompanionResult, senses: Mapping[
     return ""
 
 
-def _violations(stress: ContactResult) -> dict[str, tuple[float, float]]:
+def _violations(stress: ContactResult, laws: _Laws) -> dict[str, tuple[float, float]]:
     """By contact that is not tied the largest (|τ_T| − s)⁺ and τ_N⁺ of Bernstein coefficients, over all tractions."""
     known = stress.discretization
-    normal, shear, bound = _laws(stress)
+    normal, shear, bound = laws
     unit = max(float(np.abs(normal).max(initial=0.0)), float(np.abs(shear).max(initial=0.0)), 1e-300)
     found = {}
     for rows in known.contacts:
@@ -206,7 +214,7 @@ def _violations(stress: ContactResult) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _laws(stress: ContactResult) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _laws(stress: ContactResult) -> _Laws:
     """Bernstein coefficients (e, q) of τ_N, τ_T and the bound that τ_N itself gives, on all edges with rows."""
     known = stress.discretization
     if not known.qvi.m:
@@ -215,10 +223,10 @@ def _laws(stress: ContactResult) -> tuple[FloatArray, FloatArray, FloatArray]:
     return *traction_coefficients(known, at_points), law_bound(known, at_points[0])[0]
 
 
-def _defects(stress: ContactResult, companion: CompanionResult) -> tuple[dict[str, EdgeParts], float]:
+def _defects(stress: ContactResult, laws: _Laws, companion: CompanionResult) -> tuple[dict[str, EdgeParts], float]:
     """The parts of δ on edges, each ≥ 0, and what violations of the law that the solver left may add."""
     known, unit = stress.discretization, stress.discretization.scales.stress
-    normal, shear, bound = _laws(stress)
+    normal, shear, bound = laws
     found, slack = {}, 0.0
     for rows in known.contacts:
         if rows.law == "tied":
