@@ -139,11 +139,10 @@ def _traction_load(problem: ContactProblem, space: Space, scales: Scales) -> tup
         shapes = bernstein.basis(space.degree, found.t.ravel()).reshape(*found.t.shape, -1)
         lengths = edges.length / scales.length
         if edges.curved and given.turns:
-            chosen = edges.take(found.edge)
-            along = vectors_along(chosen, given.direction[found.edge], found.t)
-            for component, unit in enumerate(np.eye(2)):
+            along = vectors_along(edges.take(found.edge), given.direction[found.edge], found.t)
+            for component in (0, 1):
                 work = lengths[:, None] * found.integrals(shapes * along[..., [component]]) / scales.stress
-                _add(load, space.along(edges), work, np.tile(unit, (len(edges), 1)))
+                np.add.at(load, 2 * space.along(edges) + component, work)
         else:
             _add(load, space.along(edges), lengths[:, None] * found.integrals(shapes) / scales.stress, given.direction)
         if found.error > MISFIT * float(np.abs(found.values).max(initial=0.0)):
@@ -182,9 +181,9 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
         lengths = edges.length / scales.length
         if edges.curved:
             along = vectors_along(edges, outward, t)
-            for component, unit in enumerate(np.eye(2)):
+            for component in (0, 1):
                 work = -lengths[:, None] * ((values * along[..., component]) @ shape)
-                _add(load, numbers, work, np.tile(unit, (len(edges), 1)))
+                np.add.at(load, 2 * numbers + component, work)
         else:
             _add(load, numbers, -lengths[:, None] * (values @ shape), outward)
     return load
