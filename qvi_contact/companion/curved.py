@@ -16,6 +16,7 @@ import numpy as np
 from numpy.polynomial.legendre import legder, leggauss, legvander
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.companion.triangle import barycentric
 from qvi_contact.mesh.arcs import arc_offsets
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.topology import OPPOSITE
@@ -117,8 +118,7 @@ class CurvedCells:
 
 
 def _barycentric(t: FloatArray, count: int) -> FloatArray:
-    t = np.broadcast_to(t, (count, *np.shape(t)[-2:]))
-    return np.concatenate([1.0 - t.sum(axis=-1, keepdims=True), t], axis=-1)
+    return barycentric(np.broadcast_to(t, (count, *np.shape(t)[-2:])))
 
 
 def _sum(coefficients: FloatArray, at: FloatArray) -> FloatArray:

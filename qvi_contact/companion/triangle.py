@@ -64,11 +64,11 @@ class Triangle:
 
     def values(self, t: FloatArray) -> FloatArray:
         """B_α(λ)."""
-        return bernstein(self.degree, _barycentric(t))
+        return bernstein(self.degree, barycentric(t))
 
     def derivative_values(self, axis: int, t: FloatArray) -> FloatArray:  # noqa: ARG002  # the same for both
         """B_α of degree p − 1."""
-        return bernstein(self.degree - 1, _barycentric(t))
+        return bernstein(self.degree - 1, barycentric(t))
 
     def quadrature(self, count: int) -> tuple[FloatArray, FloatArray]:
         """Gauss points, `count` in each direction of the collapsed square."""
@@ -95,6 +95,7 @@ class Triangle:
         return np.argsort(np.concatenate([self.corners, *on_sides, inside]))
 
 
-def _barycentric(t: FloatArray) -> FloatArray:
+def barycentric(t: FloatArray) -> FloatArray:
+    """Barycentric coordinates (…, 3) of reference points (…, 2)."""
     t = np.asarray(t, dtype=float)
     return np.concatenate([1.0 - t.sum(axis=-1, keepdims=True), t], axis=-1)
