@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.optimize import minimize
 from scipy.sparse.linalg import spsolve
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, held_directions, one_ratio, spans, weight
 from qvi_contact.companion.cells import cell_for
 from qvi_contact.companion.space import Space
@@ -143,17 +143,10 @@ def _forms(space: Space) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray
     along = np.stack([cell.derivative_values(axis, t) @ cell.differences[axis] for axis in (0, 1)])
     slopes = np.einsum("cab,aqn->cqnb", space.slopes, along)
     w = space.areas[:, None] * weights
-    dofs = (2 * space.table[:, :, None] + np.arange(2)).reshape(len(space.table), -1)
     divergence = slopes.reshape(*slopes.shape[:2], -1)
     local = np.einsum("cq,cqnb,cqmb->cnm", w, slopes, slopes)
-    both = np.einsum("cnm,xy->cnxmy", local, np.eye(2)).reshape(len(dofs), dofs.shape[1], -1)
     square = np.einsum("cq,cqi,cqj->cij", w, divergence, divergence)
+    both = np.einsum("cnm,xy->cnxmy", local, np.eye(2)).reshape(square.shape)
     works = np.einsum("cq,cqi->ci", w, divergence).ravel()
-    mean = np.asarray(np.bincount(dofs.ravel(), works, minlength=space.size), dtype=np.float64)
-    return _assembled(dofs, both, space.size), _assembled(dofs, square, space.size), mean, float(w.sum())
-
-
-def _assembled(dofs: IntArray, local: FloatArray, size: int) -> sparse.csr_array:
-    rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-    found = sparse.coo_array((local.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
-    return sparse.csr_array(found.tocsr())
+    mean = np.asarray(np.bincount(space.dofs.ravel(), works, minlength=space.size), dtype=np.float64)
+    return space.assembled(both), space.assembled(square), mean, float(w.sum())

@@ -44,10 +44,7 @@ class Elasticity:
                 weights = space.areas[:, None, None] * (slopes @ moduli @ slopes.swapaxes(1, 2))
                 blocks[:, :, c, :, d] = (weights.reshape(count, 4) @ local.reshape(4, n * n)).reshape(count, n, n)
         blocks[space.curved.numbers] = self._curved_stiffness()
-        dofs = self._dofs
-        rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        data = blocks.reshape(count, 2 * n, 2 * n)
-        K = sparse.coo_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=(space.size, space.size)).tocsr()
+        K = space.assembled(blocks.reshape(count, 2 * n, 2 * n))
         return sparse.csr_array((K + K.T) / 2.0)
 
     def _curved_stiffness(self) -> FloatArray:
@@ -70,12 +67,6 @@ class Elasticity:
     def _count(self) -> int:
         """Gauss points a direction: exact for ε:C:ε of polynomials; arcs, which are none, take more."""
         return self.space.degree + 1 + (_ON_ARCS if len(self.space.curved) else 0)
-
-    @property
-    def _dofs(self) -> IntArray:
-        """Degrees of freedom of the cells (cells, 2 n)."""
-        table = self.space.table
-        return np.asarray(2 * table[:, :, None] + np.arange(2)).reshape(len(table), -1)
 
     def strain(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""
@@ -123,7 +114,7 @@ class Elasticity:
             slopes = np.linalg.inv(space.curved.jacobians(every, t))
             along[space.curved.numbers] = np.einsum("kqab,kbqc->kaqc", slopes, tensor[space.curved.numbers])
         local = sum(cell.differences[axis].T @ (cell.derivative_values(axis, t).T @ along[:, axis]) for axis in (0, 1))
-        found = np.bincount(self._dofs.ravel(), np.ravel(local), minlength=space.size)
+        found = np.bincount(space.dofs.ravel(), np.ravel(local), minlength=space.size)
         return np.asarray(found, dtype=np.float64)
 
 

@@ -82,6 +82,18 @@ class Space:
         """Of a cell to that of the reference cell (cells,)."""
         return np.asarray(np.abs(np.linalg.det(self.frames)))
 
+    @property
+    def dofs(self) -> IntArray:
+        """Degrees of freedom of displacements of the cells (cells, 2 n)."""
+        return np.asarray(2 * self.table[:, :, None] + np.arange(2)).reshape(len(self.table), -1)
+
+    def assembled(self, blocks: FloatArray) -> sparse.csr_array:
+        """The sum (size, size) of matrices of the cells (cells, 2 n, 2 n)."""
+        dofs = self.dofs
+        rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
+        found = sparse.coo_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(self.size, self.size))
+        return sparse.csr_array(found.tocsr())
+
     def points(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Coordinates of reference points (k, 2), or (cells, k, 2), in cells, shape (cells, k, 2)."""
         found = np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
