@@ -38,7 +38,6 @@ from solvers.factorisation import FactorisationError
 
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
-_POTENTIAL = 5  # degree of a body potential whose energy is integrated exactly
 _OUTWARD = 2.0  # safety of the work of violations that are left: v stands for u
 
 
@@ -169,7 +168,7 @@ def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: Companio
     """Energies, parts, reasons."""
     discretization, u = given.discretization, stress.result.dofs
     problem, mesh = discretization.problem, discretization.problem.mesh
-    fields = CellFields.of(discretization, u, max(discretization.space.degree - 2, companion.degree - 1, _POTENTIAL))
+    fields = CellFields.of(discretization, u, companion.degree)
     strain = strain_energy(fields, problem.compliances)
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
     complementary -= fluid_work(discretization)

@@ -26,6 +26,7 @@ from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.solution.stress import cell_stresses
 
 _EDGE_POINTS = 12
+_POTENTIAL = 5  # degree of a body potential whose energy is integrated exactly
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,9 @@ class CellFields:
 
     @classmethod
     def of(cls, discretization: Discretization, u: FloatArray, degree: int) -> "CellFields":
-        """From degrees of freedom u of Φ, for integrals of products of two functions of that degree on each part."""
-        scales, (t, w) = discretization.scales, discretization.space.cell_rule(2 * degree + 1)
+        """From degrees of freedom u of Φ, for integrals exact beside displacements of a degree and body potentials."""
+        largest = max(discretization.space.degree - 2, degree - 1, _POTENTIAL)
+        scales, (t, w) = discretization.scales, discretization.space.cell_rule(2 * largest + 1)
         weights = discretization.space.cell_measures(t, w)
         _, stress = cell_stresses(discretization, u, t)
         return cls(weights * scales.length**2, stress * scales.stress, t)

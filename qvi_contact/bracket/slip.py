@@ -150,7 +150,7 @@ def slip_bounds(
         return refusal
     discretization, u = stress.discretization, stress.dofs
     problem = discretization.problem
-    fields = CellFields.of(discretization, u, max(discretization.space.degree - 2, companion.degree - 1, 5))
+    fields = CellFields.of(discretization, u, companion.degree)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
     edges, slack = _defects(stress, laws, companion)
     norm = friction_norm(problem, senses)

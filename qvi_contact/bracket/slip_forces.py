@@ -22,6 +22,7 @@ from scipy.sparse.linalg import splu
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.law import effective, traction_coefficients
 from qvi_contact.bracket.outcome import Bounds
+from qvi_contact.bracket.parts import CellFields
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.at_rest import MOST, BodyAtRest, solutions
 from qvi_contact.companion.traces import Trace
@@ -165,9 +166,10 @@ def force_bounds_under_slip(
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """What all dual pairs of a mesh share: displacements at rest, and the factors of the energy of stresses."""
+    """What all dual pairs of a mesh share: displacements at rest, τ, and the factors of the energy of stresses."""
 
     body: BodyAtRest
+    fields: CellFields
     scale: FloatArray
     factors: Any
 
@@ -176,7 +178,8 @@ class _Model:
         K = stress.discretization.qvi.K
         scale = 1.0 / np.sqrt(K.diagonal())
         scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
-        return cls(BodyAtRest.of(stress.problem, companion.degree), scale, splu(scaled))
+        fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
+        return cls(BodyAtRest.of(stress.problem, companion.degree), fields, scale, splu(scaled))
 
     def solved(self, K: sparse.csc_array, right: FloatArray) -> FloatArray:
         """K⁻¹ · right (n, j), once corrected."""
@@ -345,15 +348,14 @@ class _Pairs:
         assert companion.state is not None
         u = self.stress.dofs
         other = u + known.basis @ change
-        t, w = known.space.cell_rule(2 * max(known.space.degree - 2, companion.degree - 1, 5) + 1)
-        tau = scales.stress * cell_stresses(known, u, t)[1]
-        zeta = scales.stress * cell_stresses(known, other, t)[1] - tau
-        strain = self.body.body.body.strain(z, slice(None), t[:, -2:]) * (self.unit / scales.length)
+        fields = self.model.fields
+        zeta = scales.stress * cell_stresses(known, other, fields.t)[1] - fields.stress
+        strain = self.body.body.body.strain(z, slice(None), fields.t[:, -2:]) * (self.unit / scales.length)
         compliance = known.problem.compliances
         apart = strain - np.einsum("ckl,cgl->cgk", compliance, zeta)
-        weights = known.space.cell_measures(t, w) * scales.length**2
-        size = np.einsum("cg,cgk,ckl,cgl->", weights, apart, np.linalg.inv(compliance), apart)
-        work = float(np.einsum("cg,cgk,cgk->", weights, tau, apart)) - float(companion.state.load @ z) * scales.energy
+        size = np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart)
+        inside = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
+        work = inside - float(companion.state.load @ z) * scales.energy
         for along in (support_work, obstacle_work):
             work += along(known, other) - along(known, u)
         for line in self.lines:
