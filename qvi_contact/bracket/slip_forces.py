@@ -145,9 +145,10 @@ def force_bounds_under_slip(
     contacts = stress.problem.contacts
     if not np.isfinite(error) or any(bears_shear(each) and not has_coulomb(each) for each in contacts):
         return {}
-    model = _Model.of(stress, companion)
-    if len(model.body.live) > MOST:
+    assert companion.state is not None
+    if 2 * companion.state.contacts.count > MOST:
         return {}
+    model = _Model.of(stress, companion)
     found: dict[str, Bounds] = {}
     for cut in _CUTS:
         pairs = _Pairs(model, stress, companion, list(_lines(stress, companion, senses, cut)))
