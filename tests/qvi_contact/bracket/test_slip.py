@@ -223,7 +223,7 @@ def test_stresses_made_bad_at_random_are_never_closer_than_said():
     companion = result.bracket.companion
     random, qvi = np.random.default_rng(1), result.discretization.qvi
     problem = result.problem
-    weaker = [solve(with_friction(problem, mu), degree=4) for mu in (0.02, 0.1, 0.18)]
+    weaker = [solve(with_law(problem, friction=mu), degree=4) for mu in (0.02, 0.1, 0.18)]
     ratios = []
     for number in range(200):
         z = weaker[number % 3].solution.z
@@ -248,13 +248,13 @@ class TestNoPair:
     """What is no stress and displacement of one problem with one sense of slip is refused, or far outside."""
 
     def test_the_stress_of_more_friction_is_refused(self):
-        more, result = chain(0.2)[1], solve(with_friction(chain(0.2)[1].problem, 0.15), degree=4)
+        more, result = chain(0.2)[1], solve(with_law(chain(0.2)[1].problem, friction=0.15), degree=4)
         assert "does not obey the law" in slip_bounds(
             carrying(result, more.solution.z), result.bracket.companion, PLATE
         )
 
     def test_the_stress_of_less_friction_is_outside(self):
-        result, less = chain(0.2)[-1], solve(with_friction(chain(0.2)[-1].problem, 0.15), degree=4)
+        result, less = chain(0.2)[-1], solve(with_law(chain(0.2)[-1].problem, friction=0.15), degree=4)
         stress = carrying(result, less.solution.z)
         found = slip_bounds(stress, less.bracket.companion, PLATE)
         assert found.error > 4.0 * result.bracket.slip.error
@@ -279,12 +279,10 @@ class TestNoPair:
         assert word in slip_bounds(result, broken, PLATE)
 
 
-def with_friction(problem, friction):
-    changed = [
-        replace(condition, friction=friction) if isinstance(condition, Contact) else condition
-        for condition in problem.conditions
-    ]
-    return replace(problem, conditions=changed)
+def with_law(problem, **law):
+    """The problem with other data of its contacts."""
+    conditions = [replace(each, **law) if isinstance(each, Contact) else each for each in problem.conditions]
+    return replace(problem, conditions=conditions)
 
 
 class TestScope:
@@ -354,26 +352,23 @@ class TestForces:
 
     def test_another_problem_is_outside(self):
         """Bounds for μ = 0.05 hold its force, and not that of μ = 0.2."""
-        other = solve(with_friction(chain(0.2)[-1].problem, 0.05), degree=4).bracket.slip
+        other = solve(with_law(chain(0.2)[-1].problem, friction=0.05), degree=4).bracket.slip
         force = other.forces["plate.normal_force"]
         assert force.upper < 214.23323205
         assert force.lower < 210.606417984 < force.upper
 
     def test_cohesion(self):
         """Bounds hold the force of a finer mesh, and not that without cohesion."""
-        problem = with_friction(chain(0.2)[-1].problem, 0.05)
-        glued = [replace(each, cohesion=8.0) if isinstance(each, Contact) else each for each in problem.conditions]
-        problem = replace(problem, conditions=glued)
+        problem = with_law(chain(0.2)[-1].problem, friction=0.05, cohesion=8.0)
         force = solve(problem, degree=4).bracket.slip.forces["plate.normal_force"]
-        fine = solve(replace(problem, mesh=uniformly(problem.mesh, 1)), degree=4)
+        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=4)
         assert force.lower < fine.contacts["plate"].normal_force < force.upper
         assert force.lower > 210.606417984
 
     def test_loads_balance(self):
         """Where equilibrium alone gives the normal force the bounds meet in it, with cohesion too."""
         problem = ssnv128((2, 2), friction=0.3).triangulated()
-        rough = [replace(each, cohesion=1e6) if isinstance(each, Contact) else each for each in problem.conditions]
-        for posed, force in ((problem, 2.0e6), (replace(problem, conditions=rough), 2.0e6)):
+        for posed, force in ((problem, 2.0e6), (with_law(problem, cohesion=1e6), 2.0e6)):
             found = solve(posed, degree=4).bracket.slip
             bounds = found.forces["base.normal_force"]
             assert bounds == pytest.approx((force, force), rel=1e-9)
@@ -394,7 +389,7 @@ class TestOtherBodies:
         found = solve(problem, degree=4).bracket.slip
         assert found.kind == "estimated"
         assert "computed by finite elements" in found.message
-        fine = solve(replace(problem, mesh=uniformly(problem.mesh, 1)), degree=5).contacts["base"]
+        fine = solve(replace(problem, mesh=halved(problem.mesh)), degree=5).contacts["base"]
         for name in forces:
             bounds = found.forces[f"base.{name}"]
             assert bounds.lower < getattr(fine, name) < bounds.upper
@@ -447,12 +442,13 @@ class TestOtherBodies:
         """Finite elements on finer meshes change the norm little."""
         problem = sheared_layer(1.0)
         coarse = computed_norm(problem, {"base": 1})
-        assert computed_norm(replace(problem, mesh=uniformly(problem.mesh, 1)), {"base": 1}) == pytest.approx(
+        assert computed_norm(replace(problem, mesh=halved(problem.mesh)), {"base": 1}) == pytest.approx(
             coarse, rel=0.03
         )
 
 
-def uniformly(mesh, times):
-    for _ in range(2 * times):
+def halved(mesh):
+    """Every triangle cut into four."""
+    for _ in range(2):
         mesh = mesh.refined(np.ones(mesh.cell_count, dtype=bool))
     return mesh
