@@ -99,11 +99,8 @@ def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Give
             reasons.append(f"{given.name} holds at the coefficients of arcs only, whose directions turn.")
         numbers = space.along(edges)
         coefficients.append(numbers.ravel())
-        if given.turns:
-            places = np.linspace(0.0, 1.0, numbers.shape[1])
-            directions.append(vectors_along(edges, given.direction, places).reshape(-1, 2))
-        else:
-            directions.append(np.repeat(given.direction, numbers.shape[1], axis=0))
+        places = np.linspace(0.0, 1.0, numbers.shape[1])
+        directions.append(vectors_along(edges, given.direction, places, turns=given.turns).reshape(-1, 2))
         values.append(data.coefficients.ravel())
     return _Given(np.concatenate(coefficients), np.concatenate(directions), np.concatenate(values)), reasons
 

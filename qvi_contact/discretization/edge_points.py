@@ -70,9 +70,7 @@ class EdgePoints:
 
     def vectors(self, direction: FloatArray, turns: bool) -> FloatArray:
         """Directions (n, 2) of the edges, of arcs if they turn along them, at each point, shape (n q, 2)."""
-        if turns:
-            return vectors_along(self.edges, direction, self.reference).reshape(-1, 2)
-        return np.repeat(direction, self.count, axis=0)
+        return vectors_along(self.edges, direction, self.reference, turns=turns).reshape(-1, 2)
 
     def load(self, normal: FloatArray, shear: FloatArray) -> FloatArray:
         """Σ normal σ_N + shear σ_T of weights (n q,) each, as a vector over all degrees of freedom (N,)."""

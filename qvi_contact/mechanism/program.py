@@ -95,9 +95,7 @@ class Rigid:
         for given in problem.prescribed(Displacement):
             edges = boundary.take(given.index)
             block = bodies.of_cells[edges.cells[:, 0]]
-            along = np.broadcast_to(given.direction[:, None], (len(edges), 2, 2))
-            if given.turns:
-                along = vectors_along(edges, given.direction, np.array([0.0, 1.0]))
+            along = vectors_along(edges, given.direction, np.array([0.0, 1.0]), turns=given.turns)
             ends = (edges.first, edges.second)
             rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
         return np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])

@@ -120,9 +120,7 @@ def _along(
         number, t = found.edge[bent], found.t[bent]
         arcs = edges.take(number)
         points = np.stack(mesh.points_along(arcs, t), axis=-1).reshape(-1, 2)
-        along = (
-            vectors_along(arcs, direction[number], t) if turns else np.repeat(direction[number, None], t.shape[1], 1)
-        )
+        along = vectors_along(arcs, direction[number], t, turns=turns)
         force = (found.values * found.weights)[bent] * edges.length[number, None]
         row += force.ravel() @ bodies.rows(np.repeat(block[number], t.shape[1]), points, along.reshape(-1, 2))
     for force, vertices in zip(at_ends.T, (edges.first, edges.second), strict=True):  # of the same force and moment

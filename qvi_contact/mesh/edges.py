@@ -77,11 +77,11 @@ def frames_along(edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
     return vectors_along(edges, edges.normal, t), vectors_along(edges, edges.tangent, t)
 
 
-def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray) -> FloatArray:
-    """Vectors (n, 2), given in the middle of each edge, that turn with it: at t, (q,) or (n, q); shape (n, q, 2)."""
+def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bool = True) -> FloatArray:
+    """Vectors (n, 2), given in the middle of each edge, that turn with it or do not; at t as above, shape (n, q, 2)."""
     t = np.broadcast_to(t, (len(edges), np.shape(t)[-1]))
     given = np.broadcast_to(vectors[:, None], (*t.shape, 2))
-    return turned(given, (t - 0.5) * edges.turn[:, None]) if edges.curved else given
+    return turned(given, (t - 0.5) * edges.turn[:, None]) if turns and edges.curved else given
 
 
 def rounding_along(vertices: FloatArray, edges: Edges) -> FloatArray:

@@ -206,7 +206,9 @@ def _of_vectors_on_arcs(space: TriangleSpace, one: PrescribedTraction, other: Pr
     for part, its in ((one, other), (other, one)):
         found = part.quadrature(space.mesh.vertices, _POINTS + degree)
         chosen = edges.take(found.edge)
-        own, against = (_directions(each, found.edge, found.t) for each in (part, its))
+        own, against = (
+            vectors_along(chosen, each.direction[found.edge], found.t, turns=each.turns) for each in (part, its)
+        )
         dual = np.stack([-against[..., 1], against[..., 0]], axis=-1)  # at right angles to the other component
         dual /= (dual * own).sum(axis=-1, keepdims=True)
         normal, tangent = frames_along(chosen, found.t)
@@ -231,7 +233,7 @@ def _of_component_on_arcs(space: TriangleSpace, given: PrescribedTraction) -> Co
     scale = np.column_stack([h, h**2 / 6.0, *[np.ones_like(h)] * (degree - 1)])
     t, w = gauss_legendre(degree + _POINTS)
     at = np.tile(t, (len(edges), 1))
-    direction = _directions(given, np.arange(len(edges)), at)
+    direction = vectors_along(edges, given.direction, at, turns=given.turns)
     values = legendre.basis(degree, t)
     project = (2.0 * np.arange(degree + 1)[:, None] + 1.0) * (values * w[:, None]).T
     combined: FloatArray = np.zeros((len(edges), degree + 1, space.normal(edges).columns.shape[1]))
@@ -244,13 +246,6 @@ def _of_component_on_arcs(space: TriangleSpace, given: PrescribedTraction) -> Co
     is_load = np.tile(np.arange(degree + 1) < 2, len(edges))
     number = np.repeat(space.number(edges), degree + 1)
     return Conditions(EdgeFunctionals(columns, combined, space.size).rows(), (wanted * scale).ravel(), is_load, number)
-
-
-def _directions(given: PrescribedTraction, edge: IntArray, t: FloatArray) -> FloatArray:
-    """The direction d (k, q, 2) of a component at reference points t (k, q) of its edges (k,)."""
-    if given.turns:
-        return vectors_along(given.edges.take(edge), given.direction[edge], t)
-    return np.broadcast_to(given.direction[edge, None], (*t.shape, 2))
 
 
 def _of_vectors(space: TriangleSpace, tractions: EdgeTractions, vectors: FloatArray) -> Conditions:
