@@ -37,3 +37,8 @@ def turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     cosine, sine = np.cos(angle), np.sin(angle)
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+
+
+def cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    """u_x v_y − u_y v_x of vectors (..., 2)."""
+    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])

@@ -8,7 +8,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import turned
+from qvi_contact.mesh.arcs import cross, turned
 from qvi_contact.mesh.topology import OPPOSITE, Topology
 
 _ON_CIRCLE: Final = 1.5e-6  # distance of a vertex from its circle over the radius that is taken as rounding of data
@@ -68,8 +68,7 @@ def turns_of(arcs: Sequence[Arc], vertices: FloatArray, topology: Topology) -> F
     for arc in arcs:
         number = topology.number(arc.edges, len(vertices))
         first, second = (vertices[end] - np.array(arc.centre) for end in topology.ends[number].T)
-        across = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
-        turn = np.arctan2(across, (first * second).sum(axis=1))
+        turn = np.arctan2(cross(first, second), (first * second).sum(axis=1))
         found[number] = np.where(np.abs(turn) <= _FLATTEST, 0.0, turn)
     return found
 
@@ -98,7 +97,7 @@ def bent_too_far(turns: FloatArray, vertices: FloatArray, cells: IntArray, topol
         cell = np.flatnonzero(bent[:, s])
         turn, centre = turns[topology.of_cells[cell, s]], vertices[cells[cell]].mean(axis=1)
         first, second = vertices[cells[cell, a]] - centre, vertices[cells[cell, b]] - centre
-        straight, square = _cross(first, second), np.square(second - first).sum(axis=1)
+        straight, square = cross(first, second), np.square(second - first).sum(axis=1)
         outwards = square * np.tan(turn / 4.0) / (2.0 * straight)  # height over that of the chord
         bent[cell, s] = (outwards > _HIGHEST) | (_area_left(first, second, turn) < _LEAST)
     return np.asarray(bent)
@@ -110,14 +109,10 @@ def _area_left(first: FloatArray, second: FloatArray, turn: FloatArray) -> Float
     Areas are those between the line and the barycentre, from which ends are counted. They grow with (x − c)×x', least
     at an end where the arc bends inwards: the barycentre sees all of the arc if this is positive there.
     """
-    chord, straight = second - first, _cross(first, second)
-    at_first = _cross(first, turned(chord, -turn / 2.0)) / straight
-    at_second = _cross(second, turned(chord, turn / 2.0)) / straight
+    chord, straight = second - first, cross(first, second)
+    at_first = cross(first, turned(chord, -turn / 2.0)) / straight
+    at_second = cross(second, turned(chord, turn / 2.0)) / straight
     return np.minimum(at_first, at_second)
-
-
-def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
 
 
 def _refuse(vertices: FloatArray, topology: Topology, edge: int, remedy: str) -> None:

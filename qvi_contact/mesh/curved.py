@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.mesh.arcs import arc_offsets, stretches, turned
+from qvi_contact.mesh.arcs import arc_offsets, cross, stretches, turned
 from qvi_contact.mesh.topology import OPPOSITE
 
 _STEPS: Final = 8  # of Newton's method for τ; it doubles the digits each time
@@ -59,7 +59,7 @@ def reference_of(corners: FloatArray, turns: FloatArray, barycentric: FloatArray
         tau = np.clip(np.where(outer > 0.0, (at[:, b] - at[:, s]) / np.where(outer > 0.0, outer, 1.0), 0.5), 0.0, 1.0)
         for _ in range(_STEPS):
             place, slope = _arc(own[:, a], own[:, b], turn, tau)
-            across, rate = _cross(place - centre, away), _cross(slope, away)
+            across, rate = cross(place - centre, away), cross(slope, away)
             tau = np.clip(tau - np.where(rate != 0.0, across / np.where(rate != 0.0, rate, 1.0), 0.0), -0.5, 1.5)
         arm = _arc(own[:, a], own[:, b], turn, tau)[0] - centre
         r = (arm * away).sum(axis=1) / np.square(arm).sum(axis=1)
@@ -80,8 +80,8 @@ def area_factors(corners: FloatArray, turns: FloatArray, t: FloatArray) -> Float
         tau = np.where(r > 0.0, (at[:, b] - at[:, s]) / np.where(r > 0.0, r, 1.0), 0.5)
         first, second = corners[cell, a], corners[cell, b]
         place, slope = _arc(first, second, turns[cell, s], tau)
-        straight = _cross(first - centres[cell], second - first)
-        found[cell, point] = _cross(place - centres[cell], slope) / straight
+        straight = cross(first - centres[cell], second - first)
+        found[cell, point] = cross(place - centres[cell], slope) / straight
     return found
 
 
@@ -102,10 +102,6 @@ def _arc(first: FloatArray, second: FloatArray, turn: FloatArray, t: FloatArray)
 def _slopes(corners: FloatArray, vectors: FloatArray) -> FloatArray:
     """Changes of barycentric coordinates (n, 3) along vectors (n, 2)."""
     u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = _cross(u, v)
-    second, third = _cross(vectors, v) / area, _cross(u, vectors) / area
+    area = cross(u, v)
+    second, third = cross(vectors, v) / area, cross(u, vectors) / area
     return np.column_stack([-second - third, second, third])
-
-
-def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])

@@ -25,6 +25,7 @@ from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.hsieh_clough_tocher.frames import shifts
+from qvi_contact.mesh.arcs import cross
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.topology import OPPOSITE
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -232,8 +233,7 @@ def _cells_left(mesh: TriangleMesh, edges: IntArray, pairs: IntArray) -> IntArra
     first, second = mesh.vertices[pairs].swapaxes(0, 1)
     along, cells = second - first, mesh.topology.cells[edges]
     towards = mesh.corners[cells[:, 0]].mean(axis=1) - first
-    left = along[:, 0] * towards[:, 1] - along[:, 1] * towards[:, 0] > 0.0
-    return np.where(left, cells[:, 0], cells[:, 1])
+    return np.where(cross(along, towards) > 0.0, cells[:, 0], cells[:, 1])
 
 
 def _corner(mesh: TriangleMesh, cells: IntArray, vertices: IntArray) -> IntArray:
