@@ -40,7 +40,7 @@ def barycentric_of(corners: FloatArray, turns: FloatArray, t: FloatArray) -> Flo
         cell, point = np.nonzero((part == s) & (turns[:, [s]] != 0.0))
         at = t[cell, point]
         r = 1.0 - 3.0 * at[:, s]
-        tau = np.where(r > 0.0, (at[:, b] - at[:, s]) / np.where(r > 0.0, r, 1.0), 0.5)
+        tau = _tau(at, s, r)
         chord = corners[cell, b] - corners[cell, a]
         bulge = arc_offsets(chord, turns[cell, s], tau[:, None])[:, 0] - tau[:, None] * chord
         found[cell, point] += _slopes(corners[cell], r[:, None] * bulge)
@@ -56,7 +56,7 @@ def reference_of(corners: FloatArray, turns: FloatArray, barycentric: FloatArray
         at = barycentric[cell]
         away = np.einsum("nk,nkx->nx", at - 1.0 / 3.0, own)
         outer = at[:, a] + at[:, b] - 2.0 * at[:, s]  # r on the straight triangle
-        tau = np.clip(np.where(outer > 0.0, (at[:, b] - at[:, s]) / np.where(outer > 0.0, outer, 1.0), 0.5), 0.0, 1.0)
+        tau = np.clip(_tau(at, s, outer), 0.0, 1.0)
         for _ in range(_STEPS):
             place, slope = _arc(own[:, a], own[:, b], turn, tau)
             across, rate = cross(place - centre, away), cross(slope, away)
@@ -76,8 +76,7 @@ def area_factors(corners: FloatArray, turns: FloatArray, t: FloatArray) -> Float
     for s, (a, b) in enumerate(OPPOSITE):
         cell, point = np.nonzero((part == s) & (turns[:, [s]] != 0.0))
         at = t[cell, point]
-        r = 1.0 - 3.0 * at[:, s]
-        tau = np.where(r > 0.0, (at[:, b] - at[:, s]) / np.where(r > 0.0, r, 1.0), 0.5)
+        tau = _tau(at, s, 1.0 - 3.0 * at[:, s])
         first, second = corners[cell, a], corners[cell, b]
         place, slope = _arc(first, second, turns[cell, s], tau)
         straight = cross(first - centres[cell], second - first)
@@ -90,6 +89,12 @@ def arc_points(s: int, t: FloatArray) -> FloatArray:
     found = np.zeros((len(t), 3))
     found[:, OPPOSITE[s][0]], found[:, OPPOSITE[s][1]] = 1.0 - t, t
     return found
+
+
+def _tau(t: FloatArray, s: int, r: FloatArray) -> FloatArray:
+    """The τ of points t (n, 3) of the straight triangle in the third at side s, from their r; any at the barycentre."""
+    along = t[:, OPPOSITE[s][1]] - t[:, s]
+    return np.where(r > 0.0, along / np.where(r > 0.0, r, 1.0), 0.5)
 
 
 def _arc(first: FloatArray, second: FloatArray, turn: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
