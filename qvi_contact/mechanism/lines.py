@@ -100,19 +100,23 @@ class Line:
         """Coordinates (p, 2) of places."""
         return np.asarray(self.start + s[:, None] * self.tangent)
 
-    def relative(self, bodies: Bodies, points: FloatArray, direction: FloatArray) -> FloatArray:
-        """Rows (p, 3 k) of d·[v] at points."""
-        along = np.broadcast_to(direction, points.shape)
+    def directions(self, vector: FloatArray, s: FloatArray) -> FloatArray:
+        """Normal or tangent at places, (p, 2)."""
+        return np.broadcast_to(vector, (len(s), 2))
+
+    def _relative(self, bodies: Bodies, s: FloatArray, vector: FloatArray) -> FloatArray:
+        """Rows (p, 3 k) of d·[v] at places, with d normal or tangent there."""
+        points, along = self.points(s), self.directions(vector, s)
         first, second = (np.full(len(points), body) for body in self.bodies)
         return bodies.rows(first, points, along) - bodies.rows(second, points, along)
 
     def opening(self, bodies: Bodies) -> FloatArray:
         """Rows (p, 3 k) of w at the places."""
-        return -self.relative(bodies, self.points(self.places), self.normal)
+        return -self._relative(bodies, self.places, self.normal)
 
     def slips(self, bodies: Bodies) -> FloatArray:
         """Rows (r, 3 k) of which the largest is |[v]_T| anywhere, or more: one, as [v]_T is constant."""
-        return self.relative(bodies, self.start[None], self.tangent)
+        return self._relative(bodies, np.zeros(1), self.tangent)
 
     def slip(self, bodies: Bodies, v: FloatArray) -> float:
         """The largest |[v]_T| of motions v, or more."""
@@ -120,10 +124,8 @@ class Line:
 
     def fixed_rows(self, bodies: Bodies) -> FloatArray:
         """Rows (e, 3 k) of the velocities that a line whose bodies do not part, or do not slip either, rules out."""
-        ends = self.points(self.places[[0, -1]])
-        rows = [self.relative(bodies, ends, self.normal)] * self.fixed + [
-            self.relative(bodies, ends, self.tangent)
-        ] * self.held
+        vectors = [self.normal] * self.fixed + [self.tangent] * self.held
+        rows = [self._relative(bodies, self.places[[0, -1]], vector) for vector in vectors]
         return np.concatenate([np.zeros((0, 3 * len(bodies))), *rows])
 
     def divided(self, s: float) -> "Line":
@@ -218,28 +220,17 @@ class ArcPiece(Line):
         chord = self.tangent * self.length / stretches(np.array([self.turn]))
         return np.asarray(self.start + arc_offsets(chord.reshape(1, 2), np.array([self.turn]), s / self.length)[0])
 
-    def _turned(self, vector: FloatArray, s: FloatArray) -> FloatArray:
-        """A vector of the chord at places, (p, 2)."""
+    def directions(self, vector: FloatArray, s: FloatArray) -> FloatArray:
+        """Normal or tangent of the chord, turned to places, (p, 2)."""
         return turned(np.broadcast_to(vector, (len(s), 2)), (s / self.length - 0.5) * self.turn)
-
-    def opening(self, bodies: Bodies) -> FloatArray:
-        """Rows (p, 3 k) of w at the places."""
-        return -self.relative(bodies, self.points(self.places), self._turned(self.normal, self.places))
 
     def slips(self, bodies: Bodies) -> FloatArray:
         """Rows (3, 3 k): [v]_T at both ends, and where their lines of cos φ and sin φ meet."""
         s = np.array([0.0, 0.5, 1.0]) * self.length
-        first, middle, last = self.relative(bodies, self.points(s), self._turned(self.tangent, s))
+        first, middle, last = self._relative(bodies, s, self.tangent)
         c, h = np.cos(self.turn / 2.0), self.turn / 2.0
         a = (middle - (first + last) / 2.0) / (2.0 * np.sin(h / 2.0) ** 2)  # middle = a + c, mean of ends = a cos h + c
         return np.stack([first, middle + a * (1.0 / c - 1.0), last])
-
-    def fixed_rows(self, bodies: Bodies) -> FloatArray:
-        """Rows (e, 3 k) of the velocities that are ruled out."""
-        ends = np.array([0.0, self.length])
-        pairs = [self.normal] * self.fixed + [self.tangent] * self.held
-        rows = [self.relative(bodies, self.points(ends), self._turned(vector, ends)) for vector in pairs]
-        return np.concatenate([np.zeros((0, 3 * len(bodies))), *rows])
 
     def divided(self, s: float) -> "ArcPiece":
         """The piece as it is: it is small."""
