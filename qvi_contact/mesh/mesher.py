@@ -158,8 +158,8 @@ def _parts(gmsh: Any, shape: Polygons, surfaces: Sequence[int]) -> MeshParts:
     vertex = np.full(len(points), -1)
     vertex[used] = np.arange(len(used))
     pairs = {tag: vertex[number[_elements(gmsh, 1, tag)]] for _, tag in gmsh.model.getEntities(1)}
-    edge_sets = {}
-    for name, curves in _curves(gmsh, shape).items():
+    ends, edge_sets = _ends(gmsh), {}
+    for name, curves in _curves(ends, shape).items():
         edge_sets[name] = np.concatenate([pairs[tag] for tag in curves])
         if (edge_sets[name] < 0).any():
             raise InputError(
@@ -171,12 +171,12 @@ def _parts(gmsh: Any, shape: Polygons, surfaces: Sequence[int]) -> MeshParts:
     for name, chosen in regions.items():
         if not len(chosen):
             raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
-    return MeshParts(points[used], cells, edge_sets, regions, _arcs(gmsh, shape, pairs))
+    return MeshParts(points[used], cells, edge_sets, regions, _arcs(ends, shape, pairs))
 
 
-def _arcs(gmsh: Any, shape: Polygons, pairs: Mapping[int, IntArray]) -> list[Arc]:
-    """The edges on each circle, from those of each curve of gmsh, (k, 2) by its number."""
-    ends, found = _ends(gmsh), dict[tuple[float, float, float], set[int]]()
+def _arcs(ends: Mapping[int, FloatArray], shape: Polygons, pairs: Mapping[int, IntArray]) -> list[Arc]:
+    """The edges on each circle, from those of each curve of gmsh, (k, 2) by its number, and the curve's ends."""
+    found = dict[tuple[float, float, float], set[int]]()
     for polygon in shape.every:
         for centre in np.unique(polygon.centres[np.isfinite(polygon.centres[:, 0])], axis=0):
             alike = (polygon.centres == centre).all(axis=1)
@@ -202,9 +202,8 @@ def _ends(gmsh: Any) -> dict[int, FloatArray]:
     return found
 
 
-def _curves(gmsh: Any, shape: Polygons) -> dict[str, list[int]]:
+def _curves(ends: Mapping[int, FloatArray], shape: Polygons) -> dict[str, list[int]]:
     """Curves of gmsh by the name of the piece of the outline on which both their ends lie."""
-    ends = _ends(gmsh)
     named = [
         (name, polygon, [other == name for other in polygon.names])
         for polygon in (shape.outer, *shape.holes)
