@@ -1,6 +1,6 @@
 """Triangles bisected where they are too large; names of edges and regions are carried over."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.circles import Arc, bent_too_far, turns_of
+from qvi_contact.mesh.circles import bent_too_far, turns_of
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology
 from qvi_contact.mesh.triangle_checks import same_places
@@ -54,10 +54,10 @@ def _bisected(mesh: MeshParts, marked: ArrayLike | None) -> MeshParts:
     fine = coarse.refined(1 if marked is None else _numbers(marked, len(mesh.cells)))
     vertices, cells = np.ascontiguousarray(fine.p.T), np.sort(fine.t.T.astype(np.int64), axis=1)
     _refuse_tiny(vertices)
-    ends = Topology.of(cells, len(vertices)).ends if mesh.edge_sets or mesh.arcs else np.empty((0, 2), dtype=np.int64)
-    edge_sets = _split_edges(mesh, mesh.edge_sets, vertices, ends) if mesh.edge_sets else {}
+    finer = _split_edges(mesh, [*mesh.edge_sets.values(), *(arc.edges for arc in mesh.arcs)], vertices, cells)
+    edge_sets = dict(zip(mesh.edge_sets, finer, strict=False))
     regions = {name: np.asarray(fine.subdomains[name], dtype=np.int64) for name in mesh.regions}
-    arcs = _split_arcs(mesh, vertices, ends)
+    arcs = [replace(arc, edges=edges) for arc, edges in zip(mesh.arcs, finer[len(edge_sets) :], strict=True)]
     for arc in arcs:
         new = np.unique(arc.edges[arc.edges >= len(mesh.vertices)])
         vertices[new] = arc.projected(vertices[new])
@@ -84,18 +84,14 @@ def _refuse_tiny(vertices: FloatArray) -> None:
         raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
 
 
-def _split_arcs(coarse: MeshParts, vertices: FloatArray, ends: IntArray) -> list[Arc]:
-    """The arcs of the coarser mesh with the finer edges (e, 2) that their edges are made of."""
-    pairs = {str(number): arc.edges for number, arc in enumerate(coarse.arcs)}
-    finer = _split_edges(coarse, pairs, vertices, ends) if pairs else {}
-    return [replace(arc, edges=finer[str(number)]) for number, arc in enumerate(coarse.arcs)]
+def _split_edges(coarse: MeshParts, sets: Sequence[IntArray], vertices: FloatArray, cells: IntArray) -> list[IntArray]:
+    """Sets of edges of the coarser mesh by the edges of finer cells (m, 3) that they are made of.
 
-
-def _split_edges(
-    coarse: MeshParts, sets: Mapping[str, IntArray], vertices: FloatArray, ends: IntArray
-) -> dict[str, IntArray]:
-    """Sets of edges of the coarser mesh by the finer edges (e, 2) that they are made of; new vertices are midpoints."""
-    old = len(coarse.vertices)
+    New vertices are midpoints.
+    """
+    if not sets:
+        return []
+    old, ends = len(coarse.vertices), Topology.of(cells, len(vertices)).ends
     topology = Topology.of(np.sort(coarse.cells, axis=1), old)
     number = np.where(ends[:, 1] < old, topology.number(np.minimum(ends, old - 1), old), -1)
     if len(vertices) > old:
@@ -104,4 +100,4 @@ def _split_edges(
         origin = np.asarray(cKDTree(midpoints).query(vertices[ends[halved, 1]])[1])
         on_it = (topology.ends[origin] == ends[halved, :1]).any(axis=1)
         number[halved[on_it]] = origin[on_it]
-    return {name: ends[np.isin(number, topology.number(pairs, old))] for name, pairs in sets.items()}
+    return [ends[np.isin(number, topology.number(pairs, old))] for pairs in sets]
