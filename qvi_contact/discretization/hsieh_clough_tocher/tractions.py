@@ -236,12 +236,13 @@ def _of_component_on_arcs(space: TriangleSpace, given: PrescribedTraction) -> Co
     direction = vectors_along(edges, given.direction, at, turns=given.turns)
     values = legendre.basis(degree, t)
     project = (2.0 * np.arange(degree + 1)[:, None] + 1.0) * (values * w[:, None]).T
-    combined: FloatArray = np.zeros((len(edges), degree + 1, space.normal(edges).columns.shape[1]))
-    for axis, found in zip(frames_along(edges, at), (space.normal(edges), space.shear(edges)), strict=True):
+    normal, shear = space.normal(edges), space.shear(edges)
+    columns = normal.columns
+    combined: FloatArray = np.zeros((len(edges), degree + 1, columns.shape[1]))
+    for axis, found in zip(frames_along(edges, at), (normal, shear), strict=True):
         share = (direction * axis).sum(axis=-1)
         share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
         combined = combined + (project @ (share[:, :, None] * values) * scale[:, :, None]) @ found.values
-    columns = space.normal(edges).columns
     wanted = given.quadrature(space.mesh.vertices, degree + _POINTS).coefficients(degree)
     is_load = np.tile(np.arange(degree + 1) < 2, len(edges))
     number = np.repeat(space.number(edges), degree + 1)
