@@ -78,14 +78,10 @@ class CondensedTriangles:
         element: HsiehCloughTocher,
         triangles: AffineTriangles,
         compliances: FloatArray,
-        potential: FloatArray | None = None,
-        rule: Rule | None = None,
+        potential: FloatArray | None,
+        rule: Rule,
     ) -> "CondensedTriangles":
-        """Condense triangles of compliances (n, 3, 3) and potentials (n, q), block by block.
-
-        The potentials are those at the points of the rule, by default `potential_points`.
-        """
-        rule = potential_points(element.degree) if rule is None else rule
+        """Condense triangles of compliances (n, 3, 3) and potentials (n, q) at the points of the rule, in blocks."""
         step = max(1, _BLOCK // element.dimension**2)
         blocks = [slice(start, start + step) for start in range(0, len(triangles), step)]
         parts = [
