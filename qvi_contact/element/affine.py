@@ -49,6 +49,11 @@ class AffineTriangles:
         J = self.jacobians
         return np.abs(J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0])
 
+    @property
+    def areas(self) -> FloatArray:
+        """Areas, shape (n,)."""
+        return np.asarray(self.scales * np.sqrt(0.75) / 2.0)
+
     @cached_property
     def elongations(self) -> FloatArray:
         """Longest side over the height on it, shape (n,)."""

@@ -97,7 +97,7 @@ class TriangleBasis:
     @cached_property
     def cell_sizes(self) -> FloatArray:
         """Areas of the triangles, dimensionless."""
-        return np.asarray(self.space.triangles.scales * np.sqrt(0.75) / 2.0)
+        return self.space.triangles.areas
 
     @property
     def cell_points(self) -> FloatArray:

@@ -198,7 +198,7 @@ def _potential_load(
 ) -> tuple[FloatArray, FloatArray]:
     """∫ cφI:σ of the reference functions (n, dimension), and ½ ∫ cφI:φI (n,)."""
     points, weights = rule
-    area = triangles.scales * np.sqrt(0.75) / 2.0
+    area = triangles.areas
     strain = compliances[:, :, 0] + compliances[:, :, 1]
     mapped = (triangles.stress_maps.swapaxes(1, 2) @ strain[:, :, None])[:, :, 0] * area[:, None]
     table = element.reference_functions(points, 2) * weights[:, None, None]

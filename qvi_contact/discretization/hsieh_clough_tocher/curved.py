@@ -131,8 +131,8 @@ class CurvedTriangles:
 
     def areas(self, points: FloatArray) -> FloatArray:
         """Areas (c, q), dimensionless, that weights of sum 1 at reference points (q, 3) are shares of."""
-        straight = self.triangles.scales * np.sqrt(0.75) / 2.0
-        return np.asarray(straight[:, None] * area_factors(self.triangles.corners, self.turns, points))
+        factors = area_factors(self.triangles.corners, self.turns, points)
+        return np.asarray(self.triangles.areas[:, None] * factors)
 
     def blocks(self, points: int) -> list[slice]:
         """Parts of the triangles whose tables at so many points are not too large at a time."""

@@ -79,9 +79,7 @@ class TriangleSpace:
     def curved(self) -> CurvedTriangles:
         """Those that have arcs."""
         numbers = np.flatnonzero(self.mesh.curved)
-        return CurvedTriangles(
-            self.element, numbers, AffineTriangles(self.triangles.corners[numbers]), self.mesh.sides[numbers]
-        )
+        return CurvedTriangles(self.element, numbers, self.triangles.take(self.mesh.curved), self.mesh.sides[numbers])
 
     @cached_property
     def dofs(self) -> IntArray:
