@@ -14,9 +14,9 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.algebraic import Posed, algebraic, energy_of
-from qvi_contact.discretization.basis import Basis, Energy, RowKind, SharedCorners
+from qvi_contact.discretization.basis import Basis, RowKind, SharedCorners
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
-from qvi_contact.discretization.contact_rows import ContactRows, contact_rows, joined, laws_vary
+from qvi_contact.discretization.contact_rows import contact_rows, joined, laws_vary
 from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
 from qvi_contact.discretization.families import FORCES_ON_HOLES, ElementName, basis_for, element_on, with_element
 from qvi_contact.discretization.loads import (
@@ -24,7 +24,7 @@ from qvi_contact.discretization.loads import (
     prescribed_tractions,
     shear_beside_contacts,
 )
-from qvi_contact.discretization.plates import PlateRows, plate_rows
+from qvi_contact.discretization.plates import plate_rows
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.bogner_fox_schmit import Grid
 from qvi_contact.errors import InputError
@@ -66,13 +66,6 @@ class Discretization(Posed, Stated):
 
     """
 
-    problem: ContactProblem
-    space: Basis
-    energy: Energy
-    scales: Scales
-    elimination: Elimination
-    contacts: tuple[ContactRows, ...]
-    plates: PlateRows
     qvi: FrictionQVI
     freed: IntArray
 
