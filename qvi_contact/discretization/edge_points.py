@@ -9,7 +9,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.basis import Basis
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.edges import Edges, frames_along, points_along, vectors_along
+from qvi_contact.mesh.edges import Edges, points_along, vectors_along
 
 _ON_ARCS: Final = 8  # points more for sums of products with frames that turn by 90° at most
 
@@ -57,12 +57,12 @@ class EdgePoints:
     @property
     def normals(self) -> FloatArray:
         """The edge's normal at each point, shape (n q, 2)."""
-        return frames_along(self.edges, self.reference)[0].reshape(-1, 2)
+        return self.vectors(self.edges.normal, turns=True)
 
     @property
     def tangents(self) -> FloatArray:
         """The edge's tangent at each point, shape (n q, 2)."""
-        return frames_along(self.edges, self.reference)[1].reshape(-1, 2)
+        return self.vectors(self.edges.tangent, turns=True)
 
     def for_resultants(self) -> "EdgePoints":
         """More points where edges are arcs, whose normals turn, so that resultants are exact; else the same."""
