@@ -5,6 +5,8 @@ import numpy as np
 from qvi_contact import TriangleMesh
 
 INNER, OUTER, NU = 1.0, 2.0, 0.3
+A = INNER**2 / (OUTER**2 - INNER**2)
+WIDENED = A * INNER * ((1.0 - NU) + (1.0 + NU) * OUTER**2 / INNER**2)  # by unit pressure inside, of unit modulus
 
 
 def quarter(radial, around, *, arcs=True):

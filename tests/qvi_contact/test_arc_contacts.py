@@ -15,10 +15,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.refinement.closer import _boundary_corners
-from tests.qvi_contact.rings import INNER, NU, OUTER, quarter
-
-A = INNER**2 / (OUTER**2 - INNER**2)
-WIDENED = A * INNER * ((1.0 - NU) + (1.0 + NU) * OUTER**2 / INNER**2)  # by unit pressure, of unit modulus
+from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, A, quarter
 
 
 def ring(contact, other, **settings):
@@ -116,7 +113,6 @@ def test_bracket_on_arcs(contact):
     assert gaps[1] < 2e-4
     assert np.log2(gaps[0] / gaps[1]) > 5.0
     x, y = np.array([1.0, INNER + 1e-9, 0.7]), np.array([0.0, 0.0, 1.2])
-    A = INNER**2 / (OUTER**2 - INNER**2)
     radius = np.hypot(x, y)
     radial = A * ((1.0 - NU) * radius + (1.0 + NU) * OUTER**2 / radius)
     moved = result.displacement(x, y)
