@@ -114,13 +114,9 @@ class CondensedTriangles:
                 found[name][cells] = getattr(part, name)
         return CondensedTriangles(**found)
 
-    def take(self, chosen: IntArray) -> "CondensedTriangles":
-        """Some of them."""
-        return CondensedTriangles(*(getattr(self, name)[chosen] for name in type(self).__annotations__))
-
-    def interior(self, shared: FloatArray) -> FloatArray:
-        """Interior degrees of freedom (n, interior) from what `inner` takes, (n, k)."""
-        return np.asarray((self.inner @ shared[:, :, None])[:, :, 0] + self.shifts)
+    def interior(self, shared: FloatArray, chosen: IntArray | slice = slice(None)) -> FloatArray:
+        """Interior degrees of freedom (n, interior) of all or some triangles from what `inner` takes, (n, k)."""
+        return np.asarray((self.inner[chosen] @ shared[:, :, None])[:, :, 0] + self.shifts[chosen])
 
 
 def _condensed(

@@ -65,7 +65,7 @@ class TriangleEnergy:
         curved = self.space.curved
         if len(curved):
             own = w[curved.numbers]
-            inner = self.condensed.take(curved.numbers).interior(own)
+            inner = self.condensed.interior(own, curved.numbers)
             factors = np.hstack([own, inner])[:, :, None]
             found[curved.numbers, 3:] = (curved.functions[:, 3:, 3:] @ factors)[:, :, 0]
         return found
