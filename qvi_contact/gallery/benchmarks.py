@@ -3,13 +3,14 @@
 Circles are true arcs.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, positive_number, whole_number
-from qvi_contact.gallery.meshes import arc, fan
+from qvi_contact.gallery.meshes import arc, fan, radii_between, steps_between
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
@@ -35,10 +36,7 @@ def rings(sectors: int = 8, swing: float = 0.0, *, whole: bool = False) -> Conta
         All of the rings, the contact "joint" being a closed line, rather than a quarter between lines of symmetry.
 
     """
-    angles = _angles(sectors, 4 if whole else 1)
-    first, second = _radii(0.2, 0.6, sectors), _radii(0.6, 1.0, sectors)
-    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
-    mesh = fan(lines, closed=whole, joints={"joint": len(first) - 1}, arcs=("inner", "joint", "outer"))
+    mesh = _nested((0.2, 0.6, 1.0), sectors, 4 if whole else 1, "joint", ("inner", "joint", "outer"))
 
     def pressure(x: FloatArray, y: FloatArray) -> FloatArray:
         return np.asarray(-1e7 - swing * (x**2 - y**2) / (x**2 + y**2))
@@ -54,10 +52,7 @@ def press_fit(sectors: int = 8, friction: float = 0.0, *, whole: bool = False) -
     Radii a = 25 and b = 50 mm, δ = 0.02 mm, E = 206 000 MPa, ν = 0.3, plane stress. Parameters are those of `rings`,
     and friction.
     """
-    angles = _angles(sectors, 4 if whole else 1)
-    first, second = _radii(5.0, 25.0, sectors), _radii(25.0, 50.0, sectors)
-    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
-    mesh = fan(lines, closed=whole, centre=(0.0, 0.0), joints={"shaft": len(first) - 1}, arcs=("shaft", "outer"))
+    mesh = _nested((5.0, 25.0, 50.0), sectors, 4 if whole else 1, "shaft", ("shaft", "outer"), centre=(0.0, 0.0))
     contact = Contact("shaft", friction=friction, gap=-0.02)
     outside = Traction("outer", normal=0.0, tangential=0.0)
     return ContactProblem(mesh, Material(206e3, 0.3), [contact, outside, *_halves(whole)])
@@ -83,10 +78,7 @@ def press_fit_torque(
         Edges of each circle in a quarter.
 
     """
-    angles = _angles(sectors, 4)
-    first, second = _radii(5.0, 25.0, sectors), _radii(25.0, 50.0, sectors)
-    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
-    mesh = fan(lines, closed=True, joints={"shaft": len(first) - 1}, arcs=("shaft", "outer", "inner"))
+    mesh = _nested((5.0, 25.0, 50.0), sectors, 4, "shaft", ("shaft", "outer", "inner"))
     shear = torque / (2.0 * np.pi * 5.0**3)
     bore: list[Condition] = [Traction("inner", x=lambda _, y: -shear * y, y=lambda x, _: shear * x)]
     if turn is not None:  # tangents of edges point to the right
@@ -121,11 +113,8 @@ def cylinder_in_bore(
         Part of the load.
 
     """
-    angles = _angles(sectors, 2)
-    first, second = _radii(1.2, 60.0, sectors), _radii(60.0, 60.0 * positive_number("extent", extent), sectors)
-    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
-    mesh = fan(lines, closed=False, centre=(0.0, 0.0), joints={"bore": len(first) - 1}, arcs=("bore", "outer"))
-    mesh = _loaded(mesh, 1.2)
+    radii = 1.2, 60.0, 60.0 * positive_number("extent", extent)
+    mesh = _loaded(_nested(radii, sectors, 2, "bore", ("bore", "outer"), centre=(0.0, 0.0)), 1.2)
     contact = Contact("bore", friction=friction, gap=0.01)
     held = Displacement("outer", x=0.0, y=0.0)
     return ContactProblem(mesh, Material(210e3, 0.3), [contact, held, *_pulled(share * 1875.0 / 2.0, 1.2)])
@@ -173,8 +162,8 @@ def loaded_pin(sectors: int = 16, friction: float = 0.1) -> ContactProblem:
     with np.errstate(divide="ignore"):
         sheet_edge = np.minimum(100.0 / np.abs(np.sin(angles)), 200.0 / np.abs(np.cos(angles)))
     edge = np.where(angles <= 0.5 * np.pi, 100.0, sheet_edge)
-    first = _radii(10.0, 50.0, sectors)
-    steps = max(2, round(np.log(2.0) * count / (0.5 * np.pi)))
+    first = radii_between(10.0, 50.0, sectors)
+    steps = max(2, steps_between(50.0, 100.0, count))
     shares = np.linspace(0.0, 1.0, steps + 1)[1:, None]
     lines = [arc(radius, angles) for radius in first]
     unit = arc(1.0, angles)
@@ -244,14 +233,23 @@ CORNER_EXPONENTS: Final = {None: 0.544484, 0.0: 0.7740, 0.1: 0.7249, 0.3: 0.6380
 """λ of `block_corner` by friction; None for bodies that stick."""
 
 
+def _nested(
+    radii: tuple[float, float, float],
+    sectors: int,
+    quarters: int,
+    joint: str,
+    arcs: Sequence[str],
+    centre: tuple[float, float] | None = None,
+) -> TriangleMesh:
+    """A ring, or a disc if it has a centre, and the ring around it, on so many quarters; see `fan`."""
+    angles, (inner, between, outer) = _angles(sectors, quarters), radii
+    first, second = radii_between(inner, between, sectors), radii_between(between, outer, sectors)
+    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
+    return fan(lines, closed=quarters == 4, centre=centre, joints={joint: len(first) - 1}, arcs=arcs)
+
+
 def _angles(sectors: int, quarters: int) -> FloatArray:
     """Angles of the vertices on so many quarters; a whole circle without its end."""
     count = quarters * whole_number("sectors", sectors, _MOST)
     angles = np.linspace(0.0, quarters * 0.5 * np.pi, count + 1)
     return angles[:-1] if quarters == 4 else angles
-
-
-def _radii(first: float, last: float, sectors: int) -> FloatArray:
-    """Radii in geometric progression, so that triangles are about as long as wide."""
-    steps = max(1, round(np.log(last / first) * sectors / (0.5 * np.pi)))
-    return np.geomspace(first, last, steps + 1)

@@ -79,5 +79,15 @@ def arc(radius: float, angles: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.abs(points) > 1e-15 * radius, points, 0.0))
 
 
+def radii_between(first: float, last: float, sectors: int) -> FloatArray:
+    """Radii in geometric progression, so that triangles are about as long as wide with so many sectors in a quarter."""
+    return np.geomspace(first, last, max(1, steps_between(first, last, sectors)) + 1)
+
+
+def steps_between(first: float, last: float, sectors: int) -> int:
+    """How many steps from one radius to another make triangles about as long as wide."""
+    return round(float(np.log(last / first)) * sectors / (0.5 * np.pi))
+
+
 def _along(line: int, first: IntArray, following: IntArray, count: int) -> IntArray:
     return np.column_stack([line * count + first, line * count + following])

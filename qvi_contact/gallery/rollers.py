@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, positive_number, whole_number
-from qvi_contact.gallery.meshes import fan
+from qvi_contact.gallery.meshes import arc, fan, radii_between, steps_between
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.material import Material, Region
@@ -97,11 +97,11 @@ def _half_disc(radius: float, half_width: float, sectors: int, quarters: int) ->
     def line(distance: float) -> FloatArray:
         start = np.arcsin(max(distance**2 - joined**2, 0.0) / (2.0 * height * distance))
         end = 0.5 * np.pi if quarters == 1 else np.pi - start
-        return _polar(distance, start + shares * (end - start))
+        return arc(distance, start + shares * (end - start))
 
     near, corner = _NEAR * radius, float(np.hypot(radius, height))
     lines = [line(distance) for distance in _radii(half_width, near, sectors)]
-    steps = max(2, round(np.log(corner / near) * sectors / (0.5 * np.pi)))
+    steps = max(2, steps_between(near, corner, sectors))
     last = lines[-1]
     flat = np.column_stack([radius * (1.0 - quarters * shares), np.full(len(shares), height)])
     for step, distance in enumerate(np.geomspace(near, corner, steps + 1)[1:-1], start=1):
@@ -119,13 +119,13 @@ def _block(width: float, height: float, half_width: float, sectors: int) -> list
     parts = np.linspace(0.0, corner, low + 1), np.linspace(corner, 0.5 * np.pi, max(1, count - low) + 1)[1:]
     angles = -np.concatenate(parts)[::-1]
     near = _NEAR * width
-    lines = [_polar(float(distance), angles) for distance in _radii(half_width, near, sectors)]
+    lines = [arc(float(distance), angles) for distance in _radii(half_width, near, sectors)]
     edge = np.column_stack([np.tan(angles + 0.5 * np.pi) * height, np.full(len(angles), -height)])
     side = np.column_stack([np.full(len(angles), width), np.tan(angles) * width])
     outer = np.where((angles > -corner)[:, None], side, edge)
     outer[len(angles) - low - 1] = width, -height
     outer[0, 0] = outer[-1, 1] = 0.0
-    steps = max(2, round(np.log(height / near) * sectors / (0.5 * np.pi)))
+    steps = max(2, steps_between(near, height, sectors))
     first = lines[-1]
     return [*lines, *(first + share * (outer - first) for share in np.linspace(0.0, 1.0, steps + 1)[1:])]
 
@@ -134,14 +134,7 @@ def _radii(half_width: float, last: float, sectors: int) -> FloatArray:
     """Radii of lines about the contact: even steps as far as the joint, and in geometric progression from there."""
     joined = _JOINED * half_width
     even = np.linspace(0.0, joined, max(4, sectors) + 1)[1:]
-    steps = max(1, round(np.log(last / joined) * sectors / (0.5 * np.pi)))
-    return np.concatenate([even, np.geomspace(joined, last, steps + 1)[1:]])
-
-
-def _polar(distance: float, angles: FloatArray) -> FloatArray:
-    """Points (n, 2) at a distance from the origin; those on an axis lie on it to the last digit."""
-    points = distance * np.column_stack([np.cos(angles), np.sin(angles)])
-    return np.asarray(np.where(np.abs(points) > 1e-15 * distance, points, 0.0))
+    return np.concatenate([even, radii_between(joined, last, sectors)[1:]])
 
 
 def _welded(above: list[FloatArray], below: list[FloatArray] | None, half_width: float) -> TriangleMesh:
