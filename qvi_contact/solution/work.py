@@ -50,7 +50,7 @@ def fluid_work(discretization: Discretization) -> float:
             pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
             gap = evaluate("Contact.gap", contact.gap, x, y)
             if contact.plate is not None:
-                gap = gap + (contact.plate.displacement(x, y) * points.normals.T).sum(axis=0)
+                gap = gap + component(contact.plate.displacement(x, y), points.normals)
             work += scales.length * float(points.weights @ (pressure * gap))
     return work
 
