@@ -114,11 +114,9 @@ def _runs_of(mesh: Mesh, edges: Edges) -> Iterator[Run]:
     """Runs of one line of edges."""
     following = edges.take(np.roll(np.arange(len(edges)), -1))
     onward, back = edges.second == following.first, edges.first == following.second
-    at_ends = [(one[:, 1], other[:, 0]) for one, other in zip(_at_ends(edges), _at_ends(following), strict=True)]
-    back_to = [(one[:, 0], other[:, 1]) for one, other in zip(_at_ends(edges), _at_ends(following), strict=True)]
     facing, turn = (
-        np.where(onward, (a * b).sum(axis=1), (c * d).sum(axis=1))
-        for (a, b), (c, d) in zip(at_ends, back_to, strict=True)
+        np.where(onward, (one[:, 1] * other[:, 0]).sum(axis=1), (one[:, 0] * other[:, 1]).sum(axis=1))
+        for one, other in zip(_at_ends(edges), _at_ends(following), strict=True)
     )
     joined = (onward | back) & (turn > CORNER) & (facing > CORNER)
     if len(edges) < 3 or joined.all():  # no closed line, or one without a corner
