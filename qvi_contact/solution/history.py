@@ -13,7 +13,7 @@ it ended in.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -98,10 +98,11 @@ class History:
 
     def slip(self, contact: str) -> FloatArray:
         """Slip u_T − w accumulated up to each step at the points of a contact, shape (steps, m) [length]."""
-        names = self._states[0].contacts if self._states else ()
-        if self._states:
+        states = self._states
+        if states:
+            names = states[0].contacts
             one_of("contact", contact, names, f"name a contact: {', '.join(names) or 'there is none'}")
-        return np.cumsum([step.contacts[contact].slip for step in self._states], axis=0)
+        return np.cumsum([step.contacts[contact].slip for step in states], axis=0)
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
         """One row for each step and contact as a pandas table; needs the extra ``frame`` (pandas).
@@ -123,15 +124,12 @@ class History:
         """
         rows = [
             {"step": number, "status": str(step.status), "contact": name, **line.summary(), "dissipated": lost}
-            for (number, step), lost in zip(self._numbered(), self.dissipated, strict=True)
+            for number, step in enumerate(self._states, 1)
+            for lost in [_friction_work(step, step)]
             for name, line in step.contacts.items()
         ]
         energy = {} if units is None else {"dissipated": units.energy}
         return frame(columns_of(rows), {**summary_units(units), **energy})
-
-    def _numbered(self) -> Iterator[tuple[int, ContactResult]]:
-        """The steps that have a state, with their numbers."""
-        return enumerate(self._states, 1)
 
     @property
     def dissipated(self) -> FloatArray:
@@ -194,10 +192,9 @@ class History:
 
     def _edge_loop(self, name: str) -> tuple[FloatArray, FloatArray]:
         """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
-        states = self._states
-        given = [tuple(_prescribed(step, name)) for step in states]
-        always = [component for component in given[0] if all(component in each for each in given)]
-        pairs = [np.array([_supported(step, name, component) for step in states]).T for component in always]
+        steps = [_supported(step, name) for step in self._states]
+        always = [component for component in steps[0] if all(component in each for each in steps)]
+        pairs = [np.array([each[component] for each in steps]).T for component in always]
         found = [(displacement, force) for displacement, force in pairs]
         if not found:
             raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
@@ -502,8 +499,8 @@ def _faces_several_ways(step: ContactResult, name: str) -> bool:
 
 def _of_plate(states: Sequence[ContactResult], name: str) -> tuple[FloatArray, FloatArray]:
     """The component of a plate's motion that does the most work, and its force or moment."""
-    motions = np.array([astuple(step.plates[name]) for step in states]).T
-    forces = np.array([astuple(step.plate_force(name)) for step in states]).T
+    pairs = [(astuple(step.plates[name]), astuple(step.plate_force(name))) for step in states]
+    motions, forces = np.array(pairs).transpose(1, 2, 0)
     component = int(np.argmax(np.ptp(motions, axis=1) * np.abs(forces).max(axis=1)))
     return motions[component], forces[component]
 
@@ -545,9 +542,14 @@ def _direction(component: str, edges: Edges) -> FloatArray:
     return tangent if abs(float(direction @ tangent)) == 1.0 else direction
 
 
-def _supported(step: ContactResult, name: str, component: str) -> tuple[float, float]:
-    """Mean of a component of the displacement prescribed on an edge set, and the force in its direction."""
-    edges, value = step.problem.mesh.edges(name), _prescribed(step, name)[component]
+def _supported(step: ContactResult, name: str) -> dict[str, tuple[float, float]]:
+    """Means of the components of the displacement prescribed on an edge set, and the forces in their directions."""
+    return {component: _moved(step, name, component, value) for component, value in _prescribed(step, name).items()}
+
+
+def _moved(step: ContactResult, name: str, component: str, value: Field) -> tuple[float, float]:
+    """Mean of one component, and the force in its direction."""
+    edges = step.problem.mesh.edges(name)
     direction = _direction(component, edges)
     sense = float(np.asarray(direction_of(component, edges)[0]) @ direction)
     middles = step.problem.mesh.points_along(edges, np.array([0.5]))
