@@ -16,7 +16,7 @@ import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -52,6 +52,8 @@ _PARALLEL = 1e-9  # sine of the angle between edges that face one way
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
 _PASSING = ("callback", "threads", "throw")  # options that change no answer
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
+
+_Posed: TypeAlias = Callable[[int, Scales], Discretization]
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,7 +386,7 @@ class _Run:
     options: dict[str, Any]
     warm: bool
 
-    def posed(self, freed: IntArray) -> Callable[[int, Scales], Discretization]:
+    def posed(self, freed: IntArray) -> _Posed:
         """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
         made: list[Discretization] = []
 
@@ -403,7 +405,7 @@ class _Keeper(Protocol):
 
     freed: IntArray
 
-    def begun(self, freed: IntArray, posed: Callable[[int, Scales], Discretization]) -> _Steps: ...
+    def begun(self, freed: IntArray, posed: _Posed) -> _Steps: ...
 
 
 class _Memory:
@@ -412,7 +414,7 @@ class _Memory:
     def __init__(self) -> None:
         self.freed: IntArray = np.empty(0, dtype=np.int64)
 
-    def begun(self, freed: IntArray, posed: Callable[[int, Scales], Discretization]) -> _Steps:  # noqa: ARG002
+    def begun(self, freed: IntArray, posed: _Posed) -> _Steps:  # noqa: ARG002
         return _InMemory()
 
 
@@ -432,7 +434,8 @@ def _history(run: _Run, keeper: _Keeper) -> History:
     """All steps, again from the first where one gives up shears in corners."""
     freed = keeper.freed
     while True:
-        results = _follow(run, freed, keeper.begun(freed, run.posed(freed)))
+        posed = run.posed(freed)
+        results = _follow(run, freed, posed, keeper.begun(freed, posed))
         found, count = np.union1d(freed, results[len(results) - 1].discretization.freed), len(results)
         if len(found) > len(freed) and not expired():
             freed = found
@@ -442,12 +445,12 @@ def _history(run: _Run, keeper: _Keeper) -> History:
         return History(results.first(count), len(run.steps), tuple(results.statuses[:count]))
 
 
-def _follow(run: _Run, freed: IntArray, results: _Steps) -> _Steps:
+def _follow(run: _Run, freed: IntArray, posed: _Posed, results: _Steps) -> _Steps:
     """All steps with the shear given up at the `freed` nodes, up to one without an answer or with other nodes freed."""
     for number in range(len(results) + 1, len(run.steps) + 1):
         before = results[number - 2] if number > 1 else None
         if before is None:
-            discretization = run.posed(freed)(1, run.scales)
+            discretization = posed(1, run.scales)
         elif expired():
             break
         else:
