@@ -588,9 +588,7 @@ def _options(file: "ProblemFile", given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _all_solved(series: "Series | None", steps: "Sequence[ContactResult]") -> bool:
-    planned = 1 if series is None else len(series.values)
-    statuses = [step.status for step in steps] if series is None else series.results.statuses
-    return len(statuses) == planned and all(status == "solved" for status in statuses)
+    return (steps[0] if series is None else series.results).status == "solved"
 
 
 def _verified(steps: "Sequence[ContactResult]", tolerance: float | None) -> "tuple[Verification, ...]":

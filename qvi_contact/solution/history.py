@@ -34,7 +34,7 @@ from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.fingerprint import mesh_digest, problem_digest
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.contact_line import summary_units
-from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.result import ContactResult, overall_status
 from qvi_contact.solution.solver import rows_for, solve
 from solvers import Status
 from solvers.basics.frames import columns_of, frame
@@ -85,8 +85,7 @@ class History:
     @property
     def status(self) -> Status:
         """Solved if every step was; else that of the first step that was not, or "time_limit" if steps are missing."""
-        end = Status.SOLVED if len(self.steps) == self.planned else Status.TIME_LIMIT
-        return next((status for status in self.statuses if status is not Status.SOLVED), end)
+        return overall_status(self.statuses, self.planned)
 
     @property
     def message(self) -> str:

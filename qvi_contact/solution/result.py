@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -518,3 +518,9 @@ class ContactResult(Stated):
     def _gauss(self) -> tuple[FloatArray, FloatArray]:
         """Dimensionless coordinates and stresses of the Gauss points of all cells."""
         return cell_stresses(self.discretization, self.dofs)
+
+
+def overall_status(statuses: Sequence[Status], planned: int) -> Status:
+    """Solved if so many results are; else the status of the first that is not, "time_limit" if some are missing."""
+    end = Status.SOLVED if len(statuses) == planned else Status.TIME_LIMIT
+    return next((status for status in statuses if status is not Status.SOLVED), end)

@@ -22,7 +22,7 @@ from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import summary_units
 from qvi_contact.solution.limit import checked_loads, loads_of, multiplied
-from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.result import ContactResult, overall_status
 from qvi_contact.solution.solver import posed, solve
 from solvers import Status
 from solvers.basics.frames import columns_of, frame
@@ -68,8 +68,7 @@ class Sweep:
     @property
     def status(self) -> Status:
         """Solved if all values were; else the status of the first that was not, "time_limit" if some are missing."""
-        end = Status.SOLVED if len(self.steps) == len(self.values) else Status.TIME_LIMIT
-        return next((step.status for step in self.steps if step.status is not Status.SOLVED), end)
+        return overall_status(self.statuses, len(self.values))
 
     @property
     def message(self) -> str:
