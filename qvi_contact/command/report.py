@@ -1,6 +1,6 @@
 """Results and problems as plain text for a terminal."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from qvi_contact.basics.shown import Rounding, shown
@@ -54,22 +54,14 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
 def history_lines(history: History, times: Sequence[float], units: Units) -> Iterator[str]:
     """One table for each contact, a row for each step, then what became of it all."""
     least = Rounding.largest(step.discretization.scales.rounding for step in history.steps)
-    for contact in history.steps[0].problem.contacts:
-        rows = []
-        for number, (step, t) in enumerate(zip(history.steps, times, strict=False), 1):
-            row = [str(number), f"{t:.6g}", str(step.status)]
-            if step.has_state:
-                line = step.contacts[contact.name]
-                forces = (shown(force, least.force) for force in (line.normal_force, line.tangential_force))
-                row += [*forces, *_shares(line)]
-            rows.append(row)
-        yield f"contact {contact.name}, forces in {units.engineering_force}"
-        yield from table(["step", "t", "status", "normal", "tangential", *_STATES], rows)
-        yield ""
+
+    def first(number: int, step: ContactResult) -> list[str]:
+        return [str(number + 1), f"{times[number]:.6g}", str(step.status)]
+
+    yield from _contact_tables(history.steps, ["step", "t", "status"], first, least, units)
     lost = shown(float(history.dissipated.sum()), least.energy)
     yield f"energy lost in friction: {lost} {units.engineering_energy}"
-    remarks = dict.fromkeys(remark for step in history.steps for remark in step.remarks)
-    yield from (f"remark: {units.filled(remark)}" for remark in remarks)
+    yield from _remark_lines(history.steps, units)
     yield history.message
 
 
@@ -80,23 +72,43 @@ def sweep_lines(
     least = Rounding.largest(step.discretization.scales.rounding for step in steps)
     length = f"[{units.displacement}]"
     swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
-    for contact in steps[0].problem.contacts:
-        rows = []
-        for step, value in zip(steps, values, strict=False):
-            row = [f"{value:.6g}", str(step.status), str(step.iterations)]
+
+    def first(number: int, step: ContactResult) -> list[str]:
+        return [f"{values[number]:.6g}", str(step.status), str(step.iterations)]
+
+    headings = [swept.get(parameter, parameter), "status", "iterations"]
+    yield from _contact_tables(steps, headings, first, least, units)
+    yield from _remark_lines(steps, units)
+    yield message
+
+
+def _contact_tables(
+    steps: Sequence[ContactResult],
+    headings: Sequence[str],
+    first: Callable[[int, ContactResult], list[str]],
+    least: Rounding,
+    units: Units,
+) -> Iterator[str]:
+    """One table for each contact: of each result, by its number from 0, the first columns, forces and states."""
+    rows: dict[str, list[list[str]]] = {contact.name: [] for contact in steps[0].problem.contacts}
+    for number, step in enumerate(steps):  # each is read once: those of a store are files
+        for name, of_contact in rows.items():
+            row = first(number, step)
             if step.has_state:
-                line = step.contacts[contact.name]
+                line = step.contacts[name]
                 forces = (shown(force, least.force) for force in (line.normal_force, line.tangential_force))
                 row += [*forces, *_shares(line)]
-            rows.append(row)
-        yield f"contact {contact.name}, forces in {units.engineering_force}"
-        yield from table(
-            [swept.get(parameter, parameter), "status", "iterations", "normal", "tangential", *_STATES], rows
-        )
+            of_contact.append(row)
+    for name, of_contact in rows.items():
+        yield f"contact {name}, forces in {units.engineering_force}"
+        yield from table([*headings, "normal", "tangential", *_STATES], of_contact)
         yield ""
+
+
+def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]:
+    """The remarks of all results, each once."""
     remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
     yield from (f"remark: {units.filled(remark)}" for remark in remarks)
-    yield message
 
 
 def verification_lines(checked: Sequence[Verification], values: Sequence[float], label: str = "t") -> Iterator[str]:
