@@ -160,21 +160,18 @@ def _sweep(document: Document) -> SweepPlan | None:
         return None
     if document.history is not None:
         raise InputError("sweep", document.sweep.parameter, "a file with a [history] cannot be swept: leave one out")
-    values = document.sweep.values
-    if isinstance(values, TimeRange):
-        values = np.linspace(values.start, values.stop, values.steps + 1).tolist()
-    if not values:
-        raise InputError("sweep.values", values, "give at least one value")
-    of = document.sweep.of
-    return SweepPlan(document.sweep.parameter, tuple(values), None if of is None else tuple(of))
+    values, of = _listed("sweep.values", document.sweep.values, "value"), document.sweep.of
+    return SweepPlan(document.sweep.parameter, values, None if of is None else tuple(of))
 
 
 def _times(document: Document) -> tuple[float, ...]:
-    if document.history is None:
-        return ()
-    times = document.history.times
-    if isinstance(times, TimeRange):
-        return tuple(np.linspace(times.start, times.stop, times.steps + 1).tolist())
-    if not times:
-        raise InputError("history.times", times, "give at least one time")
-    return tuple(times)
+    return () if document.history is None else _listed("history.times", document.history.times, "time")
+
+
+def _listed(path: str, given: list[float] | TimeRange, what: str) -> tuple[float, ...]:
+    """The numbers of a list or range, at least one."""
+    if isinstance(given, TimeRange):
+        return tuple(np.linspace(given.start, given.stop, given.steps + 1).tolist())
+    if not given:
+        raise InputError(path, given, f"give at least one {what}")
+    return tuple(given)
