@@ -126,16 +126,12 @@ def _wall_mesh(active: BoolArray, heads: BoolArray) -> TriangleMesh:
     cut = TriangleMesh.of_rectangles(grid)
     mesh = TriangleMesh(cut.vertices, cut.cells)
     line, row = np.rint(mesh.vertices / (_BLOCK / 2.0, _COURSE)).astype(np.int64).T
-
-    def inside(pairs: IntArray) -> IntArray:
-        return pairs[~mesh.topology.boundary]
-
-    ends = inside(mesh.topology.ends)
+    edges, outside = mesh.topology.ends, mesh.topology.boundary
+    ends, around = edges[~outside], edges[outside]
     upright, level = np.ptp(line[ends], axis=1) == 0, np.ptp(row[ends], axis=1) == 0
     joint = upright & heads[row[ends].min(axis=1).clip(max=rows - 1), line[ends[:, 0]]]
     mesh = mesh.with_joint("beds", ends[level]) if level.any() else mesh
     mesh = mesh.with_joint("heads", ends[joint]) if joint.any() else mesh
-    around = mesh.topology.ends[mesh.topology.boundary]
     sides = {
         "ground": (row[around] == 0).all(axis=1),
         "windward": (line[around] == 0).all(axis=1),
