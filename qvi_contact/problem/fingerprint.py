@@ -21,8 +21,8 @@ _PLACES = np.array([0.05, 0.2, 0.45, 0.7, 0.9])  # along an edge
 
 
 def mesh_digest(mesh: Mesh) -> bytes:
-    """SHA-256 of vertices, cells and named parts."""
-    parts: list[object] = [mesh.vertices, mesh.cells]
+    """SHA-256 of vertices, cells, arcs and named parts."""
+    parts: list[object] = [mesh.vertices, mesh.cells, mesh.sides]
     parts += [part for name in mesh.edge_names for part in (name, mesh.edge_set(name))]
     parts += [part for name in mesh.joint_names for part in (name, mesh.joint_set(name))]
     return _digest(iter([type(mesh).__name__, *parts]))

@@ -22,6 +22,7 @@ from qvi_contact import (
     solve_history,
 )
 from qvi_contact.cli import group
+from qvi_contact.gallery import rings
 from qvi_contact.problem.fields import Expression
 from solvers import Status
 
@@ -124,6 +125,15 @@ def test_a_store_of_another_history_is_refused(begun, other):
     with pytest.raises(InputError, match="another history"):
         solve_history(given.pop("problems"), store=begun, **given)
     assert {path.name: path.read_bytes() for path in begun.iterdir()} == held
+
+
+def test_a_store_of_a_body_with_arcs_is_not_that_of_one_with_chords(tmp_path):
+    arcs = rings(4)
+    chords = replace(arcs, mesh=replace(arcs.mesh, arcs=()))
+    solve_history([arcs], store=tmp_path / "steps")
+    with pytest.raises(InputError, match="another history"):
+        solve_history([chords], store=tmp_path / "steps")
+    assert solve_history([arcs], store=tmp_path / "steps").status is Status.SOLVED
 
 
 def test_a_folder_of_other_files_is_refused(tmp_path):
