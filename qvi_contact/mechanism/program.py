@@ -314,9 +314,12 @@ class _Program:
 
 def _null_space(rows: FloatArray, shift: float) -> FloatArray:
     """Orthonormal columns of the motions that no row forbids; what may be rounding of coordinates is a row."""
-    columns = rows.shape[1]
     if not len(rows):
-        return np.eye(columns)
+        return np.eye(rows.shape[1])
+    return null_space(rows, 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(rows)))
+
+
+def null_space(rows: FloatArray, least: float) -> FloatArray:
+    """Orthonormal columns (n, d) on which rows (m, n) are at most `least`."""
     _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))  # of many rows, few are of use
-    rounding = 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(rows))
-    return np.asarray(right[int((values > rounding).sum()) :].T)
+    return np.asarray(right[int((values > least).sum()) :].T)

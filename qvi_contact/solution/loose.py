@@ -20,7 +20,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.edge_points import EdgePoints
 from qvi_contact.mechanism.bodies import Bodies
-from qvi_contact.mechanism.program import Rigid
+from qvi_contact.mechanism.program import Rigid, null_space
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, ContactState
@@ -120,8 +120,7 @@ def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
     """The part of the space of orthonormal motions (n, d) on which rows (m, n) are nothing."""
     if not motions.shape[1]:
         return motions
-    _, values, right = np.linalg.svd(np.linalg.qr(rows @ motions, mode="r"))
-    return np.asarray(motions @ right[int((values > least).sum()) :].T)
+    return np.asarray(motions @ null_space(rows @ motions, least))
 
 
 def _beside_others(bodies: Bodies, free: FloatArray, speeds: FloatArray) -> FloatArray:
