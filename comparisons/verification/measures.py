@@ -6,6 +6,7 @@ import numpy as np
 
 from qvi_contact import ContactLine, ContactResult, ContactState
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.companion import CompanionContact
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.exact import ExactState
 from qvi_contact.units import Units
@@ -15,6 +16,7 @@ FORCE: Final = _ENGINEERING.engineering_force
 ENERGY: Final = _ENGINEERING.engineering_energy
 
 _POINTS = 60
+_MEASURED: Final = 0.3  # part of the peak above which pressures are compared with an ellipse
 
 
 def stress_error(result: ContactResult, state: ExactState) -> float:
@@ -39,9 +41,16 @@ def traction_difference(ours: ContactLine, theirs: ContactLine, unit: float) -> 
     return max(float(np.abs(one - other).max()) for one, other in pairs) / unit
 
 
-def mean_pressure(line: ContactLine) -> float:
+def mean_pressure(line: ContactLine | CompanionContact) -> float:
     """Normal force over length [stress]."""
     return float(line.normal_force / line.weights.sum())
+
+
+def ellipse(x: FloatArray, values: FloatArray) -> tuple[float, float]:
+    """Height h and half-width a of v² = h² (1 − x²/a²), fitted where v is large."""
+    large = values > _MEASURED * values.max()
+    slope, square = np.polyfit(x[large] ** 2, values[large] ** 2, 1)
+    return float(np.sqrt(square)), float(np.sqrt(-square / slope))
 
 
 def value_at(line: ContactLine, values: FloatArray, x: float) -> float:

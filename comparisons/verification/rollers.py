@@ -6,14 +6,13 @@ from typing import Final
 import numpy as np
 
 from comparisons.verification.elements import QUINTIC, TRIANGLES, Element, on
+from comparisons.verification.measures import ellipse
 from comparisons.verification.proof import both, by_hand, certified
 from comparisons.verification.row import Kind, Row, absolute, relative, word
 from comparisons.verification.two_models import two_models
 from qvi_contact import ContactLine
-from qvi_contact.basics.checks import FloatArray
 from qvi_contact.gallery import cylinder_in_bore, cylinder_on_block, half_discs, press_fit_torque
 
-_MEASURED: Final = 0.3  # part of the peak above which pressures are compared with an ellipse
 _STICK: Final = 4e-4  # of c on triangles of degree 4, on this mesh: the shear has a kink there
 _STEPS: Final = 10  # of the load on Klang's cylinder
 
@@ -100,13 +99,6 @@ def klang(element: Element, quick: bool) -> Iterator[Row]:
         yield relative("mean pressure, 0° to 15° [MPa]", ours, 17.8, 0.08, Kind.PUBLISHED, source, proof)
         if count == 1 and not quick:
             yield from two_models(history.steps[-1], "bore", 1e-3, 1e-2)
-
-
-def ellipse(x: FloatArray, values: FloatArray) -> tuple[float, float]:
-    """Height h and half-width a of v² = h² (1 − x²/a²), fitted where v is large."""
-    large = values > _MEASURED * values.max()
-    slope, square = np.polyfit(x[large] ** 2, values[large] ** 2, 1)
-    return float(np.sqrt(square)), float(np.sqrt(-square / slope))
 
 
 def _torque(line: ContactLine) -> float:

@@ -6,7 +6,7 @@ from comparisons.verification.measures import mean_pressure
 from comparisons.verification.proof import both, certified, certified_companion
 from comparisons.verification.row import Kind, Row, at_least, at_most, relative
 from qvi_contact import ContactResult
-from qvi_contact.companion import CompanionContact, solve_companion
+from qvi_contact.companion import solve_companion
 
 
 def two_models(result: ContactResult, contact: str, tolerance: float, apart: float) -> Iterator[Row]:
@@ -14,13 +14,9 @@ def two_models(result: ContactResult, contact: str, tolerance: float, apart: flo
     companion = solve_companion(result.problem)
     proof, theirs = both(certified(result), certified_companion(companion)), companion.contacts[contact]
     ours, source = mean_pressure(result.contacts[contact]), "displacement model on the same mesh"
-    yield relative("mean pressure, both models", ours, _mean(theirs), tolerance, Kind.METHODS, source, proof)
+    yield relative("mean pressure, both models", ours, mean_pressure(theirs), tolerance, Kind.METHODS, source, proof)
     found = result.bracket
     width, source = (found.upper - found.lower) / found.strain, f"bracket for {found.kind.value}"
     yield at_most("gap of the energies over the strain energy", width, apart, 0.0, Kind.METHODS, source, proof)
     if found.guaranteed:
         yield at_least("the same, upper not below lower", width, 0.0, 1e-9, Kind.ANALYTIC, source, proof)
-
-
-def _mean(contact: CompanionContact) -> float:
-    return float(-(contact.weights @ contact.normal_stress) / contact.weights.sum())
