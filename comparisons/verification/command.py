@@ -26,6 +26,7 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
     """  # noqa: D301
     from comparisons.lab.report import show, write_report
     from comparisons.verification import registry, study
+    from comparisons.verification.pictures import pictures
     from comparisons.verification.report import as_json as json_of
     from comparisons.verification.report import report
     from qvi_contact.basics.terminal import progress
@@ -33,12 +34,14 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
 
     chapters = registry.choose(only)
     folder = None if out is None else writable_folder(out)
+    # drawn first, so that a picture that fails costs no rows
+    drawings = pictures(name for problems in chapters.values() for name in problems) if folder else {}
     with progress("verify", study.step_count(chapters)) as advance:
         document = study.run(chapters, quick, advance, only)
     if as_json:
         click.echo(json_of(document))
     if folder or not as_json:
-        manual = report(document)
+        manual = report(document, drawings)
         written = write_report(manual, folder) if folder else []
         if not as_json:
             show(manual, written, tables=verbose)

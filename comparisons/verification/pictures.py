@@ -1,6 +1,6 @@
 """What the published benchmarks look like: their bodies, loads, supports and contacts, on coarse meshes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -38,16 +38,9 @@ PICTURES: Final[dict[str, tuple[Callable[[], ContactProblem], Units | None]]] = 
 """Name of a problem of the manual → what is drawn, in its units; the bore's plate as far as two radii."""
 
 
-def picture_name(problem: str) -> str:
-    """The picture of a problem; empty where it has none."""
-    return f"problem-{problem}" if problem in PICTURES else ""
-
-
-def pictures(names: list[str]) -> dict[str, str]:
-    """The pictures of those of these problems that have one, as SVG."""
-    return {
-        picture_name(name): drawn(f"verification-{name}", partial(_draw, name)) for name in names if name in PICTURES
-    }
+def pictures(names: Iterable[str]) -> dict[str, str]:
+    """Name → picture, as SVG, of those of these problems that have one; empty where matplotlib is not installed."""
+    return {name: drawn(f"verification-{name}", partial(_draw, name)) for name in names if name in PICTURES}
 
 
 def _draw(name: str) -> "Figure":

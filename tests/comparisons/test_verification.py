@@ -10,13 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from comparisons.cli import group
 from comparisons.lab.report import drawing, write_report
 from comparisons.lab.report.reader import parts_of
 from comparisons.lab.tables import Grid
 from comparisons.verification import plate, registry, study
-from comparisons.verification.pictures import PICTURES
+from comparisons.verification.pictures import PICTURES, pictures
 from comparisons.verification.report import as_json, report
 from comparisons.verification.row import Kind, absolute
 from comparisons.verification.tables import HEADINGS, cells
@@ -37,7 +38,7 @@ def quick():
 
 @pytest.fixture(scope="module")
 def manual(quick):
-    return report(quick)
+    return report(quick, pictures(PICTURES))
 
 
 def rows(document):
@@ -163,7 +164,7 @@ def test_every_chapter_says_what_it_shows(manual):
     """A chapter that the template does not know is an error, not left out."""
     assert len(re.findall(r"^- \*Shows\*: .*$", manual.text, flags=re.MULTILINE)) == len(registry.CHAPTERS)
     with pytest.raises(ValueError, match="number"):
-        report({**DOCUMENT, "chapters": [{**DOCUMENT["chapters"][0], "name": "new"}]})
+        report({**DOCUMENT, "chapters": [{**DOCUMENT["chapters"][0], "name": "new"}]}, {})
 
 
 def test_the_picture_has_every_problem(quick, manual):
@@ -177,9 +178,26 @@ def test_the_picture_has_every_problem(quick, manual):
     assert set(PICTURES) <= set(names)
 
 
+def test_a_picture_that_fails_costs_no_rows(monkeypatch, tmp_path):
+    """It is drawn before any row is computed, and not at all where no files are written."""
+
+    def breaks_off():
+        raise ZeroDivisionError
+
+    runs = []
+    monkeypatch.setitem(PICTURES, "rings", (breaks_off, None))
+    monkeypatch.setattr(study, "run", lambda *_: runs.append(1) or DOCUMENT)
+    words = ["verify", "--quick", "--only", "rings"]
+    with pytest.raises(ZeroDivisionError):
+        CliRunner().invoke(group, [*words, "--out", str(tmp_path)], catch_exceptions=False)
+    assert not runs
+    CliRunner().invoke(group, words, catch_exceptions=False)
+    assert runs
+
+
 def test_without_matplotlib_there_is_no_picture(monkeypatch, tmp_path):
     monkeypatch.setattr(drawing, "has_matplotlib", lambda: False)
-    written = write_report(report(DOCUMENT), tmp_path)
+    written = write_report(report(DOCUMENT, {}), tmp_path)
     assert [path.name for path in written] == ["verification.html", "verification.md"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["verification.html", "verification.md"]
     assert "<figure" not in written[0].read_text(encoding="utf-8")
@@ -188,7 +206,7 @@ def test_without_matplotlib_there_is_no_picture(monkeypatch, tmp_path):
 
 @pytest.mark.usefixtures("outlined")
 def test_two_runs_make_the_same_manual():
-    one, other = (report(study.run(registry.choose(["units"]), quick=True, advance=quiet)) for _ in range(2))
+    one, other = (report(study.run(registry.choose(["units"]), quick=True, advance=quiet), {}) for _ in range(2))
     assert one == other
 
 
@@ -196,7 +214,7 @@ def test_two_runs_make_the_same_manual():
 def test_other_data_make_other_files():
     changed = json.loads(json.dumps(DOCUMENT))
     changed["chapters"][0]["problems"][0]["rows"][0]["ours"] = 1.25
-    for form in (report, as_json):
+    for form in (lambda document: report(document, {}), as_json):
         assert form(DOCUMENT) == form(json.loads(json.dumps(DOCUMENT)))
         assert form(DOCUMENT) != form(changed)
 
@@ -258,4 +276,4 @@ def test_a_row_without_certificate_fails_in_the_files():
     row = absolute("a", 1.0, 1.0, 1.0, Kind.ANALYTIC, "s", replace(PASSING.proof, passed=False))
     document = json.loads(json.dumps(DOCUMENT))
     document["chapters"][0]["problems"][0]["rows"] = [study.as_record(row)]
-    assert markdown_rows(report(document).text)[0][-1] == "FAILED"
+    assert markdown_rows(report(document, {}).text)[0][-1] == "FAILED"
