@@ -1,10 +1,10 @@
 """What a run measures, and how often."""
 
-import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from comparisons.benchmark.reference import CONVERGED_FRICTION
+from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
 from qvi_contact.errors import InputError
 from solvers.factorisation import resolve
 from solvers.factorisation.choice import CHOICES, SHARED
@@ -76,16 +76,14 @@ class Plan:
 
     def __post_init__(self) -> None:
         for name, values in (("cells", self.cells), ("friction", self.friction)):
-            if not values:
-                raise InputError(name, values, "give at least one")
+            check_some(name, values)
         for cells in self.cells:
-            _at_least_one("cells", cells)
-        _at_least_one("threads", self.threads)
+            check_at_least_one("cells", cells)
+        check_at_least_one("threads", self.threads)
         if self.repeat is not None:
-            _at_least_one("repeat", self.repeat)
+            check_at_least_one("repeat", self.repeat)
         for friction in self.friction:
-            if not (math.isfinite(friction) and friction >= 0.0):
-                raise InputError("friction", friction, "give a number ≥ 0")
+            check_not_negative("friction", friction)
         if not self.limit > 0.0:
             raise InputError("limit", self.limit, "give a number of seconds > 0")
         object.__setattr__(self, "cells", tuple(sorted(set(self.cells))))
@@ -137,8 +135,3 @@ class Plan:
     def repetitions(self, cells: int) -> int:
         """Repetitions of the whole solve on this many cells a side."""
         return self.repeat or next((count for most, count in _REPETITIONS if cells <= most), _LEAST)
-
-
-def _at_least_one(name: str, value: int) -> None:
-    if value < 1:
-        raise InputError(name, value, "give a whole number ≥ 1")

@@ -3,7 +3,6 @@
 The whole solve beside one plain factorisation of the same K, in CPU seconds. Every wall has a process of its own.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,6 +11,7 @@ from typing import Any, Final
 
 from comparisons.benchmark.process import records
 from comparisons.benchmark.ratios import growth, ratio
+from comparisons.lab.checks import check_at_least_one, check_not_negative
 from comparisons.lab.machine import machine, versions
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction
 from qvi_contact.basics.terminal import Advance
@@ -50,12 +50,11 @@ class WallPlan:
     limit: float = 600.0
 
     def __post_init__(self) -> None:
-        for count in (*self.blocks, self.threads):
-            if count < 1:
-                raise InputError("blocks" if count in self.blocks else "threads", count, "give a whole number ≥ 1")
+        for count in self.blocks:
+            check_at_least_one("blocks", count)
+        check_at_least_one("threads", self.threads)
         for load in self.loads:
-            if not (math.isfinite(load) and load >= 0.0):
-                raise InputError("load", load, "give a number ≥ 0")
+            check_not_negative("load", load)
         object.__setattr__(self, "blocks", tuple(sorted(set(self.blocks))))
         if self.element not in ELEMENTS:
             raise InputError("element", self.element, f"choose one of {', '.join(ELEMENTS)}")

@@ -1,11 +1,11 @@
 """The plate as plain data, so that every code solves the gallery's own problem; the study of a run."""
 
-import math
 import os
 import subprocess
 from importlib.util import find_spec
 from typing import Any, Final
 
+from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
 from comparisons.lab.study.declaration import Values
@@ -29,14 +29,11 @@ def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions
 
     """
     for name, values in (("friction", friction), ("cells", cells)):
-        if not values:
-            raise InputError(name, values, "give at least one")
+        check_some(name, values)
     for mu in friction:
-        if not (math.isfinite(mu) and mu >= 0.0):
-            raise InputError("friction", mu, "give a number ≥ 0")
-    for name, least in (("cells", min(cells)), ("repeat", repetitions)):
-        if least < 1:
-            raise InputError(name, least, "give a whole number ≥ 1")
+        check_not_negative("friction", mu)
+    check_at_least_one("cells", min(cells))
+    check_at_least_one("repeat", repetitions)
     if not 1 <= levels <= LEVELS:
         raise InputError("levels", levels, f"give a whole number from 1 to {LEVELS}")
     missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}

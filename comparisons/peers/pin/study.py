@@ -7,12 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
 from comparisons.peers.measure import GETFEM, answer_of
 from comparisons.peers.meshes import counter_clockwise
 from qvi_contact import TriangleMesh
-from qvi_contact.errors import InputError
 from qvi_contact.gallery import loaded_pin
 
 TASK: Final = f"{__name__}:run"
@@ -51,13 +51,10 @@ def pin_study(friction: tuple[float, ...], sectors: tuple[int, ...], missing: Se
 
     """
     for name, values in (("friction", friction), ("cells", sectors)):
-        if not values:
-            raise InputError(name, values, "give at least one")
+        check_some(name, values)
     for mu in friction:
-        if not (np.isfinite(mu) and mu >= 0.0):
-            raise InputError("friction", mu, "give a number ≥ 0")
-    if min(sectors) < 1:
-        raise InputError("cells", min(sectors), "give a whole number ≥ 1")
+        check_not_negative("friction", mu)
+    check_at_least_one("cells", min(sectors))
     models = tuple(name for name, (code, *_) in MODELS.items() if code not in missing)
     factors: dict[str, tuple[Any, ...]] = {
         "friction": tuple(dict.fromkeys(friction)), "sectors": tuple(sorted(set(sectors))), "model": models,
