@@ -49,8 +49,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
         "case": plate(case["friction"], model.mesh, case["number"]),
         "warm_up": plate(case["friction"], model.mesh, _WARM_UP[FAMILIES[model.mesh].counted]),
     }  # fmt: skip
-    other = os.environ.get(GETFEM) if model.code == "getfem" else None
-    return answer_of(order, other or sys.executable)
+    return answer_of(order, model.code)
 
 
 def plate(friction: float, family: str, number: int) -> dict[str, Any]:
@@ -68,9 +67,13 @@ def plate(friction: float, family: str, number: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def answer_of(order: Mapping[str, Any], interpreter: str) -> dict[str, Any]:
-    """What the process says, on one thread; another Python must not find the packages of this one."""
-    surroundings = environment(threads=1)
+def answer_of(order: Mapping[str, Any], code: str) -> dict[str, Any]:
+    """What a code, a key of `CODES`, says in a process of its own, on one thread.
+
+    Another Python for GetFEM must not find the packages of this one.
+    """
+    other = os.environ.get(GETFEM) if code == "getfem" else None
+    interpreter, surroundings = other or sys.executable, environment(threads=1)
     if interpreter != sys.executable:
         del surroundings["PYTHONPATH"]
     done = subprocess.run(

@@ -396,7 +396,7 @@ class TestFailures:
         assert found["message"].startswith("KeyError: ") or find_spec("ngsolve") is None
 
     def test_what_a_library_prints_is_not_the_answer(self):
-        found = measure.answer_of({"module": "this", **EMPTY}, sys.executable)  # it prints when imported
+        found = measure.answer_of({"module": "this", **EMPTY}, "equilibrium")  # it prints when imported
         assert found["status"] == "error"
         assert found["message"].startswith("AttributeError")
 

@@ -22,7 +22,7 @@ _OWN: Final = "triangles"
 
 def report(rows: Sequence[Row]) -> Document:
     """The report of these rows; the same rows give the same report."""
-    runs = [_run(row) for row in sorted(rows, key=lambda row: row.position)]
+    runs = _runs(rows)
     values = {"command": _command(runs), "apart": _apart(runs), "finite": _finite(runs)}
     tables = {
         "numbers": _numbers(runs),
@@ -34,8 +34,12 @@ def report(rows: Sequence[Row]) -> Document:
 
 def document_of(rows: Sequence[Row], report: Document) -> dict[str, Any]:
     """Numbers and findings as one document."""
-    runs = [_run(row) for row in sorted(rows, key=lambda row: row.position)]
+    runs = _runs(rows)
     return {"schema": SCHEMA, "measured": dict(MEASURED), "rows": runs, "findings": findings_of(report.text)}
+
+
+def _runs(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    return [_run(row) for row in sorted(rows, key=lambda row: row.position)]
 
 
 def _run(row: Row) -> dict[str, Any]:

@@ -1,7 +1,5 @@
 """The loaded pin as plain data, so that every code solves the gallery's own problem; the study of a run."""
 
-import os
-import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -10,7 +8,7 @@ import numpy as np
 from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
-from comparisons.peers.measure import GETFEM, answer_of
+from comparisons.peers.measure import answer_of
 from comparisons.peers.meshes import counter_clockwise
 from qvi_contact import TriangleMesh
 from qvi_contact.gallery import loaded_pin
@@ -78,15 +76,9 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """
     code, module, options = MODELS[case["model"]]
     plain = plain_pin(case["friction"], case["sectors"])
-    order = {"module": _module(code, module), "options": dict(options), "repetitions": 1, "case": plain,
+    order = {"module": module, "options": dict(options), "repetitions": 1, "case": plain,
              "warm_up": plain_pin(case["friction"], _WARM_UP)}  # fmt: skip
-    other = os.environ.get(GETFEM) if code == "getfem" else None
-    return answer_of(order, other or sys.executable)
-
-
-def _module(code: str, module: str) -> str:
-    """The module as `process` imports it: that of this package by its full name."""
-    return f"comparisons.peers.codes.{module}" if code == "triangles" else module
+    return answer_of(order, code)
 
 
 def plain_pin(friction: float, sectors: int) -> dict[str, Any]:
