@@ -11,7 +11,8 @@ Document = dict[str, Any]
 Form = Callable[[Any], str]
 
 
-def _known(form: str) -> Form:
+def known(form: str) -> Form:
+    """A number in this format, where there is one."""
     return lambda value: NOTHING if value is None or value != value else format(value, form)
 
 
@@ -24,34 +25,36 @@ def error(value: Any) -> str:
     return f"< {scientific(MEANINGLESS, 1)}" if value is not None and value < MEANINGLESS else scientific(value)
 
 
-_COUNT: Final = _known(".0f")
+COUNT: Final = known(".0f")
+"""A whole number."""
+
 _FORMS: Final[Mapping[str, Form]] = {
-    **dict.fromkeys(("cells", "from", "to"), _cells), "friction": _known("g"), "grading": _known("g"),
-    **dict.fromkeys(("unknowns", "iterations", "corrections"), _COUNT),
+    **dict.fromkeys(("cells", "from", "to"), _cells), "friction": known("g"), "grading": known("g"),
+    **dict.fromkeys(("unknowns", "iterations", "corrections"), COUNT),
     **dict.fromkeys(("assembly", "factorisation", "interior_point", "certificate", "rest"), seconds),
     **dict.fromkeys(("analysis", "numeric", "plain", "whole", "reported"), seconds),
-    **dict.fromkeys(("ratio_own", "ratio_fastest"), _known(".2f")), "solve_spread": percent,
-    "half_force": _known(".8f"), "accuracy": scientific, "peak": memory, "imports": memory,
-    **dict.fromkeys(("half_force_error", "half_force_difference"), scientific), "more": _COUNT,
+    **dict.fromkeys(("ratio_own", "ratio_fastest"), known(".2f")), "solve_spread": percent,
+    "half_force": known(".8f"), "accuracy": scientific, "peak": memory, "imports": memory,
+    **dict.fromkeys(("half_force_error", "half_force_difference"), scientific), "more": COUNT,
     "ratio": lambda value: significant(value, 4), "error": error,
 }  # fmt: skip
 
 
 def tables_of(document: Document) -> dict[str, Grid]:
     """The tables by name."""
-    solves, powers = document["solves"], dict.fromkeys(_POWERS, _known(".2f"))
+    solves, powers = document["solves"], dict.fromkeys(_POWERS, known(".2f"))
     memories = [{**row, "more": _more(row)} for row in document["memory"]]
     graded = [
         {**row, "runs": len(row["seconds"]), "met": listing([target(each) for each in row["meets"]])}
         for row in document["graded"]
     ]
     peers = [{**row, "reported": row["seconds"]} for row in document["peers"]]
-    five, time = {"half_force": _known(".5f")}, {"solve": seconds}
+    five, time = {"half_force": known(".5f")}, {"solve": seconds}
     return {
-        "times-table": _grid(solves, _TIMES, time), "answers": _grid(solves, _ANSWERS),
-        "plain": _grid(document["plain"], _PLAIN), "memory": _grid(memories, _MEMORY),
-        "growth": _grid(document["growth"], _GROWTH | _POWERS, powers), "loops": _grid(document["loops"], _LOOPS, time),
-        "graded": _grid(graded, _GRADED, five), "peers": _grid(peers, _PEERS, five),
+        "times-table": grid(solves, _TIMES, time), "answers": grid(solves, _ANSWERS),
+        "plain": grid(document["plain"], _PLAIN), "memory": grid(memories, _MEMORY),
+        "growth": grid(document["growth"], _GROWTH | _POWERS, powers), "loops": grid(document["loops"], _LOOPS, time),
+        "graded": grid(graded, _GRADED, five), "peers": grid(peers, _PEERS, five),
     }  # fmt: skip
 
 
@@ -91,9 +94,10 @@ _PEERS: Final = {
 }  # fmt: skip
 
 
-def _grid(
+def grid(
     rows: Sequence[Mapping[str, Any]], headings: Mapping[str, str], more: Mapping[str, Form] | None = None
 ) -> Grid:
+    """Rows as a table, in the formats that columns of this name have, or in those that are given."""
     from pandas import DataFrame
 
     frame = DataFrame(rows, columns=list(headings))

@@ -69,10 +69,12 @@ def render(
     tables: Mapping[str, Grid],
     figures: Mapping[str, str],
     settings: Sequence[Grid] = (),
+    *,
+    template: str = "report.md",
 ) -> Document:
-    """The report of an experiment, by the template `report.md` in its folder; see `fill`."""
-    template = files(package).joinpath("report.md").read_text(encoding="utf-8")
-    return fill(template, name, values, tables, figures, settings)
+    """The report of an experiment, by a template in its folder; see `fill`."""
+    text = files(package).joinpath(template).read_text(encoding="utf-8")
+    return fill(text, name, values, tables, figures, settings)
 
 
 def fill(
