@@ -1,6 +1,9 @@
 """The command `benchmark`."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -98,28 +101,26 @@ def benchmark(
         python -m comparisons benchmark --threads 4 --out results/benchmark
         python -m comparisons benchmark --problem wall --blocks 8 16
     """  # noqa: D301
-    from comparisons.benchmark import rows, study
+    from comparisons.benchmark import rows, study, wall_report
     from comparisons.benchmark import wall as walls
     from comparisons.benchmark.plan import Plan
     from comparisons.benchmark.report import as_json as json_of
     from comparisons.benchmark.report import report
-    from comparisons.benchmark.wall_report import report as wall_report
     from comparisons.lab.report import show, write_report
-    from qvi_contact.basics.terminal import progress
+    from qvi_contact.basics.terminal import Advance, progress
     from qvi_contact.basics.writing import writable_folder, write_text
 
-    of_walls = problem == "wall"
-    plan = (
-        walls.WallPlan(blocks, load or tuple(walls.STATES), element, threads, limit)
-        if of_walls
-        else Plan(cells, friction, threads, repeat, not no_naive, factorisation, limit)
-    )
+    measured: Callable[[Advance], dict[str, Any]]
+    if problem == "wall":
+        blocked = walls.WallPlan(blocks, load or tuple(walls.STATES), element, threads, limit)
+        steps, measured, report_of = blocked.steps, partial(walls.run, blocked), wall_report.report
+    else:
+        plan = Plan(cells, friction, threads, repeat, not no_naive, factorisation, limit)
+        steps, measured, report_of = plan.steps, lambda advance: rows.document(study.run(plan, advance)), report
     folder = None if out is None else writable_folder(out)
-    with progress("benchmark", plan.steps) as advance:
-        document = (
-            walls.run(plan, advance) if isinstance(plan, walls.WallPlan) else rows.document(study.run(plan, advance))
-        )
-    made = wall_report(document) if of_walls else report(document)
+    with progress("benchmark", steps) as advance:
+        document = measured(advance)
+    made = report_of(document)
     written = []
     if folder:
         write_text(folder / f"{made.name}.json", json_of(document) + "\n")
