@@ -113,18 +113,19 @@ def benchmark(
     measured: Callable[[Advance], dict[str, Any]]
     if problem == "wall":
         blocked = walls.WallPlan(blocks, load or tuple(walls.STATES), element, threads, limit)
-        steps, measured, report_of = blocked.steps, partial(walls.run, blocked), wall_report.report
+        name, steps = "benchmark-wall", blocked.steps
+        measured, report_of = partial(walls.run, blocked), wall_report.report
     else:
         plan = Plan(cells, friction, threads, repeat, not no_naive, factorisation, limit)
-        steps, measured, report_of = plan.steps, lambda advance: rows.document(study.run(plan, advance)), report
+        name, steps = "benchmark", plan.steps
+        measured, report_of = lambda advance: rows.document(study.run(plan, advance)), report
     folder = None if out is None else writable_folder(out)
     with progress("benchmark", steps) as advance:
         document = measured(advance)
+    if folder:  # before the report, so that a picture that fails costs no numbers
+        write_text(folder / f"{name}.json", json_of(document) + "\n")
     made = report_of(document)
-    written = []
-    if folder:
-        write_text(folder / f"{made.name}.json", json_of(document) + "\n")
-        written = [*write_report(made, folder), folder / f"{made.name}.json"]
+    written = [*write_report(made, folder), folder / f"{name}.json"] if folder else []
     if as_json:
         click.echo(json_of(document))
     else:

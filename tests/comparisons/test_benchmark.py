@@ -283,6 +283,17 @@ class TestPlan:
         CliRunner().invoke(group, [*words, "--json"], catch_exceptions=False)
         assert taken == [wanted]
 
+    def test_a_report_that_fails_costs_no_numbers(self, monkeypatch, tmp_path):
+        def breaks_off(_):
+            raise ZeroDivisionError
+
+        monkeypatch.setattr(study, "run", lambda settings, _: made_up(settings))
+        monkeypatch.setattr(report_module, "report", breaks_off)
+        words = ["benchmark", "--cells", "8", "--friction", "0.2", "--no-naive", "--out", str(tmp_path)]
+        with pytest.raises(ZeroDivisionError):
+            CliRunner().invoke(group, words, catch_exceptions=False)
+        assert len(json.loads((tmp_path / "benchmark.json").read_text(encoding="utf-8"))["solves"]) == 2
+
     @pytest.mark.parametrize(
         "settings",
         [{"cells": (0,)}, {"cells": ()}, {"friction": (-0.1,)}, {"friction": (math.nan,)}, {"threads": 0},
