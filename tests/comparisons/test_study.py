@@ -25,6 +25,7 @@ from comparisons.lab.study.declaration import case_key
 from comparisons.lab.study.differences import differences
 from comparisons.lab.study.plain import canonical, plain
 from qvi_contact import InputError
+from qvi_contact.basics import database
 from tests.comparisons.study_demo import ENVIRONMENT, SMALL
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
@@ -434,7 +435,7 @@ class TestRefused:
 
     def test_full(self, tmp_path, monkeypatch):
         path = filled(tmp_path / "a", count=2)
-        monkeypatch.setattr(stores, "_SETTINGS", (*stores._SETTINGS, "max_page_count = 8"))
+        monkeypatch.setattr(database, "SETTINGS", (*database.SETTINGS, "max_page_count = 8"))
         large = Outcome("done", "", {"text": "x" * 20_000}, environment=ENVIRONMENT)
         with stores.writing(path, SMALL) as store:
             with pytest.raises(InputError, match="no room left"):
@@ -444,7 +445,7 @@ class TestRefused:
         assert [row.position for row in read_study(path).rows] == [0, 1, 3]
 
     def test_no_room_for_the_tables(self, tmp_path, monkeypatch):
-        monkeypatch.setattr(stores, "_SETTINGS", (*stores._SETTINGS, "max_page_count = 2"))
+        monkeypatch.setattr(database, "SETTINGS", (*database.SETTINGS, "max_page_count = 2"))
         with pytest.raises(InputError, match="no room left"):
             filled(tmp_path / "a")
         monkeypatch.undo()

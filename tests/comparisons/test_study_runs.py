@@ -21,7 +21,7 @@ from comparisons.lab.study.children import Child, Crew, Terms
 from comparisons.lab.study.outcome import REFUSED
 from comparisons.lab.study.progress import rate, study_progress
 from qvi_contact import InputError
-from qvi_contact.basics import terminal
+from qvi_contact.basics import database, terminal
 from tests.comparisons.study_demo import DEMO, SMALL, main, ways
 from tests.comparisons.study_processes import MARK, ROOT, alive, commands, comparable, eventually, marked, rows_in
 
@@ -185,7 +185,7 @@ class TestFailures:
         assert list(tmp_path.iterdir()) == []
 
     def test_full_disk_keeps_what_is_finished(self, tmp_path, uninterrupted, monkeypatch):
-        monkeypatch.setattr(stores, "_SETTINGS", (*stores._SETTINGS, "max_page_count = 7"))
+        monkeypatch.setattr(database, "SETTINGS", (*database.SETTINGS, "max_page_count = 7"))
         with pytest.raises(InputError, match="no room left"):
             run_study(DEMO, tmp_path / "a", workers=2)
         monkeypatch.undo()
