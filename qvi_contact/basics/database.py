@@ -7,9 +7,9 @@ readers that do not wait for the writer, is worth nothing at a few rows a second
 place in the folder too (synchronous = EXTRA), when its transaction ends.
 
 A run that writes holds a lock on an empty database beside the file, through the locks of SQLite that every system has
-and that go with the process, however it dies. Reading is possible meanwhile. That database, the file .lock, stays: a run
-that removed it could take it from under another one that has just opened it, and a third would then make a new one, so
-that two of them would write. It may be deleted when no run is at work.
+and that go with the process, however it dies. Reading is possible meanwhile. That database, the file .lock, stays: a
+run that removed it could take it from under another one that has just opened it, and a third would then make a new one,
+so that two of them would write. It may be deleted when no run is at work.
 """
 
 import sqlite3

@@ -13,8 +13,9 @@ from threading import Event, Timer
 
 import pytest
 
-from comparisons.lab.study import Study, cluster, read_study, run_study
+from comparisons.lab.study import Study, read_study, run_study
 from qvi_contact import InputError
+from qvi_contact.basics import cluster
 from tests.comparisons.study_demo import DEMO, SMALL, ways
 from tests.comparisons.study_processes import MARK, ROOT, commands, comparable, eventually, marked, rows_in
 

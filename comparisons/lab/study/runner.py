@@ -13,6 +13,7 @@ from comparisons.lab.study.declaration import Case, Study
 from comparisons.lab.study.outcome import CRAMPED, REFUSED, Outcome
 from comparisons.lab.study.progress import study_progress
 from comparisons.lab.study.store import finished_keys, writing
+from qvi_contact.basics.cluster import check
 from qvi_contact.errors import InputError
 
 
@@ -104,7 +105,7 @@ def run_study(
     run.before = len(finished_keys(run.store, study))
     if not run.complete:
         if dask is not None:
-            cluster.check(dask)
+            check(dask)
         terms = Terms(study.task, study.packages, threads, timeout, memory)
         try:
             _do(run, terms, workers, dask, progress)
