@@ -353,9 +353,9 @@ def _file(name: str) -> ProblemFile:
     return load_problem(FOLDER / f"{name}.toml")
 
 
-def wedge_problem() -> ContactProblem:
-    """The problem of the file "wedge"."""
-    return _file("wedge").problem
+def file_problem(name: str) -> ContactProblem:
+    """The problem of the file of this name."""
+    return _file(name).problem
 
 
 def _solved(element: Element, name: str) -> ContactResult:
