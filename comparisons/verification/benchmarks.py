@@ -122,6 +122,8 @@ def sticking_corner(element: Element, quick: bool) -> Iterator[Row]:
         source = "Williams' eigenvalue problem; the rate of three uniform meshes"
         known, proof = CORNER_EXPONENTS[friction], certified(*results)
         yield relative(f"λ from the rate, {name}", ours, known, 0.03 if quick else 0.01, Kind.ANALYTIC, source, proof)
+        if not quick:
+            yield from two_models(results[-1], "base", 5e-3, 5e-3)
 
 
 @on(TRIANGLES)
@@ -133,6 +135,8 @@ def sliding_corner(element: Element, quick: bool) -> Iterator[Row]:
         source = "four digits of the eigenvalue problem; the slope of ln p over ln r"
         proof = certified(result)
         yield absolute(f"λ from the pressure, μ = {friction:g}", ours, known, 1e-3, Kind.ANALYTIC, source, proof)
+        if not quick:
+            yield from two_models(result, "base", 1e-2, 1e-2)
 
 
 @on(TRIANGLES)

@@ -14,6 +14,7 @@ from comparisons.verification.proof import Proof, both, bounded, by_hand, certif
 from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, relative, word
 from comparisons.verification.ssnv128 import SOURCE as CODE_ASTER
 from comparisons.verification.ssnv128 import TANGENTIAL_FORCE
+from comparisons.verification.two_models import two_models
 from qvi_contact import (
     ContactProblem,
     ContactResult,
@@ -216,7 +217,6 @@ def cyclic_shear(element: Element, quick: bool) -> Iterator[Row]:
 @on(TRIANGLES)
 def gravity_dam(element: Element, quick: bool) -> Iterator[Row]:
     """A dam on rock with uplift in its base joint: forces, and the factor of safety against sliding from both sides."""
-    del quick
     result = _solved(element, "gravity_dam")
     joint, proof = result.contacts["base"], certified(result)
     weight, uplift, thrust = 10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0
@@ -225,6 +225,8 @@ def gravity_dam(element: Element, quick: bool) -> Iterator[Row]:
     yield relative("T [MN/m]", joint.tangential_force, thrust, _BALANCE, Kind.ANALYTIC, "H = γ h²/2", proof)
     factor = 0.75 * (weight - uplift) / thrust
     yield from _from_both_sides(element, "gravity_dam", "thrust", factor, "μ (W - U)/H, factor of sliding")
+    if not quick:
+        yield from two_models(result, "base", 1e-9, 1e-4)
 
 
 @on(TRIANGLES)

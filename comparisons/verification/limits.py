@@ -9,6 +9,7 @@ import numpy as np
 from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Element, on
 from comparisons.verification.proof import bounded, by_hand, certified, infeasible
 from comparisons.verification.row import Kind, Row, absolute, at_most, relative, word
+from comparisons.verification.two_models import two_models
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -134,19 +135,27 @@ def tipping_wall(element: Element, quick: bool) -> Iterator[Row]:
 def wedge(element: Element, quick: bool) -> Iterator[Row]:
     """A block of weight G on a plane that rises by tan α = 0.1, pushed uphill: F/G = (tan α + μ)/(1 − μ tan α)."""
     for friction in (0.2,) if quick else (0.0, 0.1, 0.2, 0.3):
-        limit = element.limit_load(_on_a_slope(friction), ["F"])
-        exact, source = (0.1 + friction) / (1.0 - 0.1 * friction), f"NAFEMS CGS-4; μ = {friction:g}"
+        limit = element.limit_load(on_a_slope(friction), ["F"])
+        exact, source = slope_factor(friction), f"NAFEMS CGS-4; μ = {friction:g}"
         for quantity, ours, tolerance in (
             ("F/G that the mesh carries", limit.lower, 1e-6),
             ("F/G that the body carries", limit.upper, 1e-9),
         ):
             yield relative(quantity, ours, exact, tolerance, Kind.ANALYTIC, source, bounded(limit))
+    push = 0.99 * slope_factor(0.2)
+    result = element.solve(on_a_slope(0.2, push))
+    plane, proof, source = result.contacts["bottom"], certified(result), "balance; 0.99 of F, μ = 0.2"
+    slant = math.hypot(1.0, 0.1)
+    normal, shear = (1.0 + 0.1 * push) / slant, (push - 0.1) / slant
+    yield relative("N/G at 0.99 of F", plane.normal_force, normal, 1e-9, Kind.ANALYTIC, source, proof)
+    yield relative("|T|/G at 0.99 of F", abs(plane.tangential_force), shear, 1e-9, Kind.ANALYTIC, source, proof)
+    if not quick:
+        yield from two_models(result, "bottom", 1e-9, 1e-2)
 
 
 @on(TRIANGLES, QUINTIC, few=1)
 def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
     """A block 40 × 20 on a plane tilted by 30°, pressed by 300: a shear of 99 % of μN holds, one of 101 % slides."""
-    del quick
     holds, slides = (element.solve(oblique(share)) for share in (0.99, 1.01))
     plane, proof, source = holds.contacts["plane"], certified(holds), "SSNV503: balance"
     yield relative("N [N/mm]", plane.normal_force, 12000.0, 1e-8, Kind.ANALYTIC, source, proof)
@@ -157,6 +166,8 @@ def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
     for quantity, ours in (("mesh", limit.lower), ("body", limit.upper)):
         source = "μN over half of it"
         yield relative(f"factor that the {quantity} carries", ours, 2.0, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+    if not quick:
+        yield from two_models(holds, "plane", 1e-9, 1e-3)
 
 
 def unbalanced(quick: bool) -> Iterator[Row]:
@@ -216,11 +227,16 @@ def _wall(mesh: TriangleMesh) -> ContactProblem:
     return ContactProblem(mesh, _STEEL, [base, *loads], body_potential=weight)
 
 
-def _on_a_slope(friction: float) -> ContactProblem:
+def slope_factor(friction: float) -> float:
+    """F/G at which the block on the slope slides: (tan α + μ)/(1 − μ tan α), tan α = 0.1."""
+    return (0.1 + friction) / (1.0 - 0.1 * friction)
+
+
+def on_a_slope(friction: float, push: float = 1.0) -> ContactProblem:
     """A block 6 × 1, sheared to the slope of its base: G = 1 spread over the top, F over the left side."""
     mesh = _moved(TriangleMesh.rectangle((3, 1), 6.0, 1.0), np.array([[1.0, 0.0], [0.1, 1.0]]))
     weight = Traction("top", 0.0, -1.0 / math.hypot(6.0, 0.6))
-    sides = [Traction("left", 1.0, 0.0, name="F"), Traction("right", 0.0, 0.0)]
+    sides = [Traction("left", push, 0.0, name="F"), Traction("right", 0.0, 0.0)]
     return ContactProblem(mesh, _STEEL, [Contact("bottom", friction), weight, *sides])
 
 
