@@ -6,7 +6,7 @@ Rows come in the order of their numbers, then of their words, and those that say
 import math
 import re
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 NOTHING: Final = "none"
 """Text of a number there is not."""
@@ -30,6 +30,11 @@ _UNITS: Final = {
 
 _BESIDE: Final = 1e-9  # how far beside its bound a cell such as "< 1e-9" is put, as a share of the bound
 _LONGEST: Final = 24  # letters of a cell that is a number and no sentence
+
+
+def text(value: Any) -> str:
+    """Whatever stands in a table."""
+    return NOTHING if value is None or value != value else str(value)
 
 
 def number_in(cell: str) -> float | None:

@@ -4,12 +4,15 @@ from collections.abc import Callable, Mapping, Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from comparisons.lab.cells import is_numeric
+from comparisons.lab.cells import NOTHING, is_numeric, text
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.console import Console
     from rich.table import Table
+
+Form = Callable[[Any], str]
+Heading = str | tuple[str, Form]
 
 _LONGEST: Final = 40  # letters of a name; what is longer is a sentence
 _HEADING: Final = 10  # letters of a line of a heading above narrow numbers
@@ -26,8 +29,8 @@ class Grid(NamedTuple):
 
 def grid_of(
     frame: "DataFrame",
-    headings: Sequence[str] | Mapping[str, str],
-    forms: Mapping[str, Callable[[Any], str]] | None = None,
+    headings: Sequence[str] | Mapping[str, Heading],
+    forms: Mapping[str, Form] | None = None,
 ) -> Grid:
     """Columns of a frame as a table.
 
@@ -36,14 +39,29 @@ def grid_of(
     frame : DataFrame
         One line a row.
     headings : sequence of str, or Mapping
-        The columns, or column → its heading.
+        The columns, or column → its heading, alone or with what makes a text of its values.
     forms : Mapping, optional
-        Column → what makes a text of its value; `str` for all others.
+        The latter, by column, for several tables; `text` for all others.
 
     """
     named = headings if isinstance(headings, Mapping) else {name: name for name in headings}
-    columns = [[(forms or {}).get(name, str)(value) for value in frame[name]] for name in named]
-    return Grid("", tuple(named.values()), list(zip(*columns, strict=True)))
+    told = {name: (each, (forms or {}).get(name, text)) if isinstance(each, str) else each
+            for name, each in named.items()}  # fmt: skip
+    columns = [[form(value) for value in frame[name]] for name, (_, form) in told.items()]
+    return Grid("", tuple(heading for heading, _ in told.values()), list(zip(*columns, strict=True)))
+
+
+def crossed(
+    frame: "DataFrame", row: str, column: str, cell: "Callable[[DataFrame], str]", columns: Sequence[str] = ()
+) -> Grid:
+    """A line for each value of the column `row`, under each value of `column` what `cell` says of the lines with both.
+
+    They stand in the order in which they are met, or in that of `columns`; where there is no line it is `NOTHING`.
+    """
+    texts = {key: cell(found) for key, found in frame.groupby([row, column], sort=False)}
+    names = columns or tuple(frame[column].unique())
+    rows = [(each, *(texts.get((each, name), NOTHING) for name in names)) for each in frame[row].unique()]
+    return Grid("", (row, *names), rows)
 
 
 def print_table(console: "Console", grid: Grid) -> None:

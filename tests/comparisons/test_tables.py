@@ -3,9 +3,11 @@
 from io import StringIO
 
 import pytest
+from pandas import DataFrame
 from rich.console import Console
 
-from comparisons.lab.tables import Grid, markdown_table, print_table, rich_table
+from comparisons.lab.report.numbers import fixed
+from comparisons.lab.tables import Grid, crossed, grid_of, markdown_table, print_table, rich_table
 
 NAMES = ("direct:sparse-cholesky", "direct:sparse-lu", "qp:clarabel")
 
@@ -74,3 +76,18 @@ def test_columns_of_numbers_stand_to_the_right(cells, numeric):
 def test_bars_in_headings_and_cells_are_escaped_once():
     lines = markdown_table(Grid("", ("|σ|", "b"), [("|x|", "1")])).splitlines()
     assert (lines[0], lines[2]) == (r"| \|σ\| | b |", r"| \|x\| | 1 |")
+
+
+def test_a_table_is_declared_by_its_columns():
+    frame = DataFrame({"time": [0.5, None], "name": ["a", None], "other": [1, 2]})
+    grid = grid_of(frame, {"name": "solver", "time": ("time [s]", fixed(".2f"))})
+    assert grid == Grid("", ("solver", "time [s]"), [("a", "0.50"), ("none", "none")])
+    assert grid_of(frame, ("time",), {"time": fixed(".1f")}).rows == [("0.5",), ("none",)]
+
+
+def test_groups_are_crossed_and_empty_ones_say_so():
+    frame = DataFrame({"solver": list("bbaa"), "level": ["low", "high", "low", "low"], "time": [1, 2, 3, 4]})
+    grid = crossed(frame, "solver", "level", lambda found: str(found.time.sum()))
+    assert grid == Grid("", ("solver", "low", "high"), [("b", "1", "2"), ("a", "7", "none")])
+    ordered = crossed(frame, "solver", "level", lambda found: str(len(found)), ("high", "mid"))
+    assert ordered.rows == [("b", "1", "none"), ("a", "none", "none")]

@@ -18,6 +18,11 @@ _IRREGULAR: Final = {"matrix": "matrices", "axis": "axes", "analysis": "analyses
 _HISSING: Final = ("s", "x", "z", "ch", "sh")
 
 
+def fixed(form: str) -> Callable[[float | None], str]:
+    """What makes the text of a number by this format, as ".2f"."""
+    return lambda value: NOTHING if value is None or not math.isfinite(value) else format(value, form)
+
+
 def scientific(value: float | None, digits: int = 2) -> str:
     """A number with an exponent, to this many significant digits: 1.2e-5; zero is "0"."""
     if value is None or not math.isfinite(value):
