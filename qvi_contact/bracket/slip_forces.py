@@ -34,10 +34,11 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.solution.work import obstacle_work, support_work
 
-_CUTS: Final = (1e-6, 1e-3)
+_CUTS: Final = (1e-6, 1e-1)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 
-Any share gives bounds. A small one makes m large, a large one the dual pair poor: those of both hold.
+Any share gives bounds. A small one makes m large where edges at the end of stick are short: |ζ_T| grows there towards
+the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of both hold.
 """
 
 _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero

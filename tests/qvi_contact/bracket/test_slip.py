@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
+from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Traction, solve
 from qvi_contact.bracket import bracket, slip_constants
 from qvi_contact.bracket.friction_ends import no_friction_operator
 from qvi_contact.bracket.friction_norm import computed_norm, friction_norm, rectangle_constant, rectangle_norm
@@ -349,6 +349,14 @@ class TestForces:
         first, last = (chain(0.2)[number].bracket.slip for number in (1, -1))
         widths = [np.diff(found.forces["plate.normal_force"])[0] for found in (first, last)]
         assert widths[1] / widths[0] < 2.0 * (last.error / first.error) ** 1.5
+
+    def test_a_mesh_graded_to_the_end_of_stick(self):
+        """Short edges there do not widen the bounds: close to the end the dual pair takes what sticks as slipping."""
+        mesh = TriangleMesh.of_rectangles(RectilinearMesh(np.array([0.0, 0.5, 0.749, 1.0]), np.array([0.0, 0.5, 1.0])))
+        problem = replace(compressed_plate(0.2), mesh=mesh.graded([(1.0, 1.0), (0.749, 1.0)], (4, 6)))
+        force = solve(problem, degree=4).bracket.slip.forces["plate.normal_force"]
+        assert force.lower < 214.23323205 < force.upper
+        assert force.upper - force.lower < 1e-3 * 214.23323205
 
     def test_another_problem_is_outside(self):
         """Bounds for μ = 0.05 hold its force, and not that of μ = 0.2."""
