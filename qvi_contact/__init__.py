@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.problem_file import ProblemFile, load_problem
     from qvi_contact.files.problem_writer import save_problem
     from qvi_contact.files.stored import load_result
+    from qvi_contact.files.sweep_store import StoredSweep, read_sweep
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.lines import graded_lines
     from qvi_contact.mesh.outline import Corner
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
     from qvi_contact.solution.sweep import Sweep, solve_sweep
+    from qvi_contact.solution.sweep_rows import SweepRow
+    from qvi_contact.solution.sweep_stream import stream_sweep
     from qvi_contact.verification.verification import verify_result
 
 _HOME = {
@@ -66,7 +69,9 @@ _HOME = {
     "RigidPlate": "problem.conditions",
     "SolveError": "errors",
     "SolverUnavailableError": "errors",
+    "StoredSweep": "files.sweep_store",
     "Sweep": "solution.sweep",
+    "SweepRow": "solution.sweep_rows",
     "Symmetry": "problem.conditions",
     "Traction": "problem.conditions",
     "TriangleMesh": "mesh.triangles",
@@ -77,6 +82,7 @@ _HOME = {
     "load_result": "files.stored",
     "loop_area": "solution.history",
     "principal_stresses": "solution.stress",
+    "read_sweep": "files.sweep_store",
     "refine": "refinement",
     "refined_where_apart": "bracket",
     "save_problem": "files.problem_writer",
@@ -84,6 +90,7 @@ _HOME = {
     "solve_companion": "companion",
     "solve_history": "solution.history",
     "solve_sweep": "solution.sweep",
+    "stream_sweep": "solution.sweep_stream",
     "verify_result": "verification.verification",
 }
 
@@ -114,7 +121,9 @@ __all__ = [
     "RigidPlate",
     "SolveError",
     "SolverUnavailableError",
+    "StoredSweep",
     "Sweep",
+    "SweepRow",
     "Symmetry",
     "Traction",
     "TriangleMesh",
@@ -125,6 +134,7 @@ __all__ = [
     "load_result",
     "loop_area",
     "principal_stresses",
+    "read_sweep",
     "refine",
     "refined_where_apart",
     "save_problem",
@@ -132,6 +142,7 @@ __all__ = [
     "solve_companion",
     "solve_history",
     "solve_sweep",
+    "stream_sweep",
     "verify_result",
 ]
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
     from qvi_contact.command.series import Series
     from qvi_contact.files.problem_file import ProblemFile
+    from qvi_contact.files.sweep_store import StoredSweep
     from qvi_contact.refinement import Refinement
     from qvi_contact.solution.history import History
     from qvi_contact.solution.result import ContactResult
@@ -125,10 +126,17 @@ def group() -> None:
     "--set",
     "swept",
     metavar="NAME=V1,V2,…",
-    help="Solve for several values: of friction, of a factor of load, of what is added to gap or offset.",
+    help="Solve for several values, or START:STOP:COUNT: of friction, of a factor of load, of what is added to gap or "
+    "offset.",
 )
 @click.option(
-    "--store", metavar="FOLDER", help="Keep each step of a history there; the same command again goes on from it."
+    "--store",
+    metavar="PLACE",
+    help="Keep steps of a history in a folder, or rows of a sweep in an SQLite file; the same command again goes on.",
+)
+@click.option("--workers", type=int, help="Processes that share a sweep with --store.  [default: 1]")
+@click.option(
+    "--dask", metavar="ADDRESS", help="Share a sweep with --store on a Dask cluster: its scheduler's address."
 )
 def solve(
     file: str,
@@ -151,6 +159,8 @@ def solve(
     certificate: bool,
     swept: str | None,
     store: str | None,
+    workers: int | None,
+    dask: str | None,
 ) -> int:
     """Solve the problem in FILE and report forces and states of its contacts.
 
@@ -160,7 +170,9 @@ def solve(
     A file with a [history] is solved step by step. Its picture shows forces and loops, and its fields are those of the
     last step. With --store each step is written to a folder as soon as it is done. After an interruption the same
     command goes on with the next step. --set, or a [sweep] in the file, solves for several values of the friction, of a
-    load factor, or of what is added to gap or offset. Files that are written hold the last value.
+    load factor, or of what is added to gap or offset. Files that are written hold the last value. For thousands of
+    values give --store: each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers
+    or --dask share the values.
 
     --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
     any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
@@ -182,10 +194,12 @@ def solve(
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
         qvi-contact solve examples/cyclic_shear.toml --store cycle
         qvi-contact solve examples/punch.toml --set friction=0.1,0.2,0.3
+        qvi-contact solve examples/punch.toml --set friction=0.1:0.5:41 --store punch.sqlite
     """  # noqa: D301
     import numpy as np
 
     from qvi_contact.command.series import plan_of, solved_series
+    from qvi_contact.command.stream import check_asked, streamed
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
@@ -196,8 +210,15 @@ def solve(
         "time_limit": time_limit, "element": element, "degree": degree, "contact_rows": contact_rows,
     }  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
-        options = _options(problem_file, _given(**given))
-        series, steps = solved_series(problem_file, plan_of(problem_file, swept), options, verbose, store)
+        options, plan = _options(problem_file, _given(**given)), plan_of(problem_file, swept)
+        asked = {"plot": plot, "vtk": vtk, "npz": npz, "report": report, "certificate": certificate}
+        check_asked(plan, store, {**asked, "workers": workers, "dask": dask})
+        if plan is not None and store is not None:
+            spread = _given(workers=workers, dask=dask)
+            return _tell_stored(
+                problem_file, streamed(problem_file, plan, options, verbose, store, spread), save_json, as_json
+            )
+        series, steps = solved_series(problem_file, plan, options, verbose, store)
         checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, series, steps, checked) if as_json or save_json else {}
         page = _page(file, problem_file, steps, options, series=series)
@@ -767,6 +788,22 @@ def _show(
     verified = verification_lines(checked, *((), "t") if series is None else (series.values, series.label))
     for line in (*heading_lines(file), *lines, *verified):
         click.echo(line)
+
+
+def _tell_stored(file: "ProblemFile", sweep: "StoredSweep", save_json: str | None, as_json: bool) -> int:
+    """What became of a sweep whose rows are in a file; the exit status."""
+    from qvi_contact.basics.writing import write_text
+    from qvi_contact.command.report import heading_lines
+    from qvi_contact.command.stream import document, lines
+
+    if save_json is not None:
+        write_text(save_json, _json(document(file, sweep)) + "\n")
+    if as_json:
+        click.echo(_json(document(file, sweep)))
+    else:
+        for line in (*heading_lines(file), *lines(sweep)):
+            click.echo(line)
+    return 0 if sweep.status == "solved" else 1
 
 
 def _json(document: object) -> str:

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan
 
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.sweep import Sweep
 
+_MOST: Final = 1_000_000  # values that are asked for at once
 _OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and keys of [sweep]
 
 
@@ -67,11 +70,12 @@ def solved_series(
     from qvi_contact.command.solve_line import solving
 
     if store is not None and not file.times:
-        raise InputError("--store", store, "keeps the steps of a history: give a file with a [history]")
+        remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
+        raise InputError("--store", store, remedy)
     if plan is not None:
         from qvi_contact.solution.sweep import solve_sweep
 
-        with _named(plan, file), solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
+        with named_errors(plan, file), solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
             sweep = solve_sweep(
                 file.problem,
                 plan.parameter,
@@ -108,7 +112,7 @@ class _Told:
 
 
 @contextmanager
-def _named(plan: SweepPlan, file: ProblemFile) -> Iterator[None]:
+def named_errors(plan: SweepPlan, file: ProblemFile) -> Iterator[None]:
     """Input errors about the sweep name the option --set, or the key of the file."""
     try:
         yield
@@ -129,14 +133,24 @@ def plan_of(file: ProblemFile, given: str | None) -> SweepPlan | None:
 
 
 def _parsed(text: str) -> SweepPlan:
-    """`NAME=V1,V2,…` or `CONTACT.NAME=V1,V2,…`."""
+    """`NAME=V1,V2,…` or `CONTACT.NAME=V1,V2,…`, or `START:STOP:COUNT` for the values."""
     name, separator, listed = text.partition("=")
     owner, _, parameter = name.strip().rpartition(".")
     try:
-        values = tuple(float(part) for part in listed.split(","))
-    except ValueError:
+        values = _evenly(*listed.split(":")) if ":" in listed else tuple(float(part) for part in listed.split(","))
+    except (ValueError, TypeError):
         values = ()
     if not (separator and parameter and values):
-        remedy = "write friction=0.1,0.2,0.3 (or load, gap, offset), or with a contact's name base.friction=0.1,0.2"
+        remedy = (
+            "write friction=0.1,0.2,0.3 (or load, gap, offset), friction=0.1:0.3:21 for 21 values, or with a contact's "
+            "name base.friction=0.1,0.2"
+        )
         raise InputError("--set", text, remedy)
     return SweepPlan(parameter, values, (owner,) if owner else None)
+
+
+def _evenly(start: str, stop: str, count: str) -> tuple[float, ...]:
+    """So many values, both ends among them."""
+    if int(count) > _MOST:
+        raise ValueError(count)
+    return tuple(np.linspace(float(start), float(stop), int(count)).tolist())

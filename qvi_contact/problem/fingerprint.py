@@ -6,7 +6,7 @@ Functions are compared by their values: at five points inside of every edge they
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -17,7 +17,20 @@ from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.problem.conditions import Condition, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 
+_PASSING = ("callback", "threads", "throw")  # options that change no answer
 _PLACES = np.array([0.05, 0.2, 0.45, 0.7, 0.9])  # along an edge
+
+
+def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]) -> str:
+    """SHA-256 of problems on one mesh and of the options they are solved with, as hexadecimal text.
+
+    Options that are None or change no answer do not count.
+    """
+    told = {name: value for name, value in sorted(options.items()) if name not in _PASSING and value is not None}
+    found = hashlib.sha256(mesh_digest(problems[0].mesh) + repr(told).encode())
+    for number in range(len(problems)):
+        found.update(problem_digest(problems[number]))
+    return found.hexdigest()
 
 
 def mesh_digest(mesh: Mesh) -> bytes:

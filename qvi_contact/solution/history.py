@@ -12,7 +12,6 @@ it ended in.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -31,7 +30,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
-from qvi_contact.problem.fingerprint import mesh_digest, problem_digest
+from qvi_contact.problem.fingerprint import run_digest
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.contact_line import summary_units
 from qvi_contact.solution.result import ContactResult, overall_status
@@ -50,7 +49,6 @@ if TYPE_CHECKING:
 
 _PARALLEL = 1e-9  # sine of the angle between edges that face one way
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
-_PASSING = ("callback", "threads", "throw")  # options that change no answer
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
 _Posed: TypeAlias = Callable[[int, Scales], Discretization]
@@ -421,11 +419,8 @@ def _keeper(store: str | Path | None, steps: Sequence[ContactProblem], options: 
     """Memory, or the store, which is for this history only: for its mesh, problems and options."""
     if store is None:
         return _Memory()
-    told = {name: value for name, value in sorted(options.items()) if name not in _PASSING and value is not None}
-    found = hashlib.sha256(mesh_digest(steps[0].mesh) + repr(told).encode())
-    for number in range(len(steps)):
-        found.update(problem_digest(steps[number]))
-    keeper: _Keeper = load("qvi_contact.files.step_store").StepStore(store, found.hexdigest(), len(steps))
+    fingerprint = run_digest(steps, options)
+    keeper: _Keeper = load("qvi_contact.files.step_store").StepStore(store, fingerprint, len(steps))
     return keeper
 
 

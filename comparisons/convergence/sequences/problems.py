@@ -9,7 +9,8 @@ import numpy as np
 from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Traction
 from qvi_contact.basics.checks import Field
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.solution.sweep import Parameter, changed
+from qvi_contact.solution.sweep import changed
+from qvi_contact.solution.sweep_rows import Parameter
 
 _DEPTH: Final = 0.01
 

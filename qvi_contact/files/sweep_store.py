@@ -1,0 +1,228 @@
+"""Rows of a sweep in an SQLite file, each on disk when its value is done.
+
+`planned` has all values, `results` and `contacts` what is done, and the view `rows` joins them: one row for each value
+and contact, with the columns of `ContactLine.summary`.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, get_args
+
+from qvi_contact.basics.database import Database
+from qvi_contact.basics.writing import replacing, writable_folder
+from qvi_contact.errors import InputError
+from qvi_contact.solution.contact_line import ContactState
+from qvi_contact.solution.result import overall_status
+from qvi_contact.solution.sweep_rows import Parameter, SweepRow, outcome_of, table_of
+from solvers import Status
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from qvi_contact.basics.units import Units
+
+_DATABASE: Final = Database("the store of a sweep", 0x51564957, 1)  # "QVIW"
+
+SUMMARY_COLUMNS: Final = (
+    "normal_force", "tangential_force", *(f"share_{state.name.lower()}" for state in ContactState),
+    "largest_pressure", "largest_shear", "largest_gap", "largest_slip",
+)  # fmt: skip
+"""Keys of `ContactLine.summary`."""
+
+_COLUMNS: Final = ", ".join(SUMMARY_COLUMNS)
+_TABLES: Final = (
+    "CREATE TABLE sweep (parameter TEXT NOT NULL, fingerprint TEXT NOT NULL, began TEXT NOT NULL)",
+    "CREATE TABLE planned (number INTEGER PRIMARY KEY, value REAL NOT NULL)",
+    """CREATE TABLE results (
+        number INTEGER PRIMARY KEY REFERENCES planned, status TEXT NOT NULL, message TEXT NOT NULL,
+        iterations INTEGER NOT NULL, accuracy REAL, seconds REAL NOT NULL
+    )""",
+    f"""CREATE TABLE contacts (
+        number INTEGER NOT NULL REFERENCES results ON DELETE CASCADE, contact TEXT NOT NULL,
+        {", ".join(f"{name} REAL" for name in SUMMARY_COLUMNS)}, PRIMARY KEY (number, contact)
+    )""",
+    f"""CREATE VIEW "rows" AS
+        SELECT number, value, status, iterations, accuracy, seconds, contact, {_COLUMNS}, message
+        FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number
+    """,
+)
+_RESULT: Final = "INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)"
+_CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
+_FAILED: Final = f"""
+    SELECT value, message FROM planned JOIN results USING (number) WHERE status <> '{Status.SOLVED}' ORDER BY number
+"""
+
+
+@dataclass(frozen=True)
+class StoredSweep:
+    """A sweep whose rows are in a file, from which everything is read when it is asked for.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    parameter : "friction", "load", "gap" or "offset"
+        What was changed.
+    values : tuple of float
+        All values asked for, done or not.
+
+    Raises
+    ------
+    InputError
+        By what reads the file, where it is not there any more or damaged.
+
+    """
+
+    path: Path
+    parameter: Parameter
+    values: tuple[float, ...]
+
+    def rows(self) -> Iterator[SweepRow]:
+        """What is done, in the order of the values."""
+        with _DATABASE.opened(self.path) as connection:
+            yield from _rows(connection)
+
+    @property
+    def statuses(self) -> tuple[Status, ...]:
+        """The status of each value done, in the order of the values."""
+        found = self._read("SELECT status FROM results ORDER BY number")
+        return tuple(Status(status) for (status,) in found)
+
+    @property
+    def status(self) -> Status:
+        """Solved if all values were; else the status of the first that was not, "time_limit" if some are missing."""
+        return overall_status(self.statuses, len(self.values))
+
+    @property
+    def message(self) -> str:
+        """One sentence about the outcome."""
+        ((done,),) = self._read("SELECT count(*) FROM results")
+        return outcome_of(self.parameter, self._read(_FAILED), done, len(self.values))
+
+    def to_frame(self, units: Units | None = None) -> DataFrame:
+        """One row for each value and contact as a pandas table, as by `Sweep.to_frame`."""
+        return table_of(self.parameter, self.rows(), units)
+
+    def _read(self, query: str) -> list[Any]:
+        with _DATABASE.opened(self.path) as connection:
+            return connection.execute(query).fetchall()
+
+
+def read_sweep(path: str | Path) -> StoredSweep:
+    """The sweep of a store, which may belong to a run that goes on.
+
+    Raises
+    ------
+    InputError
+        If there is no such store, or it is damaged or of another version.
+
+    """
+    with _DATABASE.opened(Path(path)) as connection:
+        parameter, _, values = _plan(connection, Path(path))
+    return StoredSweep(Path(path), parameter, values)
+
+
+class SweepStore:
+    """A store that rows are added to, see `writing`."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self._path, self._connection = path, connection
+
+    def pending(self) -> list[tuple[int, float]]:
+        """Numbers, from 1, and values that are not done."""
+        query = "SELECT number, value FROM planned WHERE number NOT IN (SELECT number FROM results) ORDER BY number"
+        with _DATABASE.explained(self._path):
+            return self._connection.execute(query).fetchall()
+
+    def append(self, rows: Sequence[SweepRow]) -> None:
+        """Write rows; when this returns, all are on disk, and none if it fails."""
+        with _DATABASE.explained(self._path), self._connection:
+            for row in rows:
+                found = (row.number, str(row.status), row.message, row.iterations, row.accuracy, row.seconds)
+                self._connection.execute(_RESULT, found)
+                for name, summary in row.contacts.items():
+                    self._connection.execute(_CONTACT, (row.number, name, *(summary[key] for key in SUMMARY_COLUMNS)))
+
+
+@contextmanager
+def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> Iterator[SweepStore]:
+    """Open the store of a sweep, made if it is missing, and keep all other runs away from it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, is in use, damaged, or holds another sweep.
+
+    """
+    place = Path(path)
+    if place.is_dir() or not place.name:
+        raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
+    writable_folder(place.parent, "store")
+    with _DATABASE.locked(place):
+        if not place.exists():
+            with replacing(place) as temporary, _DATABASE.opened(temporary) as connection:
+                _make(connection, fingerprint, parameter, values)
+        with _DATABASE.opened(place) as connection:
+            _DATABASE.try_to_write(connection)
+            _, found, planned = _plan(connection, place)
+            if found != fingerprint:
+                if connection.execute("SELECT EXISTS (SELECT * FROM results)").fetchone() != (0,):
+                    remedy = (
+                        f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
+                    )
+                    raise InputError("store", str(path), remedy)
+                _take(connection, fingerprint, parameter, values)
+            yield SweepStore(place, connection)
+
+
+def _make(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> None:
+    """Fill an empty file with the tables and what is planned."""
+    connection.execute("BEGIN IMMEDIATE")
+    with connection:
+        _DATABASE.name(connection)
+        for statement in _TABLES:
+            connection.execute(statement)
+        _declare(connection, fingerprint, parameter, values)
+
+
+def _take(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> None:
+    """Make a store without rows, which came to nothing, that of another sweep."""
+    connection.execute("BEGIN IMMEDIATE")
+    with connection:
+        connection.execute("DELETE FROM sweep")
+        connection.execute("DELETE FROM planned")
+        _declare(connection, fingerprint, parameter, values)
+
+
+def _declare(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> None:
+    began = datetime.now(UTC).isoformat(timespec="seconds")
+    connection.execute("INSERT INTO sweep VALUES (?, ?, ?)", (parameter, fingerprint, began))
+    connection.executemany("INSERT INTO planned VALUES (?, ?)", enumerate(values, 1))
+
+
+def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, tuple[float, ...]]:
+    """Parameter, fingerprint and values of a store."""
+    _DATABASE.check(connection, path)
+    found = connection.execute("SELECT parameter, fingerprint FROM sweep").fetchall()
+    if len(found) != 1 or found[0][0] not in get_args(Parameter):
+        raise _DATABASE.damaged(path)
+    values = connection.execute("SELECT value FROM planned ORDER BY number").fetchall()
+    return found[0][0], found[0][1], tuple(value for (value,) in values)
+
+
+def _rows(connection: sqlite3.Connection) -> Iterator[SweepRow]:
+    query = (
+        "SELECT number, value, status, message, iterations, accuracy, seconds FROM planned JOIN results USING (number)"
+    )
+    for number, value, status, message, iterations, accuracy, seconds in connection.execute(f"{query} ORDER BY number"):
+        chosen = connection.execute(
+            f"SELECT contact, {_COLUMNS} FROM contacts WHERE number = ? ORDER BY rowid", (number,)
+        )
+        contacts = {name: dict(zip(SUMMARY_COLUMNS, numbers, strict=True)) for name, *numbers in chosen}
+        yield SweepRow(number, value, Status(status), message, iterations, accuracy, seconds, contacts)
