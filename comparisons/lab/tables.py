@@ -37,7 +37,7 @@ def grid_of(
     Parameters
     ----------
     frame : DataFrame
-        One line a row.
+        One line a row; an empty one needs no columns.
     headings : sequence of str, or Mapping
         The columns, or column → its heading, alone or with what makes a text of its values.
     forms : Mapping, optional
@@ -47,7 +47,7 @@ def grid_of(
     named = headings if isinstance(headings, Mapping) else {name: name for name in headings}
     told = {name: (each, (forms or {}).get(name, text)) if isinstance(each, str) else each
             for name, each in named.items()}  # fmt: skip
-    columns = [[form(value) for value in frame[name]] for name, (_, form) in told.items()]
+    columns = [[form(value) for value in frame[name]] for name, (_, form) in told.items()] if len(frame) else []
     return Grid("", tuple(heading for heading, _ in told.values()), list(zip(*columns, strict=True)))
 
 

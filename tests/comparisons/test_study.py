@@ -19,11 +19,12 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from comparisons.lab.study import Outcome, columns, read_csv, read_study, run_study, write_csv, write_json
+from comparisons.lab.study import Outcome, frame_of, read_csv, read_study, run_study, write_csv
 from comparisons.lab.study import store as stores
 from comparisons.lab.study.declaration import case_key
 from comparisons.lab.study.differences import differences
 from comparisons.lab.study.plain import canonical, plain
+from comparisons.lab.study.rows import finite_json
 from qvi_contact import InputError
 from qvi_contact.basics import database
 from tests.comparisons.study_demo import ENVIRONMENT, SMALL
@@ -230,18 +231,27 @@ with store.writing(Path({str(tmp_path / "a")!r}), SMALL):
 class TestExport:
     """Rows for others."""
 
-    def test_columns(self, tmp_path):
+    def test_frame(self, tmp_path):
         path = filled(tmp_path / "a", count=2)
         with stores.writing(path, SMALL) as store:
             store.append(SMALL.cases[2], Outcome("timeout", "more than 2 s", environment=ENVIRONMENT))
-        table = columns(read_study(path).rows)
-        assert table["mesh"] == [4, 4, 8]
-        assert table["result.n"] == [0, 1, None]
-        assert table["certificate.passed"] == [True, True, None]
-        assert table["status"] == ["done", "done", "timeout"]
-        assert table["threads"] == [1, 1, 1]
-        assert "certificate" not in table
-        assert columns([]) == {}
+        rows = read_study(path).rows
+        frame = frame_of(rows[::-1], ("n", "gap", "other"))
+        assert frame.mesh.tolist() == [4, 4, 8]
+        assert frame.n.fillna(-1).tolist() == [0, 1, -1]
+        assert frame.gap.tolist()[:2] == [math.inf, math.inf]
+        assert frame.status.tolist() == ["done", "done", "timeout"]
+        assert frame.reason.tolist() == ["", "", "more than 2 s"]
+        assert frame.has.tolist() == [True, True, False]
+        assert frame[["accuracy", "other"]].isna().all(axis=None)
+
+    def test_the_status_is_the_tasks_own(self, tmp_path):
+        path = filled(tmp_path / "a", count=1)
+        with stores.writing(path, SMALL) as store:
+            store.append(SMALL.cases[1], Outcome("done", "", {"status": "stalled"}, {"accuracy": 1e-3}))
+        frame = frame_of(read_study(path).rows)
+        assert frame.status.tolist() == ["done", "stalled"]
+        assert frame.accuracy.fillna(0.0).tolist() == [0.0, 1e-3]
 
     def test_csv(self, tmp_path):
         rows = read_study(filled(tmp_path / "a")).rows
@@ -272,19 +282,9 @@ class TestExport:
         write_csv(path / name, read_csv(path / name))
         assert (path / name).read_bytes() == before
 
-    def test_json(self, tmp_path):
-        study = read_study(filled(tmp_path / "a"))
-        write_json(tmp_path / "a.json", study)
-
-        def refuse(constant):
-            pytest.fail(f"{constant} is not JSON")
-
-        found = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"), parse_constant=refuse)
-        assert found["schema"] == "qvi-contact/study/1"
-        assert found["study"] == SMALL.declaration()
-        assert found["environments"] == [ENVIRONMENT]
-        assert found["rows"][1]["result"] == {"n": 1, "gap": "inf"}
-        assert found["rows"][1]["environment"] == 0
+    def test_numbers_that_json_has_not(self):
+        found = finite_json({"a": [math.inf, 1.0], "b": {"c": (math.nan, -math.inf)}})
+        assert found == {"a": ["inf", 1.0], "b": {"c": ["nan", "-inf"]}}
 
 
 def overwritten(path):

@@ -53,6 +53,11 @@ def seconds(value: float | None, digits: int = 3) -> str:
     return f"{significant(rounded / factor, digits)} {unit}"
 
 
+def count(value: float | None) -> str:
+    """A whole number, of iterations or points, also where a frame keeps it as a float."""
+    return NOTHING if value is None or not math.isfinite(value) else str(int(value))
+
+
 def memory(size: float | None) -> str:
     """A number of bytes in the unit that reads best: 15.6 GiB."""
     if size is None or not math.isfinite(size):

@@ -1,4 +1,4 @@
-"""Rows of a study as they are read back: objects, columns, CSV, JSON."""
+"""Rows of a study as they are read back: objects, a frame, CSV."""
 
 import csv
 import gzip
@@ -8,12 +8,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from qvi_contact.basics.writing import replacing, write_text
+from comparisons.lab.study.outcome import DONE
+from qvi_contact.basics.writing import replacing
 
-FORMAT: Final = "qvi-contact/study/1"
-"""Schema of the exported JSON."""
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 ENVIRONMENT: Final = ("threads", "timeout_seconds", "memory_mib", "machine", "versions")
 """Entries of a row's environment, in the order of their columns."""
@@ -89,11 +90,26 @@ class StoredStudy:
     rows: tuple[Row, ...]
 
 
-def columns(rows: Sequence[Row]) -> dict[str, list[Any]]:
-    """Column → its values, None where a row has none; the columns in the order they are met, see `Row.flat`."""
-    flat = [row.flat() for row in rows]
-    names = dict.fromkeys(name for each in flat for name in each)
-    return {name: [each.get(name) for each in flat] for name in names}
+def frame_of(rows: Sequence[Row], numbers: Sequence[str] = ()) -> "DataFrame":
+    """One line a row, in the order of the study: the factors of the case, and the entries of the result.
+
+    Besides "status", that which the task tells or else the row's, "reason", "has", whether there is a result, and
+    "accuracy", which the certificate confirms. The columns `numbers` are there in any case, as numbers, NaN where a
+    row has none.
+    """
+    from pandas import DataFrame, to_numeric
+
+    found = DataFrame([_line(row) for row in sorted(rows, key=lambda row: row.position)])
+    for name in ("accuracy", *numbers):
+        found[name] = to_numeric(found[name]) if name in found else float("nan")
+    return found
+
+
+def _line(row: Row) -> dict[str, Any]:
+    known = {"reason": row.reason, "has": bool(row.result)}
+    known["status"] = row.result.get("status", DONE) if row.status == DONE else row.status
+    accuracy = row.certificate.get("accuracy") if isinstance(row.certificate, Mapping) else None
+    return {**row.case, **row.result, **known, "accuracy": accuracy}
 
 
 def write_csv(path: str | Path, rows: Sequence[Row]) -> None:
@@ -147,21 +163,6 @@ def _row(flat: Mapping[str, Any]) -> Row:
         else:
             parts["case"][name] = value
     return Row(**(parts | {"certificate": parts["certificate"] or None}))
-
-
-def write_json(path: str | Path, study: StoredStudy) -> None:
-    """The declaration, the environments and the rows, which name theirs by its place in that list.
-
-    Numbers that JSON has not are the texts "nan", "inf" and "-inf".
-    """
-    environments: list[Any] = []
-    rows = []
-    for row in study.rows:
-        if row.environment not in environments:
-            environments.append(row.environment)
-        rows.append({**vars(row), "environment": environments.index(row.environment)})
-    document = {"schema": FORMAT, "study": study.declaration, "environments": environments, "rows": rows}
-    write_text(path, json.dumps(finite_json(document), indent=1, allow_nan=False) + "\n")
 
 
 def finite_json(value: Any) -> Any:
