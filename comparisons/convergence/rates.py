@@ -132,7 +132,10 @@ def first_lasting(errors: Sequence[float], numbers: Sequence[int], target: float
 
 
 def growth_order(sizes: Sequence[float], values: Sequence[float]) -> float | None:
-    """The p of values ∝ sizes^p by the slope of Theil and Sen in logarithms; None with fewer than three pairs."""
+    """The p of values ∝ sizes^p by the slope of Theil and Sen in logarithms; None with fewer than three pairs.
+
+    Pairs with what is no number, or not positive, are left out.
+    """
     pairs = [(size, value) for size, value in zip(sizes, values, strict=True) if size > 0 and value > 0]
     if len(pairs) < 3:
         return None

@@ -169,13 +169,13 @@ class TestNumbers:
 
     def test_growth_with_the_mesh(self, row):
         rows = self.meshes(row, [10, 20, 40, 30, None], [1.0, 4.0, 16.0, 64.0, 256.0])
-        (line,) = growth(runs_of(rows))
-        assert line["condition"] == pytest.approx(2.0)
-        assert line["most"] == 40
+        (line,) = growth(runs_of(rows)).itertuples()
+        assert line.growth == pytest.approx(2.0)
+        assert line.most == 40
         assert (found(rows)["slow"], found(rows)["meshes"]) == (5, 5)
-        assert growth(runs_of(rows[:3]))[0]["order"] == pytest.approx(1.0)
-        assert growth(runs_of(rows[:2]))[0]["order"] is None
-        assert growth(runs_of(self.meshes(row, [None], [1.0])))[0]["most"] is None
+        assert growth(runs_of(rows[:3])).order[0] == pytest.approx(1.0)
+        assert growth(runs_of(rows[:2])).order[0] is None
+        assert np.isnan(growth(runs_of(self.meshes(row, [None], [1.0]))).most[0])
 
     def searched(self, row, *shares, **changes):
         return [
@@ -202,7 +202,7 @@ class TestNumbers:
 
     def test_a_printed_step_that_is_too_long_on_some_meshes(self, row):
         rows = [*self.searched(row, 1.3, 1.2, 1.1), *self.meshes(row, [1, 2, 4], [1.0, 1.0, 1.0])]
-        assert growth(runs_of(rows))[0]["beyond"] == "8²"
+        assert growth(runs_of(rows)).beyond[0] == "8²"
 
     def test_half_the_limits_beside_the_best_of_the_map(self, row):
         equal = made(row, "Uzawa", ["plate", 2, 0.1], status="solved", seconds=[1.0, 3.0, 2.0])

@@ -1,21 +1,21 @@
 """The figures of the report; runs that fail stand in a shaded band at the top."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN, TOLERANCE
 from comparisons.convergence.outer.measures import NAMES, main_bodies, mesh_groups, single
-from comparisons.lab.report import drawn
+from comparisons.lab.report.drawing import drawn, failing_band, legend_below, panelled, plain_ticks, powers_of_two
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
-from qvi_contact.plots.style import PURPLE, SKY, new_figure
+from qvi_contact.plots.style import PURPLE, SKY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
     from pandas import DataFrame, Series
 
-_WIDTH: Final = 8.0
+_SIZE: Final = (8.0, 2.6, 0.9)  # of pictures, see `panelled` [inch]
 _LOOKS: Final = ((BLUE, "o"), (VERMILLION, "s"), (GREEN, "^"), (ORANGE, "D"), (PURPLE, "v"), (SKY, "P"), (GREY, "X"))
 
 _RATES: Final = (1e-2, 10.0, 60.0)
@@ -30,7 +30,9 @@ def figures(runs: "DataFrame") -> dict[str, str]:
     found = single(runs)
     main = {body: found[found.body == body] for body in main_bodies(runs)}
     panels: dict[str, Callable[[Axes, str, DataFrame], None]] = {
-        "rates": _rate_panel, "iterations": _iterations_panel, "times": _times_panel,
+        "rates": _rate_panel,
+        "iterations": partial(_numbers_panel, column="steps", label="iterations to 1e-8 [-]", limits=_COUNTS),
+        "times": partial(_numbers_panel, column="ratio", label="time over condensed [-]", limits=_RATIOS),
     }  # fmt: skip
     drawings: dict[str, Callable[[], Canvas]] = {name: partial(_drawing, main, panel) for name, panel in panels.items()}
     drawings |= {
@@ -41,10 +43,10 @@ def figures(runs: "DataFrame") -> dict[str, str]:
 
 def _drawing(groups: "dict[str, DataFrame]", panel: "Callable[[Axes, str, DataFrame], None]") -> "Canvas":
     """A panel for each group, and one legend for all."""
-    canvas, panels = _panels(max(len(groups), 1))
-    for axes, (title, runs) in zip(panels, groups.items(), strict=False):
+    canvas, panels = panelled(len(groups), *_SIZE)
+    for axes, (title, runs) in zip(panels, groups.items(), strict=True):
         panel(axes, title, runs)
-    _finish(canvas, panels)
+    legend_below(canvas)
     return canvas
 
 
@@ -66,37 +68,30 @@ def _rate_panel(axes: "Axes", title: str, runs: "DataFrame") -> None:
         _failures(axes, loop, found[~found.solved].friction, _RATES)
 
 
-def _iterations_panel(axes: "Axes", title: str, runs: "DataFrame") -> None:
-    _frame(axes, title, "iterations to 1e-8 [-]", *_COUNTS)
-    for loop, found in _loops(runs):
-        counted = found[found.steps.notna()]
-        _marks(axes, loop, counted.friction, counted.steps)
-        _failures(axes, loop, found[~found.solved].friction, _COUNTS)
-
-
-def _times_panel(axes: "Axes", title: str, runs: "DataFrame") -> None:
-    _frame(axes, title, "time over condensed [-]", *_RATIOS)
-    axes.axhline(1.0, color="black", linewidth=0.8)
-    for loop, found in _loops(runs[runs.loop != CONDENSED]):
-        timed = found[found.ratio.notna()]
-        _marks(axes, loop, timed.friction, timed.ratio)
-        _failures(axes, loop, found[~found.solved].friction, _RATIOS)
+def _numbers_panel(
+    axes: "Axes", title: str, runs: "DataFrame", column: str, label: str, limits: tuple[float, float, float]
+) -> None:
+    """A column of the runs of each loop that has it."""
+    _frame(axes, title, label, *limits)
+    if column == "ratio":
+        axes.axhline(1.0, color="black", linewidth=0.8)
+    for loop, found in _loops(runs[(runs.loop != CONDENSED) | (column != "ratio")]):
+        known = found[found[column].notna()]
+        _marks(axes, loop, known.friction, known[column])
+        _failures(axes, loop, found[~found.solved].friction, limits)
 
 
 def _history_panel(axes: "Axes", title: str, runs: "DataFrame") -> None:
     axes.set_yscale("log")
     axes.set_xscale("log")
     axes.set_ylim(1e-10, 3.0)
-    for axis in (axes.xaxis, axes.yaxis):
-        _plain_ticks(axis)
+    plain_ticks(axes.xaxis, axes.yaxis)
     axes.set_title(title, fontsize=9)
     axes.set_xlabel("iteration [-]")
     axes.set_ylabel("residual [-]")
     axes.axhline(TOLERANCE, color="black", linewidth=0.8, linestyle="--")
-    for run in runs.itertuples():
+    for run in runs[runs.has & (runs.residuals.str.len() > 0)].itertuples():
         look, shown = LOOPS[run.loop], [max(value, 1e-10) for value in run.residuals]
-        if not shown:
-            continue
         axes.plot(range(1, len(shown) + 1), shown, color=look.colour, linestyle=look.line, linewidth=1.1,
                   label=run.loop, marker=look.marker, markersize=4, markevery=max(1, len(shown) // 6))  # fmt: skip
         if not run.solved:
@@ -117,16 +112,15 @@ def shown_places(main: "dict[str, DataFrame]") -> "dict[str, DataFrame]":
 def _meshes(groups: "dict[tuple[str, float], DataFrame]") -> "Canvas":
     """Contraction of the plain loop against the mesh."""
     problems = list(dict.fromkeys(problem for problem, _ in groups))
-    canvas, panels = _panels(max(len(problems), 1))
-    for axes, problem in zip(panels, problems, strict=False):
+    canvas, panels = panelled(len(problems), *_SIZE)
+    for axes, problem in zip(panels, problems, strict=True):
         _mesh_panel(axes, problem, {mu: found for (name, mu), found in groups.items() if name == problem})
     return canvas
 
 
 def _mesh_panel(axes: "Axes", problem: str, groups: "dict[float, DataFrame]") -> None:
     _frame(axes, NAMES.get(problem, problem), "contraction [-]", *_RATES)
-    axes.set_xscale("log", base=2)
-    axes.xaxis.set_major_formatter("{x:g}")
+    powers_of_two(axes)
     axes.set_xlabel("cells a side [-]")
     axes.axhline(1.0, color="black", linewidth=0.8)
     for number, (friction, found) in enumerate(groups.items()):
@@ -145,34 +139,14 @@ def _loops(runs: "DataFrame") -> "list[tuple[str, DataFrame]]":
     return [(loop, runs[runs.loop == loop]) for loop in LOOPS if loop in set(runs.loop)]
 
 
-def _panels(number: int) -> tuple["Canvas", list["Axes"]]:
-    columns = 2 if number > 1 else 1
-    rows = (number + columns - 1) // columns
-    canvas = new_figure(_WIDTH, 0.9 + 2.6 * rows)
-    grid = canvas.subplots(rows, columns, squeeze=False).ravel().tolist()
-    for spare in grid[number:]:
-        spare.set_visible(False)
-    return canvas, grid[:number]
-
-
-def _plain_ticks(axis: Any) -> None:
-    """Decades as plain numbers: quicker to read, and to draw, than powers of ten."""
-    from matplotlib.ticker import NullFormatter
-
-    axis.set_major_formatter("{x:g}")
-    axis.set_minor_formatter(NullFormatter())
-
-
 def _frame(axes: "Axes", title: str, label: str, bottom: float, band: float, top: float) -> None:
     axes.set_yscale("log")
-    _plain_ticks(axes.yaxis)
+    plain_ticks(axes.yaxis)
     axes.set_ylim(bottom, top)
-    axes.axhspan(band, top, color=GREY, alpha=0.18, linewidth=0)
-    axes.text(0.01, 0.985, "fails", transform=axes.transAxes, fontsize=7, va="top", color=GREY)
+    failing_band(axes, band, top)
     axes.set_title(title, fontsize=9)
     axes.set_xlabel("friction μ [-]")
     axes.set_ylabel(label)
-    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
 
 
 def _marks(axes: "Axes", loop: str, x: "Series", y: "Series") -> None:
@@ -187,11 +161,3 @@ def _failures(axes: "Axes", loop: str, frictions: "Series", limits: tuple[float,
     share = (1 + list(LOOPS).index(loop)) / (len(LOOPS) + 1)
     axes.plot(frictions, [band * (top / band) ** share] * len(frictions), "x", color=LOOPS[loop].colour, markersize=6,
               markeredgewidth=1.5)  # fmt: skip
-
-
-def _finish(canvas: "Canvas", panels: Sequence["Axes"]) -> None:
-    """One legend for all panels."""
-    handles: dict[str, Any] = {}
-    for axes in panels:
-        handles |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    canvas.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4, fontsize=8, frameon=False)

@@ -1,20 +1,15 @@
 """One case: a problem solved by a loop, its residuals, and what theory says of them."""
 
-import time
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-from comparisons.convergence.bodies import body, exact_contraction, reference
-from comparisons.convergence.certificates import plain_certificate
+from comparisons.convergence.bodies import Reference, exact_contraction, reference
 from comparisons.convergence.outer.loops import LOOPS, TOLERANCE, Loop
 from comparisons.convergence.rates import rate_of
-from solvers import FrictionQVI, QVISolution, solve_qvi
+from comparisons.convergence.solves import ending, timed
 from solvers.uniqueness import uniqueness_bound
-
-_REPEATS: Final = 3
-_BUDGET: Final = 0.5  # seconds after which no further repetition begins
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -36,40 +31,23 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
     """
     loop, place = LOOPS[case["loop"]], (case["problem"], case["cells"], case["friction"])
+    start = {} if case["start"] is None else {"initial": np.full(1, case["start"])}
     known = reference(*place)
-    solution, seconds = _timed(case, loop)
+    solution, seconds = timed(place, **loop.options(), **start)
     residuals = [entry.residual for entry in solution.history]
     rate = rate_of(residuals, TOLERANCE)
     qvi, unit = solution.problem, known.body.force
     return {
-        "status": solution.status.value, "message": solution.message, "iterations": solution.iterations,
-        "seconds": seconds, "residuals": residuals,
+        **ending(solution), "seconds": seconds, "residuals": residuals,
         "course": rate.course, "factor": rate.factor, "low": rate.low, "high": rate.high,
-        **_theory(case, loop, known.body.qvi),
+        **_theory(case, loop, known),
         "normal": unit * qvi.resultant(solution.z), "tangential": unit * float(qvi.W @ qvi.tangential(solution.z)),
-        "certificate": plain_certificate(solution),
     }  # fmt: skip
 
 
-def _timed(case: Mapping[str, Any], loop: Loop) -> tuple[QVISolution, list[float]]:
-    """The solution, and the times of solves of problems built anew, so that none finds a factorisation made before."""
-    options = loop.options()
-    if case["start"] is not None:
-        options["initial"] = np.full(1, case["start"])
-    seconds: list[float] = []
-    while True:
-        qvi = body(case["problem"], case["cells"], case["friction"]).qvi
-        began = time.perf_counter()
-        solution = solve_qvi(qvi, **options)
-        seconds.append(time.perf_counter() - began)
-        if len(seconds) == _REPEATS or sum(seconds) > _BUDGET:
-            return solution, seconds
-
-
-def _theory(case: Mapping[str, Any], loop: Loop, qvi: FrictionQVI) -> dict[str, Any]:
-    known = reference(case["problem"], case["cells"], case["friction"])
+def _theory(case: Mapping[str, Any], loop: Loop, known: Reference) -> dict[str, Any]:
     step = loop.damping if loop.variant in ("plain", "damped") else None
-    local, bound = known.linearised, uniqueness_bound(qvi)
+    local, bound = known.linearised, uniqueness_bound(known.body.qvi)
     exact = case["problem"] == "contacts" and step is not None
     return {
         "linearised": None if local is None or step is None else local.outer_contraction(step),
@@ -77,5 +55,5 @@ def _theory(case: Mapping[str, Any], loop: Loop, qvi: FrictionQVI) -> dict[str, 
         "sharper": bound.sharper, "kappa": bound.bound,
         "slipping": None if local is None else int(local.slipping.sum()),
         "open": None if local is None else int(local.open.sum()),
-        "points": qvi.m,
+        "points": known.body.qvi.m,
     }  # fmt: skip

@@ -8,7 +8,15 @@ import numpy as np
 
 from comparisons.convergence.uzawa.measures import SOON, of, searches_of
 from comparisons.convergence.uzawa.methods import METHODS
-from comparisons.lab.report import drawn
+from comparisons.lab.report.drawing import (
+    drawn,
+    failing_band,
+    grid,
+    legend_below,
+    panelled,
+    plain_ticks,
+    powers_of_two,
+)  # fmt: skip
 from comparisons.lab.report.numbers import scientific
 from comparisons.paper.reference import load
 from qvi_contact.basics.checks import FloatArray
@@ -25,6 +33,8 @@ _LOOKS: Final = (
     (SKY, "P", "--"), (GREY, "X", "-."),
 )  # fmt: skip
 """Colour, marker and line of the frictions, in order."""
+
+_TICKS: Final = (0.125, 0.25, 0.5, 1, 2, 4)
 
 
 def figures(runs: "DataFrame") -> dict[str, str]:
@@ -44,42 +54,34 @@ def _paper(found: "DataFrame") -> "Canvas":
     canvas = new_figure(8.0, 4.2)
     axes = canvas.subplots()
     axes.set(xscale="log", yscale="log", ylim=(1e-10, 0.1), xlabel="iteration [-]", ylabel="relative error of P/2 [-]")
-    _plain_ticks(axes.xaxis, axes.yaxis)
+    plain_ticks(axes.xaxis, axes.yaxis)
     axes.axvline(paper.iterations, color="black", linestyle="--", linewidth=0.8, label=f"{paper.iterations} iterations")
     for number, run in enumerate(found.itertuples()):
         colour, marker, line = _LOOKS[number % len(_LOOKS)]
         errors = np.maximum(np.array(run.errors), 1e-10)
         axes.plot(np.arange(1, len(errors) + 1), errors, color=colour, linestyle=line, marker=marker, markersize=4,
                   markevery=(number, 40), linewidth=1.2, label=f"μ = {run.friction:g}")  # fmt: skip
-    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
+    grid(axes)
     axes.legend(fontsize=8, frameon=False, ncols=2, loc="lower left")
     return canvas
 
 
 def _map_panels(found: "DataFrame") -> "Canvas":
     """A panel for each problem: iterations against both steps."""
-    maps = [(str(where), runs) for where, runs in found.groupby("where", sort=False)]
-    columns = min(3, max(1, len(maps)))
-    rows = max(1, (len(maps) + columns - 1) // columns)
-    canvas = new_figure(*((6.0, 4.6) if len(maps) == 1 else (1.2 + 2.5 * columns, 1.3 + 1.75 * rows)))
-    _maps(canvas, canvas.subplots(rows, columns, squeeze=False).ravel().tolist(), maps)
-    return canvas
-
-
-def _maps(canvas: "Canvas", panels: Sequence["Axes"], maps: "Sequence[tuple[str, DataFrame]]") -> None:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 
-    counts = [count for _, found in maps for count in _reached(found).dropna()]
+    maps = [(str(where), runs) for where, runs in found.groupby("where", sort=False)]
+    counts = [count for _, runs in maps for count in _reached(runs).dropna()]
     scale = ScalarMappable(LogNorm(max(1, min(counts, default=1)), max(2, *counts, 2)), "cividis")
-    for axes in panels[len(maps) :]:
-        axes.set_visible(False)
-    for axes, (where, found) in zip(panels, maps, strict=False):
-        _map(axes, scale, found)
+    canvas, panels = panelled(len(maps), *((6.0, 3.3, 1.3) if len(maps) == 1 else (8.7, 1.75, 1.3)), columns=3)
+    for axes, (where, runs) in zip(panels, maps, strict=True):
+        _map(axes, scale, runs)
         axes.set_title(where, fontsize=8)
-    canvas.colorbar(scale, ax=list(panels), label="iterations to 1e-4 [-]")
+    canvas.colorbar(scale, ax=canvas.axes, label="iterations to 1e-4 [-]")
     canvas.supxlabel("ω_T / (2 / λ_max) [-]", fontsize=9)
     canvas.supylabel("ω_N / (2 / λ_max) [-]", fontsize=9)
+    return canvas
 
 
 def _reached(found: "DataFrame") -> "Series":
@@ -107,8 +109,8 @@ def _map(axes: "Axes", scale: Any, found: "DataFrame") -> None:
     values = found.pivot_table("linearised", "normal", "tangential").to_numpy()
     if min(values.shape) > 1 and np.nanmin(values) < 1.0 < np.nanmax(values):
         axes.contour(tangential, normal, values, levels=[1.0], colors=[VERMILLION], linewidths=1.4)
-    for axis, ticks in ((axes.xaxis, (0.125, 0.25, 0.5, 1, 2, 4)), (axes.yaxis, (0.125, 0.25, 0.5, 1, 2, 4))):
-        axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks], fontsize=7)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_ticks(_TICKS, [f"{tick:g}" for tick in _TICKS], fontsize=7)
         axis.set_ticks([], minor=True)
     axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
 
@@ -128,7 +130,7 @@ def _limits(searches: "DataFrame") -> "Canvas":
     canvas = new_figure(8.0, 4.4)
     axes = canvas.subplots()
     axes.set(yscale="log", xlabel="cells a side [-]", ylabel="ω_T [length]")
-    _two_powers(axes)
+    powers_of_two(axes)
     for number, (friction, found) in enumerate(plate.groupby("friction")):
         colour, marker, _ = _LOOKS[number % len(_LOOKS)]
         bounded = found[found.largest.notna() & found.smallest.notna()]
@@ -139,8 +141,8 @@ def _limits(searches: "DataFrame") -> "Canvas":
                           marker=None if line else marker, markersize=6, linewidth=1.2,
                           label=f"μ = {friction:g}: {_LIMIT_LABELS[name]}")  # fmt: skip
     axes.axhline(load().omega_T, color="black", linewidth=0.9, label="the paper's ω_T")
-    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
-    canvas.legend(fontsize=7, frameon=False, ncols=3, loc="outside lower center")
+    grid(axes)
+    legend_below(canvas, 3, 7)
     return canvas
 
 
@@ -149,29 +151,15 @@ _LIMIT_LABELS: Final = {
 }  # fmt: skip
 
 
-def _plain_ticks(*axes: Any) -> None:
-    """Decades as plain numbers: quicker to read, and to draw, than powers of ten."""
-    from matplotlib.ticker import NullFormatter
-
-    for axis in axes:
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(NullFormatter())
-
-
-def _two_powers(axes: "Axes") -> None:
-    axes.set_xscale("log", base=2)
-    axes.xaxis.set_major_formatter("{x:g}")
-
-
 def _meshes(meshes: "DataFrame") -> "Canvas":
     """Iterations to two accuracies against the mesh."""
     canvas = new_figure(8.0, 3.8)
     panels = canvas.subplots(1, 2)
     for axes, target in zip(panels, (SOON, "to 1e-06"), strict=True):
         axes.set(yscale="log", ylim=(0.8, 1e5), xlabel="cells a side [-]", ylabel=f"iterations {target} [-]")
-        _plain_ticks(axes.yaxis)
-        _failing(axes, 2e4, 1e5)
-        _two_powers(axes)
+        plain_ticks(axes.yaxis)
+        failing_band(axes, 2e4, 1e5)
+        powers_of_two(axes)
         for number, (friction, found) in enumerate(meshes.sort_values("cells").groupby("friction")):
             colour, marker, line = _LOOKS[number % len(_LOOKS)]
             shown, failed = found[found[target].notna()], found[found[target].isna()]
@@ -182,44 +170,29 @@ def _meshes(meshes: "DataFrame") -> "Canvas":
             axes.plot(failed.cells, heights, "x", color=colour, markersize=7, markeredgewidth=2)
         cells = np.unique(meshes.cells)
         axes.plot(cells, 8.0 * cells, color="black", linewidth=0.9, linestyle="--", label="∝ 1/h")
-    canvas.legend(
-        *panels[0].get_legend_handles_labels(), fontsize=8, frameon=False, ncols=4, loc="outside lower center"
-    )
+    legend_below(canvas)
     return canvas
-
-
-def _failing(axes: "Axes", low: float, high: float) -> None:
-    """The band of what fails, and a grid."""
-    axes.axhspan(low, high, color=GREY, alpha=0.18, linewidth=0)
-    axes.text(0.01, 0.985, "fails", transform=axes.transAxes, fontsize=7, va="top", color=GREY)
-    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
 
 
 def _work(equal: "DataFrame") -> "Canvas":
     """Time against the accuracy asked for, a panel for each problem."""
     groups = list(equal.groupby("where", sort=False))
-    rows = max(1, (len(groups) + 1) // 2)
-    canvas = new_figure(8.0, 0.9 + 2.6 * rows)
-    panels = canvas.subplots(rows, 2, squeeze=False).ravel().tolist()
-    for axes in panels[len(groups) :]:
-        axes.set_visible(False)
-    handles: dict[str, Any] = {}
-    for axes, (where, found) in zip(panels, groups, strict=False):
+    canvas, panels = panelled(len(groups), 8.0, 2.6, 0.9)
+    for axes, (where, found) in zip(panels, groups, strict=True):
         _work_panel(axes, found)
         axes.set_title(str(where), fontsize=9)
-        handles |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    canvas.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    legend_below(canvas, 3)
     return canvas
 
 
 def _work_panel(axes: "Axes", found: "DataFrame") -> None:
     targets = sorted(found.target.unique())
     axes.set(xscale="log", yscale="log", xlabel="target [-]", ylabel="time [s]", ylim=(3e-3, 100.0))
-    _plain_ticks(axes.yaxis)
+    plain_ticks(axes.yaxis)
     axes.set_xticks(targets, [scientific(target, 1) for target in targets])
     axes.set_xticks([], minor=True)
     axes.set_xlim(max(targets) * 5.0, min(targets) / 5.0)
-    _failing(axes, 30.0, 100.0)
+    failing_band(axes, 30.0, 100.0)
     for number, (name, look) in enumerate(METHODS.items()):
         runs = found[found.run == name].sort_values("target", ascending=False)
         shown, failed = runs[runs.status == "solved"], runs[runs.status != "solved"]

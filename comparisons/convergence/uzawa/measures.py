@@ -1,6 +1,7 @@
 """The runs as one frame, and the numbers and tables of the report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from statistics import median
 from typing import TYPE_CHECKING, Any, Final
 
@@ -8,8 +9,8 @@ from comparisons.convergence.rates import growth_order
 from comparisons.convergence.uzawa.methods import METHODS
 from comparisons.convergence.uzawa.study import HALF
 from comparisons.convergence.uzawa.task import TARGETS
-from comparisons.lab.report.numbers import NOTHING, listing, percent, scientific, seconds, significant, span
-from comparisons.lab.study import DONE, Row
+from comparisons.lab.report.numbers import NOTHING, count, listing, percent, scientific, seconds, significant, span
+from comparisons.lab.study import Row, frame_of
 from comparisons.lab.tables import Grid, grid_of
 from comparisons.paper.reference import load
 
@@ -22,11 +23,13 @@ SOON: Final = "to 1e-04"
 PLACE: Final = ["problem", "cells", "friction"]
 
 _NUMBERS: Final = (
-    "omega_T", "omega_N", "limit_T", "limit_N", "slipping_T", "open_N", "linearised", "condition", "open", "points",
-    "force", "iterations", "settles", "last_error", "last_change", "largest", "smallest", "foreseen", "printed",
-    "after", "after_printed_rule", "before", "tractions",
+    "tangential", "normal", "target", "omega_T", "omega_N", "limit_T", "limit_N", "slipping_T", "open_N", "linearised",
+    "condition", "open", "points", "force", "iterations", "settles", "last_error", "last_change", "largest", "smallest",
+    "foreseen", "printed", "after", "after_printed_rule", "before", "tractions",
 )  # fmt: skip
-"""Entries of results that are numbers, see `task`; NaN where a run has none."""
+"""Columns that are numbers, NaN where a run has none; see `task`."""
+
+_TARGETS: Final = tuple(f"to {target:.0e}" for target in TARGETS)
 
 _NAMES: Final = {"half open": "8 contacts, half open", "sliding": "8 contacts, sliding", "ssnv128": "SSNV128"}
 _LAST_DIGIT: Final = 0.00501  # of P/2: half of the last digit printed, and rounding
@@ -35,37 +38,21 @@ _LAST_DIGIT: Final = 0.00501  # of P/2: half of the last digit printed, and roun
 def runs_of(rows: Sequence[Row]) -> "DataFrame":
     """One line a run, by problem, mesh and μ.
 
-    The columns are run, problem, cells (0 without a mesh), friction, where (the three in words), tangential, normal,
-    target, status, has (whether there is a result), accuracy that the certificate confirms, seconds (median), errors of
-    P/2 one by one, "to 1e-02" and so on (iterations to that error for good), and the numbers of the task.
+    The columns are those of `frame_of`, with the place as problem, cells (0 without a mesh), friction, and where (the
+    three in words), seconds the median, and "to 1e-02" and so on, iterations to that error for good.
     """
-    from pandas import DataFrame, to_numeric
+    from pandas import to_numeric
 
-    runs = DataFrame([_run(row) for row in sorted(rows, key=lambda row: row.position)])
-    for name in (*_NUMBERS, "tangential", "normal", "target", "accuracy", "seconds", *_targets()):
-        runs[name] = to_numeric(runs[name])
+    runs = frame_of(rows, _NUMBERS, ("seconds", "needed", "errors"))
+    for place, name in enumerate(PLACE):
+        runs[name] = runs.place.str[place]
+    runs["friction"] = runs.friction.astype(float)
+    body = runs.problem.replace(_NAMES) + [f", {cells}²" if cells else "" for cells in runs.cells]
+    runs["where"] = body + runs.friction.map(", μ = {:g}".format)
+    for name in _TARGETS:
+        runs[name] = to_numeric(runs.needed.str.get(name.removeprefix("to ")))
+    runs["seconds"] = runs.seconds.map(median, na_action="ignore")
     return runs.sort_values(PLACE, kind="stable", ignore_index=True)
-
-
-def _targets() -> list[str]:
-    return [f"to {target:.0e}" for target in TARGETS]
-
-
-def _run(row: Row) -> dict[str, Any]:
-    case, result, certificate = row.case, row.result, row.certificate
-    problem, cells, friction = case["place"]
-    mesh = f", {cells}²" if cells else ""
-    needed, times = result.get("needed", {}), result.get("seconds")
-    return {
-        "run": case["run"], "problem": problem, "cells": int(cells), "friction": float(friction),
-        "where": f"{_NAMES.get(problem, problem)}{mesh}, μ = {friction:g}",
-        "tangential": case["tangential"], "normal": case["normal"], "target": case["target"],
-        "status": result["status"] if row.status == DONE else row.status, "has": bool(result),
-        "accuracy": None if certificate is None else certificate["accuracy"],
-        "seconds": median(times) if times else None, "errors": result.get("errors"),
-        **{f"to {target:.0e}": needed.get(f"{target:.0e}") for target in TARGETS},
-        **{name: result.get(name) for name in _NUMBERS},
-    }  # fmt: skip
 
 
 def of(runs: "DataFrame", *names: str) -> "DataFrame":
@@ -81,18 +68,12 @@ def quickest(found: "DataFrame") -> "Series | None":
 
 def paper_runs(runs: "DataFrame") -> "DataFrame":
     """The paper's runs, with the quickest one of the map of the same problem beside them."""
-    found = of(runs, "paper").copy()
-    found["error"] = (found.after / found.force - 1.0).abs()
-    found["share"] = found.omega_T / found.limit_T
-    found["quickest"] = [_quickest_at(runs, place) for place in found[PLACE].itertuples(index=False)]
-    found["factor"] = found[SOON] / found["quickest"]
-    return found
-
-
-def _quickest_at(runs: "DataFrame", place: tuple[Any, ...]) -> float | None:
-    maps = of(runs, "map")
-    best = quickest(maps[(maps[PLACE] == list(place)).all(axis=1)])
-    return None if best is None else float(best[SOON])
+    maps, found = of(runs, "map"), of(runs, "paper")
+    found = found.join(maps[maps.settles == 1].groupby(PLACE)[SOON].min().rename("quickest"), on=PLACE)
+    return found.assign(
+        error=(found.after / found.force - 1.0).abs(), share=found.omega_T / found.limit_T,
+        factor=found[SOON] / found.quickest,
+    )  # fmt: skip
 
 
 def searches_of(runs: "DataFrame") -> "DataFrame":
@@ -113,7 +94,7 @@ def values_of(runs: "DataFrame") -> dict[str, Any]:
         "iterations": paper.iterations, "omega": paper.omega_T, "half": HALF, "failed": int((~runs.has).sum()),
         **_of_paper(paper_runs(runs)), **_of_limits(searches_of(runs)), **_of_accuracy(runs),
         "slow": int(of(runs, "mesh")["to 1e-06"].isna().sum()), "meshes": len(of(runs, "mesh")),
-        "orders": span([line["order"] for line in growth(runs)], lambda order: f"{-order:.2f}".replace("-", "−")),
+        "orders": span(growth(runs).order, lambda order: f"{-order:.2f}".replace("-", "−")),
     }  # fmt: skip
 
 
@@ -170,130 +151,114 @@ def _of_accuracy(runs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def growth(runs: "DataFrame") -> list[dict[str, Any]]:
+def growth(runs: "DataFrame") -> "DataFrame":
     """For each μ: how iterations to 1e-4 and the condition grow with the cells a side, and where ω_T is too long."""
-    searches = searches_of(runs)
-    lines = []
+    from pandas import DataFrame
+
+    searches, lines = searches_of(runs), []
     for friction, found in of(runs, "mesh").sort_values("cells").groupby("friction"):
-        there = found[found[SOON].notna()]
-        known = found[found.condition.notna()]
         bounded = searches[(searches.step == "ω_T") & (searches.problem == "plate") & (searches.friction == friction)]
         short = bounded[bounded.smallest.notna() & (bounded.observed < load().omega_T)]
         lines.append({
-            "friction": friction, "order": growth_order(there.cells.tolist(), there[SOON].tolist()),
-            "condition": growth_order(known.cells.tolist(), known.condition.tolist()),
-            "most": None if there.empty else int(there[SOON].max()),
+            "friction": friction, "order": growth_order(found.cells, found[SOON]),
+            "growth": growth_order(found.cells, found.condition), "most": found[SOON].max(),
             "beyond": listing([f"{cells}²" for cells in short.cells]),
         })  # fmt: skip
-    return lines
+    return DataFrame(lines, columns=list(_HEADINGS["growth"]))
 
 
-def tables_of(runs: "DataFrame") -> dict[str, Grid]:
-    """The tables by name."""
-    return {
-        "paper": _paper_table(paper_runs(runs)), "limit-table": _limits_table(searches_of(runs)),
-        "growth": _growth_table(runs), "meshes": _meshes_table(of(runs, "mesh")), "maps": _maps_table(of(runs, "map")),
-        "reach": _reach_table(of(runs, *METHODS)), "accuracy": _accuracy_table(of(runs, *METHODS)),
-    }  # fmt: skip
+def _power(order: float | None) -> str:
+    """Of a quantity that grows like (cells a side)^order: "h^−1.50"."""
+    return NOTHING if order is None or order != order else f"h^{'−' if order >= 0.0 else ''}{abs(order):.2f}"
 
 
-def _paper_table(found: "DataFrame") -> Grid:
-    force, share = (lambda value: f"{value:.2f}" if value == value else NOTHING), (lambda value: percent(value, 2))
-    headings = {
+_FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
+    "friction": "{:g}".format, "seconds": seconds, "accuracy": scientific,
+    **dict.fromkeys(("printed", "after", "after_printed_rule", "force"), "{:.2f}".format),
+    **dict.fromkeys(("before", "error", "tractions"), partial(percent, digits=2)),
+    **dict.fromkeys((*_TARGETS, "quickest", "open", "iterations", "most"), count),
+    **dict.fromkeys(("factor", "share"), partial(significant, digits=2)),
+    **dict.fromkeys(("condition", "linearised", "smallest", "foreseen", "part", "best"), significant),
+    **dict.fromkeys(("limit", "observed", "omega_T"), partial(scientific, digits=3)),
+    **dict.fromkeys(("target", *METHODS), partial(scientific, digits=1)), **dict.fromkeys(("order", "growth"), _power),
+}  # fmt: skip
+"""Column of a table → how its numbers read."""
+
+_HEADINGS: Final[Mapping[str, Mapping[str, str]]] = {
+    "paper": {
         "friction": "μ", "printed": "P/2 printed [N/mm]", "after": "after 30, accumulating rule",
         "after_printed_rule": "after 30, printed rule", "force": "solution", "before": "error of P/2 at the start",
         "error": "after 30", "tractions": "of tractions after 30", SOON: "iterations to 1e-4", "to 1e-06": "to 1e-6",
         "quickest": "to 1e-4 by the quickest step", "factor": "times fewer", "condition": "condition",
         "linearised": "contraction, linearised", "share": "ω_T over its limit",
-    }  # fmt: skip
-    forms = {
-        "friction": "{:g}".format, **dict.fromkeys(("printed", "after", "after_printed_rule", "force"), force),
-        **dict.fromkeys(("before", "error", "tractions"), share), SOON: count, "to 1e-06": count, "quickest": count,
-        "factor": lambda value: significant(value, 2), "condition": significant, "linearised": significant,
-        "share": lambda value: significant(value, 2),
-    }  # fmt: skip
-    return grid_of(found, headings, forms)
-
-
-def _limits_table(found: "DataFrame") -> Grid:
-    shown = found.assign(settles=[
-        NOTHING if one.largest != one.largest else f"{'> ' if one.smallest != one.smallest else ''}"
-        f"{significant(one.largest)}" for one in found.itertuples()
-    ])  # fmt: skip
-    headings = {
+    },
+    "limit-table": {
         "where": "problem", "step": "step", "settles": "largest that settles (share)", "smallest": "fails at (share)",
         "foreseen": "linearised (share)", "part": "slipping or open (share)", "open": "points open",
         "limit": "2 / λ_max, all points", "observed": "observed",
-    }  # fmt: skip
-    long = {name: lambda value: scientific(value, 3) for name in ("limit", "observed")}
-    forms = {**dict.fromkeys(("smallest", "foreseen", "part"), significant), "open": count, **long}
-    return grid_of(shown, headings, forms)
-
-
-def _growth_table(runs: "DataFrame") -> Grid:
-    rows = [
-        (f"{line['friction']:g}", _power(line["order"]), count(line["most"]), _power(line["condition"]), line["beyond"])
-        for line in growth(runs)
-    ]
-    headings = ("μ", "iterations to 1e-4 grow like", "most", "the condition like", "printed ω_T too long on")
-    return Grid("", headings, rows)
-
-
-def _meshes_table(found: "DataFrame") -> Grid:
-    headings = {
+    },
+    "growth": {
+        "friction": "μ", "order": "iterations to 1e-4 grow like", "most": "most", "growth": "the condition like",
+        "beyond": "printed ω_T too long on",
+    },
+    "meshes": {
         "friction": "μ", "cells": "cells a side", "omega_T": "ω_T", "condition": "condition",
         "linearised": "contraction, linearised", "to 1e-02": "iterations to 1e-2", "to 1e-03": "to 1e-3",
         "to 1e-04": "to 1e-4", "to 1e-06": "to 1e-6", "accuracy": "certified accuracy at the end",
-    }  # fmt: skip
-    forms = {
-        "friction": "{:g}".format, "omega_T": lambda value: scientific(value, 3), "condition": significant,
-        "linearised": lambda value: significant(value, 4), **dict.fromkeys(_targets(), count), "accuracy": scientific,
-    }  # fmt: skip
-    return grid_of(found.sort_values(["friction", "cells"]), headings, forms)
+    },
+    "maps": {
+        "where": "problem", "pairs": "pairs of steps", "failing": "do not settle",
+        SOON: "iterations to 1e-4 of the quickest", "best": "its ω_T (share)", "matters": "ω_N matters",
+    },
+    "reach": {"where": "problem", **{name: name for name in METHODS}},
+    "accuracy": {
+        "where": "problem", "run": "method", "target": "target", "status": "status", "iterations": "iterations",
+        "seconds": "time", "accuracy": "certified accuracy",
+    },
+}  # fmt: skip
+"""Table → its columns and their headings."""
 
 
-def _maps_table(found: "DataFrame") -> Grid:
-    rows = []
+def tables_of(runs: "DataFrame") -> dict[str, Grid]:
+    """The tables by name."""
+    meshes, equal = of(runs, "mesh").sort_values(["friction", "cells"]), of(runs, *METHODS)
+    frames = {
+        "paper": paper_runs(runs), "limit-table": _limits(searches_of(runs)), "growth": growth(runs), "meshes": meshes,
+        "maps": _maps(of(runs, "map")), "reach": _reach(equal), "accuracy": equal,
+    }  # fmt: skip
+    closer = {"meshes": {"linearised": partial(significant, digits=4)}}
+    return {name: grid_of(frame, _HEADINGS[name], {**_FORMS, **closer.get(name, {})}) for name, frame in frames.items()}
+
+
+def _limits(found: "DataFrame") -> "DataFrame":
+    """With the largest step that settles in words, ">" where no share searched fails."""
+    ends = zip(found.largest, found.smallest, strict=True)
+    return found.assign(settles=[
+        NOTHING if good != good else f"{'> ' if bad != bad else ''}{significant(good)}" for good, bad in ends
+    ])  # fmt: skip
+
+
+def _maps(found: "DataFrame") -> "DataFrame":
+    """The quickest pair of steps of each map, and whether ω_N changes anything."""
+    from pandas import DataFrame
+
+    lines = []
     for where, runs in found.groupby("where", sort=False):
         best = quickest(runs)
         one = runs.groupby("tangential", dropna=False)[["settles", SOON]].nunique(dropna=False)
-        soon, step = (NOTHING, NOTHING) if best is None else (count(best[SOON]), significant(best.tangential))
-        failing, matters = int((runs.settles != 1).sum()), "yes" if (one > 1).any(axis=None) else "no"
-        rows.append((str(where), str(len(runs)), str(failing), soon, step, matters))
-    headings = (
-        "problem", "pairs of steps", "do not settle", "iterations to 1e-4 of the quickest", "its ω_T (share)",
-        "ω_N matters",
-    )  # fmt: skip
-    return Grid("", headings, rows)
+        lines.append({
+            "where": where, "pairs": len(runs), "failing": int((runs.settles != 1).sum()),
+            SOON: None if best is None else best[SOON], "best": None if best is None else best.tangential,
+            "matters": "yes" if (one > 1).any(axis=None) else "no",
+        })  # fmt: skip
+    return DataFrame(lines)
 
 
-def _reach_table(found: "DataFrame") -> Grid:
-    rows = []
-    for where, runs in found.groupby("where", sort=False):
-        met = runs[runs.status == "solved"].groupby("run").target.min()
-        rows.append((str(where), *(scientific(met.get(name), 1) for name in METHODS)))
-    return Grid("", ("problem", *METHODS), rows)
-
-
-def _accuracy_table(found: "DataFrame") -> Grid:
-    headings = {
-        "where": "problem", "run": "method", "target": "target", "status": "status", "iterations": "iterations",
-        "seconds": "time", "accuracy": "certified accuracy",
-    }  # fmt: skip
-    forms = {
-        "target": lambda value: scientific(value, 1), "iterations": count, "seconds": seconds, "accuracy": scientific,
-    }  # fmt: skip
-    return grid_of(found, headings, forms)
-
-
-def count(value: float | None) -> str:
-    """A number of iterations or points."""
-    return NOTHING if value is None or value != value else str(int(value))
-
-
-def _power(order: float | None) -> str:
-    """Of a quantity that grows like (cells a side)^order: "h^−1.50"."""
-    return NOTHING if order is None else f"h^{'−' if order >= 0.0 else ''}{abs(order):.2f}"
+def _reach(equal: "DataFrame") -> "DataFrame":
+    """The tightest target that each method meets."""
+    met = equal.target.where(equal.status == "solved")
+    best = equal.assign(met=met).pivot_table("met", "where", "run", "min", sort=False, dropna=False)
+    return best.reindex(columns=list(METHODS)).reset_index()
 
 
 def settings_of(settings: Mapping[str, str]) -> Grid:

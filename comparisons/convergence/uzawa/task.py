@@ -9,16 +9,15 @@ multipliers change by less than `STILL` of the largest one per iteration. Beyond
 go on for ever.
 """
 
-import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
 
-from comparisons.convergence.bodies import Reference, body, reference
-from comparisons.convergence.certificates import plain_certificate
+from comparisons.convergence.bodies import Reference, reference
 from comparisons.convergence.linearised import Linearised
 from comparisons.convergence.rates import first_lasting
+from comparisons.convergence.solves import ending, plain_certificate, timed
 from comparisons.convergence.uzawa.methods import METHODS
 from comparisons.paper.reference import load
 from solvers import QVISolution, solve_qvi
@@ -40,8 +39,6 @@ SEARCHED: Final = (0.25, 16.0)
 
 _BISECTIONS: Final = 7
 _SHOWN: Final = 400  # iterations of the paper's run that are kept one by one
-_REPEATS: Final = 3
-_BUDGET: Final = 0.5  # seconds after which no further repetition begins
 
 Record = dict[str, Any]
 
@@ -118,10 +115,9 @@ def _course(known: Reference, solution: QVISolution) -> Record:
     last = np.array(numbers) > 0.75 * numbers[-1]
     error, change = float(errors[last].max()), float(np.median(changes[last]))
     return {
-        "status": solution.status.value, "message": solution.message, "iterations": solution.iterations,
-        "last_error": error, "last_change": change, "settles": bool(error <= NEAR and change <= STILL),
+        **ending(solution), "last_error": error, "last_change": change,
+        "settles": bool(error <= NEAR and change <= STILL),
         "needed": {f"{target:.0e}": first_lasting(errors.tolist(), numbers, target) for target in TARGETS},
-        "certificate": plain_certificate(solution),
     }  # fmt: skip
 
 
@@ -225,19 +221,9 @@ def _accuracy(case: Mapping[str, Any], known: Reference) -> Record:
         steps = _half_steps(known)
         options |= {"omega_T": steps[0], "omega_N": steps[1]}
         given = _given(known, *steps)
-    seconds: list[float] = []
-    while True:
-        qvi = body(*case["place"]).qvi
-        began = time.perf_counter()
-        solution = solve_qvi(qvi, tolerance=case["target"], **options)
-        seconds.append(time.perf_counter() - began)
-        if len(seconds) == _REPEATS or sum(seconds) > _BUDGET:
-            break
+    solution, seconds = timed(case["place"], tolerance=case["target"], **options)
     error = abs(solution.problem.resultant(solution.z) / _resultant(known) - 1.0)
-    return {
-        "status": solution.status.value, "message": solution.message, "iterations": solution.iterations, **given,
-        "seconds": seconds, "last_error": error, "certificate": plain_certificate(solution),
-    }  # fmt: skip
+    return {**ending(solution), **given, "seconds": seconds, "last_error": error}
 
 
 def _half_steps(known: Reference) -> tuple[float, float]:

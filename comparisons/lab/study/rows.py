@@ -90,18 +90,20 @@ class StoredStudy:
     rows: tuple[Row, ...]
 
 
-def frame_of(rows: Sequence[Row], numbers: Sequence[str] = ()) -> "DataFrame":
+def frame_of(rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[str] = ()) -> "DataFrame":
     """One line a row, in the order of the study: the factors of the case, and the entries of the result.
 
     Besides "status", that which the task tells or else the row's, "reason", "has", whether there is a result, and
-    "accuracy", which the certificate confirms. The columns `numbers` are there in any case, as numbers, NaN where a
-    row has none.
+    "accuracy", which the certificate confirms. The columns `numbers` and `others` are there in any case, those as
+    numbers, NaN where a row has none.
     """
     from pandas import DataFrame, to_numeric
 
     found = DataFrame([_line(row) for row in sorted(rows, key=lambda row: row.position)])
+    missing = [name for name in ("accuracy", *numbers, *others) if name not in found]
+    found[missing] = DataFrame(float("nan"), found.index, missing, dtype=object)
     for name in ("accuracy", *numbers):
-        found[name] = to_numeric(found[name]) if name in found else float("nan")
+        found[name] = to_numeric(found[name])
     return found
 
 
