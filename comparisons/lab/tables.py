@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 Form = Callable[[Any], str]
-Heading = str | tuple[str, Form]
+Columns = Mapping[str, str | tuple[str, Form]]
 
 _LONGEST: Final = 40  # letters of a name; what is longer is a sentence
 _HEADING: Final = 10  # letters of a line of a heading above narrow numbers
@@ -29,7 +29,7 @@ class Grid(NamedTuple):
 
 def grid_of(
     frame: "DataFrame",
-    headings: Sequence[str] | Mapping[str, Heading],
+    headings: Sequence[str] | Columns,
     forms: Mapping[str, Form] | None = None,
 ) -> Grid:
     """Columns of a frame as a table.
@@ -44,7 +44,7 @@ def grid_of(
         The latter, by column, for several tables; `text` for all others.
 
     """
-    named = headings if isinstance(headings, Mapping) else {name: name for name in headings}
+    named: Columns = headings if isinstance(headings, Mapping) else {name: name for name in headings}
     told = {name: (each, (forms or {}).get(name, text)) if isinstance(each, str) else each
             for name, each in named.items()}  # fmt: skip
     columns = [[form(value) for value in frame[name]] for name, (_, form) in told.items()] if len(frame) else []

@@ -68,13 +68,14 @@ def _chosen(only: Sequence[str]) -> tuple[str, ...]:
 
 def _counted(stored: "StoredStudy") -> dict[str, Any]:
     """Outcomes of every solver, and the tables as text."""
-    from comparisons.solvers.measures import outcome_counts, runs_of
+    from comparisons.solvers.measures import OUTCOMES, runs_of, told_by
     from comparisons.solvers.tables import tables_of
 
+    runs = runs_of(stored.rows)
     return {
-        "outcomes": {solver: dict(counts) for solver, counts in outcome_counts(runs_of(stored.rows)).items()},
+        "outcomes": told_by(runs)[[*OUTCOMES]].to_dict("index"),
         "tables": {
             name: [dict(zip(grid.headings, row, strict=True)) for row in grid.rows]
-            for name, grid in tables_of(stored).items()
+            for name, grid in tables_of(runs).items()
         },
     }

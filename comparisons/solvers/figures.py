@@ -1,6 +1,5 @@
 """The pictures: performance profiles, how true "solved" is, accuracies, warm starts."""
 
-import statistics
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -8,16 +7,12 @@ from typing import TYPE_CHECKING, Final
 from comparisons.lab.report import drawn
 from comparisons.solvers.accuracies import LEVELS
 from comparisons.solvers.measures import (
-    Run,
     area,
-    finite,
     geometric_mean,
-    grouped,
     of_kind,
-    outcome_counts,
     performance_ratios,
     steps,
-    times_of,
+    told_by,
     warm_ratios,
 )  # fmt: skip
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
@@ -28,6 +23,7 @@ from qvi_contact.plots.style import PURPLE, SKY, new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from pandas import DataFrame, Series
 
 UNTIL: Final = 100.0
 """Largest ratio of times that profiles show."""
@@ -48,7 +44,7 @@ _BARS: Final[Mapping[str, tuple[str, str]]] = {
 }  # fmt: skip
 
 
-def figures(runs: Sequence[Run]) -> dict[str, str]:
+def figures(runs: "DataFrame") -> dict[str, str]:
     """Name → picture; empty where there is nothing to draw, or matplotlib is not installed."""
     pictures: dict[str, Callable[[], Figure | None]] = {
         "truth-shares": partial(truth, runs),
@@ -59,14 +55,14 @@ def figures(runs: Sequence[Run]) -> dict[str, str]:
     return {name: drawn(name, draw) for name, draw in pictures.items()}
 
 
-def profiles(runs: Sequence[Run]) -> "Figure | None":
+def profiles(runs: "DataFrame") -> "Figure | None":
     """A panel for each level, a step curve for each solver."""
-    if not runs:
+    if runs.empty:
         return None
-    levels = [level for level in LEVELS if any(run.level == level for run in runs)]
+    levels = [level for level in LEVELS if level in set(runs.level)]
     figure = new_figure(3.9 * len(levels), 4.4)
     panels = figure.subplots(1, len(levels), sharey=True, squeeze=False)[0]
-    ratios = [performance_ratios(times_of(run for run in runs if run.level == level)) for level in levels]
+    ratios = [performance_ratios(runs[runs.level == level]) for level in levels]
     looks = _looks([_coloured(each) for each in ratios])
     for axes, level, each in zip(panels, levels, ratios, strict=True):
         _profile_panel(axes, each, looks)
@@ -76,10 +72,10 @@ def profiles(runs: Sequence[Run]) -> "Figure | None":
     return figure
 
 
-def _coloured(ratios: Mapping[str, Sequence[float]]) -> list[str]:
+def _coloured(ratios: "DataFrame") -> list[str]:
     """The best solvers by area, those that solve nothing left out."""
-    best = sorted(ratios, key=lambda solver: (-area(ratios[solver], UNTIL), solver))
-    return [solver for solver in best if finite(ratios[solver])][:HIGHLIGHTED]
+    best = area(ratios, UNTIL).sort_index().sort_values(ascending=False, kind="stable").index
+    return [solver for solver in best if ratios[solver].min() < float("inf")][:HIGHLIGHTED]
 
 
 def _looks(panels: Sequence[Sequence[str]]) -> dict[str, tuple[str, str, str]]:
@@ -91,18 +87,15 @@ def _looks(panels: Sequence[Sequence[str]]) -> dict[str, tuple[str, str, str]]:
     }
 
 
-def _profile_panel(
-    axes: "Axes", ratios: Mapping[str, Sequence[float]], looks: Mapping[str, tuple[str, str, str]]
-) -> None:
+def _profile_panel(axes: "Axes", ratios: "DataFrame", looks: Mapping[str, tuple[str, str, str]]) -> None:
     """The best by area in colour with markers, the others in grey."""
     coloured = _coloured(ratios)
-    for solver in (each for each in ratios if each not in coloured):
-        x, y = steps(ratios[solver], UNTIL)
-        axes.step(x, y, where="post", color=_PALE, linewidth=0.9, zorder=1)
+    for solver in ratios.columns.drop(coloured):
+        axes.step(*steps(ratios[solver], UNTIL), where="post", color=_PALE, linewidth=0.9, zorder=1)
     for solver in coloured:
         colour, marker, line = looks[solver]
         x, y = steps(ratios[solver], UNTIL)
-        label = f"{solver} ({_solved(ratios[solver])})"
+        label = f"{solver} ({(ratios[solver] < float('inf')).sum()} of {ratios[solver].count()})"
         axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
                   markevery=max(1, len(x) // 6), label=label, zorder=2)  # fmt: skip
     _log_axis(axes, _RATIOS[_RATIOS.index(1.0) :])
@@ -123,77 +116,73 @@ def _log_axis(axes: "Axes", ticks: Sequence[float]) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def _solved(ratios: Sequence[float]) -> str:
-    return f"{len(finite(ratios))} of {len(ratios)}"
-
-
-def truth(runs: Sequence[Run]) -> "Figure | None":
+def truth(runs: "DataFrame") -> "Figure | None":
     """A bar for each solver: what became of its inner problems, as shares."""
-    counts = outcome_counts(runs)
-    if not counts:
+    told = told_by(runs)[[*_BARS]]
+    if told.empty:
         return None
-    solvers = sorted(counts, key=lambda solver: (counts[solver][RIGHT] / counts[solver].total(), solver))
-    figure = new_figure(8.0, 0.9 + 0.27 * len(solvers))
+    shares = told.div(told.sum(axis=1), axis=0).sort_index().sort_values(RIGHT, kind="stable")
+    figure = new_figure(8.0, 0.9 + 0.27 * len(shares))
     axes = figure.subplots()
-    left = [0.0] * len(solvers)
+    starts = shares.cumsum(axis=1) - shares
     for outcome, (colour, hatch) in _BARS.items():
-        widths = [counts[solver][outcome] / counts[solver].total() for solver in solvers]
-        if any(widths):
-            axes.barh(solvers, widths, left=left, color=colour, hatch=hatch, edgecolor="white", linewidth=0.4,
-                      label=outcome)  # fmt: skip
-        left = [start + width for start, width in zip(left, widths, strict=True)]
+        if shares[outcome].any():
+            axes.barh(shares.index, shares[outcome], left=starts[outcome], color=colour, hatch=hatch,
+                      edgecolor="white", linewidth=0.4, label=outcome)  # fmt: skip
     axes.set_xlim(0.0, 1.0)
     axes.set_xlabel("share of the inner problems that have a solution [-]")
     figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
     return figure
 
 
-def accuracy(runs: Sequence[Run]) -> "Figure | None":
+def accuracy(runs: "DataFrame") -> "Figure | None":
     """For each solver and level the accuracy of single inner problems: median, and from best to worst."""
-    chosen = [run for run in runs if run.task == INNER and run.feasible]
-    if not finite(run.accuracy for run in chosen):
+    chosen = runs[(runs.task == INNER) & runs.feasible]
+    if chosen.accuracy.isna().all():
         return None
-    by_solver = grouped(chosen, lambda run: run.solver)
-    solvers = list(reversed(by_solver))
+    solvers = [*reversed(chosen.solver.unique())]
     figure = new_figure(8.0, 0.9 + 0.34 * len(solvers))
     axes = figure.subplots()
     for number, (level, (colour, marker)) in enumerate(zip(LEVELS, _LEVEL_LOOKS, strict=True)):
         axes.axvline(LEVELS[level], color=colour, linestyle=":", linewidth=1.0)
         for place, solver in enumerate(solvers):
-            values = finite(run.accuracy for run in by_solver[solver] if run.level == level)
+            values = chosen[(chosen.solver == solver) & (chosen.level == level)].accuracy.dropna()
             _range(axes, values, place + 0.22 * (1 - number), colour, marker, level if place == 0 else "")
-    axes.set_yticks(range(len(solvers)), solvers)
     axes.set_xscale("log")
-    axes.set_xlabel("smallest tolerance at which the certificate passes [-]")
-    axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
+    _solvers_down(axes, solvers, "smallest tolerance at which the certificate passes [-]")
     figure.legend(loc="outside upper center", ncols=3, fontsize=8, frameon=False)
     return figure
 
 
-def _range(axes: "Axes", values: Sequence[float], height: float, colour: str, marker: str, label: str) -> None:
+def _range(axes: "Axes", values: "Series[float]", height: float, colour: str, marker: str, label: str) -> None:
     """A line from the smallest to the largest value, a mark at the median."""
-    if not values:
+    if values.empty:
         return
-    axes.plot([min(values), max(values)], [height, height], color=colour, linewidth=1.0)
-    middle = statistics.median(values)
-    axes.plot([middle], [height], color=colour, marker=marker, markersize=5, linestyle="none", label=label or None)
+    axes.plot([values.min(), values.max()], [height, height], color=colour, linewidth=1.0)
+    axes.plot([values.median()], [height], color=colour, marker=marker, markersize=5, linestyle="none",
+              label=label or None)  # fmt: skip
 
 
-def warmth(runs: Sequence[Run]) -> "Figure | None":
+def _solvers_down(axes: "Axes", solvers: Sequence[str], label: str) -> None:
+    """A line for each solver, and what is told along it."""
+    axes.set_yticks(range(len(solvers)), solvers)
+    axes.set_xlabel(label)
+    axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
+
+
+def warmth(runs: "DataFrame") -> "Figure | None":
     """A dot for each sequence: warm over cold time, and the geometric mean of each solver."""
-    ratios = warm_ratios(runs)
-    if not ratios:
+    ratios = warm_ratios(runs).dropna(subset="ratio").groupby("solver", sort=False).ratio
+    if not len(ratios):
         return None
-    solvers = sorted(ratios, key=lambda solver: -(geometric_mean(ratios[solver]) or 0.0))
-    figure = new_figure(8.0, 1.0 + 0.3 * len(solvers))
+    means = ratios.agg(geometric_mean).sort_values(ascending=False, kind="stable")
+    figure = new_figure(8.0, 1.0 + 0.3 * len(means))
     axes = figure.subplots()
     axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")
-    for place, solver in enumerate(solvers):
-        values, mean = ratios[solver], geometric_mean(ratios[solver]) or 1.0
+    for place, (solver, mean) in enumerate(means.items()):
+        values = ratios.get_group(solver)
         axes.plot(values, [place] * len(values), color=SKY, marker="o", markersize=4, linestyle="none", alpha=0.7)
         axes.plot([mean], [place], color=VERMILLION, marker="D", markersize=6, linestyle="none")
-    axes.set_yticks(range(len(solvers)), solvers)
     _log_axis(axes, _RATIOS)
-    axes.set_xlabel("time of the warm over that of the cold sequence [-]")
-    axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
+    _solvers_down(axes, [*means.index], "time of the warm over that of the cold sequence [-]")
     return figure

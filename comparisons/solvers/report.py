@@ -11,6 +11,6 @@ from comparisons.solvers.values import values_of
 def report_of(study: StoredStudy) -> Document:
     """The report; the same rows give the same one."""
     runs = runs_of(study.rows)
-    grids = [settings(study.rows), left_out(sorted({run.solver for run in runs})), *environment_grids(study.rows)]
-    name = str(study.declaration["name"])
-    return render("comparisons.solvers", name, values_of(study), tables_of(study), figures(runs), grids)
+    grids = [settings(runs), left_out(runs), *environment_grids(study.rows)]
+    values = values_of(study.declaration, runs)
+    return render("comparisons.solvers", study.declaration["name"], values, tables_of(runs), figures(runs), grids)

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from pandas import DataFrame, Series
 
 from comparisons.lab.study import Row
 from comparisons.solvers import accuracies, figures, measures, tables, tasks
@@ -36,12 +37,12 @@ def row(case, returned, status="done", reason=""):
     return Row(0, "", case, status, reason, result, certificate, 0.1, "", 0.0, ENVIRONMENT)
 
 
-def run(**changes):
-    given = {
+def run(outcomes=None, **changes):
+    """The entries of a run, as `frame_of` takes them."""
+    return {
         "solver": "a", "task": "inner", "problem": "plate_8", "form": "full", "level": "mid", "seconds": 1.0,
-        "spread": None, "certified": True, "status": "solved", "reason": "", "outcomes": {RIGHT: 1}, **changes,
+        "certified": True, "status": "solved", "reason": "", **(outcomes or {RIGHT: 1}), **changes,
     }  # fmt: skip
-    return measures.Run(**given)
 
 
 class Fake:
@@ -75,7 +76,7 @@ class TestAccuracies:
         assert all(set(levels) == set(accuracies.LEVELS) for levels in accuracies.TABLE.values())
 
     def test_what_is_not_compared_names_the_extra_that_brings_it(self):
-        ways = dict(tables.left_out(()).rows)
+        ways = dict(tables.left_out(measures.frame_of([])).rows)
         assert set(ways) == set(accuracies.TABLE)
         named = {name: re.findall(r"qvi-contact\[(\w+)\]", way) for name, way in ways.items()}
         assert {name for name in named if name.endswith(":cvxopt")} == {
@@ -232,8 +233,8 @@ class TestOutcomes:
         liar = {**CASE, "solver": "qp:osqp"}
         rows.append(row(liar, said_by_fake(monkeypatch, Status.SOLVED, solver="qp:osqp")))
         runs = measures.runs_of(rows)
-        assert [each.certified for each in runs] == [True, False]
-        assert runs[1].time is None
+        assert runs.certified.tolist() == [True, False]
+        assert runs.time.isna().tolist() == [False, True]
         assert (numbers_of(runs)["often"], numbers_of(runs)["seldom"]) == (["qp:osqp (100 % of 1)"], 1)
         grid = tables.truth(runs)
         assert [line[:3] for line in grid.rows] == [("qp:quadprog", "1", "0"), ("qp:osqp", "0", "1")]
@@ -242,6 +243,7 @@ class TestOutcomes:
     def test_shares_are_of_what_was_called_solved(self):
         runs = [run(problem=name) for name in ("plate_4", "plate_8", "plate_16")]
         runs += [run(solver="b", outcomes={UNTRUE: 1, RIGHT: 2, GAVE_UP: 5}, certified=False)]
+        runs = measures.frame_of(runs)
         assert numbers_of(runs)["often"] == ["b (33 % of 3)"]
         assert [cells[-1] for cells in tables.truth(runs).rows] == ["100 %", "67 %"]
 
@@ -256,7 +258,7 @@ class TestOutcomes:
     def test_the_lie_that_a_problem_without_solution_is_solved(self, monkeypatch):
         found = said_by_fake(monkeypatch, Status.SOLVED, solver="qp:osqp", problem="pulled_block")
         runs = measures.runs_of([row({**CASE, "solver": "qp:osqp", "problem": "pulled_block"}, found)])
-        assert (found["outcomes"], runs[0].certified) == ({UNTRUE: 1}, False)
+        assert (found["outcomes"], runs.certified.tolist()) == ({UNTRUE: 1}, [False])
         assert numbers_of(runs)["lied"] == 1
         assert tables.infeasible(runs).rows == [("qp:osqp", "solved (1)")]
 
@@ -265,7 +267,7 @@ class TestOutcomes:
         case = {**CASE, "solver": "qp:quadprog", "problem": problem}
         found = tasks.solve_case(case)
         runs = measures.runs_of([row(case, found)])
-        assert (found["status"], found["outcomes"], runs[0].certified) == ("infeasible", {RIGHT: 1}, True)
+        assert (found["status"], found["outcomes"], runs.certified.tolist()) == ("infeasible", {RIGHT: 1}, [True])
         assert numbers_of(runs)["right"] == ["qp:quadprog"]
 
 
@@ -342,36 +344,40 @@ class TestTasks:
 class TestMeasures:
     """What is computed from the runs, against data made by hand."""
 
-    TIMES: ClassVar = {
-        "p1": {"a": 1.0, "b": 2.0, "c": None},
-        "p2": {"a": 3.0, "b": 3.0, "c": 6.0},
-        "p3": {"a": None, "b": None, "c": None},
-        "p4": {"a": None, "b": 8.0, "c": 2.0},
-    }
+    TIMES: ClassVar = {"a": (1.0, 3.0, None, None), "b": (2.0, 3.0, None, 8.0), "c": (None, 6.0, None, 2.0)}
 
-    def test_ratios_with_ties_failures_and_a_problem_that_nobody_solves(self):
-        ratios = measures.performance_ratios(self.TIMES)
-        assert ratios == {"a": [1, 1, math.inf, math.inf], "b": [2, 1, math.inf, 4], "c": [math.inf, 2, math.inf, 1]}
+    @pytest.fixture
+    def ratios(self):
+        """Of four problems; the third nobody solves."""
+        problems = ("plate_4", "plate_8", "graded_8", "stick_8")
+        return measures.performance_ratios(measures.frame_of([
+            run(solver=solver, problem=problem, seconds=seconds, certified=seconds is not None)
+            for solver, times in self.TIMES.items() for problem, seconds in zip(problems, times, strict=True)
+        ])).loc[[("mid", problem, "full") for problem in problems]]  # fmt: skip
 
-    def test_profiles_are_shares_of_all_problems(self):
-        ratios = measures.performance_ratios(self.TIMES)
+    def test_ratios_with_ties_failures_and_a_problem_that_nobody_solves(self, ratios):
+        assert ratios.to_dict("list") == {
+            "a": [1, 1, math.inf, math.inf],
+            "b": [2, 1, math.inf, 4],
+            "c": [math.inf, 2, math.inf, 1],
+        }
+
+    def test_profiles_are_shares_of_all_problems(self, ratios):
         assert [measures.profile(ratios["b"], at) for at in (1.0, 2.0, 3.9, 4.0, 1e9)] == [0.25, 0.5, 0.5, 0.75, 0.75]
-        assert measures.profile([math.inf], 1e9) == measures.profile([], 1.0) == 0.0
+        assert measures.profile(ratios, 2.0).tolist() == [0.5, 0.5, 0.5]
         assert measures.steps(ratios["b"], 10.0) == ([1.0, 2.0, 4.0, 10.0], [0.25, 0.5, 0.75, 0.75])
-        assert measures.steps([math.inf, 20.0], 10.0) == ([1.0, 10.0], [0.0, 0.0])
+        assert measures.steps(Series([math.inf, 20.0]), 10.0) == ([1.0, 10.0], [0.0, 0.0])
 
     def test_area_is_one_for_the_fastest_and_zero_for_failures(self):
-        assert measures.area([1.0, 1.0], 100.0) == 1.0
-        assert measures.area([math.inf, 100.0, 1000.0], 100.0) == 0.0
-        assert measures.area([10.0], 100.0) == pytest.approx(0.5)
-        assert measures.area([], 100.0) == 0.0
+        ratios = DataFrame({"a": [1.0, 1.0, math.nan], "b": [math.inf, 100.0, 1000.0], "c": [10.0, 10.0, 10.0]})
+        assert measures.area(ratios, 100.0).tolist() == pytest.approx([1.0, 0.0, 0.5])
 
     def test_means(self):
-        assert measures.shifted_mean([1.0, 4.0], 0.0) == pytest.approx(2.0)
-        assert measures.shifted_mean([0.0, 3.0], 1.0) == pytest.approx(1.0)
-        assert measures.shifted_mean([]) is None
-        assert measures.geometric_mean([2.0, 8.0]) == pytest.approx(4.0)
-        assert measures.geometric_mean([]) is None
+        assert measures.shifted_mean(Series([1.0, 4.0]), 0.0) == pytest.approx(2.0)
+        assert measures.shifted_mean(Series([0.0, 3.0]), 1.0) == pytest.approx(1.0)
+        assert math.isnan(measures.shifted_mean(Series([1.0, math.nan])))
+        assert measures.geometric_mean(Series([2.0, 8.0])) == pytest.approx(4.0)
+        assert math.isnan(measures.geometric_mean(Series([], dtype=float)))
         assert measures.spread([1.0, 2.0, 4.0]) == 1.5
         assert measures.spread([1.0]) is None
 
@@ -380,7 +386,8 @@ class TestMeasures:
             run(task="cold", seconds=2.0), run(task="warm", seconds=1.0), run(task="warm", seconds=9.0, level="low"),
             run(task="cold", seconds=3.0, level="high"), run(task="warm", seconds=1.0, level="high", certified=False),
         ]  # fmt: skip
-        assert measures.warm_ratios(runs) == {"a": [0.5]}
+        runs = measures.frame_of(runs)
+        assert measures.warm_ratios(runs).ratio.dropna().tolist() == [0.5]
         assert numbers_of(runs)["gaining"] == "a"
 
     def test_no_two_solvers_look_alike(self):
@@ -392,22 +399,23 @@ class TestMeasures:
 
     def test_sequences_are_taken_warm_where_they_can_be(self):
         runs = [run(task="cold"), run(task="warm"), run(task="cold", solver="b"), run()]
-        assert [(each.solver, each.task) for each in measures.as_used(runs)] == [("a", "warm"), ("b", "cold")]
+        used = measures.of_kind(measures.frame_of(runs), "sequence")
+        assert [(each.solver, each.task) for each in used.itertuples()] == [("a", "warm"), ("b", "cold")]
 
     def test_forms_are_compared_on_the_same_problem(self):
         runs = [run(seconds=6.0), run(form="condensed", seconds=2.0), run(problem="plate_16", seconds=5.0)]
-        assert measures.condensed_ratios(runs, "inner") == {"a": [3.0]}
+        assert measures.condensed_ratios(measures.frame_of(runs), "inner").ratio.tolist() == [3.0]
 
     def test_a_run_without_an_answer_is_counted_and_has_no_time(self):
         rows = [row(CASE, tasks.solve_case(CASE)), row({**CASE, "solver": "qp:scs"}, {}, "timeout", "more than 1 s")]
         runs = measures.runs_of(rows)
-        assert (runs[1].time, runs[1].outcomes) == (None, {NO_ANSWER: 1})
-        assert measures.performance_ratios(measures.times_of(runs))["qp:scs"] == [math.inf]
+        assert runs.loc[1, [*measures.OUTCOMES]].to_dict() == {**dict.fromkeys(measures.OUTCOMES, 0), NO_ANSWER: 1}
+        assert measures.performance_ratios(runs)["qp:scs"].tolist() == [math.inf]
         assert numbers_of(runs)["lost"] == 1
         assert tables.failures(runs).rows[0][:3] == ("qp:scs", "timeout", "1")
 
     def test_times_of_problems_without_a_solution_are_no_part_of_profiles(self):
-        assert measures.times_of([run(problem="pulled_block")]) == {}
+        assert measures.performance_ratios(measures.frame_of([run(problem="pulled_block")])).empty
 
 
 class TestStudy:

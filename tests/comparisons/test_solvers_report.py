@@ -91,9 +91,10 @@ def test_the_report_has_its_files(files):
 
 
 def test_numbers_are_those_of_the_rows(ran, stored):
-    found = values_of(stored)
+    runs = runs_of(stored.rows)
+    found = values_of(stored.declaration, runs)
     assert (found["backends"], found["runs"], found["untrue"], found["lost"]) == (3, len(stored.rows), 0, 0)
-    assert found["certified"] == sum(run.feasible and run.certified for run in runs_of(stored.rows))
+    assert found["certified"] == int((runs.feasible & runs.certified).sum())
     assert [(method["name"], method["solved"], method["given"]) for method in found["methods"]] == [("condensed", 1, 1)]
     assert read_csv(ran / "report" / "solvers-quick.csv.gz") == stored.rows
 
