@@ -29,19 +29,21 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
     from comparisons.verification.pictures import pictures
     from comparisons.verification.report import as_json as json_of
     from comparisons.verification.report import report
+    from comparisons.verification.results import results
     from qvi_contact.basics.terminal import progress
     from qvi_contact.basics.writing import writable_folder
 
     chapters = registry.choose(only)
     folder = None if out is None else writable_folder(out)
     # drawn first, so that a picture that fails costs no rows
-    drawings = pictures(name for problems in chapters.values() for name in problems) if folder else {}
+    names = [name for problems in chapters.values() for name in problems] if folder else []
+    drawings, graphs = pictures(names), results(names, quick)
     with progress("verify", study.step_count(chapters)) as advance:
         document = study.run(chapters, quick, advance, only)
     if as_json:
         click.echo(json_of(document))
     if folder or not as_json:
-        manual = report(document, drawings)
+        manual = report(document, drawings, graphs)
         written = write_report(manual, folder) if folder else []
         if not as_json:
             show(manual, written, tables=verbose)

@@ -20,6 +20,8 @@ _LOOKS: Final = {
     Kind.METHODS.value: (GREEN, "D"),
     None: (GREY, "P"),
 }
+_NARROW: Final = 4.2  # width of a picture for a small screen [inch]
+_ROUNDING: Final = 1e-17  # imbalances below are drawn here
 _LEAST, _MOST = 1e-4, 1e2  # what lies beyond is drawn on the edge
 
 
@@ -40,6 +42,27 @@ def overview(document: Document) -> "Figure":
     axes.grid(visible=True, axis="both", color="#dddddd", linewidth=0.5)
     axes.set_axisbelow(True)
     figure.legend(loc="outside upper center", ncols=6, frameon=False)
+    return figure
+
+
+def conservation(document: Document) -> "Figure":
+    """For each problem in balance what stresses and displacements leave on a body, over the forces around it."""
+    rows = [row for problem in problems_of(document) if problem["name"] == "conservation" for row in problem["rows"]]
+    names = list(dict.fromkeys(row["quantity"].split(", ")[0] for row in rows))
+    figure = new_figure(_NARROW, 1.3 + 0.17 * len(names))
+    axes = figure.subplots()
+    for model, colour, marker in (("stresses", BLUE, "o"), ("displacements", VERMILLION, "s")):
+        shown = [row for row in rows if f", {model}:" in row["quantity"] and row["ours"] is not None]
+        x = [max(row["ours"], _ROUNDING) for row in shown]
+        y = [names.index(row["quantity"].split(", ")[0]) for row in shown]
+        axes.plot(x, y, color=colour, marker=marker, linestyle="none", markerfacecolor="none", label=model)
+    axes.set_xscale("log")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlabel("imbalance / forces [-]")
+    axes.grid(visible=True, axis="both", color="#dddddd", linewidth=0.5)
+    axes.set_axisbelow(True)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False)
     return figure
 
 

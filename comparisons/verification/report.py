@@ -9,7 +9,8 @@ from comparisons.lab.report import Document as Report
 from comparisons.lab.report import drawn, render
 from comparisons.lab.report.marks import escaped
 from comparisons.verification import benchmarks, exact_states, manufactured, strict
-from comparisons.verification.figures import overview
+from comparisons.verification.figures import conservation, overview
+from comparisons.verification.results import RESULTS
 from comparisons.verification.tables import HEADINGS, cells, problems_of, table_name, tables_of
 
 Document = dict[str, Any]
@@ -23,16 +24,26 @@ TOLERANCES: Final = {
 }
 """Tolerances that the template names."""
 
+_CONSERVATION: Final = "conservation"
+_CAPTIONS: Final = {
+    **{name: result.caption for name, result in RESULTS.items()},
+    _CONSERVATION: "What each model leaves of the forces and moments on a body: rounding, or its error.",
+}
+
 
 def as_json(document: Document) -> str:
     """The document as text."""
     return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
 
 
-def report(document: Document, pictures: Mapping[str, str]) -> Report:
-    """The manual, with pictures by the names of their problems; the same document and pictures give the same one."""
+def report(document: Document, pictures: Mapping[str, str], results: Mapping[str, str] | None = None) -> Report:
+    """The manual, with pictures of problems and of their results by the names of the problems.
+
+    The same document and pictures give the same one.
+    """
+    results = {**_from_rows(document), **(results or {})}
     chapters = {
-        chapter["name"]: [_problem(problem, pictures) for problem in chapter["problems"]]
+        chapter["name"]: [_problem(problem, pictures, results) for problem in chapter["problems"]]
         for chapter in document["chapters"]
     }
     values = {
@@ -43,6 +54,7 @@ def report(document: Document, pictures: Mapping[str, str]) -> Report:
     figures = {
         "overview": drawn("verification-overview", partial(overview, document)),
         **{_picture_name(name): picture for name, picture in pictures.items()},
+        **{_result_name(name): picture for name, picture in results.items()},
     }
     return render("comparisons.verification", "verification", values, tables_of(document), figures)
 
@@ -53,14 +65,29 @@ def command_of(document: Document) -> str:
     return " ".join(["python -m comparisons verify", *only, *(["--quick"] if document["quick"] else [])])
 
 
-def _problem(problem: Document, pictures: Mapping[str, str]) -> Document:
+def _problem(problem: Document, pictures: Mapping[str, str], results: Mapping[str, str]) -> Document:
     name = problem["name"]
-    picture = _picture_name(name) if name in pictures else ""
-    return {"name": name, "about": escaped(problem["about"]), "table": table_name(name), "picture": picture}
+    exhibits = []
+    if name in pictures:
+        exhibits.append((_picture_name(name), f"{name}: bodies, loads, supports and contacts, on a coarser mesh"))
+    if name in results:
+        exhibits.append((_result_name(name), _CAPTIONS[name]))
+    return {"name": name, "about": escaped(problem["about"]), "table": table_name(name), "exhibits": exhibits}
+
+
+def _from_rows(document: Document) -> dict[str, str]:
+    """Pictures of results that the rows themselves hold, by the names of their problems."""
+    draw = partial(conservation, document)
+    names = [problem["name"] for problem in problems_of(document)]
+    return {name: drawn(f"result-{name}", draw) for name in names if name == _CONSERVATION}
 
 
 def _picture_name(problem: str) -> str:
-    return f"problem-{problem}"
+    return f"problem-{table_name(problem)}"
+
+
+def _result_name(problem: str) -> str:
+    return f"result-{table_name(problem)}"
 
 
 def _failed(document: Document) -> Iterator[Document]:
