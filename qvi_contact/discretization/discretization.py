@@ -24,6 +24,7 @@ from qvi_contact.discretization.loads import (
     prescribed_tractions,
     shear_beside_contacts,
 )
+from qvi_contact.discretization.pins import misplaced_pins
 from qvi_contact.discretization.plates import plate_rows
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.bogner_fox_schmit import Grid
@@ -117,6 +118,12 @@ class Discretization(Posed, Stated):
             f"Equilibrium with the other loads already determines {row.component} of the plate at {row.contact!r}. "
             "The plate's motion in that component is not determined, and is given as zero."
             for row in self.plates.determined
+        ]
+        found += [
+            f"The centre ({x:.6g}, {y:.6g}) of the pin at {name!r} is not in its hole: the edge nearest to the centre "
+            "faces away from it. There the distance from the pin is no gap. Correct the centre of the pin, or the "
+            "edges of its contact."
+            for name, (x, y) in misplaced_pins(self.problem).items()
         ]
         return tuple(found)
 

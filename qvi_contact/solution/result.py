@@ -21,7 +21,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mechanism import Mechanism, find_mechanism
 from qvi_contact.mechanism.bodies import enclosed_beyond
 from qvi_contact.mesh.edges import edge_ends
-from qvi_contact.problem.conditions import DRIVES, RigidPlate, Symmetry
+from qvi_contact.problem.conditions import DRIVES, RigidPlate, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine, ContactState, contact_line, summary_units
 from qvi_contact.solution.loose import LooseBody, loose_bodies
@@ -223,7 +223,7 @@ class ContactResult(Stated):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What to know about how the data were taken, such as shears that disagree in a corner; one sentence each."""
-        remarks = self.discretization.remarks + self.solution.remarks
+        remarks = self.discretization.remarks + self.solution.remarks + tuple(self._turning_plates())
         if self.has_state and self.traction_misfit > 1e-6 * self.discretization.scales.stress:
             remarks += (
                 f"Computed tractions differ from the prescribed ones by up to {self.traction_misfit:.3g} [stress] at "
@@ -271,6 +271,18 @@ class ContactResult(Stated):
     def stress_rounding(self) -> float:
         """What rounding alone does to stresses in the smallest cells [stress]; see `stress.stress_rounding`."""
         return stress_rounding(self.discretization, self.dofs) * self.discretization.scales.stress
+
+    def _turning_plates(self) -> Iterator[str]:
+        """Plates and pins that may slip round under their moment, which nothing proves."""
+        if self.status is Status.SOLVED or self.status.impossible:
+            return
+        for contact in self.problem.contacts:
+            if contact.plate is not None and contact.plate.moment is not None and has_coulomb(contact):
+                yield (
+                    f"The plate or pin at {contact.name!r} may slip round under its moment. Nothing proves it, as "
+                    "equilibrium alone would allow a larger pressure, and more friction with it. Give the rotation "
+                    "instead of the moment: the moment of the result is then what friction carries."
+                )
 
     def _coarse_arcs(self) -> Iterator[str]:
         """Contacts on arcs that touch along a part which is only a few edges long, both halves of it if symmetric."""

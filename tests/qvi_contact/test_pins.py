@@ -1,7 +1,7 @@
 """Rigid pins and plates that are moved or driven, on edges that face any way: motion, force, moment, what is free."""
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -16,12 +16,17 @@ from qvi_contact import (
     Traction,
     TriangleMesh,
     discretize,
+    solve,
     solve_history,
 )
 from qvi_contact.bracket import bracket
 from qvi_contact.bracket.senses import outside_scope
 from qvi_contact.companion import solve_companion
+from qvi_contact.discretization.pins import misplaced_pins
+from qvi_contact.gallery.meshes import arc, fan
+from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem.conditions import disc_gap
+from solvers import Status
 from tests.qvi_contact.states import difference, solved
 from tests.qvi_contact.test_holes import holed, polygon
 from tests.qvi_contact.test_plates import moved
@@ -202,6 +207,82 @@ class TestWhatIsNotDetermined:
         assert any("already determines force_x" in remark for remark in result.remarks)
         with pytest.raises(InputError, match="equilibrium of 'hole'"):
             solved(pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, force_x=1.0, y=0.0, rotation=0.0), pull))
+
+
+TWO_HOLES = (
+    TriangleMesh.of_rectangles(holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5)))
+    .with_edges("hole", lambda x, y: np.maximum(np.abs(x), np.abs(y)) < 0.6)
+    .with_edges("outside", lambda x, y: np.maximum(np.abs(x), np.abs(y)) > 0.6)
+)
+
+
+class TestWhereAPinIs:
+    """A centre that is not in the hole is named; one that is, or beside a body that it touches from outside, is not."""
+
+    @staticmethod
+    def misplaced(mesh, edges, contact):
+        other = "outside" if edges == "hole" else "hole"
+        problem = ContactProblem(mesh, UNIT, [contact, Displacement(other, x=0.0, y=0.0)])
+        return list(misplaced_pins(problem)) == [edges]
+
+    @pytest.mark.parametrize(
+        ("mesh", "edges", "inside", "beyond"),
+        [
+            (SHEET, "hole", [(0.0, 0.0), (0.9, 0.1), (-0.3, -0.8)], [(1.01, 0.0), (2.0, 1.0), (5.0, 0.0)]),
+            (ROUND, "hole", [(0.0, 0.0), (0.7, -0.7)], [(0.72, 0.72), (0.0, 1.5), (-7.0, 1.0)]),
+            (ROUND, "outside", [(3.0, 0.0), (-4.0, 5.0)], [(1.9, 0.0), (0.3, 1.5)]),
+            (TWO_HOLES, "hole", [(0.0, 0.0), (0.49, 0.49)], [(2.0, 0.0), (1.0, 1.0), (0.51, 0.51), (0.0, -2.0)]),
+        ],
+    )
+    def test_centres(self, mesh, edges, inside, beyond):
+        pins = {centre: Contact.pin(edges, 0.3, centre, 0.4, x=0.0) for centre in (*inside, *beyond)}
+        assert [centre for centre, pin in pins.items() if self.misplaced(mesh, edges, pin)] == beyond
+
+    def test_the_result_says_so(self):
+        for at, said in ((0.0, 0), (1.9, 1)):
+            result = solved(pinned(Contact.pin("hole", 0.3, (at, 0.0), 0.8, x=0.0), mesh=ROUND), degree=3)
+            assert sum("not in its hole" in remark and "(1.9, 0)" in remark for remark in result.remarks) == said
+
+    def test_a_plate_is_no_pin(self):
+        """One whose gap is another, wherever its pivot lies."""
+        plate = Contact("outside", 0.3, gap=0.1, plate=RigidPlate(x=0.1, pivot=(0.0, 1.5)))
+        assert not self.misplaced(SMALL, "outside", plate)
+
+
+def bearing(moment):
+    """A pin on an arc of ±60°, pressed down by 0.01 and twisted by a moment in units of that."""
+    angles = np.deg2rad(np.linspace(210.0, 330.0, 9))
+    mesh = fan([arc(radius, angles) for radius in (1.0, 1.3, 1.7)], closed=False, arcs=("inner", "outer"))
+    pin = Contact.pin("inner", 0.3, (0.0, 0.0), 1.0, force_x=0.0, force_y=-0.01, moment=0.01 * moment)
+    free = [Traction(side, x=0.0, y=0.0) for side in ("start", "end")]
+    return ContactProblem(mesh, UNIT, [pin, Displacement("outer", x=0.0, y=0.0), *free])
+
+
+class TestMomentsThatFrictionDoesNotCarry:
+    """A mechanism proves it where the pin can leave; in a closed hole there is none, and a remark says what to do."""
+
+    def test_a_pin_that_climbs_out_of_its_bearing(self):
+        """Forces at both ends of the arc, tangent to the circle r sin δ of friction: M = r F sin δ cos δ/cos β."""
+        most = 0.3 / (1.0 + 0.3**2) / np.cos(np.pi / 3.0)
+        assert find_mechanism(bearing(0.998 * most)) is None
+        proof = find_mechanism(bearing(1.002 * most))
+        assert proof.overload > 1.0
+        assert proof.contacts["inner"].slides
+
+    def test_a_pin_that_slips_round_in_its_hole(self):
+        """Pressure on all sides of it holds any moment in equilibrium; its rotation shows what friction carries."""
+        pin, drive = partial(Contact.pin, "hole", 0.3, (0.0, 0.0), 0.99, force_x=0.1, force_y=0.0), "its moment"
+        problems = [pinned(pin(rotation=turn), mesh=ROUND) for turn in (0.1, 1.0)]
+        turned = [solved(problem, degree=3).plate_force("hole").moment for problem in problems]
+        assert turned[1] == pytest.approx(turned[0], rel=1e-9)
+        less, more = (pinned(pin(moment=part * turned[0]), mesh=ROUND) for part in (0.95, 1.05))
+        below, above = solve(less, degree=3), solve(more, degree=3, iterations=20)
+        assert below.status is Status.SOLVED
+        assert not any(drive in remark for remark in below.remarks)
+        assert above.status is not Status.SOLVED
+        assert not above.certificate.passed
+        assert find_mechanism(above.problem) is None
+        assert sum(drive in remark and "rotation" in remark for remark in above.remarks) == 1
 
 
 @pytest.mark.parametrize(
