@@ -1,6 +1,6 @@
 """Linear programs by HiGHS, accurate, within the time that is left."""
 
-from typing import Any, Final
+from typing import Any, Final, Literal, TypeAlias
 
 from scipy.optimize import linprog
 
@@ -12,14 +12,22 @@ TIME_LIMIT, INFEASIBLE, UNBOUNDED = 1, 2, 3
 
 _FAILED: Final = 4
 _LONGEST: Final = 300.0  # seconds
+_LARGE: Final = 4000  # rows from which on the simplex method is slower, by more and more
 _OPTIONS: Final = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_Attempt: TypeAlias = tuple[Literal["highs", "highs-ipm"], bool]
+_SIMPLEX: Final[tuple[_Attempt, ...]] = (("highs", True), ("highs", False))  # with presolve, and without
+_INTERIOR: Final[_Attempt] = ("highs-ipm", True)
 
 
 def solved(cost: FloatArray, **program: Any) -> Any:
-    """The answer of `linprog` to a program; without presolve where that spoils it."""
-    for presolve in (True, False):
+    """The answer of `linprog`: by the interior point method with a vertex at its end where the program is large.
+
+    By the simplex method where it is not, and where that fails; without presolve where presolve spoils it.
+    """
+    large = program["A_ub"].shape[0] > _LARGE
+    for method, presolve in (*[_INTERIOR] * large, *_SIMPLEX):
         options: Any = {**_OPTIONS, "time_limit": min(_LONGEST, left()), "presolve": presolve}
-        answer = linprog(cost, method="highs", options=options, **program)
+        answer = linprog(cost, method=method, options=options, **program)
         if answer.status != _FAILED:
             break
     return answer

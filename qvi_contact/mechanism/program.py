@@ -219,7 +219,7 @@ class _Program:
     """The conditions of lines as rows in x = (y, slips, dilatant slips, …) with v = Z y."""
 
     def __init__(self, rigid: Rigid, chosen: Sequence[Line]) -> None:
-        self._basis, self._bodies = rigid.free, rigid.bodies
+        self._basis, self._bodies = sparse.csr_array(rigid.free), rigid.bodies
         self._motions = rigid.free.shape[1]
         self._lower = [-np.inf] * self._motions
         self._cost = [0.0] * self._motions
@@ -231,13 +231,13 @@ class _Program:
     def _add(self, line: Line) -> None:
         if line.held:
             return
-        opening = [] if line.fixed else list(line.opening(self._bodies) @ self._basis)
+        opening = [] if line.fixed else list(self._on_motions(line.opening(self._bodies)))
         work = line.shear_work()
         if not (line.dilates or work > 0.0):
             self._rows += [self._less(row) for row in opening]
             return
         slip = self._variable(work)
-        for tangential in line.slips(self._bodies) @ self._basis:
+        for tangential in self._on_motions(line.slips(self._bodies)):
             self._rows += [{**self._less(sign * tangential), slip: -1.0} for sign in (1.0, -1.0)]
         if not line.capped:
             self._rows += [
@@ -253,9 +253,15 @@ class _Program:
         self._cost.append(cost)
         return len(self._cost) - 1
 
+    def _on_motions(self, rows: FloatArray) -> FloatArray:
+        """Rows on motions v of bodies as rows on y, of which few have entries where there are many bodies."""
+        touched = np.flatnonzero(rows.any(axis=0))
+        return np.asarray(rows[:, touched] @ self._basis[touched])
+
     def _less(self, row: FloatArray) -> dict[int, float]:
         """−row y."""
-        return dict(enumerate((-row).tolist()))
+        entries = np.flatnonzero(row)
+        return dict(zip(entries.tolist(), (-row[entries]).tolist(), strict=True))
 
     def strongest(
         self, loads: FloatArray, unit: float, equations: Sequence[_Equation]
@@ -263,7 +269,7 @@ class _Program:
         """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (L⁺ − resisting)/(L⁺ + resisting) is largest."""
         cost = np.array(self._cost) / unit
         whole = dict(enumerate(cost.tolist()))
-        for load in loads @ self._basis:
+        for load in self._on_motions(loads):
             size = self._variable(0.0)
             for sign in (1.0, -1.0):
                 self._append({**self._less(sign * load), size: -1.0}, 0.0)
@@ -271,13 +277,13 @@ class _Program:
         self._append(whole, 1.0)
         objective = np.zeros(len(self._cost))
         objective[: len(cost)] = cost
-        objective[: self._motions] -= loads.sum(axis=0) @ self._basis
+        objective[: self._motions] -= self._on_motions(loads).sum(axis=0)
         return self._solve(objective, equations)
 
     def dearest(self, row: FloatArray, other: FloatArray, unit: float) -> tuple[FloatArray, float] | None:
         """Min R − L(others)  s.t.  row · v = 1."""
         objective = np.array(self._cost) / unit
-        objective[: self._motions] -= other @ self._basis
+        objective[: self._motions] -= self._on_motions(other[None])[0]
         return self._solve(objective, [_Equation(row, 1.0)])
 
     def _append(self, row: dict[int, float], limit: float) -> None:
@@ -292,8 +298,8 @@ class _Program:
         known: Any = {}
         if equations:
             A = np.zeros((len(equations), len(objective)))
-            A[:, : self._motions] = np.array([equation.row for equation in equations]) @ self._basis
-            known = {"A_eq": A, "b_eq": np.array([equation.value for equation in equations])}
+            A[:, : self._motions] = self._on_motions(np.array([equation.row for equation in equations]))
+            known = {"A_eq": sparse.csr_array(A), "b_eq": np.array([equation.value for equation in equations])}
         bounds: Any = [(low, np.inf) for low in self._lower]
         answer = solved(objective, A_ub=self._matrix, b_ub=self._limits, bounds=bounds, **known)
         if answer.status == INFEASIBLE:
@@ -314,9 +320,12 @@ class _Program:
 
 def _null_space(rows: FloatArray, shift: float) -> FloatArray:
     """Orthonormal columns of the motions that no row forbids; what may be rounding of coordinates is a row."""
-    if not len(rows):
-        return np.eye(rows.shape[1])
-    return null_space(rows, 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(rows)))
+    touched = np.flatnonzero(rows.any(axis=0))
+    others = np.delete(np.eye(rows.shape[1]), touched, axis=1)
+    if not len(touched):
+        return others
+    part = null_space(rows[:, touched], 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(rows)))
+    return np.column_stack([others, np.eye(rows.shape[1])[:, touched] @ part])
 
 
 def null_space(rows: FloatArray, least: float) -> FloatArray:

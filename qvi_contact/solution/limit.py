@@ -23,11 +23,11 @@ from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.works import BODY
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.carried_forces import Relations
 from qvi_contact.solution.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from solvers.basics.frames import frame
 from solvers.basics.narration import narrated
 from solvers.basics.watch import watched
-from solvers.inequality.rows import spanning_rows
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -290,21 +290,20 @@ def _program(low: Discretization, high: Discretization, signs: IntArray) -> tupl
     rows = WholeEdgeRows.of(low, signs)
     if not len(rows.limit):
         return _Carried(np.inf, np.inf, 0.0), None
-    qvi, m, width = low.qvi, low.qvi.m, _SAMPLES[1] - _SAMPLES[0]
+    qvi, width = low.qvi, _SAMPLES[1] - _SAMPLES[0]
     weights = joined([contact.row_weights for contact in low.contacts if contact.law != "tied"])
     shares = np.tile(weights / weights.max(), 2)
-    E, chosen = spanning_rows(sparse.csc_array(sparse.vstack([qvi.contact_rows, qvi.A])))  # of tractions they span
-    E *= np.concatenate([shares, np.ones(len(qvi.b))])[:, None]
-    E /= np.linalg.norm(E[chosen], axis=1)  # unknown are forces y: tractions grow where edges are short, forces do not
+    relations = Relations.of(low, shares)
     first, second = (shares * np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (low, high))
     slope, b_slope = (second - first) / width, (high.qvi.b - qvi.b) / width
     zero, b = first - _SAMPLES[0] * slope, qvi.b - _SAMPLES[0] * b_slope
-    H, limit = rows.of_forces(shares)
-    program = _Program(H @ E[: 2 * m], limit - H @ zero, -(H @ slope), E[2 * m :], b, b_slope)
+    H, limit = rows.of_forces(shares)  # unknown are forces y: tractions grow where edges are short, forces do not
+    C, D = relations.forces, relations.resultants
+    program = _Program(H, limit - H @ zero, -(H @ slope), C, -(D @ b), -(D @ b_slope))
     carried, answer = program.solve()
     if answer is None:
         return carried, None
-    tractions = (E[: 2 * m] @ answer.x[:-1] + zero + carried.factor * slope) / shares
+    tractions = (answer.x[:-1] + zero + carried.factor * slope) / shares
     return carried, LimitState(tractions, shares * (H.T @ np.maximum(-answer.ineqlin.marginals, 0.0)))
 
 
@@ -370,10 +369,10 @@ def _times(field: Field, factor: float) -> Field:
 class _Program:
     """Max α s.t. G y ≤ h + α h', A y = b + α b'."""
 
-    G: FloatArray
+    G: sparse.csr_array
     h: FloatArray
     h_slope: FloatArray
-    A: FloatArray
+    A: sparse.csr_array
     b: FloatArray
     b_slope: FloatArray
 
@@ -389,15 +388,19 @@ class _Program:
         if answer.status != 0:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
         y, factor = answer.x[:-1], float(answer.x[-1])
-        right = self.h + factor * self.h_slope
+        return _Carried(factor, self._bound(answer, y), self._violation(y, factor)), answer
+
+    def _violation(self, y: FloatArray, factor: float) -> float:
+        """The most by which a row is missed, over the largest limit."""
         size = max(float(np.abs(self.h).max()), abs(factor) * float(np.abs(self.h_slope).max()), 1e-300)
-        violation = float(np.maximum(self.G @ y - right, 0.0).max()) / size
-        return _Carried(factor, self._bound(answer, y), violation), answer
+        above = np.maximum(self.G @ y - self.h - factor * self.h_slope, 0.0)
+        missed = np.abs(self.A @ y - self.b - factor * self.b_slope)
+        return float(max(above.max(), missed.max(initial=0.0))) / size
 
     def _linprog(self, cost: FloatArray, relaxed: bool = False) -> Any:
         """Minimise over (y, α), or over (y, α, t ≥ 0) with G y ≤ h + α h' + t."""
-        G = np.column_stack([self.G, -self.h_slope] + relaxed * [-np.ones(len(self.h))])
-        A = np.column_stack([self.A, -self.b_slope] + relaxed * [np.zeros(len(self.b))])
+        G = _beside(self.G, -self.h_slope, *(-np.ones(len(self.h)) for _ in range(relaxed)))
+        A = _beside(self.A, -self.b_slope, *(np.zeros(len(self.b)) for _ in range(relaxed)))
         equations: dict[str, Any] = {"A_eq": A, "b_eq": self.b} if len(self.b) else {}
         bounds = [(None, None)] * (self.G.shape[1] + 1) + [(0.0, None)] * relaxed
         return solved(cost, A_ub=G, b_ub=self.h, bounds=bounds, **equations)
@@ -414,3 +417,8 @@ class _Program:
         rate = -float(self.h_slope @ d + self.b_slope @ nu)
         rounding = float(np.abs(self.G.T @ d + self.A.T @ nu) @ np.abs(y))
         return (float(self.h @ d + self.b @ nu) + rounding) / rate if rate > 0.0 else np.inf
+
+
+def _beside(matrix: sparse.csr_array, *columns: FloatArray) -> sparse.csc_array:
+    """The matrix with further columns."""
+    return sparse.csc_array(sparse.hstack([matrix, *(sparse.csc_array(column[:, None]) for column in columns)]))

@@ -20,7 +20,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.basics import linear_program
-from qvi_contact.gallery import stick_slip_block
+from qvi_contact.gallery import masonry_wall, stick_slip_block
 from qvi_contact.solution.limit import limit_load, limit_load_factor
 from solvers import Status
 from tests.effort import thinned
@@ -380,3 +380,22 @@ def test_the_linear_program_gets_what_is_left(monkeypatch):
             limit_load_factor(problem, ["shear"], time_limit=seconds)
     assert given[0] == 300.0
     assert 0.0 < given[1] <= 20.0
+
+
+def test_large_programs_take_the_interior_point_method_first(monkeypatch):
+    """With the simplex method behind it; both find the same bound."""
+    problem = masonry_wall(3, 3, ())
+    expected, given, true_linprog = limit_load(problem, ["wind"]), [], linear_program.linprog
+
+    def recorded(*arguments, method, **program):
+        given.append(method)
+        if method == "highs-ipm" and len(given) > 1:
+            return SimpleNamespace(status=4)
+        return true_linprog(*arguments, method=method, **program)
+
+    monkeypatch.setattr(linear_program, "linprog", recorded)
+    monkeypatch.setattr(linear_program, "_LARGE", 10)
+    found = limit_load(problem, ["wind"])
+    assert given[0] == "highs-ipm"
+    assert "highs" in given
+    assert (found.lower, found.upper) == pytest.approx((expected.lower, expected.upper), rel=1e-9)

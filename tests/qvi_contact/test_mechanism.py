@@ -24,6 +24,7 @@ from qvi_contact import (
     limit_load_factor,
     solve,
 )
+from qvi_contact.gallery import jointed_slope, masonry_wall
 from qvi_contact.mechanism import find_mechanism, program, upper_bound
 from qvi_contact.plots.mechanism import moved_outlines
 from solvers import Status
@@ -478,3 +479,18 @@ class TestSolvedBeyondTheLimit:
         result = solve(self.pushed(0.29), degree=3, contact_rows="bernstein")
         assert result.status is Status.SOLVED
         assert result.contacts["bottom"].excess_between_points > 0.01
+
+
+def test_programs_of_many_blocks_are_sparse():
+    """Conditions of a joint have entries for its two blocks, and for what slips there."""
+    rigid = program.Rigid(masonry_wall(4, 6, ()))
+    matrix = program._Program(rigid, rigid.lines)._matrix
+    assert np.diff(matrix.indptr).max() <= 2 * 3 + 1
+    assert (matrix.data != 0.0).all()
+
+
+def test_bodies_that_nothing_holds_keep_motions_of_their_own():
+    """Supports hold the rock below a slope; each block above has its three numbers."""
+    rigid = program.Rigid(jointed_slope(3, 1))
+    assert rigid.free.shape[1] == 3 * (len(rigid.bodies) - 1)
+    assert sorted(np.count_nonzero(rigid.free, axis=0)) == [1] * rigid.free.shape[1]
