@@ -30,7 +30,7 @@ _STEP = 0.99  # of the way to the nearest bound, at least
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
 _SHORT = 0.1  # predictor steps shorter than this count little
 _CORRECTORS = 2
-_REFINEMENTS = 1
+_REFINEMENTS = 2
 _GAIN = 0.02  # by which a corrector has to lengthen the step
 _HELD_UP = 0.7  # steps shorter than this go past the few bounds that stop them
 _FARTHER = 1.3  # if that makes them so much longer
@@ -287,16 +287,14 @@ class Newton:
         problem = self.problem
         lam = (comp + self.point.lam * slack) / self.point.s
         y = self.solve(-force - problem.force(lam))
-        s, lam = self._completed(y, comp, slack)
-        for _ in range(_REFINEMENTS):  # the elimination of s and λ loses digits where s is small
-            y = y + self.solve(-force - problem.S @ y - problem.force(lam))
-            s, lam = self._completed(y, comp, slack)
-        return y, s, lam
-
-    def _completed(self, y: Vector, comp: Vector, slack: Vector) -> tuple[Vector, Vector]:
-        """The changes of s and λ that belong to y."""
         s = -slack - self.rows @ y
-        return s, (comp - self.point.lam * s) / self.point.s
+        lam = (comp - self.point.lam * s) / self.point.s
+        for _ in range(_REFINEMENTS):  # the elimination of s and λ loses digits where s is small
+            more = self.solve(-force - problem.S @ y - problem.force(lam))
+            moved = self.rows @ more
+            # Added up, not computed from y: λ/s times the rounding of rows y would put forces out of balance again.
+            y, s, lam = y + more, s - moved, lam + self.point.lam / self.point.s * moved
+        return y, s, lam
 
 
 def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector) -> tuple[Step, float]:

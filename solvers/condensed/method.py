@@ -57,6 +57,7 @@ _COARSEST_GAP = 1e-11  # that will do if it does not shrink any more
 _SPOILT, _LATE = 1e-11, 1e-4  # force residual, below this gap, from which on Newton steps are those of `saddle`
 _LARGEST_SADDLE = 2500  # unknowns of them
 _FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
+_UNBALANCED = 1e-10  # error of the stress, in the energy norm and relative, that forces out of balance may make
 _PROGRESS = 0.7
 _SMALL_SHARE = 2e-3  # of the contact that belongs to one point, below which the gap has to be smaller
 _LEAST_GAP = 2e-17  # that is asked for: the interior point method goes no further than half of it
@@ -308,7 +309,7 @@ def _iterate_to(run: _Run, gap: float) -> None:
     while True:
         residuals = run.interior.residuals()
         measures = run.interior.measures(residuals)
-        worst = _worst(run, measures)
+        worst = _worst(run, measures, residuals)
         if worst < run.kept[0]:
             run.kept = (worst, run.interior.point)
         stalled = run.path is None and _stalled(run, measures)
@@ -367,11 +368,19 @@ def _settled(run: _Run, residuals: Residuals) -> bool:
     return run.unsettled <= _ENOUGH or run.unsettled > _HALVED * before
 
 
-def _worst(run: _Run, measures: Measures) -> float:
-    """What the best point is chosen by; forces count as much as the gap where their last digits are within reach."""
+def _worst(run: _Run, measures: Measures, residuals: Residuals) -> float:
+    """What the best point is chosen by; forces count as much as the gap where their last digits are within reach.
+
+    Else they count by the error of the stress that they make: the stiffer the bounds, the more digits they lose, and
+    where the body is soft, as at joints that open, little force is much stress.
+    """
     if run.problem.system.last_digits:
         return measures.worst
-    return max(_distance(run, measures), measures.force / _FORCE_FLOOR)
+    worst = max(_distance(run, measures), measures.force / _FORCE_FLOOR)
+    if measures.gap > _LATE or not run.base.strain_energy > 0.0:
+        return worst
+    error = run.problem.system.norm(residuals.force) / float(np.sqrt(2.0 * run.base.strain_energy))
+    return max(worst, error / _UNBALANCED)
 
 
 def _distance(run: _Run, measures: Measures) -> float:

@@ -119,3 +119,11 @@ def test_a_slope_under_water_slips_and_is_solved():
 def test_slopes_that_are_none(wrong):
     with pytest.raises(InputError):
         jointed_slope(**wrong)
+
+
+@pytest.mark.parametrize("system", ["dense", "sparse"])
+def test_joints_that_open_have_forces_in_balance(system):
+    """Where a wall is soft little force out of balance is much stress: the method itself has to balance it."""
+    result = solve(masonry_wall(5, 5, [(3, 0, 2, 3)], friction=0.3), method="condensed", system=system)
+    assert result.status is Status.SOLVED
+    assert result.solution.certificate.measures["stationarity"] <= 1e-10

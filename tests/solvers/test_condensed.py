@@ -416,6 +416,19 @@ def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
         assert np.concatenate(first) == pytest.approx(comp, abs=1e-10)
 
 
+@pytest.mark.parametrize("name", ["dense", "equations", "frictionless"])
+def test_stiff_bounds_leave_forces_in_balance(name):
+    """Where λ/s is 1e11 at a third of the bounds, rounding of the other unknowns may not be multiplied by it."""
+    problem, method = posed(PROBLEMS[name]())
+    point = method.point
+    point.s[::3] = 1e-11
+    residuals = method.residuals()
+    step = Newton.at(problem, point, residuals).step(-0.9 * point.products)
+    size = np.abs(problem.force(np.abs(step.lam))).max() + np.abs(residuals.force).max()
+    left = problem.S @ step.y + problem.force(step.lam) + residuals.force
+    assert np.abs(left).max() <= 2e-14 * size
+
+
 @POSED
 def test_newton_steps_have_errors_of_second_order(name):
     """What a step of length t leaves of the equations, beyond (1 − t) of them, shrinks like t²."""
