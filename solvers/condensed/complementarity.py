@@ -130,8 +130,7 @@ class Complementarity:
         self._base = base
         self._offset: Vector = self._equations.offset(base.equality, base.tangential)
         half = base.c + 0.5 * (space.stiffness @ self._offset)
-        z = base.z if base.z.any() else space.move(base, np.zeros(space.size))  # interior in equilibrium
-        self._energy = self._qvi.energy(z) + float(half @ self._offset)
+        self._energy = base.energy + float(half @ self._offset)
         self.c: Vector = self._equations.map.T @ (base.c + space.stiffness @ self._offset)
         self._normal, self._tangential = space.tractions(base, self._offset)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from solvers.basics.types import Matrix, Sparse, Vector
 from solvers.condensed.systems import FRICTION_SHARES, Base, DenseSystem, Space
+from solvers.factorisation.base import State
 from solvers.inequality.blocks import Rows, transposed
 from solvers.inequality.problem import FrictionQVI
 
@@ -36,7 +37,7 @@ class Reduction(Space):
 
     def __init__(self, qvi: FrictionQVI) -> None:
         interface = qvi.condensed_interface
-        self._qvi, self._system = qvi, interface.system
+        self._qvi, self._system, self._interface = qvi, interface.system, interface
         self._coordinates, self._scale = interface.coordinates, interface.scale
         self.stiffness = interface.stiffness
         self.E = interface.rows
@@ -56,12 +57,27 @@ class Reduction(Space):
         return DenseSystem(np.asarray(S))
 
     def base(self, z: Vector) -> Base:
-        """The reduced problem about z: one gradient and one forward elimination."""
+        """The reduced problem about z: one gradient and one forward elimination, at z = 0 those of a problem before."""
         qvi = self._qvi
-        energy, gradient = qvi.state(z)
-        reduced, state = self._system.factor.reduce(-gradient)
+        strain, gradient = qvi.state(z)
+        reduced, state, energy = self._eliminated(z, gradient) if z.any() else self._at_rest(gradient)
         c = -self._scale * self._coordinates.from_unknowns(reduced)
-        return Base(z, c, qvi.b - qvi.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, energy, state)
+        return Base(z, c, qvi.b - qvi.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state)
+
+    def _eliminated(self, z: Vector, gradient: Vector) -> tuple[Vector, State, float]:
+        """The interior eliminated, and the energy with y = 0: but for z = 0 the interior is in equilibrium at z."""
+        reduced, state = self._system.factor.reduce(-gradient)
+        resting = z if z.any() else self._system.factor.expand(state, np.zeros_like(reduced))
+        return reduced, state, self._qvi.energy(resting)
+
+    def _at_rest(self, gradient: Vector) -> tuple[Vector, State, float]:
+        """The same at z = 0; friction, cohesion and caps change nothing in it."""
+        known = self._interface.at_rest
+        if known is None or known[0] is not self._qvi.potential:
+            known = self._interface.at_rest = (
+                self._qvi.potential, *self._eliminated(np.zeros(self._qvi.n), gradient)
+            )  # fmt: skip
+        return known[1:]
 
     def move(self, base: Base, y: Vector) -> Vector:
         """The point z + dz whose trace coordinates are y, its interior in equilibrium."""

@@ -48,6 +48,7 @@ class Base:
     normal, tangential : (m,) tractions at z
     reduced : the gradient by the unknowns that are kept, Γ or all
     strain_energy : at z
+    energy : that of (D2) at y = 0, z with its interior in equilibrium
     state : of the elimination, what `Factorisation.expand` takes
 
     """
@@ -59,6 +60,7 @@ class Base:
     tangential: Vector
     reduced: Vector
     strain_energy: float
+    energy: float
     state: State
 
 

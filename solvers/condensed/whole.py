@@ -64,7 +64,7 @@ class Whole(Space):
         qvi = self._qvi
         energy, gradient = qvi.state(z)
         c = np.concatenate([self._scale * gradient, np.zeros(self._Y.shape[0])])
-        return Base(z, c, qvi.b, qvi.normal(z), qvi.tangential(z), gradient, energy, np.zeros((0, 0)))
+        return Base(z, c, qvi.b, qvi.normal(z), qvi.tangential(z), gradient, energy, qvi.energy(z), np.zeros((0, 0)))
 
     def move(self, base: Base, y: Vector) -> Vector:
         """The point z + dz whose coordinates are y."""

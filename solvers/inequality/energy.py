@@ -41,6 +41,12 @@ class Energy:
     root: EnergyRoot | None = None
     load: Vector | None = None
 
+    def serves(self, K: Sparse, f: Vector, root: EnergyRoot | None, load: Vector | None) -> bool:
+        """Whether this is the energy of such data: the very same matrices, and equal loads."""
+        if K is not self.K or root is not self.root or not np.array_equal(f, self.f):
+            return False
+        return load is self.load or (load is not None and self.load is not None and np.array_equal(load, self.load))
+
     def value(self, z: Vector) -> float:
         """½ zᵀKz − fᵀz."""
         return float(0.5 * z @ (self.K @ z) - self.f @ z)

@@ -7,7 +7,9 @@ import numpy as np
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation
+from solvers.factorisation.base import State
 from solvers.inequality.blocks import Rows, scaled_columns, stacked_columns
+from solvers.inequality.energy import Energy
 from solvers.inequality.linear import EqualitySystem, columns_of, interface_of
 from solvers.inequality.traces import TraceCoordinates, trace_coordinates
 
@@ -75,12 +77,14 @@ class Interface:
     system : EqualitySystem
         That of K and A. What follows in trace coordinates needs all unknowns that the frame touches on its Γ.
     rough_stress : of the last problem asked for it, with the data it depends on, see `Equilibrium.rough_stress`
+    at_rest : the energy of the last problem that was reduced, with forward elimination and energy at z = 0
 
     """
 
     def __init__(self, frame: ContactFrame, factor: Factorisation) -> None:
         self.frame = frame
         self.rough_stress: tuple[tuple[Vector, ...], float] | None = None
+        self.at_rest: tuple[Energy, Vector, State, float] | None = None
         self.system = EqualitySystem(frame.A, factor)
 
     @cached_property

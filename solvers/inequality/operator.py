@@ -12,7 +12,7 @@ from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
 from solvers.factorisation.choice import Request, Structure, condensing_pays, make, make_unsymmetric
 from solvers.factorisation.unsymmetric import Refactorisation
-from solvers.inequality.energy import EnergyRoot
+from solvers.inequality.energy import Energy, EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
 from solvers.inequality.interface import ContactFrame, Interface
 
@@ -42,6 +42,7 @@ class Operator:
         self._rooted = False
         self._factor: Factorisation | None = None
         self._frame: ContactFrame | None = None
+        self._energy: Energy | None = None
         self._interface: Interface | None = None
         self._equilibria: WeakKeyDictionary[FrictionQVI, Equilibrium] = WeakKeyDictionary()
 
@@ -78,6 +79,13 @@ class Operator:
         if self._frame is None or not self._frame.serves(problem):
             self._frame = ContactFrame(problem)
         return self._frame
+
+    def energy(self, problem: "FrictionQVI") -> Energy:
+        """The energy of a problem, the same object for the next one if it has this energy too."""
+        data = (problem.K, problem.f, problem.root, problem.load)
+        if self._energy is None or not self._energy.serves(*data):
+            self._energy = Energy(*data)
+        return self._energy
 
     def use_root(self) -> bool:
         """Factorise R instead of K from now on; False if there is no root, or it was done before."""

@@ -263,8 +263,8 @@ class FrictionQVI:
 
     @cached_property
     def potential(self) -> Energy:
-        """The energy as an object of its own."""
-        return Energy(self.K, self.f, self.root, self.load)
+        """The energy as an object of its own, the same for problems that differ in friction alone."""
+        return self.operator.energy(self)
 
     @property
     def contact_rows(self) -> Sparse:

@@ -26,6 +26,7 @@ from qvi_contact.command.cli import group
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from solvers.factorisation import registry
+from solvers.factorisation.base import Factorisation
 
 
 def pushed(shear=0.1, friction=0.3):
@@ -74,6 +75,25 @@ def test_one_factorisation_serves_all_values(monkeypatch):
     assert len(made) == 1
     first, *others = (step.discretization.qvi for step in sweep.steps)
     assert all(qvi.K is first.K and qvi.operator is first.operator for qvi in others)
+
+
+@pytest.mark.parametrize("parameter", ["friction", "gap"])
+def test_what_friction_does_not_change_is_eliminated_once(parameter, monkeypatch):
+    """The state at rest: one elimination less for each value of friction after the first, not for those of a gap."""
+    count, counts = [0], []
+    reduce = Factorisation.reduce
+    monkeypatch.setattr(Factorisation, "reduce", lambda *given: count.append(1) or reduce(*given))
+
+    def told(_, result):
+        counts.append(len(count) - 1 - len(result.solution.corrections) - 1)  # one for each, and one to certify
+        count[:] = [0]
+
+    sweep = solve_sweep(
+        PLATE, parameter, [0.1, 0.2, 0.3] if parameter == "friction" else [0.0, -1e-4, 1e-4], callback=told
+    )
+    assert sweep.status is Status.SOLVED
+    assert np.diff(counts)[1] == 0
+    assert counts[1] == (0 if parameter == "friction" else 1)
 
 
 def test_a_load_factor_multiplies_named_loads():
