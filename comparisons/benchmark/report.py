@@ -1,47 +1,77 @@
-"""The report of a run, from its document alone."""
+"""The reports on the plate and on walls, from stored rows alone."""
 
-import json
 from functools import partial
 from typing import Any
 
 from comparisons.benchmark.figures import picture
-from comparisons.benchmark.measures import values_of
-from comparisons.benchmark.reference import CONVERGED_FRICTION, MEANINGLESS, SETTLED
-from comparisons.benchmark.tables import tables_of
-from comparisons.lab.report import Document as Report
-from comparisons.lab.report import drawn, render
-from comparisons.lab.report.numbers import NOTHING, memory, significant
-from comparisons.lab.tables import Grid
-
-Document = dict[str, Any]
-
-
-def as_json(document: Document) -> str:
-    """The document as text."""
-    return json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False)
-
-
-def report(document: Document) -> Report:
-    """The report; the same document gives the same one."""
-    friction = _friction(document)
-    values = {**values_of(document), "friction": friction, "settled": SETTLED, "meaningless": MEANINGLESS}
-    figures = {"times": drawn("benchmark", partial(picture, document, friction))}
-    return render("comparisons.benchmark", "benchmark", values, tables_of(document), figures, [settings(document)])
+from comparisons.benchmark.measures import (
+    graded_of,
+    loops_of,
+    memory_of,
+    plain_of,
+    plate_growth,
+    solves_of,
+    values_of,
+    wall_growth,
+    wall_values,
+    walls_of,
+)  # fmt: skip
+from comparisons.benchmark.reference import CONVERGED_FRICTION
+from comparisons.benchmark.study import WALL, WHOLE
+from comparisons.benchmark.tables import peers, tables_of, wall_tables
+from comparisons.lab.report import Document, drawn, environment_grids, render
+from comparisons.lab.study import StoredStudy
 
 
-def _friction(document: Document) -> float:
-    """μ of the picture: that with known forces if it is among those measured, else the first."""
-    measured = [row["friction"] for row in document["solves"]]
-    return CONVERGED_FRICTION if CONVERGED_FRICTION in measured else min(measured)
+def frames_of(whole: StoredStudy, graded: StoredStudy, loops: StoredStudy | None = None) -> dict[str, Any]:
+    """What was measured on the plate, as frames by name."""
+    solves = solves_of(whole.rows)
+    return {
+        "solves": solves, "plain": plain_of(whole.rows), "memory": memory_of(whole.rows),
+        "growth": plate_growth(solves), "loops": loops_of(loops.rows if loops else (), solves),
+        "graded": graded_of(graded.rows), "peers": peers(),
+    }  # fmt: skip
 
 
-def settings(document: Document) -> Grid:
-    """Machine, versions, threads, command, date."""
-    machine = document["machine"]
-    lines = [
-        ("processor", machine["processor"]), ("cores", str(machine["cores"])),
-        ("memory", memory(machine["memory_bytes"])), ("system", machine["system"]), ("Python", machine["python"]),
-        ("load before the run", significant(machine["load_average"])), ("threads", str(document["threads"])),
-        ("begun", document["began"] or NOTHING), *document["versions"].items(),
-    ]  # fmt: skip
-    return Grid("Run, machine, versions", ("setting", "value"), lines)
+def report(whole: StoredStudy, graded: StoredStudy, loops: StoredStudy | None = None) -> Document:
+    """The report on the plate; the same rows give the same one."""
+    frames = frames_of(whole, graded, loops)
+    solves, rows = frames["solves"], [*whole.rows, *graded.rows, *(loops.rows if loops else ())]
+    measured = solves.friction.unique()
+    friction = CONVERGED_FRICTION if CONVERGED_FRICTION in measured else min(measured, default=None)
+    values = {
+        **values_of(frames), "friction": friction, "frictions": measured, "cells": solves.cells.unique(),
+        "threads": _environment(whole, "threads"), "limit": loops and _environment(loops, "timeout_seconds"),
+    }  # fmt: skip
+    figures = {"times": drawn("benchmark", partial(picture, frames, friction, values["threads"]))}
+    return render("comparisons.benchmark", WHOLE, values, tables_of(frames), figures, environment_grids(rows))
+
+
+def document_of(whole: StoredStudy, graded: StoredStudy, loops: StoredStudy | None = None) -> dict[str, Any]:
+    """What was measured on the plate, for JSON."""
+    records = {name: frame.to_dict("records") for name, frame in frames_of(whole, graded, loops).items()}
+    return {"schema": "qvi-contact/benchmark/2", **records}
+
+
+def _environment(study: StoredStudy, name: str) -> Any:
+    """What the first row says of its environment."""
+    return next((row.environment[name] for row in study.rows), None)
+
+
+def wall_report(study: StoredStudy) -> Document:
+    """The report on walls."""
+    walls = walls_of(study.rows)
+    values = {
+        **wall_values(walls), "blocks": walls.blocks.unique(), "loads": walls.load.unique(),
+        "element": next((row.case["element"] for row in study.rows), None),
+        "threads": _environment(study, "threads"), "limit": _environment(study, "timeout_seconds"),
+    }  # fmt: skip
+    return render("comparisons.benchmark", WALL, values, wall_tables(walls), {}, environment_grids(study.rows),
+                  template="wall.md")  # fmt: skip
+
+
+def wall_document(study: StoredStudy) -> dict[str, Any]:
+    """What was measured on walls, for JSON."""
+    walls = walls_of(study.rows)
+    records = {"walls": walls.to_dict("records"), "growth": wall_growth(walls).to_dict("records")}
+    return {"schema": "qvi-contact/benchmark-wall/2", **records}

@@ -1,187 +1,110 @@
-"""The run: everything is measured in processes of its own, one at a time; what comes back is plain data."""
+"""The studies as declarations: whole solves, graded meshes, other loops, and walls of blocks.
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from typing import Any, Final
+Every case has a process of its own: its peak memory is that of one problem, and no time depends on what ran before.
+"""
 
-from comparisons.benchmark.plan import GRADED, GRADED_FRICTION, LOOPS, Loop, Path, Plan
-from comparisons.benchmark.process import records
-from comparisons.benchmark.ratios import median, predicted
-from comparisons.lab.machine import machine, versions
-from qvi_contact.basics.terminal import Advance
-from solvers.factorisation import available_backends
-from solvers.factorisation.choice import SHARED
+from collections.abc import Callable, Sequence
+from typing import Any, Final, NamedTuple
 
-Record = dict[str, Any]
+from comparisons.benchmark.reference import CONVERGED_FRICTION
+from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
+from comparisons.lab.study import Study
+from qvi_contact.errors import InputError
+from solvers.factorisation import resolve
+from solvers.factorisation.choice import CHOICES, SHARED
 
-TOO_LONG: Final = 60.0
-"""Seconds beyond which a plain factorisation is not measured."""
+VERSION: Final = 1
+TASK: Final = "comparisons.benchmark.task:"
+WHOLE, GRADED, LOOPS, WALL = "benchmark", "benchmark-graded", "benchmark-loops", "benchmark-wall"
+GENERAL, SUBDOMAINS = "general", "shared"
+"""Paths of a whole solve: by a sparse back end, and by shared subdomains."""
 
-_OFTEN: Final = 10.0  # seconds up to which other libraries' factorisations are repeated
-_FREE: Final = 16384 * 4  # unknowns up to which nothing is predicted
-_PROBE: Final = 128  # cells a side of the problem that a prediction starts from
-_LOOP_REPETITIONS: Final = 3
-_QUICK: Final = 20.0  # seconds up to which a loop is repeated
+MESHES: Final = ((12, 0.6), (16, 0.7), (24, 0.7), (32, 0.8), (40, 0.8))
+"""(cells, grading) of the meshes on which accuracy is weighed against time."""
+
+GRADED_FRICTION: Final = (0.2, 1.0)
+GRADED_RUNS: Final = 20
+
+STATES: Final = {0.02: "sticks", 0.3: "opens and slips", 0.45: "close to its limit"}
+"""What a wall does under a load from the side, by that load over the wall's weight."""
+
+ELEMENTS: Final = ("bfs", "hct")
+"""Of walls."""
 
 
-@dataclass
-class Study:
-    """What was measured, as records of `measure` with the number of cells and the path added.
+class Loop(NamedTuple):
+    """Another method on the same problem: options of `solve`, and the most cells a side it is tried on.
 
-    Attributes
-    ----------
-    plan : settings
-    machine, versions : where
-    began : date and time, UTC
-    solves, plain, memory, loops, graded : the records
-    ends : (cells, path name) → why a process ended early
-
+    Without options it is the loop of `naive`.
     """
 
-    plan: Plan
-    machine: Record
-    versions: dict[str, str]
-    began: str
-    solves: list[Record] = field(default_factory=list)
-    plain: list[Record] = field(default_factory=list)
-    memory: list[Record] = field(default_factory=list)
-    loops: list[Record] = field(default_factory=list)
-    graded: list[Record] = field(default_factory=list)
-    ends: dict[tuple[int, str], str] = field(default_factory=dict)
+    options: dict[str, str]
+    largest: int
 
 
-def run(plan: Plan, advance: Advance) -> Study:
-    """Measure everything in the plan; `advance` is called after each step."""
-    study = Study(plan, machine(), versions(), datetime.now(UTC).isoformat(timespec="seconds"))
-    _graded(study, advance)
-    for cells in plan.cells:
-        for path in plan.paths:
-            _solves(study, cells, path, advance)
-    if plan.naive:
-        for way in LOOPS:
-            study.loops += _loop(plan, way, advance)
-    return study
+METHODS: Final = {
+    "naive loop, qpsolvers": Loop({"method": "fixed-point", "inner": "qp:clarabel", "form": "full"}, 128),
+    "naive loop, cvxpy": Loop({}, 128),
+    "naive loop, cvxpy, cones": Loop({"method": "fixed-point", "inner": "socp:clarabel", "form": "full"}, 128),
+    "loop of condensed QPs": Loop({"method": "fixed-point", "inner": "qp:clarabel", "form": "condensed"}, 64),
+    "Uzawa": Loop({"method": "uzawa"}, 64),
+}
+"""The fixed point on the friction bound as one would write it first, on the condensed operator, and the paper's own."""
 
 
-def _solves(study: Study, cells: int, path: Path, advance: Advance) -> None:
-    """Whole solves and plain factorisations for one number of cells."""
-    plan = study.plan
-    task = {
-        "task": "solves", "cells": cells, "friction": plan.friction, "factorisation": path.factorisation,
-        "threads": plan.threads, "repetitions": plan.repetitions(cells), "plain": _plain(study, cells, path),
+def _each_once(name: str, values: Sequence[float], check: Callable[[str, Any], None]) -> tuple[Any, ...]:
+    """The values of an option, checked, in increasing order."""
+    check_some(name, values)
+    for value in values:
+        check(name, value)
+    return tuple(sorted(set(values)))
+
+
+def whole(cells: Sequence[int], friction: Sequence[float], repeat: int | None, factorisation: str) -> Study:
+    """Whole solves on equal cells; without `repeat` as many as the size allows, see `task.repetitions`."""
+    if factorisation not in CHOICES:
+        raise InputError("factorisation", factorisation, f"choose one of {', '.join(CHOICES)}")
+    if repeat is not None:
+        check_at_least_one("repeat", repeat)
+    paths = {"auto": (GENERAL, SUBDOMAINS), SHARED: (SUBDOMAINS,)}.get(factorisation, (GENERAL,))
+    factors = {
+        "cells": _each_once("cells", cells, check_at_least_one), "path": paths,
+        "friction": (list(_each_once("friction", friction, check_not_negative)),), "runs": (repeat,),
+        "sparse": (sparse(factorisation),),
     }  # fmt: skip
-    homes = {"solve": study.solves, "plain": study.plain, "memory": study.memory}
-    for record in records(task, plan.threads):
-        kind = record.pop("kind")
-        if kind == "end":
-            study.ends[cells, path.name] = record["reason"]
-        else:
-            homes[kind].append({"cells": cells, "path": path.name, **record})
-        if kind == "solve":
-            advance(f"{cells}², {path.name}, μ = {record['friction']:g}")
+    return Study(WHOLE, VERSION, f"{TASK}whole", factors, fresh=True)
 
 
-def _plain(study: Study, cells: int, path: Path) -> dict[str, int]:
-    """Repetitions by back end of the plain factorisations beside a path; says in the study what is left out."""
-    own, count = path.factorisation, study.plan.repetitions(cells)
-    known = seconds_by_backend(study.plain, cells)
-    if own == SHARED and known:
-        return {min(known, key=lambda name: known[name]): count}
-    wanted = {}
-    for backend in available_backends():
-        seconds = _expected(study, backend, cells)
-        if seconds > TOO_LONG and backend != own:
-            message = f"not run: about {seconds:.0f} s expected"
-            skipped = {"backend": backend, "status": "skipped", "message": message, "seconds": {}}
-            study.plain.append({"cells": cells, "path": path.name, **skipped})
-        else:
-            wanted[backend] = count if backend == own or seconds <= _OFTEN else 1
-    return wanted
+def sparse(factorisation: str) -> str:
+    """The sparse back end, for meshes without structure and beside shared subdomains."""
+    return resolve("auto" if factorisation == SHARED else factorisation)
 
 
-def _expected(study: Study, backend: str, cells: int) -> float:
-    """Seconds that a plain factorisation will take, from smaller ones; 0 where it is short anyway."""
-    unknowns = 4 * cells**2
-    if unknowns <= _FREE:
-        return 0.0
-    known = _smaller(study.plain, backend, unknowns)
-    if known is None:
-        task = {
-            "task": "solves", "cells": _PROBE, "friction": (), "factorisation": "auto",
-            "threads": study.plan.threads, "repetitions": 0, "plain": {backend: 1},
-        }  # fmt: skip
-        probes = [record for record in records(task, study.plan.threads) if record["kind"] == "plain"]
-        known = _smaller(probes, backend, unknowns)
-    return predicted(known, unknowns) if known is not None else 0.0
-
-
-def _smaller(plain: list[Record], backend: str, unknowns: int) -> tuple[int, float] | None:
-    """(unknowns, seconds) of the largest problem below this size that the back end was measured on."""
-    found = [r for r in plain if r["backend"] == backend and r["seconds"] and r["unknowns"] < unknowns]
-    largest = max((r["unknowns"] for r in found), default=None)
-    seconds = median([r["seconds"]["plain"] for r in found if r["unknowns"] == largest])
-    return None if largest is None or seconds is None else (largest, seconds)
-
-
-def seconds_by_backend(plain: list[Record], cells: int, path: str | None = None) -> dict[str, float]:
-    """Medians of the plain factorisations on this many cells, beside one path or beside any."""
-    found: dict[str, list[float]] = {}
-    for record in plain:
-        if record["cells"] == cells and path in (None, record["path"]) and record["seconds"]:
-            found.setdefault(record["backend"], []).append(record["seconds"]["plain"])
-    return {backend: seconds for backend, times in found.items() if (seconds := median(times)) is not None}
-
-
-def _loop(plan: Plan, way: Loop, advance: Advance) -> Iterator[Record]:
-    """Rows of one loop for all numbers of cells; nothing larger is tried once the limit was exceeded."""
-    over = ""
-    for cells in plan.cells:
-        row: Record = {"cells": cells, "friction": plan.loop_friction, "name": way.name, "options": way.options}
-        if cells > way.largest or over:
-            message = over or f"not run: more than {way.largest}² cells"
-            yield {**row, "status": "not run", "message": message, "seconds": []}
-        else:
-            yield (row := {**row, **_repeated_loop(plan, way, cells)})
-            over = f"not run: {row['message']} on {cells}² cells" if row["status"] == "over limit" else ""
-        advance(f"{cells}², {way.name}")
-
-
-def _repeated_loop(plan: Plan, way: Loop, cells: int) -> Record:
-    """A few runs of a loop where it is quick, else one; each in a process of its own."""
-    task = {
-        "task": "loop", "cells": cells, "friction": plan.loop_friction, "threads": plan.threads, "options": way.options
+def graded(repeat: int | None, factorisation: str) -> Study:
+    """Whole solves on graded meshes."""
+    factors = {
+        "mesh": tuple(map(list, MESHES)), "friction": GRADED_FRICTION, "runs": (repeat or GRADED_RUNS,),
+        "sparse": (sparse(factorisation),),
     }  # fmt: skip
-    record: Record = {}
-    seconds: list[float] = []
-    for _ in range(min(plan.repetitions(cells), _LOOP_REPETITIONS)):
-        record = _one_loop(task, plan)
-        seconds += [record["seconds"]["solve"]] if record["seconds"] else []
-        if not record["seconds"] or record["seconds"]["solve"] > _QUICK:
-            break
-    return {**record, "seconds": seconds}
+    return Study(GRADED, VERSION, f"{TASK}graded", factors, fresh=True)
 
 
-def _one_loop(task: Record, plan: Plan) -> Record:
-    found = list(records(task, plan.threads, plan.limit))
-    reason = found[-1]["reason"]
-    if reason:
-        status = "over limit" if reason.startswith("more than") else "error"
-        return {"status": status, "message": reason, "seconds": {}}
-    return {key: value for key, value in found[0].items() if key != "kind"}
+def loops(cells: Sequence[int], friction: Sequence[float]) -> Study | None:
+    """Other methods, on meshes that are not too large for them; at the μ with known forces if it is among these."""
+    mu = CONVERGED_FRICTION if CONVERGED_FRICTION in friction else min(friction)
+    factors = {"cells": tuple(sorted(set(cells))), "loop": tuple(METHODS), "friction": (mu,)}
+    if min(cells) > max(loop.largest for loop in METHODS.values()):
+        return None
+    keep = lambda case: case["cells"] <= METHODS[case["loop"]].largest  # noqa: E731
+    return Study(LOOPS, VERSION, f"{TASK}loop", factors, keep=keep, fresh=True)
 
 
-def _graded(study: Study, advance: Advance) -> None:
-    """Accuracy against time on graded meshes, one thread."""
-    plan = study.plan
-    task = {
-        "task": "accuracy", "meshes": GRADED, "friction": GRADED_FRICTION, "factorisation": plan.sparse, "threads": 1,
-        "repetitions": plan.graded_repetitions,
+def walls(blocks: Sequence[int], loads: Sequence[float], element: str) -> Study:
+    """Walls of n × n blocks, pushed from the side by a share of their weight."""
+    if element not in ELEMENTS:
+        raise InputError("element", element, f"choose one of {', '.join(ELEMENTS)}")
+    factors = {
+        "load": _each_once("load", loads or tuple(STATES), check_not_negative),
+        "blocks": _each_once("blocks", blocks, check_at_least_one), "element": (element,),
     }  # fmt: skip
-    for record in records(task, 1):
-        kind = record.pop("kind")
-        if kind == "end":
-            study.ends[0, "graded"] = record["reason"]
-        else:
-            study.graded.append(record)
-            advance(f"{record['cells']}² graded, μ = {record['friction']:g}")
+    return Study(WALL, VERSION, f"{TASK}wall", factors, fresh=True)

@@ -1,121 +1,105 @@
-"""Tables of a run."""
+"""The tables of both reports, declared by their columns."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.benchmark.reference import MEANINGLESS
-from comparisons.lab.report.numbers import NOTHING, listing, memory, percent, scientific, seconds, significant
-from comparisons.lab.tables import Grid, grid_of
+from comparisons.benchmark.measures import wall_growth
+from comparisons.benchmark.reference import CONVERGED_FRICTION, MEANINGLESS, PEERS, settled_error
+from comparisons.lab.report.numbers import NOTHING, fixed, listing, memory, percent, scientific, seconds, significant
+from comparisons.lab.tables import Columns, Form, Grid, grid_of
 
-Document = dict[str, Any]
-Form = Callable[[Any], str]
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
-
-def known(form: str) -> Form:
-    """A number in this format, where there is one."""
-    return lambda value: NOTHING if value is None or value != value else format(value, form)
+_COUNT: Final = fixed(".0f")
 
 
-def _cells(value: Any) -> str:
-    return NOTHING if value is None or value != value else f"{int(value)}²"
+def _cells(value: float) -> str:
+    return NOTHING if value != value else f"{value:.0f}²"
 
 
-def error(value: Any) -> str:
+def _error(value: float | None) -> str:
     """An error of P/2; one below what displacement codes agree to means nothing."""
     return f"< {scientific(MEANINGLESS, 1)}" if value is not None and value < MEANINGLESS else scientific(value)
 
 
-COUNT: Final = known(".0f")
-"""A whole number."""
+def _same(form: Form, *names: str) -> Columns:
+    """Columns of one form, each headed by its name."""
+    return {name: (name.replace("_", " "), form) for name in names}
 
-_FORMS: Final[Mapping[str, Form]] = {
-    **dict.fromkeys(("cells", "from", "to"), _cells), "friction": known("g"), "grading": known("g"),
-    **dict.fromkeys(("unknowns", "iterations", "corrections"), COUNT),
-    **dict.fromkeys(("assembly", "factorisation", "interior_point", "certificate", "rest"), seconds),
-    **dict.fromkeys(("analysis", "numeric", "plain", "whole", "reported"), seconds),
-    **dict.fromkeys(("ratio_own", "ratio_fastest"), known(".2f")), "solve_spread": percent,
-    "half_force": known(".8f"), "accuracy": scientific, "peak": memory, "imports": memory,
-    **dict.fromkeys(("half_force_error", "half_force_difference"), scientific), "more": COUNT,
-    "ratio": lambda value: significant(value, 4), "error": error,
+
+_CELLS: Final[Columns] = _same(_cells, "cells")
+_FRICTION: Final[Columns] = {"friction": ("μ", fixed("g"))}
+_ENDS: Final[Columns] = _same(_cells, "from", "to")
+_TIMES: Final[Columns] = {
+    **_CELLS, "path": "path", **_FRICTION, **_same(seconds, "assembly", "solve"), "spread": ("spread", percent),
+    **_same(seconds, "factorisation", "interior_point", "certificate", "rest"),
+    "ratio_own": ("solve over own", fixed(".2f")), "ratio_fastest": ("over fastest", fixed(".2f")),
+    "fastest": "fastest", "runs": ("runs", _COUNT),
+}  # fmt: skip
+_ANSWERS: Final[Columns] = {
+    **_CELLS, "path": "path", **_FRICTION, **_same(_COUNT, "unknowns"), "status": "status",
+    **_same(_COUNT, "iterations", "corrections"), "half_force": ("P/2 [N/mm]", fixed(".8f")),
+    "half_force_error": ("error of P/2", scientific), "accuracy": ("residual", scientific),
+}  # fmt: skip
+_PLAIN: Final[Columns] = {
+    **_CELLS, "path": "beside", "backend": "library", "version": "version", **_same(seconds, "analysis", "numeric"),
+    "plain": ("together", seconds), "runs": "runs", "message": "remark",
+}  # fmt: skip
+_MEMORY: Final[Columns] = {
+    **_CELLS, "path": "path", "peak": ("peak", memory), "imports": ("before", memory),
+    "more": ("more, by unknown [bytes]", _COUNT),
+}  # fmt: skip
+_POWER: Final = fixed(".2f")
+_GROWTH: Final[Columns] = {
+    "path": "path", **_FRICTION, **_ENDS, "solve": ("solve", _POWER), "whole": ("with assembly", _POWER),
+    **_same(_POWER, "own_factorisation", "fastest_factorisation"),
+}  # fmt: skip
+_LOOPS: Final[Columns] = {
+    **_CELLS, "loop": "method", **_FRICTION, "status": "status", **_same(_COUNT, "iterations"),
+    "solve": ("solve", seconds), "ratio": ("over condensed", lambda value: significant(value, 4)),
+    "half_force_difference": ("difference in P", scientific), "message": "remark",
+}  # fmt: skip
+_GRADED: Final[Columns] = {
+    **_CELLS, "grading": ("grading", fixed("g")), **_FRICTION, **_same(_COUNT, "unknowns"), "status": "status",
+    "half_force": ("P/2 [N/mm]", fixed(".5f")), "error": ("error", _error), "whole": ("time", seconds),
+    "runs": "runs", "met": ("meets", listing),
+}  # fmt: skip
+_PEERS: Final[Columns] = {
+    "code": "code", **_CELLS, "half_force": ("P/2 [N/mm]", fixed(".5f")), "error": ("error", _error),
+    "seconds": ("reported time", seconds),
+}  # fmt: skip
+_WALLS: Final[Columns] = {
+    "blocks": ("blocks a side", _COUNT), "load": ("load", fixed("g")), "contact_points": ("points", _COUNT),
+    **_same(_COUNT, "unknowns"), "status": "status", "form": "unknowns kept", **_same(_COUNT, "iterations"),
+    "accuracy": ("residual", scientific), **_same(seconds, "assembly", "solve"),
+    "factorisation": ("factorisation of K", seconds), "ratio": ("solve over factorisation", fixed(".1f")),
+    "peak": ("memory", memory), "message": ("remark", lambda text: text or NOTHING),
+}  # fmt: skip
+_WALL_GROWTH: Final[Columns] = {
+    "load": ("load", fixed("g")), **_same(_COUNT, "from", "to"), "solve": ("exponent", _POWER),
 }  # fmt: skip
 
 
-def tables_of(document: Document) -> dict[str, Grid]:
-    """The tables by name."""
-    solves, powers = document["solves"], dict.fromkeys(_POWERS, known(".2f"))
-    memories = [{**row, "more": _more(row)} for row in document["memory"]]
-    graded = [
-        {**row, "runs": len(row["seconds"]), "met": listing([target(each) for each in row["meets"]])}
-        for row in document["graded"]
-    ]
-    peers = [{**row, "reported": row["seconds"]} for row in document["peers"]]
-    five, time = {"half_force": known(".5f")}, {"solve": seconds}
+def tables_of(frames: dict[str, Any]) -> dict[str, Grid]:
+    """The tables of the plate by name."""
     return {
-        "times-table": grid(solves, _TIMES, time), "answers": grid(solves, _ANSWERS),
-        "plain": grid(document["plain"], _PLAIN), "memory": grid(memories, _MEMORY),
-        "growth": grid(document["growth"], _GROWTH | _POWERS, powers), "loops": grid(document["loops"], _LOOPS, time),
-        "graded": grid(graded, _GRADED, five), "peers": grid(peers, _PEERS, five),
+        "times-table": grid_of(frames["solves"], _TIMES), "answers": grid_of(frames["solves"], _ANSWERS),
+        "plain": grid_of(frames["plain"], _PLAIN), "memory": grid_of(frames["memory"], _MEMORY),
+        "growth": grid_of(frames["growth"], _GROWTH), "loops": grid_of(frames["loops"], _LOOPS),
+        "graded": grid_of(frames["graded"], _GRADED), "peers": grid_of(frames["peers"], _PEERS),
     }  # fmt: skip
 
 
-_TIMES: Final = {
-    "cells": "cells", "path": "path", "friction": "μ", "assembly": "assembly", "solve": "solve",
-    "solve_spread": "spread", "factorisation": "factorisation", "interior_point": "interior point",
-    "certificate": "certificate", "rest": "rest", "ratio_own": "solve over own", "ratio_fastest": "over fastest",
-    "fastest": "fastest", "repetitions": "runs",
-}  # fmt: skip
-_ANSWERS: Final = {
-    "cells": "cells", "path": "path", "friction": "μ", "unknowns": "unknowns", "status": "status",
-    "iterations": "iterations", "corrections": "corrections", "half_force": "P/2 [N/mm]",
-    "half_force_error": "error of P/2", "accuracy": "residual",
-}  # fmt: skip
-_PLAIN: Final = {
-    "cells": "cells", "path": "beside", "backend": "library", "version": "version", "analysis": "analysis",
-    "numeric": "numeric", "plain": "together", "repetitions": "runs", "message": "remark",
-}  # fmt: skip
-_MEMORY: Final = {
-    "cells": "cells", "path": "path", "peak": "peak", "imports": "before", "more": "more, by unknown [bytes]",
-}  # fmt: skip
-_GROWTH: Final = {"path": "path", "friction": "μ", "from": "from", "to": "to"}
-_POWERS: Final = {
-    "solve": "solve", "whole": "with assembly", "own_factorisation": "own factorisation",
-    "fastest_factorisation": "fastest factorisation",
-}  # fmt: skip
-_LOOPS: Final = {
-    "cells": "cells", "name": "method", "friction": "μ", "status": "status", "iterations": "iterations",
-    "solve": "solve", "ratio": "over condensed", "half_force_difference": "difference in P", "message": "remark",
-}  # fmt: skip
-_GRADED: Final = {
-    "cells": "cells", "grading": "grading", "friction": "μ", "unknowns": "unknowns", "status": "status",
-    "half_force": "P/2 [N/mm]", "error": "error", "whole": "time", "runs": "runs", "met": "meets",
-}  # fmt: skip
-_PEERS: Final = {
-    "code": "code", "cells": "cells", "half_force": "P/2 [N/mm]", "error": "error", "reported": "reported time",
-}  # fmt: skip
-
-
-def grid(
-    rows: Sequence[Mapping[str, Any]], headings: Mapping[str, str], more: Mapping[str, Form] | None = None
-) -> Grid:
-    """Rows as a table, in the formats that columns of this name have, or in those that are given."""
+def peers() -> "DataFrame":
+    """Runs of other codes, with their errors."""
     from pandas import DataFrame
 
-    frame = DataFrame(rows, columns=list(headings))
-    forms = dict.fromkeys(headings, _text) | dict(_FORMS) | dict(more or {})
-    return grid_of(frame, headings, forms)
+    reported = DataFrame(PEERS)
+    return reported.assign(
+        cells=reported.cells.astype(float), error=[settled_error(each.half_force, CONVERGED_FRICTION) for each in PEERS]
+    )
 
 
-def _text(value: Any) -> str:
-    return NOTHING if value is None or value != value else str(value)
-
-
-def target(found: Mapping[str, float]) -> str:
-    """A target of accuracy in words."""
-    return f"{scientific(found['error'], 1)} in {seconds(found['seconds'])}"
-
-
-def _more(row: Mapping[str, Any]) -> float | None:
-    """Bytes by unknown that a solve takes."""
-    if row["peak"] is None or row["imports"] is None:
-        return None
-    return float((row["peak"] - row["imports"]) / row["unknowns"])
+def wall_tables(walls: "DataFrame") -> dict[str, Grid]:
+    """The tables of the walls by name."""
+    return {"walls": grid_of(walls, _WALLS), "growth": grid_of(wall_growth(walls), _WALL_GROWTH)}

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from comparisons.benchmark.ratios import spread
+from comparisons.lab.ratios import spread
 from comparisons.lab.report.numbers import listing, scientific, seconds, significant, span
 from comparisons.lab.study import DONE, Row
 from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED, TRIANGLES

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from comparisons.lab.ratios import spread
 from comparisons.lab.study import DONE, Row
 from comparisons.solvers.accuracies import LEVELS, asked
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
@@ -87,11 +88,6 @@ def _run(row: Row) -> dict[str, Any]:
         **case, **told, **found["outcomes"], "certified": right, "reason": found["message"],
         "seconds": statistics.median(seconds), "spread": spread(seconds),
     }  # fmt: skip
-
-
-def spread(values: Sequence[float]) -> float | None:
-    """Largest less smallest over the median; None of fewer than two values."""
-    return (max(values) - min(values)) / statistics.median(values) if len(values) > 1 else None
 
 
 def of_kind(runs: "DataFrame", kind: str) -> "DataFrame":

@@ -1,31 +1,39 @@
 """Walls of many blocks: what the command measures, and the report of it."""
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from comparisons.benchmark.wall import WallPlan, wall
-from comparisons.benchmark.wall_report import report
+from comparisons.benchmark import study
+from comparisons.benchmark.measures import wall_values, walls_of
+from comparisons.benchmark.report import wall_report
+from comparisons.benchmark.wall import wall
 from comparisons.cli import group
+from comparisons.lab.study import StoredStudy, read_csv
 from qvi_contact import InputError, solve
+
+COMMITTED = Path(__file__).parents[2] / "comparisons" / "reports" / "benchmark"
 
 
 @pytest.fixture(scope="module")
-def document(tmp_path_factory):
+def ran(tmp_path_factory):
+    """The document of a tiny run, and its rows."""
     folder = tmp_path_factory.mktemp("walls")
     words = ["benchmark", "--problem", "wall", "--blocks", "2", "--load", "0.3", "--json", "--out", str(folder)]
-    done = CliRunner().invoke(group, words, catch_exceptions=False)
+    done = CliRunner().invoke(group, [*words, "--store", str(folder / "store")], catch_exceptions=False)
     assert done.exit_code == 0
-    found = json.loads(done.stdout)
-    assert json.loads((folder / "benchmark-wall.json").read_text(encoding="utf-8")) == found
-    assert report(found).text == (folder / "benchmark-wall.md").read_text(encoding="utf-8")
-    return found
+    rows = StoredStudy({}, read_csv(folder / "benchmark-wall.csv.gz"))
+    assert wall_report(rows).text == (folder / "benchmark-wall.md").read_text(encoding="utf-8")
+    return json.loads(done.stdout), rows
 
 
-def test_every_wall_is_a_certified_row(document):
-    assert [(row["blocks"], row["load"], row["state"]) for row in document["walls"]] == [(2, 0.3, "opens and slips")]
-    assert document["command"].startswith("python -m comparisons benchmark --problem wall --blocks 2 --load 0.3")
+def test_every_wall_is_a_certified_row(ran):
+    document, rows = ran
+    assert [(row["blocks"], row["load"]) for row in document["walls"]] == [(2, 0.3)]
+    assert "`python -m comparisons benchmark --problem wall --blocks 2 --load 0.3" in wall_report(rows).text
     for row in document["walls"]:
         assert row["status"] == "solved"
         assert row["contact_points"] == 4 * 4 * 2 * 2  # four an edge, four edges a block
@@ -47,31 +55,38 @@ def test_the_wall_carries_its_weight_and_the_load(element):
     assert forms == ["full", "condensed"]
 
 
-def test_growth_and_targets_are_those_of_the_rows(document):
+def test_growth_and_targets_are_those_of_the_rows(ran):
+    (row,) = ran[1].rows
     rows = [
-        {**row, "blocks": size, "solve": 0.1 * size**3, "ratio": 30.0} for size in (2, 4) for row in document["walls"]
+        replace(row, case=row.case | {"blocks": size}, result=row.result | {"solve": each, "factorisation": each / 30})
+        for size, each in ((2, 0.1), (4, 0.1 * 4**1.5))
     ]
-    text = report({**document, "walls": rows, "growth": [{"load": 0.3, "from": 2, "to": 4, "exponent": 1.5}]}).text
+    text = wall_report(StoredStudy({}, tuple(rows))).text
     assert "30.0 times one factorisation of K (target ≤ 45: met)" in text
     assert "1.50 at most (target ≤ 1.3: missed)" in text
 
 
-def test_a_wall_that_was_not_finished_stands_beside_others(document):
+def test_a_wall_that_was_not_finished_stands_beside_others(ran):
     """Its numbers are missing, and what others have as a text is no number."""
-    (row,) = document["walls"]
-    lost = {
-        **row,
-        **dict.fromkeys(("form", "solve", "ratio", "iterations")),
-        "status": "not finished",
-        "message": "late",
-    }
-    text = report({**document, "walls": [{**row, "message": None}, lost]}).text
-    assert "not finished" in text
+    (row,) = ran[1].rows
+    lost = replace(row, status="timeout", reason="late", result={})
+    text = wall_report(StoredStudy({}, (row, lost))).text
+    assert "timeout" in text
     assert "late" in text
     assert "nan" not in text
 
 
-@pytest.mark.parametrize("wrong", [{"blocks": (0,)}, {"threads": 0}, {"element": "q2"}, {"loads": (-0.1,)}])
-def test_bad_plans_are_refused(wrong):
+def test_the_committed_report_is_that_of_the_committed_rows():
+    rows = StoredStudy({}, read_csv(COMMITTED / "benchmark-wall.csv.gz"))
+    assert wall_report(rows).text == (COMMITTED / "benchmark-wall.md").read_text(encoding="utf-8")
+    values = wall_values(walls_of(rows.rows))
+    assert [(each["load"], round(each["ratio"], 1), round(each["exponent"], 2)) for each in values["targets"]] == [
+        (0.02, 13.2, 1.23), (0.3, 42.9, 1.54)
+    ]  # fmt: skip
+    assert (values["solved"], values["walls"]) == (6, 6)
+
+
+@pytest.mark.parametrize("wrong", [{"blocks": (0,)}, {"element": "q2"}, {"loads": (-0.1,)}])
+def test_bad_settings_are_refused(wrong):
     with pytest.raises(InputError):
-        WallPlan(**wrong)
+        study.walls(**({"blocks": (2,), "loads": (), "element": "bfs"} | wrong))

@@ -304,6 +304,13 @@ class TestLimits:
             other = child.run({"way": "plain"}).result["pid"]
         assert first == again != other
 
+    def test_every_case_has_a_process_of_its_own_where_the_study_says_so(self, tmp_path):
+        for fresh in (False, True):
+            study = replace(ways("plain"), repeats=3, fresh=fresh)
+            assert run_study(study, tmp_path / str(fresh)).statuses == {"done": 3}
+            pids = {row.result["pid"] for row in read_study(tmp_path / str(fresh)).rows}
+            assert len(pids) == (3 if fresh else 1)
+
     @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")
     def test_a_crew_can_be_ended_while_it_works(self, monkeypatch):
         """Each thread has its own process; afterwards there is none, and nobody gets a new one."""

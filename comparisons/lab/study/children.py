@@ -56,13 +56,14 @@ def _broken_pipes_raise() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Terms:
-    """What every case of a study gets: the task, versions to tell, threads, seconds, MiB of address space."""
+    """What every case of a study gets: the task, versions to tell, threads, seconds, MiB, whether a new process."""
 
     task: str
     packages: tuple[str, ...]
     threads: int = 1
     timeout: float | None = None
     memory: int | None = None
+    fresh: bool = False
 
     def environment(self, found: Mapping[str, Any]) -> dict[str, Any]:
         """A row's environment, from what a worker says of its own."""
@@ -103,7 +104,7 @@ class Child:
             if answer is None:
                 status, reason = self._verdict(self._end(), late, self._terms.timeout)
                 return Outcome(status, reason, seconds=seconds, environment=self._environment)
-            if late or answer["status"] == MEMORY:  # it is dead, or what it left in its memory is unknown
+            if self._terms.fresh or late or answer["status"] == MEMORY:  # of the latter, who knows what it left behind
                 self._end()
             return Outcome(**answer, environment=self._environment)
 

@@ -80,6 +80,8 @@ class Study:
         The cases it is false for are left out.
     packages : tuple of str
         Distributions whose versions every row has to tell.
+    fresh : bool
+        Whether each case gets a process of its own, as where peak memory is measured.
 
     Raises
     ------
@@ -96,6 +98,7 @@ class Study:
     seed: int = 0
     keep: Callable[[Values], bool] | None = None
     packages: tuple[str, ...] = PACKAGES
+    fresh: bool = False
 
     def __post_init__(self) -> None:
         if not self.name:

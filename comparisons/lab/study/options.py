@@ -11,6 +11,8 @@ from click.core import ParameterSource
 
 from comparisons.lab.study.declaration import Study
 from comparisons.lab.study.runner import StudyRun, run_study
+from comparisons.lab.study.store import finished_keys
+from qvi_contact.basics.writing import writable_folder
 from qvi_contact.errors import InputError
 
 _KEPT = "File that keeps the rows."
@@ -41,6 +43,11 @@ class RunOptions:
         if remedy:
             raise InputError("store", str(self.store), remedy)
         return self if quick_store is None else replace(self, store=Path(quick_store))
+
+    def check(self, study: Study) -> None:
+        """Find a store of another study, a damaged one, or one that cannot be written, before anything is run."""
+        if len(finished_keys(self.store, study)) < len(study.cases):
+            writable_folder(self.store.parent, "store")
 
     def run(self, study: Study) -> StudyRun:
         """Run the study; after an interrupt the command ends with status 130 and a line that tells how to go on."""
