@@ -63,7 +63,7 @@ def _not_of_the_kind(problem: ContactProblem, contact: Contact) -> str:
             rough and contact.law != "unilateral"
         ),
         f"Bounds under slip are for straight contacts: {name} is an arc.": (
-            rough and problem.mesh.edges(contact.edges).turn.any()
+            rough and problem.mesh.edges(contact.edges).curved
         ),
         f"Bounds under slip need constant friction and cohesion: those of {name} are functions.": (
             rough and (callable(contact.friction) or callable(contact.cohesion))

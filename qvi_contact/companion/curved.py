@@ -21,7 +21,7 @@ from qvi_contact.mesh.arcs import arc_offsets
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.topology import OPPOSITE
 
-_TERMS: Final = 14  # of q: its digits on an arc that turns by 90°
+_TERMS: Final = 12  # of q beside the coefficients of bends: its digits on an arc that turns by 90°
 _STEPS: Final = 8  # of Newton's method for the inverse of the map; each doubles the digits
 _SLOPES: Final = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of λ = (1 − t₁ − t₂, t₁, t₂)
 
@@ -36,22 +36,22 @@ class CurvedCells:
         The cells.
     corners : (c, 3, 2) array
         Their corners.
-    turns : (c, 3) array
-        Angles by which their sides turn, see `TriangleMesh.sides`.
+    bends : (c, 3, k) array
+        How their sides bend, see `TriangleMesh.sides`.
 
     """
 
     numbers: IntArray
     corners: FloatArray
-    turns: FloatArray
+    bends: FloatArray
 
     @classmethod
     def of(cls, mesh: Mesh, length: float) -> "CurvedCells":
         """Those of a mesh, whose lengths are divided by `length`."""
-        turns = mesh.sides
-        numbers = np.flatnonzero((turns != 0.0).any(axis=1))
+        bends = mesh.sides
+        numbers = np.flatnonzero(bends.any(axis=(1, 2)))
         corners = (mesh.vertices[mesh.cells[numbers]] - mesh.origin) / length
-        return cls(numbers, corners, turns[numbers])
+        return cls(numbers, corners, bends[numbers])
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -67,13 +67,14 @@ class CurvedCells:
     @cached_property
     def _bulges(self) -> FloatArray:
         """Coefficients of Legendre of q of all sides, (3, c, terms, 2)."""
-        nodes, weights = leggauss(_TERMS)
+        terms = _TERMS + self.bends.shape[2]
+        nodes, weights = leggauss(terms)
         t = (1.0 + nodes) / 2.0
-        project = (np.arange(_TERMS) + 0.5)[:, None] * (legvander(nodes, _TERMS - 1) * weights[:, None]).T
-        found = np.zeros((3, len(self), _TERMS, 2))
+        project = (np.arange(terms) + 0.5)[:, None] * (legvander(nodes, terms - 1) * weights[:, None]).T
+        found = np.zeros((3, len(self), terms, 2))
         for s, (a, b) in enumerate(OPPOSITE):
             chord = self.corners[:, b] - self.corners[:, a]
-            bulge = arc_offsets(chord, self.turns[:, s], t) - t[:, None] * chord[:, None]
+            bulge = arc_offsets(chord, self.bends[:, s], t) - t[:, None] * chord[:, None]
             found[s] = project @ (bulge / (t * (1.0 - t))[:, None])
         return found
 

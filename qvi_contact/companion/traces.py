@@ -253,7 +253,7 @@ class _Bend:
     def rows(self, straight: sparse.csr_array, vectors: FloatArray, joint: bool) -> sparse.csr_array:
         """Rows (n, size) along vectors (e, 2) of the chords, those inside arcs in the place of the given ones."""
         p = self.degree
-        bent = np.flatnonzero(self.edges.turn)
+        bent = np.flatnonzero(self.edges.bent)
         nodes = bernstein.nodes(p)
         along = vectors_along(self.edges.take(bent), vectors[bent], nodes)
         project, values = bernstein.from_values(p)[1:-1], bernstein.basis(p, nodes)

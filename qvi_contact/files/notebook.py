@@ -1,6 +1,7 @@
 """Meshes, problems and results as pieces of HTML, which notebooks show for an object at the end of a cell."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -8,7 +9,7 @@ from markupsafe import Markup
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.shown import shown
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.problem import ContactProblem
@@ -17,6 +18,7 @@ from qvi_contact.solution.result import ContactResult
 
 _SIZE: Final = 280.0  # of the longer side of a drawing [pixels]
 _MARGIN: Final = 8.0
+_CHORDS: Final = 8  # that an arc is drawn as
 _MOST_EDGES: Final = 6000  # inside the body: more are left out, and the outline stays
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _DASHES: Final = ("none", "7 3", "2 3", "9 3 2 3", "12 4", "4 4")
@@ -110,18 +112,16 @@ def _drawing(mesh: Mesh, names: Sequence[str]) -> Markup:
 
 
 def _path(places: FloatArray, edges: Edges) -> str:
-    """Edges between places (n, 2) on the page, where y points down, as lines and arcs."""
-    first, second = places[edges.first], places[edges.second]
-    ends = np.column_stack([first, second]).round(1).tolist()
-    if not edges.curved:
-        return "".join(f"M{a:g} {b:g}L{c:g} {d:g}" for a, b, c, d in ends)
-    half = np.where(edges.turn == 0.0, 1.0, np.abs(np.sin(edges.turn / 2.0)))
-    radii = (np.hypot(*(second - first).T) / (2.0 * half)).round(1).tolist()
-    ways = [
-        f"A{radius:g} {radius:g} 0 0 {int(turn < 0.0)} " if turn else "L"
-        for radius, turn in zip(radii, edges.turn.tolist(), strict=True)
-    ]
-    return "".join(f"M{a:g} {b:g}{way}{c:g} {d:g}" for (a, b, c, d), way in zip(ends, ways, strict=True))
+    """Edges between places (n, 2) on the page, where y points down, as lines, and arcs as chains of chords."""
+    bent = edges.bent
+    straight, arcs = edges.take(~bent), edges.take(bent)
+    mirrored = replace(arcs, bend=-arcs.bend)
+    chords = points_along(places, mirrored, np.linspace(0.0, 1.0, _CHORDS + 1))
+    lines = np.stack([places[straight.first], places[straight.second]], axis=1)
+    return "".join(
+        "M" + "L".join(f"{x:g} {y:g}" for x, y in line)
+        for line in (*lines.round(1).tolist(), *chords.round(1).tolist())
+    )
 
 
 def _look(number: int) -> Markup:

@@ -265,12 +265,20 @@ class OutlineTable(Table):
 
 
 class ArcTable(Table):
-    """Edges of triangles that follow a circle, see `qvi_contact.TriangleMesh.with_arc`."""
+    """Edges of triangles that follow a circle or an ellipse, see `qvi_contact.TriangleMesh.with_arc`; or any curve."""
 
-    centre: Pair
-    """Centre of the circle: `centre = [0.0, 0.0]`."""
-    radius: float
-    """Its radius, on which the vertices lie: `radius = 1.0`."""
+    centre: Pair | None = None
+    """Centre of the circle or the ellipse: `centre = [0.0, 0.0]`."""
+    radius: float | None = None
+    """Radius of the circle, on which the vertices lie: `radius = 1.0`."""
+    axes: Pair | None = None
+    """Half axes of the ellipse, on which the vertices lie: `axes = [2.0, 1.0]`."""
+    angle: float | None = None
+    """Angle [rad] from the x-axis to the first axis of the ellipse, counterclockwise: `angle = 0.5`."""
+    bends: list[list[float]] | None = None
+    """Other curves as the program writes them, one row for each of the edges: coefficients of Legendre, along the edge,
+    of the angle [rad] from its chord to its tangent, counterclockwise: `bends = [[0.0, 0.25], [0.0, 0.25]]`.
+    """
     name: Name | None = None
     """Which edges, by the name they have in the mesh, in `[[edges]]` or in `[[joints]]`: `name = "bore"`."""
     edges: list[Edge] | None = None
@@ -280,6 +288,22 @@ class ArcTable(Table):
     def _is_one_set(self) -> "ArcTable":
         if (self.name is None) == (self.edges is None):
             raise InputError("name", self.name, "give a name of edges, or edges by their vertices: one of both")
+        if self.bends is not None and self.edges is None:
+            raise InputError("edges", None, "bends belong to edges by their vertices: give these")
+        return self
+
+    @model_validator(mode="after")
+    def _is_one_curve(self) -> "ArcTable":
+        curves = {key: getattr(self, key) for key in ("radius", "axes", "bends")}
+        given = [key for key, value in curves.items() if value is not None]
+        if len(given) != 1:
+            remedy = "give a radius (of a circle), axes (of an ellipse), or bends (of the edges): one of these"
+            raise InputError("radius", given or None, remedy)
+        if (self.centre is None) != (self.bends is not None):
+            remedy = "add this key, it is needed" if self.centre is None else "bends need no centre: leave it out"
+            raise InputError("centre", self.centre, remedy)
+        if self.angle is not None and self.axes is None:
+            raise InputError("angle", self.angle, "this belongs to an ellipse: give axes, or leave it out")
         return self
 
 

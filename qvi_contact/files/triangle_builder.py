@@ -18,8 +18,12 @@ from qvi_contact.files.problem_document import (
     RegionTable,
     quoted,
 )
+from qvi_contact.mesh.bends import AnyArc
 from qvi_contact.mesh.circles import Arc
+from qvi_contact.mesh.curve_fit import ellipse, fitted
+from qvi_contact.mesh.curves import Curve, checked_bends
 from qvi_contact.mesh.selection import edges_in_box, edges_on_segment, triangles_in_box
+from qvi_contact.mesh.triangle_checks import checked_pairs
 from qvi_contact.mesh.triangles import TriangleMesh
 
 
@@ -46,17 +50,25 @@ def triangle_mesh(document: Document, folder: Path | None) -> TriangleMesh:
     mesh = replace(mesh, edge_sets=sets, regions=regions)
     for index, table in enumerate(document.mesh.arcs):
         with located(f"mesh.arcs[{index}]", table):
-            mesh = _with_arc(mesh, table)
+            mesh = replace(mesh, arcs=(*mesh.arcs, _arc(mesh, table)))
     return mesh
 
 
-def _with_arc(mesh: TriangleMesh, table: ArcTable) -> TriangleMesh:
-    """The mesh with one arc more."""
-    centre = (table.centre[0], table.centre[1])
+def _arc(mesh: TriangleMesh, table: ArcTable) -> AnyArc:
+    """The edges of the table on their circle, ellipse or other curve."""
+    if table.bends is not None:
+        edges = np.array(table.edges, dtype=np.int64).reshape(-1, 2)
+        return Curve(edges, checked_bends("bends", table.bends, len(edges))).checked("", mesh.vertices, mesh.topology)
     if table.name is not None:
-        return mesh.with_arc(table.name, centre, table.radius)
-    arc = Arc(centre, table.radius, np.array(table.edges, dtype=np.int64).reshape(-1, 2))
-    return replace(mesh, arcs=(*mesh.arcs, arc))
+        pairs = mesh.pairs(table.name)
+    else:
+        pairs = checked_pairs("edges", table.edges or [], mesh.topology, mesh.vertices)
+    assert table.centre is not None
+    centre = (table.centre[0], table.centre[1])
+    if table.axes is not None:
+        curve = ellipse(centre, (table.axes[0], table.axes[1]), table.angle or 0.0)
+        return fitted("axes", curve, 0.0, 2.0 * np.pi, pairs, mesh.vertices)
+    return Arc(centre, table.radius or 0.0, pairs).checked("", mesh.vertices, mesh.topology)
 
 
 def region_name(table: RegionTable, index: int) -> str:

@@ -33,10 +33,11 @@ from typing import Final, TypeVar
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
+from qvi_contact.element import bernstein
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mechanism.bodies import Bodies
-from qvi_contact.mesh.arcs import arc_offsets, stretches, turned
-from qvi_contact.mesh.edges import Edges, points_along
+from qvi_contact.mesh.arcs import angles
+from qvi_contact.mesh.edges import Edges, points_along, vectors_along
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
 
@@ -48,6 +49,7 @@ _ROUNDING: Final = 16.0 * np.finfo(float).eps
 _SAME: Final = 1e-9  # share of a line within which two places are one
 _CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
 _TURN: Final = 0.02  # angle by which a piece of an arc turns at most [rad]
+_DEGREE: Final = 4  # of motions along such a piece: what is left is rounding
 
 _AnyLine = TypeVar("_AnyLine", bound="Line")
 
@@ -196,46 +198,63 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class ArcPiece(Line):
-    """A piece of an arc, with the position s along it; `tangent` and `normal` are those of its chord.
+    """A piece of an arc, with the position s along it; `tangent` and `normal` are those of the edge's chord.
 
-    With the angle φ from its middle, |φ| ≤ h, a rigid motion has w = p cos φ + q sin φ, [v]_T = a cos φ + b sin φ + c
-    there. The points (cos φ, sin φ) lie in the triangle of (cos h, ± sin h) and (1/cos h, 0). So w is nowhere less than
-    linear between its ends if it is not below zero there, and |[v]_T| is nowhere above the largest of three values:
-    what is proved with these stays proved.
+    Along a piece that turns by little w and [v]_T of a rigid motion are polynomials but for rounding. They are nowhere
+    below the least, or above the largest, of their Bernstein coefficients: what is proved with these stays proved.
 
     Attributes
     ----------
-    turn : float
-        2 h, the angle by which the tangent turns, counterclockwise [rad].
-    length : float
-        Its length [length].
+    edge : Edges
+        The edge, one.
+    vertices : (v, 2) array
+        Coordinates of all vertices [length].
+    begin, length : float
+        Where on the edge the piece begins, and its length [length].
 
     """
 
-    turn: float = 0.0
-    length: float = 0.0
+    edge: Edges
+    vertices: FloatArray
+    begin: float
+    length: float
 
     def points(self, s: FloatArray) -> FloatArray:
         """Coordinates (p, 2) of places."""
-        chord = self.tangent * self.length / stretches(np.array([self.turn]))
-        return np.asarray(self.start + arc_offsets(chord.reshape(1, 2), np.array([self.turn]), s / self.length)[0])
+        return np.asarray(points_along(self.vertices, self.edge, self._shares(s))[0])
 
     def directions(self, vector: FloatArray, s: FloatArray) -> FloatArray:
         """Normal or tangent of the chord, turned to places, (p, 2)."""
-        return turned(np.broadcast_to(vector, (len(s), 2)), (s / self.length - 0.5) * self.turn)
+        return np.asarray(vectors_along(self.edge, vector[None], self._shares(s))[0])
+
+    def opening(self, bodies: Bodies) -> FloatArray:
+        """Rows (p, 3 k) of the coefficients of w."""
+        return np.asarray(-bernstein.from_values(_DEGREE) @ self._at_nodes(bodies, self.normal))
 
     def slips(self, bodies: Bodies) -> FloatArray:
-        """Rows (3, 3 k): [v]_T at both ends, and where their lines of cos φ and sin φ meet."""
-        s = np.array([0.0, 0.5, 1.0]) * self.length
-        first, middle, last = self._relative(bodies, s, self.tangent)
-        c, h = np.cos(self.turn / 2.0), self.turn / 2.0
-        a = (middle - (first + last) / 2.0) / (2.0 * np.sin(h / 2.0) ** 2)  # middle = a + c, mean of ends = a cos h + c
-        return np.stack([first, middle + a * (1.0 / c - 1.0), last])
+        """Rows (p, 3 k) of the coefficients of [v]_T."""
+        return np.asarray(bernstein.from_values(_DEGREE) @ self._at_nodes(bodies, self.tangent))
+
+    def fixed_rows(self, bodies: Bodies) -> FloatArray:
+        """Rows (e, 3 k) of the velocities that it rules out, see `Line.fixed_rows`."""
+        vectors = [self.normal] * self.fixed + [self.tangent] * self.held
+        return np.concatenate([np.zeros((0, 3 * len(bodies))), *(self._at_nodes(bodies, each) for each in vectors)])
 
     def divided(self, s: float) -> "ArcPiece":
         """The piece as it is: it is small."""
         del s
         return self
+
+    def relief(self) -> FloatArray:
+        """∫ (t_max − c)⁺ B_i ds (p,): what slip saves that dilates with these coefficients."""
+        _, saved, s = self._integrated(self.edges)
+        return np.asarray(saved.ravel() @ bernstein.basis(_DEGREE, s.ravel() / self.length))
+
+    def _shares(self, s: FloatArray) -> FloatArray:
+        return np.asarray((self.begin + s) / self.edge.length[0])
+
+    def _at_nodes(self, bodies: Bodies, vector: FloatArray) -> FloatArray:
+        return self._relative(bodies, bernstein.nodes(_DEGREE) * self.length, vector)
 
 
 def _along(ends: FloatArray, t: FloatArray) -> FloatArray:
@@ -262,31 +281,32 @@ def _of_contact(problem: ContactProblem, bodies: Bodies, contact: Contact) -> It
     for pair in np.unique(np.column_stack([first, second]), axis=0):
         if pair[0] != pair[1]:
             chosen, between = edges.take((first == pair[0]) & (second == pair[1])), (int(pair[0]), int(pair[1]))
-            straight = chosen.take(chosen.turn == 0.0)
+            straight = chosen.take(~chosen.bent)
             for group in _straight(problem, straight):
                 yield _line(problem, contact, between, straight.take(group))
-            yield from _arc_pieces(problem, contact, between, chosen.take(chosen.turn != 0.0))
+            yield from _arc_pieces(problem, contact, between, chosen.take(chosen.bent))
 
 
 def _arc_pieces(problem: ContactProblem, contact: Contact, pair: tuple[int, int], edges: Edges) -> Iterator[ArcPiece]:
     """Arcs in pieces of which each turns by little."""
+    vertices, ends = problem.mesh.vertices, np.linspace(0.0, 1.0, _SAMPLES + 1)
     for number in range(len(edges)):
         edge = edges.take(np.array([number]))
-        turn, count = float(edge.turn[0]), max(1, math.ceil(abs(float(edge.turn[0])) / _TURN))
-        marks = np.linspace(0.0, 1.0, count + 1)
-        ends, length = points_along(problem.mesh.vertices, edge, marks)[0], float(edge.length[0]) / count
-        directions = turned(np.stack([edge.tangent, edge.normal]), (marks[:-1, None, None] + 0.5 / count - 0.5) * turn)
-        for start, (tangent, normal) in zip(ends[:-1], directions, strict=True):
-            places, mu = np.array([0.0, length]), np.zeros(2)
+        turn = np.abs(np.diff(angles(edge.bend, ends))).max() * _SAMPLES  # at the place where it is bent most
+        count = max(1, math.ceil(turn / _TURN))
+        length = float(edge.length[0]) / count
+        for piece in range(count):
             bare = ArcPiece(
-                contact, pair, start, tangent, normal, places[None], places, mu, False, False, turn / count, length
-            )
+                contact, pair, vertices[edge.first[0]], edge.tangent[0], edge.normal[0], np.array([[0.0, length]]),
+                np.linspace(0.0, length, _DEGREE + 1), np.zeros(_DEGREE + 1), False, False,
+                edge, vertices, piece * length, length,
+            )  # fmt: skip
             if callable(contact.friction):
-                x, y = bare.points(np.linspace(0.0, length, _SAMPLES + 1)).T
-                values = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0)
+                x, y = bare.points(ends * length).T
+                mu = evaluate("Contact.friction", contact.friction, x, y, minimum=0.0).max()
             else:
-                values = np.array([float(contact.friction)])
-            yield _with_law(bare, places, np.full(2, values.max()))
+                mu = contact.friction
+            yield _with_law(bare, bare.places, np.full(_DEGREE + 1, float(mu)))
 
 
 def _straight(problem: ContactProblem, edges: Edges) -> Iterator[IntArray]:

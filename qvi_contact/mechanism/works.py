@@ -114,9 +114,9 @@ def _along(
     size = np.abs(found.values * found.weights).sum(axis=1) @ edges.length[found.edge]
     at_ends = found.integrals(np.stack([1.0 - found.t, found.t], axis=-1)) * edges.length[:, None]
     row = np.zeros(3 * len(bodies))
-    bent = edges.turn[found.edge] != 0.0
+    bent = edges.bent[found.edge]
     if bent.any():
-        at_ends[edges.turn != 0.0] = 0.0
+        at_ends[edges.bent] = 0.0
         number, t = found.edge[bent], found.t[bent]
         arcs = edges.take(number)
         points = np.stack(mesh.points_along(arcs, t), axis=-1).reshape(-1, 2)

@@ -1,7 +1,6 @@
 """Triangles bisected where they are too large; names of edges and regions are carried over."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -11,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.circles import bent_too_far, turns_of
+from qvi_contact.mesh.bends import bends_of, bent_too_far
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.topology import Topology
 from qvi_contact.mesh.triangle_checks import same_places
@@ -42,8 +41,8 @@ def _too_flat(mesh: MeshParts) -> IntArray:
     """The triangles with a side that bends too far for them."""
     cells = np.sort(mesh.cells, axis=1)
     topology = Topology.of(cells, len(mesh.vertices))
-    turns = turns_of(mesh.arcs, mesh.vertices, topology)
-    return np.flatnonzero(bent_too_far(turns, mesh.vertices, cells, topology).any(axis=1))
+    bends = bends_of(mesh.arcs, mesh.vertices, topology)
+    return np.flatnonzero(bent_too_far(bends, mesh.vertices, cells, topology).any(axis=1))
 
 
 def _bisected(mesh: MeshParts, marked: ArrayLike | None) -> MeshParts:
@@ -54,13 +53,15 @@ def _bisected(mesh: MeshParts, marked: ArrayLike | None) -> MeshParts:
     fine = coarse.refined(1 if marked is None else _numbers(marked, len(mesh.cells)))
     vertices, cells = np.ascontiguousarray(fine.p.T), np.sort(fine.t.T.astype(np.int64), axis=1)
     _refuse_tiny(vertices)
-    finer = _split_edges(mesh, [*mesh.edge_sets.values(), *(arc.edges for arc in mesh.arcs)], vertices, cells)
-    edge_sets = dict(zip(mesh.edge_sets, finer, strict=False))
+    sets = [*mesh.edge_sets.values(), *(arc.edges for arc in mesh.arcs)]
+    finer = _split_edges(mesh, sets, vertices, cells)
+    edge_sets = {name: pairs for name, (pairs, _) in zip(mesh.edge_sets, finer, strict=False)}
     regions = {name: np.asarray(fine.subdomains[name], dtype=np.int64) for name in mesh.regions}
-    arcs = [replace(arc, edges=edges) for arc, edges in zip(mesh.arcs, finer[len(edge_sets) :], strict=True)]
-    for arc in arcs:
-        new = np.unique(arc.edges[arc.edges >= len(mesh.vertices)])
-        vertices[new] = arc.projected(vertices[new])
+    on_arcs = list(zip(mesh.arcs, finer[len(edge_sets) :], strict=True))
+    for arc, (pairs, parents) in on_arcs:
+        halved = pairs[:, 1] >= len(mesh.vertices)
+        vertices[pairs[halved, 1]] = arc.middles(parents[halved], mesh.vertices)
+    arcs = [arc.divided(*parts) for arc, parts in on_arcs]
     return MeshParts(vertices, cells, edge_sets, regions, arcs)
 
 
@@ -84,10 +85,12 @@ def _refuse_tiny(vertices: FloatArray) -> None:
         raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
 
 
-def _split_edges(coarse: MeshParts, sets: Sequence[IntArray], vertices: FloatArray, cells: IntArray) -> list[IntArray]:
+def _split_edges(
+    coarse: MeshParts, sets: Sequence[IntArray], vertices: FloatArray, cells: IntArray
+) -> list[tuple[IntArray, IntArray]]:
     """Sets of edges of the coarser mesh by the edges of finer cells (m, 3) that they are made of.
 
-    New vertices are midpoints.
+    New vertices are midpoints. For each set the edges, (k, 2), and those of the coarser mesh that they are part of.
     """
     if not sets:
         return []
@@ -100,4 +103,5 @@ def _split_edges(coarse: MeshParts, sets: Sequence[IntArray], vertices: FloatArr
         origin = np.asarray(cKDTree(midpoints).query(vertices[ends[halved, 1]])[1])
         on_it = (topology.ends[origin] == ends[halved, :1]).any(axis=1)
         number[halved[on_it]] = origin[on_it]
-    return [ends[np.isin(number, topology.number(pairs, old))] for pairs in sets]
+    chosen = [np.isin(number, topology.number(pairs, old)) for pairs in sets]
+    return [(ends[part], topology.ends[number[part]]) for part in chosen]

@@ -7,19 +7,19 @@ from typing import Self
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.mesh.arcs import arc_offsets, stretches, turned
+from qvi_contact.mesh.arcs import angles, arc_offsets, stretches, turned
 
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Edges of cells, straight ones and arcs of circles, as arrays with one entry an edge.
+    """Edges of cells, straight ones and curved ones, as arrays with one entry an edge.
 
     The first cell of an edge is the body's side: on the boundary the only one, inside the body the one that the normal
     points away from, which is the lower or left one of a pair. σ_N = n·σn and σ_T = t·σn are taken with n and t of the
     edge.
 
-    An arc is known by the angle by which its tangent turns; n and t are those of its chord, and turn with it (see
-    `frames_along`). Reference coordinates, 0 to 1, are shares of its length.
+    A curved edge, an arc, is known by the angle from its chord to its tangent along it; n and t are those of the chord,
+    and turn with it (see `frames_along`). Reference coordinates, 0 to 1, are shares of its length.
 
     Attributes
     ----------
@@ -33,8 +33,8 @@ class Edges:
         Unit tangent t: t_x > 0, or t_y > 0 where t_x = 0, whichever way the edge faces.
     length : (n,) array
         Lengths, of arcs along them [length].
-    turn : (n,) array
-        Angle by which t turns from the first end to the second, counterclockwise [rad]; 0 on straight edges.
+    bend : (n, k) array
+        Coefficients of Legendre of that angle, counterclockwise [rad]; 0 on straight edges. See `mesh.arcs`.
 
     """
 
@@ -44,7 +44,7 @@ class Edges:
     normal: FloatArray
     tangent: FloatArray
     length: FloatArray
-    turn: FloatArray
+    bend: FloatArray
 
     def __len__(self) -> int:
         return len(self.first)
@@ -56,12 +56,17 @@ class Edges:
     @cached_property
     def curved(self) -> bool:
         """Whether any of them is an arc."""
-        return bool(self.turn.any())
+        return bool(self.bend.any())
+
+    @property
+    def bent(self) -> BoolArray:
+        """Which of them are arcs, shape (n,)."""
+        return np.asarray(self.bend.any(axis=1))
 
     @property
     def stretch(self) -> FloatArray:
         """Lengths over those of the chords (n,): 1 on straight edges."""
-        return stretches(self.turn)
+        return stretches(self.bend)
 
 
 def points_along(vertices: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
@@ -69,7 +74,7 @@ def points_along(vertices: FloatArray, edges: Edges, t: FloatArray) -> FloatArra
     first, second = vertices[edges.first], vertices[edges.second]
     if not edges.curved:
         return np.asarray(first[:, None, :] + (second - first)[:, None, :] * np.asarray(t)[..., None])
-    return np.asarray(first[:, None, :] + arc_offsets(second - first, edges.turn, t))
+    return np.asarray(first[:, None, :] + arc_offsets(second - first, edges.bend, t))
 
 
 def frames_along(edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -78,10 +83,10 @@ def frames_along(edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bool = True) -> FloatArray:
-    """Vectors (n, 2), given in the middle of each edge, that turn with it or do not; at t as above, shape (n, q, 2)."""
+    """Vectors (n, 2), given for the chord of each edge, that turn with it or do not; at t as above, shape (n, q, 2)."""
     t = np.broadcast_to(t, (len(edges), np.shape(t)[-1]))
     given = np.broadcast_to(vectors[:, None], (*t.shape, 2))
-    return turned(given, (t - 0.5) * edges.turn[:, None]) if turns and edges.curved else given
+    return turned(given, angles(edges.bend, t)) if turns and edges.curved else given
 
 
 def rounding_along(vertices: FloatArray, edges: Edges) -> FloatArray:

@@ -123,7 +123,7 @@ class Mesh(Protocol):
 
     @property
     def sides(self) -> FloatArray:
-        """Angles by which the sides of the cells turn, (cells, sides): 0 where they are straight; see `Edges.turn`."""
+        """How the sides of the cells bend, (cells, sides, k): 0 where they are straight; see `Edges.bend`."""
         ...
 
     def placed(self, cells: IntArray, t: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.mesh.circles import Arc
+from qvi_contact.mesh.bends import AnyArc
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +21,8 @@ class MeshParts:
         Named edges by their vertices.
     regions : mapping of str to (k,) int array
         Named sets of triangles.
-    arcs : sequence of Arc
-        Edges that are arcs of circles.
+    arcs : sequence of Arc or Curve
+        Edges that are curved.
 
     """
 
@@ -30,4 +30,4 @@ class MeshParts:
     cells: IntArray
     edge_sets: Mapping[str, IntArray] = field(default_factory=dict)
     regions: Mapping[str, IntArray] = field(default_factory=dict)
-    arcs: Sequence[Arc] = ()
+    arcs: Sequence[AnyArc] = ()

@@ -355,8 +355,8 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
 
     @property
     def sides(self) -> FloatArray:
-        """Zeros (cells, 4): all sides are straight."""
-        return np.zeros(self.cells.shape)
+        """Zeros (cells, 4, 1): all sides are straight."""
+        return np.zeros((*self.cells.shape, 1))
 
     def placed(self, cells: IntArray, t: FloatArray) -> FloatArray:  # noqa: ARG002  # all sides are straight
         """The reference coordinates as they are."""
@@ -518,7 +518,7 @@ def _grid_edges(mesh: RectilinearMesh, axis: int, sign: float, column: IntArray,
     normal[:, 1 - axis], tangent[:, axis] = sign, 1.0
     length = (mesh.coordinates[second] - mesh.coordinates[first])[:, axis]
     place = np.full(count, axis), np.full(count, sign), column, row
-    return GridEdges(first, second, cells, normal, tangent, length, np.zeros(count), *place)
+    return GridEdges(first, second, cells, normal, tangent, length, np.zeros((count, 1)), *place)
 
 
 def _slack(lines: FloatArray) -> float:

@@ -16,10 +16,13 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, one_of, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import stretches
+from qvi_contact.mesh.arcs import reversed_bends, stretches
+from qvi_contact.mesh.bends import AnyArc, bends_of, refuse_bad_arcs
 from qvi_contact.mesh.bisection import bisected, divided_at_arcs
-from qvi_contact.mesh.circles import Arc, checked_arc, refuse_bad_arcs, turns_of
+from qvi_contact.mesh.circles import Arc
+from qvi_contact.mesh.curve_fit import CurveFunction, fitted
 from qvi_contact.mesh.curved import barycentric_of, reference_of
+from qvi_contact.mesh.curves import Curve
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.mesh import Mesh
@@ -64,8 +67,8 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         Named edges by their vertices: parts of the boundary, or joints if they lie inside the body.
     regions : mapping of str to (k,) int array, optional
         Named sets of triangles.
-    arcs : sequence of Arc, optional
-        Edges that are arcs of circles rather than their chords; see `with_arc`.
+    arcs : sequence of Arc or Curve, optional
+        Edges that are arcs rather than their chords; see `with_arc` and `with_curve`.
 
     Raises
     ------
@@ -80,7 +83,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
     cells: IntArray
     edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    arcs: Sequence[Arc] = ()
+    arcs: Sequence[AnyArc] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", checked_vertices(self.vertices))
@@ -94,15 +97,14 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         object.__setattr__(self, "regions", MappingProxyType(regions))
         object.__setattr__(self, "arcs", tuple(self._checked(number) for number in range(len(self.arcs))))
         if self.arcs:
-            refuse_bad_arcs(self.arcs, self.turns, self.vertices, self.cells, self.topology)
+            refuse_bad_arcs(self.arcs, self.bends, self.vertices, self.cells, self.topology)
 
-    def _checked(self, number: int) -> Arc:
-        """An arc whose edges are edges of the mesh and whose vertices are on its circle."""
+    def _checked(self, number: int) -> AnyArc:
+        """An arc whose edges are edges of the mesh, and whose vertices are on it."""
         arc, name = self.arcs[number], f"TriangleMesh.arcs[{number}]"
-        if not isinstance(arc, Arc):
-            raise InputError(name, arc, "give an Arc")
-        pairs = checked_pairs(name, arc.edges, self.topology, self.vertices)
-        return checked_arc(name, arc.centre, arc.radius, pairs, self.vertices)
+        if not isinstance(arc, Arc | Curve):
+            raise InputError(name, arc, "give an Arc or a Curve")
+        return arc.checked(name, self.vertices, self.topology)
 
     def __repr__(self) -> str:
         return mesh_line(self, f"{len(self.cells)} triangles with {len(self.vertices)} vertices")
@@ -218,19 +220,19 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return Topology.of(self.cells, len(self.vertices))
 
     @cached_property
-    def turns(self) -> FloatArray:
-        """By which angle the edges of `topology` turn, see `Edges.turn`; from the vertex of lower number, (e,)."""
-        return turns_of(self.arcs, self.vertices, self.topology)
+    def bends(self) -> FloatArray:
+        """How the edges of `topology` bend, see `Edges.bend`; from the vertex of lower number, (e, k)."""
+        return bends_of(self.arcs, self.vertices, self.topology)
 
     @cached_property
     def sides(self) -> FloatArray:
-        """The same of the sides of all triangles, side s opposite to corner s, shape (m, 3)."""
-        return np.asarray(self.turns[self.topology.of_cells])
+        """The same of the sides of all triangles, side s opposite to corner s, shape (m, 3, k)."""
+        return np.asarray(self.bends[self.topology.of_cells])
 
     @cached_property
     def curved(self) -> BoolArray:
         """Which triangles have a side that is an arc, shape (m,)."""
-        return np.asarray((self.sides != 0.0).any(axis=1))
+        return np.asarray(self.sides.any(axis=(1, 2)))
 
     @cached_property
     def length(self) -> float:
@@ -343,9 +345,9 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         swapped = (cells[:, 1] >= 0) & _points_back(normal[:, ::-1])
         normal = np.where(swapped[:, None], -normal, normal)
         cells = np.where(swapped[:, None], cells[:, ::-1], cells)
-        turn = np.where(back, -self.turns[numbers], self.turns[numbers])
-        length = length * stretches(turn)
-        return Edges(np.where(back, second, first), np.where(back, first, second), cells, normal, tangent, length, turn)
+        bend = np.where(back[:, None], reversed_bends(self.bends[numbers]), self.bends[numbers])
+        length = length * stretches(bend)
+        return Edges(np.where(back, second, first), np.where(back, first, second), cells, normal, tangent, length, bend)
 
     def _enclosed(self, line: IntArray) -> float:
         """Area that a closed line of boundary edges encloses, negative around a hole [length²]."""
@@ -392,9 +394,36 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             for its triangle.
 
         """
-        pairs = self.topology.ends[self.numbers(one_of("name", name, self.edge_sets, "name an edge set or joint"))]
-        arc = checked_arc("", centre, radius, pairs, self.vertices)
+        arc = Arc(centre, radius, self.pairs(name)).checked("", self.vertices, self.topology)
         return replace(self, arcs=(*self.arcs, arc))
+
+    def with_curve(self, name: str, curve: CurveFunction, start: float = 0.0, stop: float = 1.0) -> TriangleMesh:
+        """The same mesh with the edges called `name` on a smooth curve, on which their vertices lie; see `with_arc`.
+
+        The curve is taken edge by edge to all digits and not asked for again: finer meshes, archives and problem files
+        keep the edges' own polynomials. It may have corners in vertices, not between them.
+
+        Parameters
+        ----------
+        name : str
+            A part of the boundary, or a joint.
+        curve : function of an array (n,)
+            Points (n, 2) of the curve at n parameters [length].
+        start, stop : float, optional
+            First and last parameter. Where both have the same point, the curve is closed.
+
+        Raises
+        ------
+        InputError
+            If there are no such edges, a vertex is off the curve, the curve is not smooth along an edge, or an edge
+            turns by more than 90° or bends too far for its triangle.
+
+        """
+        return replace(self, arcs=(*self.arcs, fitted("curve", curve, start, stop, self.pairs(name), self.vertices)))
+
+    def pairs(self, name: str) -> IntArray:
+        """Vertices (k, 2) of the edges called `name`, in ascending order."""
+        return self.topology.ends[self.numbers(one_of("name", name, self.edge_sets, "name an edge set or joint"))]
 
     def with_region(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a named region.
@@ -539,7 +568,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             isinstance(other, TriangleMesh)
             and np.array_equal(self.vertices, other.vertices)
             and np.array_equal(self.cells, other.cells)
-            and np.array_equal(self.turns, other.turns)
+            and np.array_equal(self.bends, other.bends)
         )
 
     def parents(self, coarse: TriangleMesh) -> IntArray:

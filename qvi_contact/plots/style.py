@@ -16,7 +16,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import arc_offsets
+from qvi_contact.mesh.arcs import arc_offsets, reversed_bends
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.solution.contact_line import ContactState
@@ -122,10 +122,8 @@ def cell_outlines(mesh: Mesh) -> FloatArray:
     if not mesh.sides.any():
         return np.asarray(corners)
     t = np.arange(CHORDS) / CHORDS
-    turns = mesh.sides[:, [2, 0, 1]] * np.array([1.0, 1.0, -1.0])  # from corner 0 to 1, to 2, back to 0
-    sides = [
-        corners[:, [k]] + arc_offsets(corners[:, k + 1] - corners[:, k], turns[:, k], t) for k in range(turns.shape[1])
-    ]
+    bends = [mesh.sides[:, 2], mesh.sides[:, 0], reversed_bends(mesh.sides[:, 1])]  # from corner 0 to 1, 2, 0
+    sides = [corners[:, [k]] + arc_offsets(corners[:, k + 1] - corners[:, k], bend, t) for k, bend in enumerate(bends)]
     return np.concatenate([*sides, corners[:, :1]], axis=1)
 
 

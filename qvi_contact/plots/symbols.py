@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.mesh.arcs import arc_offsets
+from qvi_contact.mesh.arcs import angles, arc_offsets
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.topology import chains
@@ -51,7 +51,7 @@ class Run:
     normals : (n, 2) array
         Outward unit normals of the edges.
     turns : (n,) array
-        Angles by which the edges turn [rad]; 0 where they are straight.
+        Angles by which the edges turn [rad]; 0 where they are straight. They are drawn as arcs of circles.
 
     """
 
@@ -99,7 +99,8 @@ class Run:
         before, after = (np.clip(np.searchsorted(self._along, s, side) - 1, 0, last) for side in ("left", "right"))
         tangents = self._steps / self._lengths[:, None]
         shares = (s - self._along[after]) / self._lengths[after]
-        points = self.line[after] + arc_offsets(self._steps[after], self.turns[after], shares[:, None])[:, 0]
+        bends = np.column_stack([np.zeros(len(s)), self.turns[after] / 2.0])
+        points = self.line[after] + arc_offsets(self._steps[after], bends, shares[:, None])[:, 0]
         between = (values[before] + values[after] for values in (self.normals, tangents))
         return Places(points, *(vectors / np.hypot(*vectors.T)[:, None] for vectors in between))
 
@@ -128,7 +129,7 @@ def _runs_of(mesh: Mesh, edges: Edges) -> Iterator[Run]:
         if piece.curved:
             yield _divided(mesh, piece)
         else:
-            yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal, piece.turn)
+            yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal, np.zeros(len(piece)))
 
 
 def _at_ends(edges: Edges) -> tuple[FloatArray, FloatArray]:
@@ -142,7 +143,7 @@ def _divided(mesh: Mesh, edges: Edges) -> Run:
     points = np.stack(mesh.points_along(edges, t), axis=-1)
     line = np.concatenate([points[:, :-1].reshape(-1, 2), points[-1, -1:]])
     normals = frames_along(edges, (t[1:] + t[:-1]) / 2.0)[0]
-    return Run(line, normals.reshape(-1, 2), np.repeat(edges.turn / CHORDS, CHORDS))
+    return Run(line, normals.reshape(-1, 2), np.diff(angles(edges.bend, t), axis=1).ravel())
 
 
 def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float, colour: str = "black") -> None:

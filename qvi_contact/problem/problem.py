@@ -364,7 +364,7 @@ def _ruled(problem: ContactProblem) -> tuple[IntArray, IntArray]:
     """Owners (2, edges), and the frame (edges,) in which the edges are ruled."""
     boundary = problem.mesh.boundary
     owner = np.full((2, len(boundary)), -1)
-    parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & (boundary.turn == 0.0)  # to an axis: both frames are one
+    parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & ~boundary.bent  # to an axis: both frames are one
     frame = np.where(parallel, _CARTESIAN_FRAME, _NO_FRAME)
     for number, condition in enumerate(problem.conditions):
         if condition in problem.joints:

@@ -21,7 +21,7 @@ def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
     coefficients = discretization.energy.coefficients(u)
     for edges in (mesh.boundary, mesh.interior):
         if edges.curved:
-            arcs = edges.take(edges.turn != 0.0)
+            arcs = edges.take(edges.bent)
             for cells in arcs.cells.T:
                 if (cells >= 0).all():
                     largest = max(largest, _difference(discretization, coefficients, u, arcs, cells))

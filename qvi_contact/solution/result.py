@@ -292,7 +292,7 @@ class ContactResult(Stated):
         for rows in self.discretization.contacts:
             line, edges = self.contacts[rows.name], rows.points.edges
             touching = (line.state != ContactState.OPEN).reshape(len(edges), -1)
-            held = edges.take(touching.any(axis=1) & (edges.turn != 0.0))
+            held = edges.take(touching.any(axis=1) & edges.bent)
             count = len(held) * (2 if np.isin(edge_ends(held), mirrored).any() else 1)
             if touching.all() or not 0 < count < _EDGES_IN_CONTACT:
                 continue

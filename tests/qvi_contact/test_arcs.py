@@ -1,5 +1,7 @@
 """Edges that are arcs of circles: geometry, orders on Lamé's ring, resultants."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -252,7 +254,12 @@ def test_pictures_draw_arcs():
 
 
 def test_arcs_that_a_notebook_draws():
-    assert quarter(1, 2)._repr_html_().count("A140 140 0 0 1") >= 2
+    """The picture is 280 points high and wide: places on the outer circle are so far from its centre."""
+    path = re.findall(r'd="([^"]*)" stroke="#444"', quarter(1, 2)._repr_html_())[0]
+    places = np.array([[float(x) for x in place.split()] for place in re.split("[ML]", path)[1:]])
+    radii = np.hypot(*(places - [8.0, 288.0]).T)
+    assert (np.abs(radii - 280.0) < 0.1).sum() == 2 * 9 + 2
+    assert (np.abs(radii - 140.0) < 0.1).sum() == 2 * 9 + 2
 
 
 def test_finer_meshes_see_their_arcs():

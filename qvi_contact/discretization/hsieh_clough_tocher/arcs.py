@@ -20,18 +20,18 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.element import legendre
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.arcs import arc_offsets, stretches, turned
+from qvi_contact.mesh.arcs import angles, arc_offsets, stretches, turned
 
-_MORE: Final = 10  # Gauss points beside the degree, for frames that turn by 90° at most
+_MORE: Final = 8  # Gauss points beside the degree and the coefficients of bends
 
 
-def resultant_shapes(turn: FloatArray, t: FloatArray) -> FloatArray:
+def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
     """What Φ_ττ and Φ_τμ at t contribute to the force, along chord and its normal, and to the moment.
 
     Parameters
     ----------
-    turn : (n,) array
-        Angles by which the arcs turn.
+    bend : (n, k) array
+        How the arcs bend, see `mesh.arcs`.
     t : (n, q) array
         Shares of their lengths.
 
@@ -41,23 +41,23 @@ def resultant_shapes(turn: FloatArray, t: FloatArray) -> FloatArray:
         Integrands, of chords of length 1.
 
     """
-    unit = np.tile([1.0, 0.0], (len(turn), 1))
-    angle = (t - 0.5) * turn[:, None]
+    unit = np.tile([1.0, 0.0], (len(bend), 1))
+    angle = angles(bend, t)
     tangent = turned(np.broadcast_to([1.0, 0.0], (*t.shape, 2)), angle)
     normal = turned(np.broadcast_to([0.0, 1.0], (*t.shape, 2)), angle)
-    arm = np.array([0.5, 0.0]) - arc_offsets(unit, turn, t)
+    arm = np.array([0.5, 0.0]) - arc_offsets(unit, bend, t)
     frame = np.stack([tangent, normal], axis=-1)  # (n, q, component, of Φ_ττ or Φ_τμ)
     moment = (arm[..., None] * frame).sum(axis=2, keepdims=True)
-    return np.asarray(stretches(turn)[:, None, None, None] * np.concatenate([frame, moment], axis=2))
+    return np.asarray(stretches(bend)[:, None, None, None] * np.concatenate([frame, moment], axis=2))
 
 
-def from_corners(turn: FloatArray, degree: int) -> FloatArray:
+def from_corners(bend: FloatArray, degree: int) -> FloatArray:
     """All coefficients of Legendre (N_0 … N_d, Q_0 … Q_d) of arcs on chords of length 1.
 
     Parameters
     ----------
-    turn : (n,) array
-        Angles by which the arcs turn.
+    bend : (n, k) array
+        How the arcs bend, see `mesh.arcs`.
     degree : int
         d.
 
@@ -67,13 +67,13 @@ def from_corners(turn: FloatArray, degree: int) -> FloatArray:
         From the force along the chord and its normal, the moment, N_2 … N_d, Q_1 … Q_d.
 
     """
-    t, w = gauss_legendre(degree + _MORE)
+    t, w = gauss_legendre(degree + _MORE + bend.shape[1])
     values = legendre.basis(degree, t) * w[:, None]
-    shapes = resultant_shapes(turn, np.tile(t, (len(turn), 1)))
-    sums = np.einsum("nqrf,qk->nrfk", shapes, values).reshape(len(turn), 3, -1)
+    shapes = resultant_shapes(bend, np.tile(t, (len(bend), 1)))
+    sums = np.einsum("nqrf,qk->nrfk", shapes, values).reshape(len(bend), 3, -1)
     solved, given = _solved(degree), _given(degree)
-    found = np.zeros((len(turn), 2 * degree + 2, 2 * degree + 2))
-    right = np.concatenate([np.tile(np.eye(3), (len(turn), 1, 1)), -sums[:, :, given]], axis=2)
+    found = np.zeros((len(bend), 2 * degree + 2, 2 * degree + 2))
+    right = np.concatenate([np.tile(np.eye(3), (len(bend), 1, 1)), -sums[:, :, given]], axis=2)
     found[:, solved] = np.linalg.solve(sums[:, :, solved], right)
     found[:, given, 3 + np.arange(len(given))] = 1.0
     return found

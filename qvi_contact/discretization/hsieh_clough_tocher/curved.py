@@ -23,13 +23,13 @@ from qvi_contact.element.affine import EDGES, AffineTriangles
 from qvi_contact.element.compliance import compliance_roots
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher
-from qvi_contact.mesh.arcs import turned
+from qvi_contact.mesh.arcs import angles, turned
 from qvi_contact.mesh.curved import arc_points, area_factors, barycentric_of
 
 Rule: TypeAlias = tuple[FloatArray, FloatArray]
 """Points (q, 3) and weights (q,) of sum 1 on the reference triangle."""
 
-_MORE: Final = 8  # Gauss points along arcs beside the degree
+_MORE: Final = 6  # Gauss points along arcs beside the degree and the coefficients of bends
 _BLOCK: Final = 2**22  # entries of tables at a time
 
 
@@ -45,15 +45,15 @@ class CurvedTriangles:
         Which cells of the mesh they are.
     triangles : AffineTriangles
         The straight triangles, dimensionless.
-    turns : (c, 3) array
-        Angles by which their sides turn.
+    bends : (c, 3, k) array
+        How their sides bend, see `mesh.arcs`.
 
     """
 
     element: HsiehCloughTocher
     numbers: IntArray
     triangles: AffineTriangles
-    turns: FloatArray
+    bends: FloatArray
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -69,7 +69,7 @@ class CurvedTriangles:
         H = self.element.transformations(self.triangles)
         inner = np.zeros((len(self), shared, interior))
         for s in range(3):
-            bent = np.flatnonzero(self.turns[:, s])
+            bent = np.flatnonzero(self.bends[:, s].any(axis=1))
             place = 9 + s * self.element.on_edge + np.arange(self.element.on_edge)
             A, squares = self._tractions(s, bent)
             G[bent[:, None], place] = A[:, :, :shared] * squares
@@ -83,14 +83,14 @@ class CurvedTriangles:
     def _tractions(self, s: int, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
         """N_2 …, Q_1 … on the arcs at side s of the reference functions (k, on_edge, dimension), and squared chords."""
         degree = self.element.traction_degree
-        t, _ = gauss_legendre(degree + _MORE)
+        t, _ = gauss_legendre(degree + _MORE + self.bends.shape[2])
         a, b = EDGES[s]
-        corners, turns = self.triangles.corners[chosen], self.turns[chosen]
+        corners, bends = self.triangles.corners[chosen], self.bends[chosen]
         chords = corners[:, b] - corners[:, a]
         lengths = np.hypot(*chords.T)
-        tangent = turned((chords / lengths[:, None])[:, None], (t - 0.5) * turns[:, [s]])
+        tangent = turned((chords / lengths[:, None])[:, None], angles(bends[:, s], t))
         normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
-        at = barycentric_of(corners, turns, arc_points(s, t))
+        at = barycentric_of(corners, bends, arc_points(s, t))
         hessians = self.triangles.hessian_maps[chosen][:, None] @ self.element.reference_functions(at, 2)
         normal_part, shear_part = (
             np.einsum("kqc,kqcd->kqd", _weights(tangent, other), hessians) for other in (tangent, normal)
@@ -131,7 +131,7 @@ class CurvedTriangles:
 
     def areas(self, points: FloatArray) -> FloatArray:
         """Areas (c, q), dimensionless, that weights of sum 1 at reference points (q, 3) are shares of."""
-        factors = area_factors(self.triangles.corners, self.turns, points)
+        factors = area_factors(self.triangles.corners, self.bends, points)
         return np.asarray(self.triangles.areas[:, None] * factors)
 
     def blocks(self, points: int) -> list[slice]:
@@ -141,7 +141,7 @@ class CurvedTriangles:
 
     def _hessians(self, block: slice, points: FloatArray) -> FloatArray:
         """Of the reference functions, on the reference triangle, at reference points (q, 3); (k, q, 3, dimension)."""
-        at = barycentric_of(self.triangles.corners[block], self.turns[block], points)
+        at = barycentric_of(self.triangles.corners[block], self.bends[block], points)
         return self.element.reference_functions(at, 2)
 
 

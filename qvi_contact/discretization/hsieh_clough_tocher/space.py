@@ -140,7 +140,7 @@ class TriangleSpace:
         for k in range(2, self.degree - 1):
             values[:, k, self._place("N", k)] = sign**k
         if edges.curved:
-            values[edges.turn != 0.0] = self._on_arcs(edges.take(edges.turn != 0.0))[:, : self.degree - 1]
+            values[edges.bent] = self._on_arcs(edges.take(edges.bent))[:, : self.degree - 1]
         return self._scaled(edges, found)
 
     def shear(self, edges: Edges) -> EdgeFunctionals:
@@ -152,7 +152,7 @@ class TriangleSpace:
         for k in range(1, self.degree - 1):
             found.values[:, k, self._place("Q", k)] = factor * sign**k
         if edges.curved:
-            bent = edges.turn != 0.0
+            bent = edges.bent
             on_arcs = self._on_arcs(edges.take(bent))[:, self.degree - 1 :]
             found.values[bent] = factor[bent, None, None] * on_arcs
         return self._scaled(edges, found)
@@ -169,7 +169,7 @@ class TriangleSpace:
         known[:, 0] = (edges.tangent[:, :, None] * force).sum(axis=1) / h
         known[:, 1] = (m[:, :, None] * force).sum(axis=1) / h
         known[:, 2] /= h**2
-        return np.asarray(from_corners(edges.turn, self.degree - 2) @ known)
+        return np.asarray(from_corners(edges.bend, self.degree - 2) @ known)
 
     def _resultants(self, edges: Edges) -> EdgeFunctionals:
         """`resultants` on values of Φ, its slopes and N_k, Q_k as such."""

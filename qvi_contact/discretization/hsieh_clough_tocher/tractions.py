@@ -174,7 +174,7 @@ def _on(given: Sequence[PrescribedTraction], *, arcs: bool) -> list[PrescribedTr
     """What is prescribed on edges that are arcs, or on those that are not."""
     if not any(part.edges.curved for part in given):
         return [] if arcs else list(given)
-    found = [part.take((part.edges.turn != 0.0) == arcs) for part in given]
+    found = [part.take((part.edges.bent) == arcs) for part in given]
     return [part for part in found if len(part.edges)]
 
 
@@ -213,7 +213,7 @@ def _of_vectors_on_arcs(space: TriangleSpace, one: PrescribedTraction, other: Pr
         dual /= (dual * own).sum(axis=-1, keepdims=True)
         normal, tangent = frames_along(chosen, found.t)
         N, Q = (dual * normal).sum(axis=-1), factor[found.edge, None] * (dual * tangent).sum(axis=-1)
-        shapes = resultant_shapes(chosen.turn, found.t)
+        shapes = resultant_shapes(chosen.bend, found.t)
         resultants = N[..., None] * shapes[..., 0] + Q[..., None] * shapes[..., 1]
         scaled = legendre.basis(degree, found.t) * (2.0 * np.arange(degree + 1) + 1.0)
         parts = [resultants, N[..., None] * scaled[..., 2:], Q[..., None] * scaled[..., 1:]]

@@ -1,0 +1,270 @@
+"""Edges on smooth curves: geometry, orders on a plate with an elliptic hole, archives, refinement, bad curves."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    InputError,
+    Material,
+    Traction,
+    TriangleMesh,
+    load_result,
+    solve,
+)
+from qvi_contact.export import write_npz
+from qvi_contact.files.problem_file import problem_from_toml
+from qvi_contact.files.problem_writer import problem_to_toml
+from qvi_contact.gallery.meshes import fan
+from qvi_contact.mechanism import find_mechanism
+from qvi_contact.mechanism.program import Rigid
+from qvi_contact.mesh.curves import Curve
+from qvi_contact.mesh.edges import frames_along
+from qvi_contact.plots.style import cell_outlines
+from qvi_contact.solution.stress import cell_weights
+from tests.qvi_contact.ellipses import FAR, NU, M, ellipse, energy, plate, stress, stretched, zeta_of
+from tests.qvi_contact.rings import INNER, OUTER, quarter
+
+
+def errors(result):
+    """Relative errors of the stress in the mean square, and of the energy."""
+    known = result.discretization
+    places, found = result._gauss()
+    x, y = np.moveaxis(places * known.scales.length + result.problem.mesh.origin, -1, 0)
+    exact, weights = stress(x, y), cell_weights(known)[..., None] * [1.0, 1.0, 2.0]
+    wrong = found * known.scales.stress - exact
+    return np.sqrt((weights * wrong**2).sum() / (weights * exact**2).sum()), result.energies.strain / energy() - 1.0
+
+
+@pytest.mark.parametrize("degree", [4, 6])
+def test_orders_on_an_ellipse_are_those_of_straight_bodies(degree):
+    (coarse, less), (fine, least) = (errors(solve(stretched(plate(k, 3 * k)), degree=degree)) for k in (2, 4))
+    assert np.log2(coarse / fine) > degree - 1.5
+    assert np.log2(abs(less / least)) > 2.0 * (degree - 1.5)
+
+
+def test_energy_of_a_plate_to_twelve_digits():
+    result = solve(stretched(plate(2, 5)), degree=12)
+    assert result.status.value == "solved"
+    assert len(result.solution.z) < 500
+    assert abs(errors(result)[1]) < 1e-12
+
+
+def test_a_circle_is_the_same_as_a_curve():
+    """Bends of a circle from its points are those from centre and radius, whatever the parameter."""
+    arcs, bare = quarter(1, 3), quarter(1, 3, arcs=False)
+    for name, radius in (("inner", INNER), ("outer", OUTER)):
+
+        def circle(t, radius=radius):
+            return radius * np.column_stack([np.cos(t + t**2), np.sin(t + t**2)])
+
+        bare = bare.with_curve(name, circle, 1.0, -0.3)
+    np.testing.assert_allclose(bare.bends[:, :2], arcs.bends, atol=1e-12)
+    np.testing.assert_allclose(bare.bends[:, 2:], 0.0, atol=1e-12)
+
+
+def round_(t):
+    return np.column_stack([np.cos(t), np.sin(t)])
+
+
+def oval(t):
+    return np.column_stack([2.0 * np.cos(t), np.sin(t)])
+
+
+def disc():
+    """An ellipse of twelve edges."""
+    return fan([oval(np.linspace(0.0, 2.0 * np.pi, 13)[:-1])], closed=True, centre=(0.0, 0.0))
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0, -0.7])
+def test_closed_curves_may_begin_anywhere(start):
+    """Twelve edges all around an ellipse, whose parameter passes its ends inside an edge or in a vertex."""
+    mesh = disc().with_curve("outer", oval, start, start + 2.0 * np.pi)
+    edges = mesh.edges("outer")
+    assert edges.length.sum() == pytest.approx(9.688448220547675, rel=1e-13)  # 8 E(3/4)
+    x, y = mesh.points_along(edges, np.linspace(0.0, 1.0, 7))
+    np.testing.assert_allclose((x / 2.0) ** 2 + y**2, 1.0, atol=1e-12)
+
+
+def test_finer_meshes_stay_on_the_curve():
+    mesh = plate(1, 4).refined().graded([(1.25, 0.0)], 6)
+    for name, radius in (("hole", 1.0), ("outer", FAR)):
+        edges = mesh.edges(name)
+        points = mesh.points_along(edges, np.array([0.0, 0.3, 0.5, 0.9, 1.0]))
+        np.testing.assert_allclose(np.abs(zeta_of(*points)), radius, atol=2e-12)
+    assert mesh.edges("hole").length.min() < 5e-3
+
+
+def test_frames_are_those_of_the_curve():
+    """Normals of a confocal ellipse point along ζ dz/dζ, on both sides of edges taken either way."""
+    mesh = plate(1, 4)
+    for name, sign in (("hole", -1.0), ("outer", 1.0)):
+        edges, t = mesh.edges(name), np.linspace(0.0, 1.0, 5)
+        zeta = zeta_of(*mesh.points_along(edges, t))
+        normal = sign * zeta * (1.0 - M / zeta**2)
+        normal /= np.abs(normal)
+        found, tangent = frames_along(edges, t)
+        np.testing.assert_allclose(found, np.stack([normal.real, normal.imag], axis=-1), atol=1e-11)
+        np.testing.assert_allclose((found * tangent).sum(axis=-1), 0.0, atol=1e-15)
+
+
+def test_problem_files_and_archives_keep_curves(tmp_path):
+    mesh = plate(1, 4)
+    given = [Traction("hole", normal=-1.0, tangential=0.0), Displacement("outer", x=0.0, y=0.0)]
+    problem = ContactProblem(mesh, Material(1.0, NU), [*given, *stretched(mesh).conditions[2:]])
+    again = problem_from_toml(problem_to_toml(problem)).problem
+    assert again.mesh.same_as(problem.mesh)
+    result = solve(problem, degree=4)
+    write_npz(tmp_path / "plate.npz", result)
+    stored = load_result(tmp_path / "plate.npz")
+    np.testing.assert_array_equal(stored.dofs, result.dofs)
+    assert stored.problem.mesh.same_as(problem.mesh)
+
+
+def test_ellipses_of_a_problem_file():
+    mesh = plate(1, 4, curved=False)
+    given = [Traction("hole", normal=-1.0, tangential=0.0), Displacement("outer", x=0.0, y=0.0)]
+    problem = ContactProblem(mesh, Material(1.0, NU), [*given, *stretched(mesh).conditions[2:]])
+    text = problem_to_toml(problem)
+
+    def with_arc(entry):
+        return problem_from_toml(text.replace("[mesh]\n", f"[mesh]\narcs = [{entry}]\n")).problem.mesh
+
+    found = with_arc('{ name = "hole", centre = [0.0, 0.0], axes = [0.75, 1.25], angle = 1.5707963267948966 }')
+    kept = mesh.with_curve("hole", ellipse(1.0), 0.0, np.pi / 2.0).bends
+    np.testing.assert_allclose(found.bends[:, : kept.shape[1]], kept[:, : found.bends.shape[1]], atol=1e-11)
+    pairs = mesh.edge_sets["hole"].tolist()
+    for entry, field in (
+        ('{ name = "hole", centre = [0.0, 0.0], axes = [0.75, 1.2], angle = 1.5707963267948966 }', "axes"),
+        ('{ name = "hole", centre = [0.0, 0.0], axes = [0.75, -1.25] }', "axes"),
+        ('{ name = "hole", axes = [0.75, 1.25] }', "centre"),
+        ('{ name = "hole", centre = [0.0, 0.0] }', "radius"),
+        ('{ name = "hole", centre = [0.0, 0.0], radius = 1.0, angle = 0.2 }', "angle"),
+        (f"{{ edges = {pairs}, bends = [[0.0, 0.1]] }}", "bends"),
+        (f"{{ edges = {pairs}, bends = {[[0.0, 0.1, 0.2]] * 4} }}", "bends"),
+        (f"{{ edges = {pairs}, bends = {[[0.0, 0.1], [0.1], [0.1], [0.1]]} }}", "bends"),
+    ):
+        with pytest.raises(InputError) as caught:
+            with_arc(entry)
+        assert caught.value.field == f"mesh.arcs[0].{field}"
+
+
+@pytest.mark.parametrize(
+    ("curve", "ends"),
+    [
+        (lambda t: np.column_stack([t, t, t]), (0.0, 1.0)),
+        (lambda t: np.column_stack([np.sqrt(t), t])[:5], (0.0, 1.0)),
+        (
+            lambda t: np.column_stack([np.log(t - 0.5), t]) if t.min() > 0.5 else np.full((len(t), 2), np.nan),
+            (0.0, 1.0),
+        ),
+        (lambda t: np.column_stack([np.cos(t), np.sin(t)]), (0.0, np.pi / 2.0)),
+        (lambda t: np.ones((len(t), 2)), (0.0, 1.0)),
+        (lambda t: t.missing, (0.0, 1.0)),
+        (None, (0.0, 1.0)),
+        (ellipse(1.0), (0.0, 1.0)),
+        (ellipse(1.0), (0.0, np.nan)),
+        (ellipse(1.0), (1.0, 1.0)),
+    ],
+)
+def test_curves_that_cannot_be(curve, ends):
+    with pytest.raises(InputError):
+        plate(1, 4, curved=False).with_curve("hole", curve, *ends)
+
+
+def test_curves_that_turn_too_far_or_fold():
+    mesh = plate(1, 4, curved=False)
+
+    def folded(t):
+        """Forth, back and forth again between vertices."""
+        return ellipse(1.0)(t + 0.6 * np.sin(8.0 * t))
+
+    with pytest.raises(InputError, match="not smooth there, turns back"):
+        mesh.with_curve("hole", folded, 0.0, np.pi / 2.0)
+
+    triangle = TriangleMesh([(-0.6, -0.8), (0.6, -0.8), (0.0, 1.0)], [(0, 1, 2)], {"rim": [(0, 1)]})
+    assert triangle.with_curve("rim", round_, 0.0, 2.0 * np.pi).curved.all()
+    wide = TriangleMesh([(-0.8, -0.6), (0.8, -0.6), (0.0, 1.0)], [(0, 1, 2)], {"rim": [(0, 1)]})
+    with pytest.raises(InputError, match="90°"):
+        wide.with_curve("rim", round_, 0.0, 2.0 * np.pi)
+
+
+def test_edges_by_bends():
+    """Rows may come in any order and direction; a row too many or an edge given twice is refused."""
+    mesh = plate(1, 4)
+    known = mesh.arcs[0]
+    order = [2, 0, 3, 1]
+    flipped = Curve(
+        known.edges[order][:, ::-1], known.coefficients[order] * (-1.0) ** np.arange(known.coefficients.shape[1])
+    )
+    again = flipped.checked("", mesh.vertices, mesh.topology)
+    np.testing.assert_array_equal(again.edges, known.edges)
+    np.testing.assert_array_equal(again.coefficients, known.coefficients)
+    for wrong in (
+        Curve(known.edges, known.coefficients[1:]),
+        Curve(known.edges[[0, 0]], known.coefficients[:2]),
+        Curve(known.edges, known.coefficients + 0.1),
+        Curve(known.edges, np.full((4, 2), np.nan)),
+    ):
+        with pytest.raises(InputError):
+            wrong.checked("", mesh.vertices, mesh.topology)
+
+
+def test_pictures_follow_curves():
+    pytest.importorskip("matplotlib")
+    radii = np.abs(zeta_of(*np.moveaxis(cell_outlines(plate(1, 4)), -1, 0)))
+    assert radii.min() == pytest.approx(1.0, rel=1e-11)
+    assert (np.abs(radii - FAR) < 1e-11).sum() >= 4 * 8
+
+
+def test_what_an_elliptic_bed_holds():
+    """A disc in a bed of its own shape, which it may slip along but not leave, cannot turn unless it is round."""
+    mesh = disc().with_curve("outer", oval, 0.0, 2.0 * np.pi)
+    held = ContactProblem(mesh, Material(1.0, NU), [Contact("outer", 0.0, law="bilateral")])
+    assert Rigid(held).free.shape == (3, 0)
+
+
+@pytest.mark.parametrize("share", [0.9999, 1.0001])
+def test_what_an_elliptic_cradle_holds(share):
+    """A piece of an elliptic ring pressed into a smooth cradle: reactions along 20 001 normals say how obliquely."""
+    t = -np.pi / 2.0 + np.linspace(-1.0, 1.0, 20_001)
+    (x, y), normal = oval(t).T, np.column_stack([np.cos(t) / 2.0, np.sin(t)])
+    mesh = fan([0.4 * oval(t[::5000]), oval(t[::5000])], closed=False).with_curve("outer", oval, -np.pi, 0.0)
+    edges = mesh.edges("inner")
+    middles = np.stack(mesh.points_along(edges, np.array([0.5])), axis=-1)[:, 0]
+    height, length = np.average(middles[:, 1], weights=edges.length), edges.length.sum()
+    reactions = np.vstack([-normal.T, y * normal[:, 0] - x * normal[:, 1]])
+    balance = np.column_stack([reactions, [1.0, 0.0, -height]])
+    oblique = linprog(np.append(0.0 * t, -1.0), A_eq=balance, b_eq=[0.0, 1.0, 0.0]).x[-1]
+    free = [Traction(end, normal=0.0, tangential=0.0) for end in ("start", "end")]
+    push = Traction("inner", x=share * oblique / length, y=-1.0 / length)
+    problem = ContactProblem(mesh, Material(1.0, NU), [Contact("outer", 0.0), push, *free])
+    assert (find_mechanism(problem) is None) == (share < 1.0)
+
+
+def test_bracket_on_an_ellipse():
+    """Both models end at the curve: their energies enclose the exact one, at twice the order."""
+    gaps = []
+    for k in (1, 2):
+        bracket = solve(stretched(plate(k, 4 * k)), degree=5).bracket
+        assert bracket.lower < -energy() < bracket.upper
+        gaps.append(bracket.gap / energy())
+    assert gaps[1] < 1e-4
+    assert np.log2(gaps[0] / gaps[1]) > 4.0
+
+
+@pytest.mark.parametrize("rows", ["bernstein", "gauss"])
+def test_contact_on_an_ellipse(rows):
+    """A smooth plug too large for the hole by a constant distance along normals: pressures do the work of its gap."""
+    mesh = plate(2, 6)
+    free = [Traction("outer", normal=0.0, tangential=0.0), *stretched(mesh).conditions[2:]]
+    problem = ContactProblem(mesh, Material(1.0, NU), [Contact("hole", 0.0, gap=-0.1), *free])
+    result = solve(problem, degree=6, contact_rows=rows)
+    assert result.status.value == "solved"
+    line = result.contacts["hole"]
+    assert result.energies.strain == pytest.approx(0.1 * line.normal_force / 2.0, rel=1e-9)
+    np.testing.assert_allclose(np.abs(zeta_of(line.x, line.y)), 1.0, atol=1e-11)
+    assert result.bracket.gap < 1e-4 * result.energies.strain
