@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket.bodies import bodies_of
 from qvi_contact.bracket.friction_data import held_directions, spans, weight
 from qvi_contact.companion.supports import PARALLEL
 from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
@@ -18,7 +19,13 @@ from qvi_contact.problem.problem import ContactProblem
 
 
 def no_friction_operator(problem: ContactProblem, senses: Mapping[str, int]) -> str:
-    """Why there is no friction operator, one sentence; empty if nothing speaks against it."""
+    """Why there is no friction operator, one sentence; empty if nothing speaks against it on any of the bodies."""
+    reasons = (_missing_on(body.problem, body.senses(senses)) for body in bodies_of(problem))
+    return next(filter(None, reasons), "")
+
+
+def _missing_on(problem: ContactProblem, senses: Mapping[str, int]) -> str:
+    """The same of one body."""
     boundary, vertices = problem.mesh.boundary, problem.mesh.vertices
     ends = np.concatenate([boundary.first, boundary.second])
     edge = np.tile(np.arange(len(boundary)), 2)

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from qvi_contact.bracket import slip_constants
+from qvi_contact.bracket.bodies import bodies_of
 from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio, weight
 from qvi_contact.bracket.star_norm import star_norm
 from qvi_contact.companion.at_rest import MOST, SINGULAR, BodyAtRest
@@ -46,14 +47,16 @@ class FrictionNorm:
 
 
 def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm:
-    """The least proved norm where there is one below 2, else that of finite elements; nothing is proved with arcs."""
-    ways = {} if problem.mesh.sides.any() else {"rectangle": rectangle_norm, "star-shaped body": star_norm}
-    known = {kind: norm(problem, senses) for kind, norm in ways.items()}
-    proved = {value: kind for kind, value in known.items() if value is not None and value < slip_constants.LARGEST}
-    if proved:
-        least = min(proved)
-        reason = f"The norm of the friction operator is at most {least:.4g} on this {proved[least]}."
-        return FrictionNorm(least, True, reason)
+    """The least proved norm where there is one below 2, else that of finite elements; nothing is proved with arcs.
+
+    Of several bodies it is the largest of the norms that each has alone.
+    """
+    alone = [body for body in bodies_of(problem) if any(map(has_coulomb, body.problem.contacts))]
+    known = [_proved(body.problem, body.senses(senses)) for body in alone]
+    largest, kind = max(known, key=lambda found: found[0], default=(0.0, "body"))
+    if largest < slip_constants.LARGEST:
+        where = f"this {kind}" if len(alone) < 2 else "each of the bodies"
+        return FrictionNorm(largest, True, f"The norm of the friction operator is at most {largest:.4g} on {where}.")
     value = computed_norm(problem, senses)
     found = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
     if value == np.inf:
@@ -65,6 +68,13 @@ def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> Frictio
     elif value >= slip_constants.LARGEST:
         found = f"Friction is too large: the norm of its operator is {value:.3g}, and must be less than 2."
     return FrictionNorm(value, False, found)
+
+
+def _proved(body: ContactProblem, senses: Mapping[str, int]) -> tuple[float, str]:
+    """The least proved norm on one body, infinity where there is none, and the kind of body that it is proved for."""
+    ways = {} if body.mesh.sides.any() else {"rectangle": rectangle_norm, "star-shaped body": star_norm}
+    known = [(value, kind) for kind, norm in ways.items() if (value := norm(body, senses)) is not None]
+    return min(known, default=(np.inf, "body"))
 
 
 def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: int = _DEGREE) -> float:

@@ -7,10 +7,12 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket.bodies import bodies_of
 from qvi_contact.bracket.friction_ends import no_friction_operator
 from qvi_contact.bracket.given import posed_strictly
 from qvi_contact.bracket.law import effective, traction_coefficients
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -45,8 +47,10 @@ def outside_scope(discretization: Discretization) -> str:
     problem = discretization.problem
     if discretization.space.strict_rows != "bernstein":
         return "Bounds under slip need triangles."
-    if problem.joints:
-        return "Bounds under slip are for rigid obstacles: the problem has a contact between two blocks."
+    try:
+        bodies_of(problem)
+    except InputError as error:
+        return f"Bounds under slip need joints between two bodies: {error}."
     reasons = (_not_of_the_kind(problem, contact) for contact in problem.contacts)
     return next(filter(None, reasons), "")
 

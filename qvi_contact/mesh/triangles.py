@@ -442,6 +442,38 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         chosen = _selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
         return replace(self, regions={**self.regions, name: np.asarray(chosen)})
 
+    def part(self, cells: IntArray) -> TriangleMesh:
+        """Some of the triangles as a mesh of their own; names and arcs stay where they have edges or triangles in it.
+
+        What was a joint is a part of the boundary where the triangles of one side only are taken.
+
+        Parameters
+        ----------
+        cells : (k,) int array
+            Numbers of the triangles.
+
+        Raises
+        ------
+        InputError
+            If they are no body of one piece.
+
+        """
+        taken = np.unique(cells)
+        kept = np.unique(self.cells[taken])
+        place = np.full(len(self.vertices), -1)
+        place[kept] = np.arange(len(kept))
+        inside = np.asarray(np.isin(self.topology.cells, taken).any(axis=1))
+
+        def renumbered(pairs: IntArray) -> IntArray:
+            here: BoolArray = inside[self.topology.number(pairs, len(self.vertices))]
+            return np.asarray(place[pairs[here]])
+
+        sets = {name: found for name, pairs in self.edge_sets.items() if len(found := renumbered(pairs))}
+        regions = {name: np.flatnonzero(np.isin(taken, found)) for name, found in self.regions.items()}
+        arcs = [replace(arc, edges=found) for arc in self.arcs if len(found := renumbered(arc.edges))]
+        named = {name: found for name, found in regions.items() if len(found)}
+        return TriangleMesh(self.vertices[kept], place[self.cells[taken]], sets, named, arcs)
+
     def _with(self, name: str, pairs: IntArray) -> TriangleMesh:
         _check_name(name)
         if name in self.edge_sets:

@@ -1,8 +1,8 @@
-"""Bodies whose contacts slip in one sense: a half disc, a sheared layer."""
+"""Bodies whose contacts slip in one sense: a half disc, two of them, a sheared layer."""
 
 import numpy as np
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Region, Traction
 from qvi_contact.mesh.triangles import TriangleMesh
 
 
@@ -18,6 +18,26 @@ def half_disc(friction=0.3, push=(2e-3, -2e-3), held=True):
     crown = Displacement("crown", x=push[0], y=push[1]) if held else Traction("crown", x=1.0, y=-10.0)
     conditions = [Contact("base", friction, name="base"), crown, Traction("flank", x=0.0, y=0.0)]
     return ContactProblem(mesh, Material(1000.0, 0.3, "strain"), conditions)
+
+
+def half_discs(friction=0.3, push=(6e-3, -2e-3), below=1000.0):
+    """Two such half discs on each other, that below held at its foot, of a Young's modulus of its own."""
+    above = half_disc().mesh
+    shared = above.vertices[:, 1] < 1e-9
+    other = np.where(shared, np.arange(len(shared)), len(shared) - 1 + np.cumsum(~shared))
+    vertices = np.vstack([above.vertices, (above.vertices * [1.0, -1.0])[~shared]])
+    mesh = TriangleMesh(vertices, np.vstack([above.cells, other[above.cells]]))
+    mesh = mesh.with_joint("seam", lambda _, y: np.abs(y) < 1e-9).with_region("lower", lambda _, y: y < 0.0)
+    mesh = mesh.with_edges("crown", lambda _, y: y > 0.9).with_edges("foot", lambda _, y: y < -0.9)
+    conditions = [
+        Contact("seam", friction),
+        Displacement("crown", x=push[0], y=push[1]),
+        Displacement("foot", x=0.0, y=0.0),
+        Traction("flank", x=0.0, y=0.0),
+    ]
+    mesh = mesh.with_edges("flank", lambda _, y: np.abs(y) <= 0.9)
+    stiff, soft = Material(1000.0, 0.3, "strain"), Material(below, 0.3, "strain")
+    return ContactProblem(mesh, stiff, conditions, regions=[Region(soft, name="lower")])
 
 
 def sheared_layer(friction=0.2, drag=5e-3):

@@ -1,0 +1,96 @@
+"""The bodies that joints part, each as a problem of its own: to it the others are rigid obstacles.
+
+An operator S of (D26) that takes the displacements of each body to the same body is one of the whole: on a joint, with
+n and t of the joint on both sides, [Sv]_N = (S₁v₁)_N − (S₂v₂)_N = σμ [v]_T. Its norm is the largest of those of the
+bodies.
+
+In `docs/theory.md`: (D26).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from qvi_contact.basics.checks import IntArray
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.problem import ContactProblem
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A body alone.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        Its mesh and the conditions on its edges.
+    beyond : mapping
+        By contact that is a joint seen from the side its normal points to: the joint's name.
+
+    """
+
+    problem: ContactProblem
+    beyond: Mapping[str, str]
+
+    def senses(self, senses: Mapping[str, int]) -> dict[str, int]:
+        """The senses of its contacts from those of the whole: beyond a joint the normal is another, the tangent not."""
+        names = [contact.name for contact in self.problem.contacts]
+        seen = {name: -senses[joint] for name, joint in self.beyond.items() if joint in senses}
+        return {name: senses[name] for name in names if name in senses} | seen
+
+
+def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
+    """Each body alone, a joint that parts it from another one being a contact with an obstacle; tied joints part none.
+
+    Raises
+    ------
+    InputError
+        If a joint that is not tied has the same body on both sides, or a body is no mesh of its own.
+
+    """
+    joints = tuple(joint for joint in problem.joints if joint.law != "tied")
+    if not joints:
+        return (Body(problem, {}),)
+    body = _numbers(problem, joints)
+    for joint in joints:
+        near, far = problem.mesh.edges(joint.edges).cells.T
+        if (body[near] == body[far]).any():
+            raise InputError("Contact.edges", joint.name, "has one body on both sides: let it part two bodies")
+    return tuple(_alone(problem, np.flatnonzero(body == number), joints) for number in range(int(body.max()) + 1))
+
+
+def _numbers(problem: ContactProblem, joints: tuple[Contact, ...]) -> IntArray:
+    """The number of the body each cell belongs to (cells,)."""
+    mesh = problem.mesh
+    whole = np.ones(len(mesh.interior), dtype=bool)
+    for joint in joints:
+        whole[mesh.joint_set(joint.edges)] = False
+    near, far = mesh.interior.take(whole).cells.T
+    graph = sparse.csr_array((np.ones(len(near)), (near, far)), shape=(mesh.cell_count, mesh.cell_count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]) -> Body:
+    """One body with the conditions on its edges; what a tied joint bonds is one body."""
+    assert isinstance(problem.mesh, TriangleMesh)
+    sets, beyond, contacts = dict(problem.mesh.edge_sets), {}, []
+    for joint in joints:
+        edges, other = problem.mesh.edges(joint.edges), f"{joint.name}, beyond"
+        ends = np.column_stack([edges.first, edges.second])
+        del sets[joint.edges]
+        for side, name in enumerate((joint.name, other)):
+            here = np.isin(edges.cells[:, side], cells)
+            if here.any():
+                sets[name] = ends[here]
+                contacts.append(replace(joint, edges=name, name=name))
+        if other in sets:
+            beyond[other] = joint.name
+    mesh = replace(problem.mesh, edge_sets=sets).part(cells)
+    kept = [each for each in problem.conditions if each not in problem.joints and each.edges in mesh.edge_sets]
+    regions = [each for each in problem.regions if each.name in mesh.region_names]
+    return Body(replace(problem, mesh=mesh, conditions=[*kept, *contacts], regions=regions), beyond)

@@ -1,0 +1,174 @@
+"""Bounds under Coulomb slip on joints: each body has a friction operator of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
+from qvi_contact.bracket.bodies import bodies_of
+from qvi_contact.bracket.friction_ends import no_friction_operator
+from qvi_contact.bracket.friction_norm import computed_norm, friction_norm
+from qvi_contact.bracket.parts import CellFields
+from qvi_contact.companion.at_rest import BodyAtRest
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.solution.stress import cell_stresses
+from tests.qvi_contact.bracket.slipping import half_disc, half_discs
+
+
+def area(mesh):
+    (ux, uy), (vx, vy) = (np.diff(mesh.corners, axis=1)[:, k].T for k in (0, 1))
+    return float(np.abs(ux * vy - uy * vx).sum() / 2.0)
+
+
+class TestBodies:
+    """The bodies that joints part."""
+
+    def test_each_has_its_cells_conditions_and_material(self):
+        problem = half_discs(0.3, below=500.0)
+        found = {len(body.beyond): body for body in bodies_of(problem)}
+        assert sum(area(body.problem.mesh) for body in found.values()) == pytest.approx(area(problem.mesh))
+        names = {key: {each.edges for each in body.problem.conditions} for key, body in found.items()}
+        assert names == {0: {"seam", "foot", "flank"}, 1: {"seam, beyond", "crown", "flank"}}
+        young = {key: 1.0 / np.unique(body.problem.compliances[:, 0, 0]) for key, body in found.items()}
+        assert young[1] / young[0] == pytest.approx(2.0)
+
+    def test_beyond_a_joint_the_sense_is_the_other(self):
+        """Sv of each body has the jump σμ [v]_T on the joint, with n and t of the joint on both sides."""
+        problem, friction = half_discs(0.3), 0.3
+        joint = problem.mesh.edges("seam")
+        for body in bodies_of(problem):
+            (contact,) = body.problem.contacts
+            edges = body.problem.mesh.edges(contact.edges)
+            sense = body.senses({"seam": 1})[contact.name]
+            side = float(np.sign(edges.normal[0] @ joint.normal[0]))
+            assert side * sense * friction == friction
+            assert edges.tangent[0] == pytest.approx(joint.tangent[0])
+
+    def test_a_tied_joint_parts_nothing(self):
+        problem = half_discs()
+        bonded = replace(problem.contacts[0], law="tied", friction=0.0)
+        assert len(bodies_of(replace(problem, conditions=[bonded, *problem.conditions[1:]]))) == 1
+
+    def test_what_a_tied_joint_bonds_is_one_body_beside_another_joint(self):
+        mesh = TriangleMesh.rectangle((2, 3), 2.0, 3.0).with_joint("bond", lambda x, y: (y == 2.0) & (x > -1.0))
+        mesh = mesh.with_joint("bed", lambda x, y: (y == 1.0) & (x > -1.0))
+        conditions = [
+            Contact("bond", law="tied", friction=0.0),
+            Contact("bed", 0.1),
+            Displacement("bottom", x=0.0, y=0.0),
+            Displacement("top", x=1e-3, y=-1e-3),
+            *(Traction(side, x=0.0, y=0.0) for side in ("left", "right")),
+        ]
+        found = bodies_of(ContactProblem(mesh, Material(1.0, 0.2), conditions))
+        assert sorted(area(body.problem.mesh) for body in found) == pytest.approx([2.0, 4.0])
+
+
+class TestNorm:
+    """The norm of the friction operator on a joint is no larger than the largest of those of the bodies."""
+
+    @pytest.mark.parametrize("below", [1000.0, 300.0, 2e4])
+    def test_it_is_no_larger_than_that_of_the_bodies(self, below):
+        problem = half_discs(0.1, below=below)
+        alone = [computed_norm(body.problem, body.senses({"seam": 1})) for body in bodies_of(problem)]
+        assert computed_norm(problem, {"seam": 1}) <= max(alone) * (1.0 + 1e-9)
+
+    def test_proved(self):
+        """It is that of one half disc, which does not know the stiffness of the other."""
+        found = friction_norm(half_discs(0.1, below=300.0), {"seam": 1})
+        assert found.proved
+        assert found.value == pytest.approx(friction_norm(half_disc(0.1), {"base": 1}).value, rel=1e-6)
+
+    def test_an_operator_of_each_body_is_one_of_the_whole(self):
+        """Sv = η v_x e_y on both: the jump along n is η times that along t, and its energy obeys the proved norm."""
+        problem = half_discs(0.1, below=300.0)
+        known = BodyAtRest.of(problem, 3)
+        n, v = known.contacts.count, np.random.default_rng(0).standard_normal((known.body.body.space.size, 40))
+        v[~np.isin(np.arange(len(v)), known.body.free)] = 0.0
+        image = np.zeros_like(v)
+        image[1::2] = 0.1 * v[::2]
+        jumps, moved = known.contacts.rows @ v, known.contacts.rows @ image
+        assert moved[:n] == pytest.approx(0.1 * jumps[n:], abs=1e-12)
+        assert np.abs(moved[n:]).max() < 1e-12
+        K = known.body.body.stiffness()
+        energies = [np.einsum("ij,ij->j", part, K @ part) for part in (image, v)]
+        assert np.sqrt(energies[0] / energies[1]).max() < friction_norm(problem, {"seam": 1}).value
+
+
+def finer(problem):
+    """Every triangle bisected."""
+    return replace(problem, mesh=problem.mesh.refined(np.ones(problem.mesh.cell_count, dtype=bool)))
+
+
+def apart(coarse, fine):
+    """|σ − τ| in the energy norm, of stresses of two degrees on one mesh."""
+    fields = CellFields.of(fine.discretization, fine.dofs, 4)
+    stress = cell_stresses(coarse.discretization, coarse.dofs, fields.t)[1] * coarse.discretization.scales.stress
+    both, c = fields.stress - stress, fine.problem.compliances
+    return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, both, c, both)))
+
+
+class TestBounds:
+    """Bounds of stresses and forces on two half discs."""
+
+    @pytest.mark.parametrize(("friction", "kind"), [(0.1, "guaranteed"), (0.3, "estimated")])
+    def test_true_errors_and_forces(self, friction, kind):
+        """Of degree 3 beside degree 5 on the same mesh: the force of the finer one is inside its own bounds too."""
+        problem = finer(half_discs(friction, below=500.0))
+        result, fine = (solve(problem, degree=degree) for degree in (3, 5))
+        found = result.bracket.slip
+        assert found.kind == kind
+        assert found.senses == {"seam": -1}
+        assert 1.0 <= found.error / apart(result, fine) < 4.0
+        for name in ("normal_force", "tangential_force"):
+            both = [each.bracket.slip.forces[f"seam.{name}"] for each in (result, fine)]
+            assert both[0].lower < getattr(fine.contacts["seam"], name) < both[0].upper
+            assert max(each.lower for each in both) < min(each.upper for each in both)
+            assert np.diff(both[1]) < 0.5 * np.diff(both[0])
+
+    def test_another_friction_is_outside(self):
+        force = solve(finer(half_discs(0.1, below=500.0)), degree=4).bracket.slip.forces["seam.tangential_force"]
+        assert not force.lower < 0.15 * 1.02 < force.upper
+        assert force.lower < 0.10190790752 < force.upper
+
+
+def test_a_joint_inside_one_body_keeps_the_indicator():
+    mesh = TriangleMesh.rectangle((2, 2), 2.0, 2.0).with_joint("crack", lambda x, y: (y == 1.0) & (x < 1.0))
+    conditions = [
+        Contact("crack", 0.3),
+        Displacement("bottom", x=0.0, y=0.0),
+        Displacement("top", x=1e-3, y=-1e-3),
+        *(Traction(side, x=0.0, y=0.0) for side in ("left", "right")),
+    ]
+    found = solve(ContactProblem(mesh, Material(1.0, 0.2), conditions), degree=4).bracket
+    assert found.slip is None
+    assert "between two bodies" in found.slip_reason
+
+
+def test_a_joint_whose_end_is_held_on_one_side_has_no_operator():
+    problem = half_discs(0.1)
+    assert not no_friction_operator(problem, {"seam": 1})
+    mesh = TriangleMesh.rectangle((2, 2), 2.0, 2.0).with_joint("bed", lambda x, y: (y == 1.0) & (x > -1.0))
+    mesh = mesh.with_edges("beside", lambda x, y: (x == 0.0) & (y > 1.0)).with_edges(
+        "beneath", lambda x, y: (x == 0.0) & (y < 1.0)
+    )
+    conditions = [
+        Contact("bed", 0.1),
+        Displacement("bottom", x=0.0, y=0.0),
+        Displacement("top", x=1e-3, y=-1e-3),
+        Displacement("beside", y=0.0),
+        Traction("beside", x=0.0),
+        *(Traction(side, x=0.0, y=0.0) for side in ("beneath", "right")),
+    ]
+    assert "straight contacts" in no_friction_operator(ContactProblem(mesh, Material(1.0, 0.2), conditions), {"bed": 1})
+
+
+def test_a_part_of_a_mesh_keeps_names_arcs_and_regions():
+    disc = half_discs().mesh.with_arc("crown", (0.0, 0.0), 1.0).with_arc("foot", (0.0, 0.0), 1.0)
+    lower = disc.part(disc.region("lower"))
+    assert set(lower.edge_names) == {"seam", "foot", "flank"}
+    assert lower.joint_names == ()
+    assert lower.region("lower").tolist() == list(range(12))
+    assert len(lower.edges("flank")) == len(disc.edges("flank")) // 2
+    assert np.abs(lower.edges("foot").turn) == pytest.approx(np.pi / 12.0)
+    assert lower.edges("seam").normal[:, 1] == pytest.approx(1.0)
