@@ -9,6 +9,7 @@ from comparisons.convergence.command import convergence
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
 from comparisons.peers.command import peers
+from comparisons.scaling.command import scaling
 from comparisons.solvers.command import solvers
 from comparisons.verification.command import verify
 from comparisons.wild.command import wild
@@ -39,5 +40,5 @@ def _check_installed() -> None:
         raise InputError("installation", missing, "is missing: python -m pip install 'qvi-contact[comparisons]'")
 
 
-for command in (paper, benchmark, verify, solvers, convergence, peers, wild, export, import_file):
+for command in (paper, benchmark, verify, solvers, convergence, scaling, peers, wild, export, import_file):
     group.add_command(command)

@@ -31,7 +31,7 @@ TEXTS = [*sorted(DOCS.rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.m
 
 GROUPS = {"qvi-contact": qvi_contact, "python -m comparisons": comparisons}
 QUICK = {"qvi-contact": set(qvi_contact.commands), "python -m comparisons": {"export", "import"}}
-ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m sphinx", ". .venv")
+ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m sphinx", ". .venv", "sqlite3")
 
 PACKAGES = (
     "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.plots",

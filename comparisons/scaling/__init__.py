@@ -1,0 +1,1 @@
+"""How the time of a long sweep shrinks with the processes that share it."""
