@@ -71,6 +71,24 @@ def problem_to_toml(
     _check_details(problem, title, description, units, times)
     _check_options("solve_options", solve_options)
     _check_options("refine_options", refine_options)
+    text = _text(problem, title, description, units, {"solve": solve_options, "refine": refine_options}, times)
+    problem_from_toml(text)  # refuses what Python takes and a file does not, such as names of several lines
+    return text
+
+
+def unread_toml(problem: ContactProblem) -> str:
+    """The same without details, and without the look whether a file may say all of it, which takes most of the time."""
+    return _text(problem, "", "", None, {}, ())
+
+
+def _text(
+    problem: ContactProblem,
+    title: str,
+    description: str,
+    units: Units | None,
+    options: Mapping[str, Mapping[str, Any] | None],
+    times: Sequence[float],
+) -> str:
     writer = _Writer()
     document: dict[str, Any] = {"version": VERSION, "title": title, "description": description}
     potential = writer.field("body_potential", problem.body_potential)
@@ -85,12 +103,10 @@ def problem_to_toml(
     for kind, name in TABLES.items():
         chosen = [condition for condition in problem.conditions if isinstance(condition, kind)]
         document[name] = [writer.condition(name, i, condition) for i, condition in enumerate(chosen)]
-    document |= {"solve": dict(solve_options or {}), "refine": dict(refine_options or {})}
+    document |= {name: dict(given or {}) for name, given in options.items()}
     if len(times) or writer.time is not None:
         document["history"] = {"times": list(times) if len(times) else [writer.time]}
-    text = _toml({key: value for key, value in document.items() if value not in ({}, [], "")})
-    problem_from_toml(text)  # refuses what Python takes and a file does not, such as names of several lines
-    return text
+    return _toml({key: value for key, value in document.items() if value not in ({}, [], "")})
 
 
 def _check_details(problem: object, title: object, description: object, units: object, times: object) -> None:

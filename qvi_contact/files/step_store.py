@@ -19,7 +19,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import Archive, write_archive
-from qvi_contact.files.stored import answer_arrays, answer_from_archive
+from qvi_contact.files.stored import STORE, answer_from_archive, step_arrays
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
 
@@ -142,7 +142,7 @@ class StepStore:
 
     def write(self, number: int, result: ContactResult) -> None:
         """Keep a step."""
-        write_archive(self._path(number), answer_arrays(result) | {"store": self._fingerprint})
+        write_archive(self._path(number), step_arrays(result) | {STORE: self._fingerprint})
 
     def archive(self, number: int) -> Archive:
         """A step, as it was read.
@@ -154,7 +154,7 @@ class StepStore:
 
         """
         archive = Archive(self._path(number))
-        if not archive.intact or archive.text("store") != self._fingerprint:
+        if not archive.intact or archive.text(STORE) != self._fingerprint:
             remedy = "was changed, or belongs to another history: delete the file, and run the history again"
             raise InputError("store", archive.path, remedy)
         return archive

@@ -16,10 +16,13 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import Archive
 from qvi_contact.files.problem_file import problem_from_toml
-from qvi_contact.files.problem_writer import problem_to_toml
+from qvi_contact.files.problem_writer import problem_to_toml, unread_toml
 from qvi_contact.solution.result import ContactResult
 from solvers import Certificate, FrictionQVI, Iteration, QVISolution, Status
 from solvers.certificate.certificate import EXPONENTS
+
+STORE: Final = "store"
+"""Entry of steps of a history, which hold a problem and its answer, and no fields: the digest of that history."""
 
 _VECTORS: Final = ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold")
 _TEXTS: Final = ("method", "inner", "form", "factorisation")
@@ -27,7 +30,13 @@ _TEXTS: Final = ("method", "inner", "form", "factorisation")
 
 def solution_arrays(result: ContactResult, units: Units | None = None, title: str = "") -> dict[str, Any]:
     """The problem and the algebraic solution, from which `load_result` makes the result again."""
-    problem, missing = _problem_text(result, units, title)
+    problem, missing = _problem_text(lambda: problem_to_toml(result.problem, units=units, title=title))
+    return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
+
+
+def step_arrays(result: ContactResult) -> dict[str, Any]:
+    """The same for a step of a history: problems of steps are alike, and not each is tried."""
+    problem, missing = _problem_text(lambda: unread_toml(result.problem))
     return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
 
 
@@ -120,10 +129,10 @@ def answer_from_archive(archive: Archive, posed: Callable[[Scales], Discretizati
     return ContactResult(known, solution)
 
 
-def _problem_text(result: ContactResult, units: Units | None, title: str) -> tuple[str, str]:
+def _problem_text(written: Callable[[], str]) -> tuple[str, str]:
     """The problem as a problem file, and why there is none."""
     try:
-        return problem_to_toml(result.problem, units=units, title=title), ""
+        return written(), ""
     except InputError as error:
         return "", str(error)
 

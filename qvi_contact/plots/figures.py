@@ -143,15 +143,16 @@ def history_figure(
 
     """
     units = units or Units()
-    steps: Sequence[ContactResult] = ()
+    forces: dict[str, list[tuple[float, float]]] = {}
     if isinstance(history, Mapping):
         loops: Mapping[str, tuple[ArrayLike, ArrayLike]] = history
     else:
-        steps = [step for step in history.steps if step.has_state]
-        loops = _loops(history, steps[0].problem) if steps else {}
+        forces = _forces_of(history)
+        first = next((step for step in history.steps if step.has_state), None)
+        loops = {} if first is None else _loops(history, first.problem)
     if not loops:
         raise InputError("history", history, "there is no contact whose loop could be drawn")
-    contacts = list(steps[0].contacts)[:_PANELS] if steps else []
+    contacts = list(forces)[:_PANELS]
     shown, columns = list(loops)[:_PANELS], max(len(contacts), min(len(loops), _PANELS))
     with settings():
         figure = new_figure(max(4.6, 3.6 * columns), 6.8 if contacts else 3.6)
@@ -161,7 +162,7 @@ def history_figure(
             panel.set_title(name)
         for name in contacts:
             panel = parts[1, 0].add_subplot(1, len(contacts), contacts.index(name) + 1)
-            _forces(panel, steps, name, units)
+            _forces(panel, forces[name], name, units)
         if len(loops) > len(shown):
             figure.suptitle(_wrapped(f"loops not shown: {', '.join(list(loops)[_PANELS:])}", figure))
     return figure
@@ -273,16 +274,24 @@ def _tractions(part: "SubFigure", result: ContactResult, names: Sequence[str], u
     part.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles), frameon=False)
 
 
-def _forces(axes: "Axes", steps: Sequence[ContactResult], name: str, units: Units) -> None:
+def _forces_of(history: LoadHistory) -> dict[str, list[tuple[float, float]]]:
+    """Normal and tangential force of each contact in each step that has a state, which is read once."""
+    forces: dict[str, list[tuple[float, float]]] = {}
+    for step in history.steps:
+        for name, line in step.contacts.items() if step.has_state else ():
+            forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
+    return forces
+
+
+def _forces(axes: "Axes", forces: Sequence[tuple[float, float]], name: str, units: Units) -> None:
     """Normal and tangential force of one contact step by step."""
-    number = np.arange(1, len(steps) + 1)
-    curves: list[tuple[str, str, dict[str, Any]]] = [
-        ("N", "normal_force", {"color": GREY, "marker": "s"}),
-        ("T", "tangential_force", {"color": BLUE, "marker": "o", "linestyle": "--"}),
+    number = np.arange(1, len(forces) + 1)
+    looks: list[tuple[str, dict[str, Any]]] = [
+        ("N", {"color": GREY, "marker": "s"}),
+        ("T", {"color": BLUE, "marker": "o", "linestyle": "--"}),
     ]
-    for label, attribute, look in curves:
-        forces = [getattr(step.contacts[name], attribute) for step in steps]
-        axes.plot(number, forces, markersize=3, linewidth=1.0, label=label, **look)
+    for (label, look), values in zip(looks, zip(*forces, strict=True), strict=True):
+        axes.plot(number, values, markersize=3, linewidth=1.0, label=label, **look)
     axes.set_title(f"{name}: forces")
     axes.set_xlabel("step [-]")
     axes.set_ylabel(f"force [{units.engineering_force}]")

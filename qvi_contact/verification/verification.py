@@ -21,7 +21,7 @@ from qvi_contact.basics.checks import finite_number
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import OWN, Archive
 from qvi_contact.files.export import field_arrays
-from qvi_contact.files.stored import result_from_archive, solution_arrays
+from qvi_contact.files.stored import STORE, result_from_archive, solution_arrays
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.verification.claims import (
@@ -228,6 +228,8 @@ def _fields(result: ContactResult) -> dict[str, Any]:
 def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:
     """Check everything that a file claims that `qvi_contact.export.write_npz` has written; from the file alone.
 
+    So is a step that `solve_history` has kept in its store. It claims no fields, but an answer and its certificate.
+
     Parameters
     ----------
     path : str or Path
@@ -260,8 +262,10 @@ def _verified(archive: Archive, tolerance: float | None) -> Verification:
     return Verification(rows, result.status, chosen)
 
 
-def _claims(archive: Archive, found: Recomputed) -> dict[str, Any]:
-    """Fields of an archive, whatever their names; one that is missing is an `InputError`."""
+def _claims(archive: Archive, found: Recomputed) -> dict[str, Any] | None:
+    """Fields of an archive, whatever their names; one that is missing is an `InputError`. None for stored steps."""
+    if STORE in archive.arrays:
+        return None
     others = OWN | solution_arrays(found.result).keys()
     return {name: archive.array(name) for name in (*found.fields, *archive.arrays) if name not in others}
 
@@ -283,7 +287,9 @@ def _accepted(tolerance: float, given: float | None) -> Check:
     )  # fmt: skip
 
 
-def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed, accepted: Check) -> Iterator[Check]:
+def _rows(
+    result: ContactResult, claims: Mapping[str, Any] | None, found: Recomputed, accepted: Check
+) -> Iterator[Check]:
     yield _status(result, found)
     yield accepted
     if result.status.impossible:
@@ -300,8 +306,9 @@ def _rows(result: ContactResult, claims: Mapping[str, Any], found: Recomputed, a
         "Units of stress, displacement and energy by which the measures are divided.",
     )  # fmt: skip
     if result.has_state:
-        yield _entries(claims, result, found)
-        yield from _agreements(claims, found)
+        if claims is not None:
+            yield _entries(claims, result, found)
+            yield from _agreements(claims, found)
         yield _limited(
             "friction bound", bound_difference(result, found), _BOUND * result.certificate.tolerance,
             "Difference of the stored bound of |σ_T| and that of the pressure there, over the largest traction.",

@@ -3,6 +3,7 @@
 import gc
 import json
 import tracemalloc
+import weakref
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -22,8 +23,14 @@ from qvi_contact import (
     solve_history,
 )
 from qvi_contact.cli import group
+from qvi_contact.command.page.numbers import step_rows
+from qvi_contact.files import step_store
+from qvi_contact.files.archive import OWN, write_archive
+from qvi_contact.files.stored import answer_from_archive
 from qvi_contact.gallery import rings
+from qvi_contact.plots import history_figure
 from qvi_contact.problem.fields import Expression
+from qvi_contact.verification.verification import verify_file
 from solvers import Status
 
 PATH = 0.01 * np.array([0.0, 0.5, 1.0, 0.2, -0.6, -1.0, 0.1])
@@ -182,6 +189,63 @@ def test_memory_does_not_grow_with_the_steps(tmp_path):
     finally:
         tracemalloc.stop()
     assert seen[1] - seen[0] < 8 * 5000  # without a store a step takes several times as much
+
+
+@pytest.fixture(name="alive")
+def _alive(monkeypatch):
+    """How many results that were read there are at the same time, at each reading."""
+    read, counts = [], []
+
+    def reading(*given):
+        gc.collect()
+        counts.append(sum(one() is not None for one in read))
+        found = answer_from_archive(*given)
+        read.append(weakref.ref(found))
+        return found
+
+    monkeypatch.setattr(step_store, "answer_from_archive", reading)
+    return counts
+
+
+@pytest.mark.parametrize(
+    "reader", [history_figure, lambda history: step_rows(history.steps, PATH)], ids=["picture", "page"]
+)
+def test_what_reads_the_steps_keeps_none(tmp_path, alive, reader):
+    solve_history(STEPS, store=tmp_path / "steps", element="bfs")
+    history = solve_history(STEPS, store=tmp_path / "steps", element="bfs")
+    alive.clear()
+    assert reader(history)
+    assert len(alive) >= len(STEPS) - 1
+    assert max(alive) <= 3
+
+
+def test_each_step_can_be_checked_from_its_file(tmp_path):
+    """That of a problem with expressions: the answer and its certificate, after the slip of the steps before."""
+    plate = replace(STEPS[0].conditions[0], gap=Expression("0.001 * x - 0.01"))
+    steps = [replace(block(w), conditions=[replace(plate, offset=w), *STEPS[0].conditions[1:]]) for w in PATH[:4]]
+    history = solve_history(steps, store=tmp_path)
+    for number, step in enumerate(history.steps, 1):
+        found = verify_file(tmp_path / f"step-{number:06}.npz")
+        assert found.passed, found.summary()
+        assert next(row.value for row in found.rows if row.name == "energy_gap") == pytest.approx(
+            step.certificate.measures["energy_gap"], abs=1e-12
+        )
+
+
+def test_a_step_with_another_answer_is_found_out(tmp_path):
+    held = replace(STEPS[0], conditions=[replace(STEPS[0].conditions[0], gap=-0.01), *STEPS[0].conditions[1:]])
+    solve_history([held], store=tmp_path)
+    path = tmp_path / "step-000001.npz"
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files if name not in OWN}
+    write_archive(path, {**arrays, "z": 1.001 * arrays["z"]})
+    assert {row.name for row in verify_file(path).failures} >= {"status", "stationarity"}
+
+
+def test_steps_with_python_functions_have_no_problem_to_check(tmp_path):
+    solve_history(STEPS[:1], store=tmp_path)
+    with pytest.raises(InputError, match="no problem to check"):
+        verify_file(tmp_path / "step-000001.npz")
 
 
 def test_the_command_goes_on(tmp_path):

@@ -58,13 +58,19 @@ def resultant_headings(units: Units) -> list[str]:
 
 def step_rows(steps: Sequence[ContactResult], values: Sequence[float]) -> list[list[str]]:
     """Time or value, status and forces of each result of a series."""
-    lines = [list(step.contacts.values()) if step.has_state else [] for step in steps]
-    forces = [[force for line in of for force in (line.normal_force, line.tangential_force)] for of in lines]
-    least = Rounding.largest(step.discretization.scales.rounding for step in steps)
+    read = [_read(step) for step in steps]  # once: those of a store are files
+    least = Rounding.largest(rounding for _, _, rounding in read)
     return [
-        [f"{value:.6g}", str(step.status), *_numbers(least.force, *row)]
-        for value, step, row in zip(values, steps, forces, strict=False)
+        [f"{value:.6g}", status, *_numbers(least.force, *forces)]
+        for value, (status, forces, _) in zip(values, read, strict=False)
     ]
+
+
+def _read(step: ContactResult) -> tuple[str, list[float], Rounding]:
+    """Status, forces of all contacts, and the rounding of a step."""
+    lines = step.contacts.values() if step.has_state else ()
+    forces = [force for line in lines for force in (line.normal_force, line.tangential_force)]
+    return str(step.status), forces, step.discretization.scales.rounding
 
 
 def _numbers(least: float, *values: Any) -> list[str]:
