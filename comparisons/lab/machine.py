@@ -2,6 +2,7 @@
 
 import os
 import platform
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -22,24 +23,30 @@ PACKAGES: Final = (
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores this process may use, memory [bytes], system, Python, load when the run began."""
+    """Processor, cores this process may use, memory [bytes], system, Python."""
     return {
         "processor": _processor(),
         "cores": _cores(),
         "memory_bytes": _memory(),
         "system": _system(),
         "python": f"{platform.python_implementation()} {platform.python_version()}",
-        "load_average": _load(),
     }
 
 
-def versions() -> dict[str, str]:
-    """Package → version of those that are installed and may matter for a time."""
-    found = {}
-    for package in PACKAGES:
+def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
+    """Package → version, None of those that are not installed; by default what may matter for a time."""
+    found: dict[str, str | None] = dict.fromkeys(packages)
+    for package in packages:
         with suppress(PackageNotFoundError):
             found[package] = version(package)
     return found
+
+
+def load_average() -> float | None:
+    """Processes that wanted to run in the last minute."""
+    with suppress(AttributeError, OSError):
+        return round(os.getloadavg()[0], 2)
+    return None
 
 
 def _processor() -> str:
@@ -70,10 +77,3 @@ def _system() -> str:
     with suppress(OSError):
         name = platform.freedesktop_os_release().get("PRETTY_NAME", name)
     return f"{name}, {platform.machine()}"
-
-
-def _load() -> float | None:
-    """Processes that wanted to run in the last minute, before this run."""
-    with suppress(AttributeError, OSError):
-        return round(os.getloadavg()[0], 2)
-    return None

@@ -7,7 +7,7 @@ solver that does not converge gives up.
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from qvi_contact.errors import InputError
 from solvers import available
@@ -42,69 +42,74 @@ _INFEASIBLE: Final = ("eps_prim_inf", "eps_dual_inf")
 _ADMM_ITERATIONS: Final = 20_000
 _INTERIOR_ITERATIONS: Final = 100
 
-TABLE: Final[Mapping[str, Mapping[str, Options]]] = MappingProxyType({
-    "qp:clarabel": _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS),
-    "qp:cvxopt": _levels(_EMBEDDED, maxiters=_INTERIOR_ITERATIONS, refinement=2),
-    "qp:daqp": _levels(("primal_tol", "dual_tol"), iter_limit=_ADMM_ITERATIONS),
-    "qp:ecos": _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS),
-    "qp:highs": _levels(
+
+class Backend(NamedTuple):
+    """What a solver is, its own options at each level, and what it keeps from one problem of a sequence to the next.
+
+    Those that keep nothing begin anew each time.
+    """
+
+    remark: str
+    levels: Mapping[str, Options]
+    keeps: str = ""
+
+
+_AT_LAST: Final = "starts at the last answer"
+_UPDATED: Final = "program kept, parameters updated"
+_CONE: Final = "through `cvxpy`, one cone for each contact point"
+_CONES: Final = "through `cvxpy`, one cone for each contact point and one for the energy"
+
+TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
+    "qp:clarabel": Backend("interior point", _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS)),
+    "qp:cvxopt": Backend("interior point", _levels(_EMBEDDED, maxiters=_INTERIOR_ITERATIONS, refinement=2)),
+    "qp:daqp": Backend("dual active set; dense", _levels(("primal_tol", "dual_tol"), iter_limit=_ADMM_ITERATIONS)),
+    "qp:ecos": Backend(
+        "interior point on a second-order cone program that `qpsolvers` makes of it, energy included; dense",
+        _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS),
+    ),
+    "qp:highs": Backend("primal active set; takes no tolerance below 1e-10", _levels(
         ("primal_feasibility_tolerance", "dual_feasibility_tolerance"), 1e-10, qp_regularization_value=1e-11,
         qp_iteration_limit=_ADMM_ITERATIONS,
+    )),
+    "qp:osqp": Backend(
+        "operator splitting, not polished",
+        _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS, polishing=False), _AT_LAST,
     ),
-    "qp:osqp": _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS, polishing=False),
-    "qp:piqp": _levels((*_BOTH, "eps_duality_gap_abs", "eps_duality_gap_rel"), max_iter=_INTERIOR_ITERATIONS),
-    "qp:proxqp": _levels(
-        ("eps_abs", "eps_duality_gap_abs", "eps_duality_gap_rel"), eps_rel=0.0, check_duality_gap=True, max_iter=1000
+    "qp:piqp": Backend("proximal interior point", _levels(
+        (*_BOTH, "eps_duality_gap_abs", "eps_duality_gap_rel"), max_iter=_INTERIOR_ITERATIONS
+    )),
+    "qp:proxqp": Backend(
+        "augmented Lagrangian, absolute tolerances; those of infeasibility stay at 1e-4: `qpsolvers` does not hand "
+        "them on",
+        _levels(("eps_abs", "eps_duality_gap_abs", "eps_duality_gap_rel"), eps_rel=0.0, check_duality_gap=True,
+                max_iter=1000), _AT_LAST,
     ),
-    "qp:qpalm": _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS),
-    "qp:quadprog": {level: {} for level in LEVELS},
-    "qp:scs": _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS),
-    "direct:clarabel": _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS),
-    "direct:osqp": _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS),
-    "socp:clarabel": _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS),
-    "socp:cvxopt": _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS, kktsolver="robust"),
-    "socp:ecos": _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS),
-    "socp:scs": _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS),
-    "condensed": _levels(("gap",)),
-    "uzawa": {level: {"omega_T": 0.01, "max_iterations": _ADMM_ITERATIONS} for level in LEVELS},
+    "qp:qpalm": Backend("augmented Lagrangian", _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS)),
+    "qp:quadprog": Backend(
+        "dual active set, exact up to rounding: has no tolerance and no limit; dense", {level: {} for level in LEVELS}
+    ),
+    "qp:scs": Backend("operator splitting on cones", _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS)),
+    "direct:clarabel": Backend(
+        "Clarabel without `qpsolvers`: one solver, its vectors updated",
+        _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS), "solver kept, vectors updated",
+    ),
+    "direct:osqp": Backend(
+        "OSQP without `qpsolvers`: one solver, its bounds updated, solved plain and polished",
+        _levels((*_BOTH, *_INFEASIBLE), max_iter=_ADMM_ITERATIONS), f"solver kept, bounds updated, {_AT_LAST}",
+    ),
+    "socp:clarabel": Backend(_CONE, _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS), _UPDATED),
+    "socp:cvxopt": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS, kktsolver="robust"), _UPDATED),
+    "socp:ecos": Backend(_CONES, _levels(_EMBEDDED, max_iters=_INTERIOR_ITERATIONS), _UPDATED),
+    "socp:scs": Backend(_CONE, _levels((*_BOTH, "eps_infeas"), max_iters=_ADMM_ITERATIONS), _UPDATED),
+    "condensed": Backend(
+        "the package's interior point method on the whole inequality, without inner problems", _levels(("gap",))
+    ),
+    "uzawa": Backend(
+        "the paper's iteration, rule \"accumulating\"; has no tolerance but that of the certificate",
+        {level: {"omega_T": 0.01, "max_iterations": _ADMM_ITERATIONS} for level in LEVELS},
+    ),
 })  # fmt: skip
-"""Solver → level → its own options and their values."""
-
-REMARKS: Final[Mapping[str, str]] = MappingProxyType({
-    "qp:clarabel": "interior point",
-    "qp:cvxopt": "interior point",
-    "qp:daqp": "dual active set; dense",
-    "qp:ecos": "interior point on a second-order cone program that `qpsolvers` makes of it, energy included; dense",
-    "qp:highs": "primal active set; takes no tolerance below 1e-10",
-    "qp:osqp": "operator splitting, not polished",
-    "qp:piqp": "proximal interior point",
-    "qp:proxqp": "augmented Lagrangian, absolute tolerances; those of infeasibility stay at 1e-4: `qpsolvers` does "
-    "not hand them on",
-    "qp:qpalm": "augmented Lagrangian",
-    "qp:quadprog": "dual active set, exact up to rounding: has no tolerance and no limit; dense",
-    "qp:scs": "operator splitting on cones",
-    "direct:clarabel": "Clarabel without `qpsolvers`: one solver, its vectors updated",
-    "direct:osqp": "OSQP without `qpsolvers`: one solver, its bounds updated, solved plain and polished",
-    "socp:clarabel": "through `cvxpy`, one cone for each contact point",
-    "socp:cvxopt": "through `cvxpy`, one cone for each contact point and one for the energy",
-    "socp:ecos": "through `cvxpy`, one cone for each contact point and one for the energy",
-    "socp:scs": "through `cvxpy`, one cone for each contact point",
-    "condensed": "the package's interior point method on the whole inequality, without inner problems",
-    "uzawa": "the paper's iteration, rule \"accumulating\"; has no tolerance but that of the certificate",
-})  # fmt: skip
-"""Solver → what it is, and what is special about its settings."""
-
-KEPT: Final[Mapping[str, str]] = MappingProxyType({
-    "qp:osqp": "starts at the last answer",
-    "qp:proxqp": "starts at the last answer",
-    "direct:clarabel": "solver kept, vectors updated",
-    "direct:osqp": "solver kept, bounds updated, starts at the last answer",
-    "socp:clarabel": "program kept, parameters updated",
-    "socp:cvxopt": "program kept, parameters updated",
-    "socp:ecos": "program kept, parameters updated",
-    "socp:scs": "program kept, parameters updated",
-})  # fmt: skip
-"""Solver → what it keeps from one problem of a sequence to the next; all others begin anew each time."""
+"""All solvers, in the order of the tables."""
 
 
 def options(solver: str, level: str) -> Options:
@@ -117,7 +122,7 @@ def options(solver: str, level: str) -> Options:
 
     """
     try:
-        return TABLE[solver][level]
+        return TABLE[solver].levels[level]
     except KeyError:
         raise InputError("solver", f"{solver}, {level}", f"choose one of {', '.join(TABLE)}") from None
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
 from comparisons.lab.study.declaration import Values
-from comparisons.solvers.accuracies import KEPT, LEVELS, METHODS
+from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE
 from comparisons.solvers.problems import PROBLEMS
 from comparisons.solvers.tasks import COLD, INNER, OUTER, TASKS, WARM
 
@@ -54,7 +54,7 @@ def keep(values: Values) -> bool:
     described = PROBLEMS[values["problem"]]
     if solver in METHODS and (task, form) != (OUTER, "condensed"):
         return False
-    if task == WARM and solver not in KEPT:
+    if task == WARM and not TABLE[solver].keeps:
         return False
     if task in (COLD, WARM) and (not described.feasible or described.kind == "sticking"):
         return False

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.lab.report.numbers import NOTHING, percent, scientific, seconds, significant
 from comparisons.lab.tables import Columns, Form, Grid, crossed, grid_of
-from comparisons.solvers import accuracies
-from comparisons.solvers.accuracies import KEPT, LEVELS, METHODS, REMARKS
+from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE, Backend
 from comparisons.solvers.measures import (
     CONE_ENERGY,
     ERRORS,
@@ -40,6 +39,7 @@ KINDS: Final = {
 
 _TRUE_AT: Final = (1.0, 2.0, 10.0)
 _LONGEST_LIST: Final = 40
+_UNKNOWN: Final = Backend(NOTHING, {})  # of stored rows
 
 
 def tables_of(runs: "DataFrame") -> dict[str, Grid]:
@@ -194,7 +194,7 @@ _RATIOS: Final[Columns] = {
 def warm(runs: "DataFrame") -> Grid:
     """Time of warm over that of cold sequences."""
     found = by_solver(warm_ratios(runs)).reset_index()
-    found["kept"] = [KEPT.get(solver, NOTHING) for solver in found.solver]
+    found["kept"] = [TABLE.get(solver, _UNKNOWN).keeps or NOTHING for solver in found.solver]
     found["faster"] = [f"{each.below} of {each.number}" for each in found.itertuples()]
     return grid_of(found, {"solver": "solver", "kept": "what it keeps", **_RATIOS, "faster": "faster"})
 
@@ -254,7 +254,7 @@ def settings(runs: "DataFrame") -> Grid:
     """The table of accuracies, as the runs were given it."""
     given = crossed(runs.dropna(subset="options"), "solver", "level", _options, tuple(LEVELS))
     headings = ("solver", "what it is", *(f"{level}: certified at {LEVELS[level]:.0e}" for level in LEVELS))
-    rows = [(solver, REMARKS.get(solver, NOTHING), *texts) for solver, *texts in given.rows]
+    rows = [(solver, TABLE.get(solver, _UNKNOWN).remark, *texts) for solver, *texts in given.rows]
     return Grid("What every solver was asked for", headings, rows)
 
 
@@ -264,7 +264,7 @@ def _options(runs: "DataFrame") -> str:
 
 def left_out(runs: "DataFrame") -> Grid:
     """Solvers that were not compared, and how to get them."""
-    rows = [(name, _how_to_compare(name)) for name in accuracies.TABLE if name not in set(runs.solver)]
+    rows = [(name, _how_to_compare(name)) for name in TABLE if name not in set(runs.solver)]
     return Grid("Not compared", ("solver", "how to get it"), rows)
 
 

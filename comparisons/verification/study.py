@@ -10,8 +10,6 @@ from qvi_contact.basics.terminal import Advance
 
 Document = dict[str, Any]
 
-_STABLE = ("processor", "cores", "memory_bytes", "system", "python")
-
 
 def step_count(chapters: Chapters) -> int:
     """Progress steps of `run`."""
@@ -40,8 +38,8 @@ def run(chapters: Chapters, quick: bool, advance: Advance, only: Sequence[str] =
         "passed": passed == len(rows) and passed > 0,
         "counts": {"rows": len(rows), "passed": passed, "failed": len(rows) - passed},
         "chapters": done,
-        "machine": {name: value for name, value in machine().items() if name in _STABLE},
-        "versions": versions(),
+        "machine": machine(),
+        "versions": {name: version for name, version in versions().items() if version},
     }
 
 

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from comparisons.lab.report.numbers import NOTHING, count_of, listing, memory, seconds, significant
+from comparisons.lab.report.numbers import NOTHING, listing, memory, seconds, span
 from comparisons.lab.study.rows import Row
 from comparisons.lab.tables import Grid
 
@@ -29,7 +29,7 @@ def _runs(rows: Sequence[Row]) -> Grid:
         ("rows", str(len(rows))),
         ("status", _shares((row.status for row in rows), str)),
         ("threads of a run", _shares((row.environment.get("threads") for row in rows), str)),
-        ("time limit of a run", _shares((row.environment.get("timeout_seconds") for row in rows), _time_limit)),
+        ("time limit of a run", _shares((row.environment.get("timeout_seconds") for row in rows), seconds)),
         ("memory limit of a run", _shares((row.environment.get("memory_mib") for row in rows), _memory_limit)),
         ("seeds", _shares((row.case.get("seed") for row in rows), str)),
         ("load average before a run", _loads(rows)),
@@ -42,25 +42,21 @@ def _machines(rows: Sequence[Row]) -> Grid:
     counts = _counts(row.environment.get("machine") for row in rows)
     lines = [(*_machine(machine), str(number)) for machine, number in counts]
     known = sum(machine is not None for machine, _ in counts)
-    note = (
-        f"The rows come from {count_of(known, 'kind')} of machine or system: times can be compared only between rows "
-        "of the same."
-        if known > 1
-        else ""
-    )
     headings = ("processor", "cores", "memory", "system", "Python", "rows")
-    return Grid("Machine" if known <= 1 else "Machines", headings, lines, note)
+    if known <= 1:
+        return Grid("Machine", headings, lines)
+    note = (
+        f"The rows come from {known} kinds of machine or system: times can be compared only between rows of the same."
+    )
+    return Grid("Machines", headings, lines, note)
 
 
 def _machine(machine: Machine | None) -> tuple[str, ...]:
     """Cells of a machine; a run that was ended before it could say anything has none."""
-    if machine is None:
-        return (_UNKNOWN,) * 5
-    size = machine.get("memory_bytes")
-    processor, cores, system, python = (
-        str(machine.get(name) or _UNKNOWN) for name in ("processor", "cores", "system", "python")
-    )
-    return processor, cores, memory(size) if size else _UNKNOWN, system, python
+    known = {name: value for name, value in (machine or {}).items() if value}
+    known |= {"memory_bytes": memory(known["memory_bytes"])} if "memory_bytes" in known else {}
+    names = ("processor", "cores", "memory_bytes", "system", "python")
+    return tuple(str(known.get(name, _UNKNOWN)) for name in names)
 
 
 def _versions(rows: Sequence[Row]) -> Grid:
@@ -100,10 +96,6 @@ def _shares(values: Iterable[Any], name: Callable[[Any], str]) -> str:
     return ", ".join(f"{name(value)} ({number})" for value, number in counts) or NOTHING
 
 
-def _time_limit(value: float | None) -> str:
-    return NOTHING if value is None else seconds(value)
-
-
 def _memory_limit(value: int | None) -> str:
     return NOTHING if value is None else f"{value} MiB"
 
@@ -111,8 +103,7 @@ def _memory_limit(value: int | None) -> str:
 def _loads(rows: Sequence[Row]) -> str:
     """Smallest and largest load, and how many rows have none."""
     loads = [row.load_average for row in rows if row.load_average is not None]
+    missing = len(rows) - len(loads)
     if not loads:
         return _UNKNOWN
-    ends = dict.fromkeys(significant(end) for end in (min(loads), max(loads)))
-    missing = len(rows) - len(loads)
-    return " to ".join(ends) + (f" (unknown for {count_of(missing, 'row')})" if missing else "")
+    return span(loads) + (f" (unknown for {missing} row{'s' if missing > 1 else ''})" if missing else "")

@@ -14,8 +14,6 @@ from comparisons.lab.cells import NOTHING as NOTHING
 _UNITS_OF_TIME: Final = ((7200.0, "h", 3600.0), (120.0, "min", 60.0), (1.0, "s", 1.0), (1e-3, "ms", 1e-3))
 _MICROSECONDS: Final = ("µs", 1e-6)
 _UNITS_OF_MEMORY: Final = ((2.0**30, "GiB"), (2.0**20, "MiB"), (2.0**10, "KiB"))
-_IRREGULAR: Final = {"matrix": "matrices", "axis": "axes", "analysis": "analyses"}
-_HISSING: Final = ("s", "x", "z", "ch", "sh")
 
 
 def fixed(form: str) -> Callable[[float | None], str]:
@@ -77,23 +75,6 @@ def percent(share: float | None, digits: int = 0) -> str:
     if 100.0 - step / 2.0 <= value < 100.0:
         return f"> {100.0 - step:.{digits}f} %"
     return f"{value:.{digits}f} %"
-
-
-def count_of(number: int, noun: str, plural: str = "") -> str:
-    """A number and its noun: "1 row", "3 meshes", "0 studies"."""
-    return f"{number} {noun if number == 1 else plural or plural_of(noun)}"
-
-
-def plural_of(noun: str) -> str:
-    """The plural of a noun, whose last word decides."""
-    *before, last = noun.split(" ")
-    if last in _IRREGULAR:
-        word = _IRREGULAR[last]
-    elif last.endswith("y") and last[-2:-1] not in tuple("aeiou"):
-        word = f"{last[:-1]}ies"
-    else:
-        word = last + ("es" if last.endswith(_HISSING) else "s")
-    return " ".join([*before, word])
 
 
 def span(values: Iterable[float | None], text: Callable[[Any], str] = significant) -> str:

@@ -16,12 +16,10 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import IO, Any
 
-from comparisons.lab.machine import machine
+from comparisons.lab.machine import load_average, machine, versions
 from comparisons.lab.study.limits import end_group, ends_with_parent, limit_memory, next_line
 from comparisons.lab.study.outcome import of_exception, of_return
 
@@ -55,7 +53,7 @@ def _serve(commands: IO[bytes], answers: IO[bytes], lifeline: IO[bytes] | None) 
     except BaseException as error:  # a module may raise anything
         _answer(answers, {"refused": of_exception(error)["reason"]})
         return
-    _answer(answers, {"environment": _environment(order["packages"])})
+    _answer(answers, {"environment": {"machine": machine(), "versions": versions(order["packages"])}})
     while line := next_line(commands):
         with ends_with_parent(pipe):
             outcome = _outcome(task, json.loads(line))
@@ -84,20 +82,9 @@ def _loaded(name: str) -> Task:
     return task
 
 
-def _environment(packages: list[str]) -> dict[str, Any]:
-    """Machine and versions; the load changes by the minute and belongs to the rows."""
-    found: dict[str, str | None] = {}
-    for package in packages:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = None
-    return {"machine": {name: value for name, value in machine().items() if name != "load_average"}, "versions": found}
-
-
 def _outcome(task: Task, values: dict[str, Any]) -> dict[str, Any]:
     gc.collect()  # of the case before, whose time it belongs to
-    load = _load_average()
+    load = load_average()
     began = time.perf_counter()
     try:
         returned = task(values)
@@ -106,13 +93,6 @@ def _outcome(task: Task, values: dict[str, Any]) -> dict[str, Any]:
     else:
         seconds, found = time.perf_counter() - began, of_return(returned)
     return {**found, "seconds": seconds, "load_average": load}
-
-
-def _load_average() -> float | None:
-    """Processes that wanted to run in the last minute."""
-    with suppress(AttributeError, OSError):
-        return round(os.getloadavg()[0], 2)
-    return None
 
 
 if __name__ == "__main__":
