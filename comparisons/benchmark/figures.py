@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from comparisons.lab.report.drawing import grid
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE, SKY, new_figure
 
@@ -59,11 +60,12 @@ def _by(frame: "DataFrame", name: str, x: str, y: str) -> Iterator[Line]:
 
 
 def _log_axes(axes: "Axes", x: str, y: str) -> None:
+    """Both logarithmic, with a legend if there is something in it."""
     from matplotlib.ticker import NullFormatter
 
     axes.set(xscale="log", yscale="log", xlabel=x, ylabel=y)
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
+    grid(axes)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=7)
 

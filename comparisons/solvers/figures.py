@@ -5,6 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from comparisons.lab.report import drawn
+from comparisons.lab.report.drawing import grid, plain_ticks
 from comparisons.solvers.accuracies import LEVELS
 from comparisons.solvers.measures import (
     area,
@@ -101,19 +102,18 @@ def _profile_panel(axes: "Axes", ratios: "DataFrame", looks: Mapping[str, tuple[
     _log_axis(axes, _RATIOS[_RATIOS.index(1.0) :])
     axes.set_xlim(1.0, UNTIL)
     axes.set_ylim(-0.02, 1.02)
-    axes.grid(visible=True, color="#e6e6e6", linewidth=0.5)
+    grid(axes)
     if coloured:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=8, frameon=False)
 
 
 def _log_axis(axes: "Axes", ticks: Sequence[float]) -> None:
-    """Ratios along a logarithmic axis, as plain numbers."""
-    from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
+    """Ratios along a logarithmic axis."""
+    from matplotlib.ticker import FixedLocator
 
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(FixedLocator(ticks))
-    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    plain_ticks(axes.xaxis)
 
 
 def truth(runs: "DataFrame") -> "Figure | None":
@@ -167,7 +167,7 @@ def _solvers_down(axes: "Axes", solvers: Sequence[str], label: str) -> None:
     """A line for each solver, and what is told along it."""
     axes.set_yticks(range(len(solvers)), solvers)
     axes.set_xlabel(label)
-    axes.grid(visible=True, axis="x", color="#e6e6e6", linewidth=0.5)
+    grid(axes, along="x")
 
 
 def warmth(runs: "DataFrame") -> "Figure | None":

@@ -1,7 +1,7 @@
 """Pictures of reports, drawn where matplotlib is installed, and what many of them have in common."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from qvi_contact.plots import GREY, has_matplotlib
 from qvi_contact.plots.inline import svg_text
@@ -47,10 +47,10 @@ def legend_below(figure: "Figure", columns: int = 4, size: float = 8) -> None:
         figure.legend(list(handles.values()), list(handles), loc="outside lower center", **texts)
 
 
-def grid(*panels: "Axes") -> None:
+def grid(*panels: "Axes", along: Literal["both", "x", "y"] = "both") -> None:
     """Thin lines at the labelled values."""
     for axes in panels:
-        axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
+        axes.grid(visible=True, which="major", axis=along, color="#dddddd", linewidth=0.5)
 
 
 def plain_ticks(*axes: Any) -> None:

@@ -15,8 +15,6 @@ from comparisons.lab.study.store import finished_keys
 from qvi_contact.basics.writing import writable_folder
 from qvi_contact.errors import InputError
 
-_KEPT = "File that keeps the rows."
-
 
 @dataclass(frozen=True)
 class RunOptions:
@@ -67,25 +65,19 @@ def study_options(
     The command's first argument is that object; its own options follow as always. With `folder` the store is a folder,
     for a command that runs several studies and gives each a file in it, see `RunOptions.inside`.
     """
-    metavar, kept = ("FOLDER", "Folder that keeps the rows, in a file for each study.") if folder else ("FILE", _KEPT)
+    metavar, kept = "FILE", "File that keeps the rows."
+    if folder:
+        metavar, kept = "FOLDER", "Folder that keeps the rows, in a file for each study."
+    memory_help = "Memory in MiB that a case may take." + ("  [default: no limit]" if memory is None else "")
     options = (
         click.option("--store", default=store, metavar=metavar, show_default=True, help=kept),
-        click.option(
-            "--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes on this machine."
-        ),
+        click.option("--workers", type=click.IntRange(1), default=1, show_default=True,
+                     help="Processes on this machine."),
         click.option("--dask", metavar="ADDRESS", help="Run on a Dask cluster instead: address of its scheduler."),
         click.option("--timeout", type=float, default=timeout, show_default=True, help="Seconds a case may take."),
-        click.option(
-            "--memory",
-            type=int,
-            default=memory,
-            show_default=True,
-            help="Memory in MiB that a case may take.  [default: no limit]"
-            if memory is None
-            else "Memory in MiB that a case may take.",
-        ),
+        click.option("--memory", type=int, default=memory, show_default=True, help=memory_help),
         click.option("--threads", type=click.IntRange(1), default=1, show_default=True, help="Threads of each worker."),
-    )
+    )  # fmt: skip
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(command)

@@ -26,30 +26,14 @@ _OWN: Final = frozenset({
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one case.
+    """What became of one case, as it is stored.
+
+    Position, key and case are those of `declaration.Case`; what is not listed is of `outcome.Outcome`.
 
     Attributes
     ----------
-    position : int
-        Place of the case in the study.
-    key : str
-        Its key, see `declaration.case_key`.
-    case : Mapping
-        Factor → value, and "repeat" and "seed".
-    status : str
-        "done", or one of `outcome.FAILURES`.
-    reason : str
-        Why there is no result; empty if there is one.
-    result : Mapping
-        What the task returned.
-    certificate : object
-        What it said of the certificate, None if nothing.
-    seconds : float
-        Wall time of the task alone, or until it was ended.
     finished : str
         Date and time, UTC.
-    load_average : float, optional
-        Processes that wanted to run on the machine in the minute before.
     environment : Mapping
         See `ENVIRONMENT`.
 
