@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pandas import DataFrame, concat
 
 from comparisons.cli import group
 from comparisons.convergence import command
 from comparisons.convergence.mesh import figures, study, task
 from comparisons.convergence.mesh.corner import exponent
-from comparisons.convergence.mesh.data import Mesh, data_of
-from comparisons.convergence.mesh.errors import FORCE, TRACTIONS, Curve, curve
-from comparisons.convergence.mesh.measures import advantage, values_of
-from comparisons.convergence.mesh.overview import Overview, cost
-from comparisons.convergence.mesh.problems import PROBLEMS, Expected, towards
+from comparisons.convergence.mesh.data import meshes_of
+from comparisons.convergence.mesh.errors import Overview, advantage, cost, orders_of
+from comparisons.convergence.mesh.measures import spacing, values_of
+from comparisons.convergence.mesh.problems import FORCE, PROBLEMS, TRACTIONS, Expected, towards
 from comparisons.convergence.mesh.report import report
-from comparisons.convergence.mesh.tables import failures_table, spacing, tables_of, verdict
+from comparisons.convergence.mesh.tables import failures, tables_of
 from comparisons.convergence.mesh.tractions import Tractions, difference, size
 from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
 from comparisons.convergence.orders import fitted_order, reached, successive_orders
@@ -30,6 +30,7 @@ from qvi_contact.basics import terminal
 from qvi_contact.plots.style import has_matplotlib
 from qvi_contact.refinement import lines as line_refinement
 
+NAN = float("nan")
 GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
 
 
@@ -45,7 +46,7 @@ class TestOrders:
     def test_a_power_law_has_its_power(self):
         h = [1.0, 0.5, 0.25, 0.1]
         e = [3.0 * size**1.7 for size in h]
-        assert successive_orders(h, e) == [None, *[pytest.approx(1.7)] * 3]
+        assert successive_orders(h, e) == pytest.approx([NAN, 1.7, 1.7, 1.7], nan_ok=True)
         assert fitted_order(h, e) == pytest.approx(1.7)
 
     def test_equal_errors_have_order_zero(self):
@@ -59,14 +60,14 @@ class TestOrders:
 
     def test_errors_that_mean_nothing_are_left_out(self):
         h = [1.0, 0.5, 0.25, 0.125]
-        assert successive_orders(h, [1.0, None, 0.1, 0.05]) == [None, None, None, pytest.approx(1.0)]
-        assert fitted_order(h, [1.0, None, 0.1, None]) is None
-        assert fitted_order(h, [1.0, 0.5, 0.25, None]) == pytest.approx(1.0)
+        assert successive_orders(h, [1.0, NAN, 0.1, 0.05]) == pytest.approx([NAN, NAN, NAN, 1.0], nan_ok=True)
+        assert np.isnan(fitted_order(h, [1.0, NAN, 0.1, NAN]))
+        assert fitted_order(h, [1.0, 0.5, 0.25, NAN]) == pytest.approx(1.0)
 
     def test_an_error_that_is_small_by_chance_is_not_reached(self):
         assert reached([10, 20, 30, 40], [1e-3, 1e-6, 1e-4, 1e-5], 2e-4) == 20
         assert reached([10, 20, 30, 40], [1e-3, 1e-6, 1e-4, 1e-5], 2e-5) == 40
-        assert reached([40, 30, 20, 10], [1e-5, 1e-4, 1e-6, 1e-3], 1e-6) is None
+        assert np.isnan(reached([40, 30, 20, 10], [1e-5, 1e-4, 1e-6, 1e-3], 1e-6))
 
 
 class TestTractions:
@@ -182,17 +183,13 @@ def test_graded_lines():
     assert lines == pytest.approx(2.0 - 2.0 * (1.0 - np.arange(5) / 4) ** 2)
 
 
-def made_up(errors, expected, least=0.0):
-    """A curve on equal cells with these errors, h halved each time."""
-    meshes = [
-        Mesh(PROBLEMS["plate 0.2"], "uniform", "equilibrium", 4 * 2**k, 0, "solved", "",
-             {"cells": [4 * 2**k] * 2, "unknowns": 4**k * 64}) for k in range(len(errors))
-    ]  # fmt: skip
-    meant = tuple(error > least for error in errors)
-    usable = [error if means else None for error, means in zip(errors, meant, strict=True)]
-    sizes = [mesh.h for mesh in meshes]
-    orders, fitted = tuple(successive_orders(sizes, usable)), fitted_order(sizes, usable)
-    return Curve(meshes[0].problem, "uniform", FORCE, tuple(meshes), tuple(errors), meant, orders, fitted, expected)
+def made_up(errors, least=0.0):
+    """Errors on equal cells, h halved each time."""
+    number = np.arange(len(errors))
+    errors = np.array(errors, dtype=float)
+    return DataFrame(
+        {"h": 0.25 * 0.5**number, "unknowns": 64.0 * 4.0**number, "error": errors, "meant": errors > least}
+    )
 
 
 @pytest.mark.parametrize(
@@ -210,13 +207,19 @@ def made_up(errors, expected, least=0.0):
 )
 def test_verdicts(errors, order, said):
     expected = None if order is None else Expected(order, "made up")
-    assert verdict(made_up(errors, expected, least=1e-8)) == said
+    assert orders_of(made_up(errors, least=1e-8), expected)["verdict"] == said
+
+
+def test_two_meshes_of_the_same_size_have_no_order():
+    points = made_up([1.0, 0.5, 0.25])
+    again = concat([points, points.tail(1).assign(error=0.2)])
+    assert orders_of(again)["last"] == pytest.approx(1.0)
 
 
 def test_costs_are_those_of_lasting_errors():
-    found = made_up([1e-2, 1e-5, 1e-3, 1e-4], None)
-    assert (cost(found, 1e-3), cost(found, 1e-4), cost(found, 1e-5)) == (256, 4096, None)
-    assert cost(None, 1.0) is None
+    found = made_up([1e-2, 1e-5, 1e-3, 1e-4])
+    assert (cost(found, 1e-3), cost(found, 1e-4)) == (256, 4096)
+    assert np.isnan([cost(found, 1e-5), cost(made_up([]), 1.0)]).all()
 
 
 class TestAdvantage:
@@ -224,20 +227,19 @@ class TestAdvantage:
 
     @staticmethod
     def said(uniform, other):
-        curves = {"uniform": made_up(uniform, None), "graded": replace(made_up(other, None), sequence="graded")}
-        return advantage(curves, 1e-4)
+        return pytest.approx(advantage({"uniform": made_up(uniform), "graded": made_up(other)}, 1e-4), nan_ok=True)
 
     def test_between_two_numbers(self):
         assert self.said([1, 1, 1, 1e-5], [1, 1e-5]) == (4.0, 64.0)
-        assert self.said([1, 1, 1e-5], [1, 1e-5]) == (None, None)  # the mesh before equal cells' may be as good
+        assert self.said([1, 1, 1e-5], [1, 1e-5]) == (NAN, NAN)  # the mesh before equal cells' may be as good
 
     def test_at_least_where_the_first_mesh_is_enough(self):
-        assert self.said([1, 1, 1e-5], [1e-5]) == (4.0, None)
-        assert self.said([1e-5], [1e-5]) == (None, None)
+        assert self.said([1, 1, 1e-5], [1e-5]) == (4.0, NAN)
+        assert self.said([1e-5], [1e-5]) == (NAN, NAN)
 
     def test_not_at_all(self):
-        assert self.said([1, 1], [1, 1e-5]) == (1.0, None)
-        assert self.said([1, 1e-5], [1, 1]) == (None, None)
+        assert self.said([1, 1], [1, 1e-5]) == (1.0, NAN)
+        assert self.said([1, 1e-5], [1, 1]) == (NAN, NAN)
 
 
 CHOSEN = [
@@ -278,23 +280,21 @@ class TestRun:
         assert all(row.certificate["passed"] and row.certificate["accuracy"] < task.TOLERANCE for row in rows)
 
     def test_energies_and_forces_are_those_of_the_plate(self, rows):
-        found = Overview(data_of(rows))
+        found = Overview(meshes_of(rows))
         (plate,) = (problem for problem in found.problems if problem.name == "plate 1")
-        for mesh in found.data.of(plate, "uniform"):
-            assert mesh.record["energy"] == pytest.approx(0.5e-3 * mesh.force, rel=1e-9)
-        errors = found.curve_of(plate, FORCE, "uniform").errors
-        assert errors == pytest.approx([1.0 - mesh.force / 214.36766 for mesh in found.data.of(plate, "uniform")])
-        assert found.curve_of(plate, FORCE, "uniform").fitted == pytest.approx(1.517, abs=0.1)
+        meshes, points = found.of(plate, "uniform"), found.curve(plate, FORCE, "uniform")
+        assert meshes.energy.tolist() == pytest.approx((0.5e-3 * meshes.force).tolist(), rel=1e-9)
+        assert points.error.tolist() == pytest.approx((1.0 - meshes.force / 214.36766).tolist())
+        assert orders_of(points)["fitted"] == pytest.approx(1.517, abs=0.1)
 
     def test_brackets_enclose_the_settled_energy(self, rows):
-        found = Overview(data_of(rows))
+        found = Overview(meshes_of(rows))
         meshes = found.brackets(PROBLEMS["plate 1"], "uniform")
-        assert [mesh.size for mesh in meshes] == [4, 8]
-        for mesh in meshes:
-            assert mesh.record["lower"] < 0.10718383 < mesh.record["upper"]
-            assert mesh.record["force_bounds"] == pytest.approx(
-                [2e3 * mesh.record["lower"], 2e3 * mesh.record["upper"]]
-            )
+        assert meshes["size"].tolist() == [4, 8]
+        assert (meshes.lower < 0.10718383).all()
+        assert (meshes.upper > 0.10718383).all()
+        for record in (row.result["meshes"][0] for row in rows if row.case["model"] == "bracket"):
+            assert record["force_bounds"] == pytest.approx([2e3 * record["lower"], 2e3 * record["upper"]])
         assert [values_of(found)[name] for name in ("inside", "guaranteed")] == [4, 4]
 
     def test_a_bracket_beside_the_reference_is_said(self, rows):
@@ -302,16 +302,15 @@ class TestRun:
         record = {**first.result["meshes"][0], "upper": 0.1071}
         wrong = replace(first, result={"meshes": [record]})
         changed = [wrong if row is first else row for row in rows]
-        assert [values_of(Overview(data_of(changed)))[name] for name in ("inside", "guaranteed")] == [3, 4]
+        assert [values_of(Overview(meshes_of(changed)))[name] for name in ("inside", "guaranteed")] == [3, 4]
 
     def test_the_block_is_exact_in_the_limit(self, rows):
-        found = Overview(data_of(rows))
+        found = Overview(meshes_of(rows))
         block = PROBLEMS["block"]
-        measured = found.curve_of(block, TRACTIONS, "uniform")
-        assert measured.fitted == pytest.approx(2.0, abs=0.2)
-        assert found.curve_of(block, "energy", "uniform").errors[-1] < 1e-6
-        ends = found.curve_of(block, "stick ends", "uniform")
-        assert [2.0 * error for error in ends.errors] == pytest.approx([0.068, 0.0378, 0.02], abs=1e-3)
+        assert orders_of(found.curve(block, TRACTIONS, "uniform"))["fitted"] == pytest.approx(2.0, abs=0.2)
+        assert found.curve(block, "energy", "uniform").error.iloc[-1] < 1e-6
+        ends = found.curve(block, "stick ends", "uniform")
+        assert [2.0 * error for error in ends.error] == pytest.approx([0.068, 0.0378, 0.02], abs=1e-3)
 
     def test_chains_have_a_mesh_for_each_step(self, rows):
         (goal,) = (row for row in rows if row.case["sequence"] == "goal")
@@ -336,7 +335,7 @@ class TestRun:
     @pytest.mark.skipif(not has_matplotlib(), reason="matplotlib is not installed")
     @pytest.mark.usefixtures("outlined")
     def test_pictures_of_tractions_and_ends(self, rows):
-        found = Overview(data_of(rows))
+        found = Overview(meshes_of(rows))
         block = PROBLEMS["block"]
         drawn = figures.figures(found)
         for name, word in (("tractions-block", "σ_T"), ("ends-block", "stick ends")):
@@ -350,11 +349,11 @@ class TestRun:
         lost = [row for row in rows if row.case["size"] != 16]
         (gone,) = (row for row in rows if row.case["size"] == 16 and row.case["problem"] == "plate 1")
         failed = replace(gone, status="timeout", reason="more than 1 s", result={}, certificate=None)
-        found = Overview(data_of([*lost, failed]))
-        (line,) = [row for row in failures_table(found).rows if "timeout" in row]
+        found = Overview(meshes_of([*lost, failed]))
+        (line,) = [row for row in failures(found).rows if "timeout" in row]
         assert line == ("plate 1", "uniform", "size 16", "equilibrium", "timeout", "more than 1 s")
-        assert values_of(found)["certified"] == values_of(found)["solves"] - 1 == len(found.data.meshes) - 1
-        assert len(found.curve_of(PROBLEMS["plate 1"], FORCE, "uniform").errors) == 2
+        assert values_of(found)["certified"] == values_of(found)["solves"] - 1 == len(found.meshes) - 1
+        assert len(found.curve(PROBLEMS["plate 1"], FORCE, "uniform")) == 2
 
 
 class TestBrokenChains:
@@ -385,8 +384,8 @@ class TestBrokenChains:
         statuses = [mesh["status"] for mesh in self.result("reference")["meshes"]]
         assert statuses == ["solved", "solved", "unsolved"]
         chain = next(row for row in rows if row.case["sequence"] == "goal")
-        seen = Overview(data_of([*(row for row in rows if row is not chain), replace(chain, result=found)]))
-        (line,) = [row for row in failures_table(seen).rows if "unsolved" in row]
+        seen = Overview(meshes_of([*(row for row in rows if row is not chain), replace(chain, result=found)]))
+        (line,) = [row for row in failures(seen).rows if "unsolved" in row]
         assert line == ("plate 0.2", "goal", "size 300", "equilibrium", "unsolved", last["message"])
         assert values_of(seen)["certified"] == values_of(seen)["solves"] - 1
 
@@ -408,7 +407,7 @@ class TestCommitted:
     """The committed rows, and what the report says of them."""
 
     def test_numbers_of_the_findings(self, committed):
-        values = values_of(Overview(data_of(committed)))
+        values = values_of(Overview(meshes_of(committed)))
         expected = {
             "slipping": "0.804 to 0.937", "slipping_expected": "0.793 to 0.94", "sticking": "1.51",
             "sticking_expected": "1.52", "best": "64 to 4030", "saved": "2.54 to 4100", "missed": 2, "judged": 9,
@@ -425,37 +424,36 @@ class TestCommitted:
 
 
 def test_a_reference_of_the_same_models_proves_nothing(rows):
-    found = Overview(data_of(rows))
+    found = Overview(meshes_of(rows))
     known = found.references["plate 1"]
-    own = replace(known.values["energy"], sequence="reference")
-    found.references["plate 1"] = replace(known, values={**known.values, "energy": own})
+    found.references["plate 1"] = {**known, "energy": replace(known["energy"], sequence="reference")}
     assert values_of(found)["guaranteed"] == 0
     (line,) = tables_of(found)["brackets"].rows
     assert line[:4] == ("plate 1", "4", "4", "these models")
 
 
 def test_an_end_is_not_judged_by_itself(rows):
-    found = Overview(data_of([row for row in rows if row.case["problem"] == "block"]))
+    found = Overview(meshes_of([row for row in rows if row.case["problem"] == "block"]))
     known = found.references["block"]
     assert tables_of(found)["zones"].rows[0][5:7] == ("17 × 8", "2.0e-2")
-    own = replace(known.values["stick ends"], sequence="uniform", uncertainty=0.1)
-    found.references["block"] = replace(known, values={**known.values, "stick ends": own})
+    own = replace(known["stick ends"], sequence="uniform", uncertainty=0.1)
+    found.references["block"] = {**known, "stick ends": own}
     assert tables_of(found)["zones"].rows[0][5:7] == ("17 × 8", "gave the value")
 
 
 def test_costs_are_known_to_the_spacing_of_meshes(rows):
-    assert spacing(Overview(data_of(rows))) == pytest.approx(4.0)
-    assert tables_of(Overview(data_of([])))["costs"].rows == []
+    assert spacing(Overview(meshes_of(rows))) == pytest.approx(4.0)
+    assert tables_of(Overview(meshes_of([])))["costs"].rows == []
 
 
 def test_a_reference_makes_errors_below_it_meaningless(rows):
-    found = Overview(data_of(rows))
+    found = Overview(meshes_of(rows))
     plate = PROBLEMS["plate 1"]
     known = found.references["plate 1"]
-    coarse = replace(known, values={FORCE: replace(known.values[FORCE], uncertainty=0.03)})
-    measured = curve(found.data, plate, coarse, "uniform", FORCE)
-    assert measured.meant == (True, True, False)
-    assert measured.fitted is None
+    found.references["plate 1"] = {FORCE: replace(known[FORCE], uncertainty=0.03)}
+    points = found.curve(plate, FORCE, "uniform")
+    assert points.meant.tolist() == [True, True, False]
+    assert np.isnan(orders_of(points)["fitted"])
 
 
 def test_an_end_is_as_uncertain_as_meshes_differ(rows):
@@ -466,8 +464,8 @@ def test_an_end_is_as_uncertain_as_meshes_differ(rows):
     coarse = {**record, "ends": [{**end, "position": end["position"] - 0.04, "extrapolated": None}]}
     before = replace(first, case={**first.case, "size": 4}, result={"meshes": [coarse]})
     plain = {**record, "ends": [{**end, "extrapolated": None}]}
-    found = Overview(data_of([before, replace(first, result={"meshes": [plain]})]))
-    known = found.references["plate 0.2"].values["stick ends"]
+    found = Overview(meshes_of([before, replace(first, result={"meshes": [plain]})]))
+    known = found.references["plate 0.2"]["stick ends"]
     assert known.value == pytest.approx(end["position"])
     assert known.uncertainty == pytest.approx(end["high"] - end["low"] + 0.08)
     assert abs(known.value - 0.738) < known.uncertainty

@@ -1,20 +1,21 @@
-"""What the meshes are compared with, how large their errors are, and which of them mean something."""
+"""How large the errors of the meshes are, which of them mean something, and what their orders are worth."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, Final
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.convergence.mesh.data import Data, Mesh
-from comparisons.convergence.mesh.problems import Expected, Problem
-from comparisons.convergence.mesh.study import BRACKET, COMPANION, REFERENCE, SEQUENCES, UNIFORM
-from comparisons.convergence.mesh.tractions import Field, Tractions, difference, size
-from comparisons.convergence.orders import fitted_order, successive_orders
+from comparisons.convergence.mesh.problems import ENERGY, FORCE, PROBLEMS, TRACTIONS, Expected, Problem
+from comparisons.convergence.mesh.references import Reference, error_of, references_of, solved
+from comparisons.convergence.mesh.study import APART, BRACKET, GOAL, GRADED, UNIFORM
+from comparisons.convergence.orders import fitted_order, reached, successive_orders
 
-FLOOR: Final = 1e-8
-"""Relative errors that the accuracy asked of the solves leaves."""
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
 
-FORCE, ENERGY, TRACTIONS = "force", "energy", "tractions"
+NAMES: Final = {UNIFORM: "equal cells", GRADED: "graded", GOAL: "adaptive (force)", APART: "adaptive (bounds)"}
+"""Sequence with errors → what it is called in tables."""
+
 SAME: Final = 0.1
 """How far, relatively, a fitted order may be from the expected one to count as the same."""
 
@@ -24,266 +25,164 @@ STEADY: Final = 0.05
 FLAT: Final = 0.1
 """An order of this size or below is none: the error does not fall."""
 
+EXPECTED: Final = "as expected"
 
-@dataclass(frozen=True)
-class Reference:
-    """A value to compare with, its uncertainty, what errors are divided by, and where it comes from.
-
-    `sequence` is the one of this study's meshes that it was taken from; empty if it is known from elsewhere.
-    """
-
-    value: float
-    uncertainty: float
-    unit: float
-    source: str
-    sequence: str = ""
-
-    @property
-    def least(self) -> float:
-        """Relative errors from here down mean nothing."""
-        return max(self.uncertainty / self.unit, FLOOR)
+_ERRORS: Final = ("problem", "measure", "sequence", "mesh", "cells", "unknowns", "h", "size", "error", "meant")
 
 
 @dataclass(frozen=True, eq=False)
-class References:
-    """All references of a problem: values by measure, and the tractions with what they are uncertain by."""
+class Overview:
+    """A study's meshes, see `data.meshes_of`, what they are compared with, and the errors."""
 
-    values: Mapping[str, Reference]
-    tractions: Field | None
-    traction_scale: float
-    traction_uncertainty: float
-    traction_source: str
+    meshes: "DataFrame"
 
-    def least(self, measure: str) -> float:
-        """Relative errors of this measure from here down mean nothing."""
-        if measure == TRACTIONS:
-            return max(self.traction_uncertainty, FLOOR)
-        return self.values[measure].least
+    @cached_property
+    def problems(self) -> list[Problem]:
+        """Those with a solved mesh of equal cells."""
+        found = [PROBLEMS[name] for name in self.meshes.problem.unique()]
+        return [problem for problem in found if len(self.of(problem, UNIFORM))]
 
-    @property
-    def measures(self) -> list[str]:
-        """What has a reference: force, energy, tractions, ends of zones."""
-        numbers = [name for name in (FORCE, ENERGY) if name in self.values]
-        ends = [name for name in self.values if name not in (FORCE, ENERGY)]
-        return [*numbers, *([TRACTIONS] if self.tractions is not None else []), *ends]
+    @cached_property
+    def references(self) -> dict[str, dict[str, Reference]]:
+        """Problem's name → measure → what it is compared with."""
+        return {problem.name: references_of(self.meshes, problem) for problem in self.problems}
 
+    @cached_property
+    def errors(self) -> "DataFrame":
+        """One line a mesh and measure, by problem, measure and sequence.
 
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """Errors of one measure on one sequence of meshes.
+        The columns are these, mesh (its line in the frame of meshes), cells, unknowns, h, size, error (relative) and
+        meant (whether it is above the reference's uncertainty).
+        """
+        from pandas import DataFrame
 
-    Attributes
-    ----------
-    errors : tuple of float
-        Relative errors, one for each mesh.
-    meant : tuple of bool
-        Which of them are above the reference's uncertainty.
-    orders : tuple of float or None
-        Between successive meshes, in h = (number of cells)^−½.
-    fitted : float, optional
-        By least squares over the last three that mean something.
-    expected : Expected, optional
-        What theory says, on equal cells.
+        return DataFrame(self._errors(), columns=list(_ERRORS)).astype({"meant": bool})
 
-    """
+    def _errors(self) -> Iterator[tuple[Any, ...]]:
+        for problem in self.problems:
+            for measure, known in self.references[problem.name].items():
+                for sequence in NAMES:
+                    for mesh in self.of(problem, sequence).itertuples():
+                        if (error := error_of(mesh, measure, known)) == error:
+                            place = (mesh.Index, mesh.cells, mesh.unknowns, mesh.h, mesh.size)
+                            yield problem.name, measure, sequence, *place, error, error > known.least
 
-    problem: Problem
-    sequence: str
-    measure: str
-    meshes: tuple[Mesh, ...]
-    errors: tuple[float, ...]
-    meant: tuple[bool, ...]
-    orders: tuple[float | None, ...]
-    fitted: float | None
-    expected: Expected | None
+    def of(self, problem: Problem, sequence: str, model: str = "") -> "DataFrame":
+        """The solved meshes of a sequence, see `solved`."""
+        return solved(self.meshes, problem, sequence, model)
 
-    @property
-    def last_order(self) -> float | None:
-        """Between the last two meshes whose errors mean something."""
-        return next((order for order in reversed(self.orders) if order is not None), None)
+    def curve(self, problem: Problem, measure: str, sequence: str) -> "DataFrame":
+        """The errors of a measure along a sequence; none is an empty frame."""
+        found = self.errors
+        return found[(found.problem == problem.name) & (found.measure == measure) & (found.sequence == sequence)]
 
-    @property
-    def settled(self) -> bool:
-        """Whether the error falls and the last three orders agree, so that the asymptotic range may be reached."""
-        known = [order for order in self.orders if order is not None][-3:]
-        return self.falls and len(known) == 3 and max(known) - min(known) <= STEADY * abs(known[-1])
+    @cached_property
+    def orders(self) -> "DataFrame":
+        """One line a curve: problem, measure, sequence, and the entries of `orders_of`."""
+        from pandas import DataFrame
 
-    @property
-    def falls(self) -> bool:
-        """Whether the error fell on the last two meshes where it means something."""
-        return self.last_order is not None and self.last_order > FLAT
-
-    @property
-    def flat(self) -> bool:
-        """Whether it fell neither there nor, by the fitted order, on the last three."""
-        return self.fitted is not None and self.fitted <= FLAT and not self.falls
-
-    @property
-    def as_expected(self) -> bool:
-        """Whether the error falls, and the fitted order is the expected one."""
-        if self.fitted is None or self.expected is None or not self.falls:
-            return False
-        return abs(self.fitted - self.expected.order) <= SAME * self.expected.order
-
-
-def references(data: Data, problem: Problem) -> References:
-    """Exact and external values where there are any, else the bounds or the two models, whichever is more certain."""
-    finest = data.of(problem, REFERENCE)
-    values = dict(_numbers(data, problem, finest))
-    values |= _ends(data, problem)
-    if problem.tractions is not None:
-        lines = Tractions.of_record(data.of(problem, UNIFORM)[-1].record).lines
-        return References(values, problem.tractions, size(problem.tractions, lines), 0.0, "closed form")
-    found = [pair for sequence in (REFERENCE, UNIFORM) if (pair := _last_two(data.of(problem, sequence))) is not None]
-    if not found:
-        return References(values, None, 1.0, 0.0, "")
-    apart, scale, last, mesh = min(found, key=lambda each: each[0])
-    source = f"{mesh.cells} cells ({mesh.sequence}); ± the distance to the mesh before"
-    return References(values, last, scale, apart, source)
-
-
-def _last_two(meshes: list[Mesh]) -> tuple[float, float, Tractions, Mesh] | None:
-    """Relative distance of the tractions on the last two meshes, the norm of the last, these, and their mesh."""
-    if len(meshes) < 2:
-        return None
-    before, last = (Tractions.of_record(mesh.record) for mesh in meshes[-2:])
-    scale = size(last, last.lines)
-    return difference(last, before) / scale, scale, last, meshes[-1]
-
-
-def _numbers(data: Data, problem: Problem, finest: list[Mesh]) -> Iterator[tuple[str, Reference]]:
-    """Force and energy."""
-    for measure in (FORCE, ENERGY):
-        if measure in problem.known:
-            known = problem.known[measure]
-            yield measure, Reference(known.value, known.uncertainty, abs(known.value), known.source)
-            continue
-        found = [
-            *_two_models(data, problem, finest, measure),
-            *(_bracketed(data, problem) if measure == ENERGY else ()),
+        names = ["problem", "measure", "sequence"]
+        lines = [
+            dict(zip(names, place, strict=True)) | orders_of(points, self._expected(*place))
+            for place, points in self.errors.groupby(names, sort=False)
         ]
-        if found:
-            yield measure, min(found, key=lambda reference: reference.uncertainty)
+        return DataFrame(lines, columns=[*names, *orders_of(self.errors[:0])])
+
+    @staticmethod
+    def _expected(problem: str, measure: str, sequence: str) -> Expected | None:
+        return PROBLEMS[problem].expected.get(measure) if sequence == UNIFORM else None
+
+    def is_exact(self, problem: Problem) -> bool:
+        """Whether every mesh gives the force up to the accuracy of the solves."""
+        forces, known = self.errors[self.errors.measure == FORCE], problem.known.get(FORCE)
+        own = forces[forces.problem == problem.name]
+        return known is not None and known.uncertainty == 0.0 and len(own) > 0 and not own.meant.any()
+
+    def brackets(self, problem: Problem, sequence: str, guaranteed: bool = True) -> "DataFrame":
+        """Meshes with both bounds."""
+        found = self.of(problem, sequence, BRACKET)
+        return found[found.gap.notna() & (found.guaranteed == guaranteed)]
 
 
-def value_of(mesh: Mesh, measure: str) -> float:
-    """Force or energy of a mesh."""
-    return mesh.force if measure == FORCE else float(mesh.record["energy"])
+def orders_of(points: "DataFrame", expected: Expected | None = None) -> dict[str, Any]:
+    """What the orders of the errors along a sequence are worth.
 
+    Returns
+    -------
+    dict
+        last, fitted : orders in h of the last two meshes whose errors mean something, and by least squares of the last
+        three; NaN without them
+        expected, reason : what theory says, on equal cells; NaN and empty where it says nothing
+        verdict : whether the orders have settled, and on the expected one
 
-def _two_models(data: Data, problem: Problem, finest: list[Mesh], measure: str) -> Iterator[Reference]:
-    """Stresses and displacements on the finest adaptive mesh: their mean, uncertain by their difference."""
-    others = data.of(problem, REFERENCE, COMPANION)
-    if finest and others:
-        one, other = value_of(finest[-1], measure), value_of(others[-1], measure)
-        value = (one + other) / 2.0
-        source = f"stresses and displacements on {finest[-1].cells} adaptive cells; ± their difference"
-        yield Reference(value, abs(one - other), abs(value), source, REFERENCE)
-
-
-def _bracketed(data: Data, problem: Problem) -> Iterator[Reference]:
-    """The middle of the closest guaranteed bounds of all meshes."""
-    known = [mesh for mesh in data.meshes if mesh.problem is problem and mesh.model == BRACKET and mesh.solved]
-    closed = [mesh for mesh in known if mesh.record["guaranteed"] and mesh.record["gap"] is not None]
-    if closed:
-        best = min(closed, key=lambda mesh: float(mesh.record["gap"]))
-        value = (best.record["lower"] + best.record["upper"]) / 2.0
-        source = f"guaranteed bounds on {best.cells} cells"
-        yield Reference(value, abs(best.record["gap"]) / 2.0, abs(value), source, best.sequence)
-
-
-def _ends(data: Data, problem: Problem) -> dict[str, Reference]:
-    """Ends of zones: known, or from the mesh that knows them best."""
-    meshes = [mesh for mesh in data.meshes if mesh.problem is problem and mesh.solved and "ends" in mesh.record]
-    length = max((mesh.record["lines"][-1] - mesh.record["lines"][0] for mesh in meshes), default=1.0)
-    found = {
-        name: Reference(known.value, known.uncertainty, length, known.source)
-        for name, known in problem.known.items()
-        if name not in (FORCE, ENERGY)
-    }
-    for kind in _kinds(data, problem):
-        candidates = list(_candidates(data, problem, kind, length))
-        if kind not in found and candidates:
-            found[kind] = min(candidates, key=lambda each: each.uncertainty)
-    return found
-
-
-def _candidates(data: Data, problem: Problem, kind: str, length: float) -> Iterator[Reference]:
-    """What each mesh that has a coarser one before it says of an end, and how uncertain that is.
-
-    The middle of the root and the extrapolated end, uncertain by what is not known on the mesh and by twice the
-    distance to the mesh before: ends converge slowly, with an order of about ½ to 1.
     """
-    for sequence in SEQUENCES:
-        seen = [(mesh, end) for mesh in data.of(problem, sequence) if (end := end_of(mesh, kind)) is not None]
-        for (_, before), (mesh, end) in pairwise(seen):
-            middle = _middle(end)
-            least = uncertainty(end) + 2.0 * abs(middle - _middle(before))
-            source = f"{mesh.cells} cells ({sequence}); ± its own two values and twice the distance to the mesh before"
-            yield Reference(middle, least, length, source, sequence)
+    from pandas import Series
+
+    usable = points.error.where(points.meant)
+    kept = points.h != points.h.shift()  # there is no order between two meshes with the same number of cells
+    orders = Series(successive_orders(points.h[kept], usable[kept])).dropna()
+    last = float(orders.iloc[-1]) if len(orders) else float("nan")
+    fitted, wanted = fitted_order(points.h, usable), float("nan") if expected is None else expected.order
+    return {
+        "last": last, "fitted": fitted, "expected": wanted, "reason": "" if expected is None else expected.reason,
+        "verdict": _verdict(orders.tail(3), fitted, wanted),
+    }  # fmt: skip
 
 
-def _middle(end: Mapping[str, Any]) -> float:
-    """Between the root and the extrapolated end."""
-    other = end["position"] if end["extrapolated"] is None else end["extrapolated"]
-    return float(end["position"] + other) / 2.0
+def _verdict(orders: "Series", fitted: float, expected: float) -> str:
+    """By the last three orders."""
+    falls = len(orders) > 0 and orders.iloc[-1] > FLAT
+    if fitted != fitted:
+        return "too few points for an order"
+    if fitted <= FLAT and not falls:
+        return "does not fall"
+    if falls and abs(fitted - expected) <= SAME * expected:
+        return EXPECTED
+    steady = len(orders) == 3 and orders.max() - orders.min() <= STEADY * abs(orders.iloc[-1])
+    if not (falls and steady):
+        return "orders still change"
+    return "settled" if expected != expected else "settled on another order"
 
 
-def _kinds(data: Data, problem: Problem) -> list[str]:
-    """The ends that the finest mesh of equal cells shows: on coarse ones single edges may seem to be zones."""
-    equal = data.of(problem, UNIFORM)
-    ends = equal[-1].record["ends"] if equal else []
-    return [kind for kind in dict.fromkeys(end["kind"] for end in ends) if end_of(equal[-1], kind) is not None]
+def cost(points: "DataFrame", target: float) -> float:
+    """Unknowns from which on the error stays within the target; NaN without errors, or if it is not reached.
+
+    An error that means nothing counts as the reference's uncertainty.
+    """
+    return reached(points.unknowns.tolist(), points.error.tolist(), target)
 
 
-def uncertainty(end: Mapping[str, Any]) -> float:
-    """What is not known about an end: its distance to the extrapolated one, and between the points around it."""
-    apart = 0.0 if end["extrapolated"] is None else abs(end["position"] - end["extrapolated"])
-    return float(max(apart, end["high"] - end["low"]))
+def advantage(curves: Mapping[str, "DataFrame"], target: float) -> tuple[float, float]:
+    """How many times more unknowns equal cells take than the best of the others, as far as meshes of these sizes tell.
+
+    At least and at most; the second is NaN where that is not known, both where nothing can be said.
+    """
+    nothing = float("nan")
+    costs = {sequence: cost(points, target) for sequence, points in curves.items()}
+    others = {sequence: value for sequence, value in costs.items() if sequence != UNIFORM and value == value}
+    uniform = curves[UNIFORM]
+    if uniform.empty or not others:
+        return nothing, nothing
+    best, needed = min(others.values()), costs[UNIFORM]
+    if needed != needed:
+        return float(uniform.unknowns.max()) / best, nothing
+    before = _before(uniform, needed)
+    if not before > best:
+        return nothing, nothing
+    least = [_before(curves[sequence], value) for sequence, value in others.items()]
+    return before / best, nothing if any(value != value for value in least) else needed / min(least)
 
 
-def end_of(mesh: Mesh, kind: str) -> Mapping[str, Any] | None:
-    """The end of this kind, if the mesh has just one: with several it does not show the zones there are."""
-    found: list[Mapping[str, Any]] = [end for end in mesh.record.get("ends", ()) if end["kind"] == kind]
-    return found[0] if len(found) == 1 else None
+def _before(points: "DataFrame", unknowns: float) -> float:
+    """The largest number of unknowns of the curve below this one, NaN without one."""
+    return float(points.unknowns[points.unknowns < unknowns].max())
 
 
-def error_of(mesh: Mesh, measure: str, known: References) -> float | None:
-    """Relative error, None where the mesh has no such value."""
-    if measure == TRACTIONS:
-        return _traction_error(mesh, known)
-    reference = known.values[measure]
-    if measure in (FORCE, ENERGY):
-        return abs(value_of(mesh, measure) - reference.value) / reference.unit
-    end = end_of(mesh, measure)
-    return None if end is None else abs(end["position"] - reference.value) / reference.unit
+def slug(problem: Problem) -> str:
+    """The problem's name as a word for links."""
+    return problem.name.replace(" ", "-").replace(".", "_")
 
 
-def _traction_error(mesh: Mesh, known: References) -> float | None:
-    if known.tractions is None or "lines" not in mesh.record:
-        return None
-    return difference(Tractions.of_record(mesh.record), known.tractions) / known.traction_scale
-
-
-def curve(data: Data, problem: Problem, known: References, sequence: str, measure: str) -> Curve | None:
-    """Errors along a sequence; None without any."""
-    pairs = [(mesh, error_of(mesh, measure, known)) for mesh in data.of(problem, sequence)]
-    found = [(mesh, error) for mesh, error in pairs if error is not None]
-    if not found:
-        return None
-    meshes, errors = zip(*found, strict=True)
-    meant = tuple(error > known.least(measure) for error in errors)
-    usable = [error if means else None for error, means in zip(errors, meant, strict=True)]
-    sizes = [mesh.h for mesh in meshes]
-    expected = problem.expected.get(measure) if sequence == UNIFORM else None
-    orders = tuple(_orders(sizes, usable))
-    return Curve(problem, sequence, measure, meshes, errors, meant, orders, fitted_order(sizes, usable), expected)
-
-
-def _orders(sizes: list[float], errors: list[float | None]) -> list[float | None]:
-    """Successive orders; none between two meshes with the same number of cells."""
-    distinct = [index for index, size in enumerate(sizes) if not index or size != sizes[index - 1]]
-    found = dict(
-        zip(distinct, successive_orders([sizes[i] for i in distinct], [errors[i] for i in distinct]), strict=True)
-    )
-    return [found.get(index) for index in range(len(sizes))]
+def ends_among(measures: Mapping[str, Reference]) -> list[str]:
+    """The kinds of ends of zones among the measures of a problem."""
+    return [measure for measure in measures if measure not in (FORCE, ENERGY, TRACTIONS)]

@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from comparisons.convergence.mesh.data import Mesh
-from comparisons.convergence.mesh.errors import ENERGY, FORCE, TRACTIONS, Curve, Reference, end_of, error_of
-from comparisons.convergence.mesh.overview import NAMES, SHOWN, Overview, ends_of, slug
-from comparisons.convergence.mesh.problems import Problem
+from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
+from comparisons.convergence.mesh.problems import ENERGY, FORCE, PROBLEMS, TRACTIONS, Problem
+from comparisons.convergence.mesh.references import Reference, end_of, error_of
 from comparisons.convergence.mesh.study import APART, COMPANION, GOAL, GRADED, UNIFORM
-from comparisons.convergence.mesh.tractions import Field, Tractions
-from comparisons.lab.report import drawn
+from comparisons.convergence.mesh.tractions import Field
+from comparisons.lab.report.drawing import drawn, grid, legend_below
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.plots.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    new_figure,
-)
+from qvi_contact.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, new_figure
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Drawing
+    from pandas import DataFrame
 
 _LOOK: Final = {
     UNIFORM: (BLUE, "o", "-"), GRADED: (ORANGE, "s", "--"), GOAL: (GREEN, "^", "-."), APART: (PURPLE, "D", ":"),
@@ -48,9 +38,9 @@ def figures(overview: Overview) -> dict[str, str]:
     for problem in overview.problems:
         known = overview.references[problem.name]
         drawings[f"errors-{slug(problem)}"] = partial(_errors, overview, problem)
-        if TRACTIONS in known.measures:
+        if TRACTIONS in known:
             drawings[f"tractions-{slug(problem)}"] = partial(_tractions, overview, problem)
-        if ends_of(known):
+        if ends_among(known):
             drawings[f"ends-{slug(problem)}"] = partial(_ends, overview, problem)
     return {name: drawn(name, draw) for name, draw in drawings.items()}
 
@@ -58,83 +48,75 @@ def figures(overview: Overview) -> dict[str, str]:
 def _errors(overview: Overview, problem: Problem) -> Drawing:
     """Errors against unknowns, a panel for each measure."""
     known = overview.references[problem.name]
-    measures = [measure for measure in (FORCE, ENERGY, TRACTIONS) if measure in known.measures]
+    measures = [measure for measure in (FORCE, ENERGY, TRACTIONS) if measure in known]
     figure = new_figure(_SIDE * max(len(measures), 2), 3.5)
     for axes, measure in zip(figure.subplots(1, len(measures), squeeze=False)[0], measures, strict=True):
         _logarithmic(axes)
-        lowest = known.least(measure)
-        for curve in overview.curves_of(problem, measure):
-            _draw_curve(axes, curve)
-            lowest = min(lowest, *(error for error in curve.errors if error > 0.0), np.inf)
-        _draw_displacements(axes, overview, problem, measure)
-        _draw_slope(axes, overview.curve_of(problem, measure, UNIFORM))
-        axes.axhspan(lowest / 3.0, known.least(measure), color=GREY, alpha=0.2, linewidth=0)
-        axes.set_ylim(bottom=lowest / 3.0)
+        curves = {sequence: overview.curve(problem, measure, sequence) for sequence in NAMES}
+        for sequence, points in curves.items():
+            _draw_curve(axes, sequence, points[points.error > 0.0])
+        if measure != TRACTIONS:
+            _draw_displacements(axes, overview.of(problem, UNIFORM, COMPANION), measure, known[measure])
+        if measure in problem.expected:
+            _draw_slope(axes, curves[UNIFORM], problem.expected[measure].order)
+        least = known[measure].least
+        positive = (points.error[points.error > 0.0].min() for points in curves.values())
+        bottom = min(least, *(error for error in positive if error == error), np.inf) / 3.0
+        axes.axhspan(bottom, least, color=GREY, alpha=0.2, linewidth=0)
+        axes.set_ylim(bottom=bottom)
         axes.set_xlabel("unknowns [-]")
         axes.set_ylabel(f"relative error of the {measure} [-]")
-    _legend_of(figure)
+    legend_below(figure)
     return figure
 
 
-def _draw_curve(axes: Axes, curve: Curve) -> None:
-    colour, marker, line = _LOOK[curve.sequence]
-    pairs = [(m.unknowns, e, means) for m, e, means in zip(curve.meshes, curve.errors, curve.meant, strict=True) if e]
-    if not pairs:
+def _draw_curve(axes: Axes, sequence: str, points: DataFrame) -> None:
+    if points.empty:
         return
-    x, y, _ = zip(*pairs, strict=True)
-    axes.plot(
-        x, y, color=colour, linestyle=line, linewidth=1.1, marker=marker, markersize=5, label=NAMES[curve.sequence]
-    )
-    hollow = [pair[:2] for pair in pairs if not pair[2]]
-    if hollow:
-        axes.plot(*zip(*hollow, strict=True), color=colour, linestyle="", marker=marker, markersize=5,
-                  markerfacecolor="white")  # fmt: skip
+    colour, marker, line = _LOOK[sequence]
+    look: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 5}
+    axes.plot(points.unknowns, points.error, linestyle=line, linewidth=1.1, label=NAMES[sequence], **look)
+    hollow = points[~points.meant]
+    if len(hollow):
+        axes.plot(hollow.unknowns, hollow.error, linestyle="", markerfacecolor="white", **look)
 
 
-def _draw_displacements(axes: Axes, overview: Overview, problem: Problem, measure: str) -> None:
+def _draw_displacements(axes: Axes, meshes: DataFrame, measure: str, known: Reference) -> None:
     """Errors of the displacement model on equal cells."""
-    if measure == TRACTIONS:
-        return
-    meshes = overview.data.of(problem, UNIFORM, COMPANION)
-    errors = [error_of(mesh, measure, overview.references[problem.name]) for mesh in meshes]
-    points = [(mesh.unknowns, error) for mesh, error in zip(meshes, errors, strict=True) if error]
-    if points:
-        axes.plot(*zip(*points, strict=True), color=VERMILLION, linestyle=(0, (1, 1)), linewidth=0.9, marker="x",
-                  markersize=5, label="displacements, equal cells")  # fmt: skip
+    errors = np.array([error_of(mesh, measure, known) for mesh in meshes.itertuples()])
+    shown = errors > 0.0
+    if shown.any():
+        axes.plot(meshes.unknowns[shown], errors[shown], color=VERMILLION, linestyle=(0, (1, 1)), linewidth=0.9,
+                  marker="x", markersize=5, label="displacements, equal cells")  # fmt: skip
 
 
-def _draw_slope(axes: Axes, curve: Curve | None) -> None:
+def _draw_slope(axes: Axes, points: DataFrame, order: float) -> None:
     """A line with the expected order through the last error that means something."""
-    if curve is None or curve.expected is None:
+    meant = points[points.meant]
+    if len(meant) < 2:
         return
-    points = [(m.unknowns, e) for m, e, means in zip(curve.meshes, curve.errors, curve.meant, strict=True) if means]
-    if len(points) < 2:
-        return
-    (first, _), (last, error) = points[0], points[-1]
-    x = np.array([first, last], dtype=float)
-    power = curve.expected.order / 2.0
-    axes.plot(x, 0.6 * error * (x / last) ** -power, color=GREY, linewidth=1.0, label="expected order, equal cells")
+    x = meant.unknowns.iloc[[0, -1]].to_numpy()
+    axes.plot(x, 0.6 * meant.error.iloc[-1] * (x / x[1]) ** (-order / 2.0), color=GREY, linewidth=1.0,
+              label="expected order, equal cells")  # fmt: skip
 
 
-def _three(meshes: Sequence[Mesh]) -> list[Mesh]:
+def _three(meshes: DataFrame) -> DataFrame:
     """Coarsest, middle and finest of those that are not too fine to be seen."""
-    few = [mesh for mesh in meshes if mesh.size <= 32] or list(meshes)
-    return [few[index] for index in sorted({0, len(few) // 2, len(few) - 1})]
+    few = meshes[meshes["size"] <= 32]
+    few = few if len(few) else meshes
+    return few.iloc[sorted({0, len(few) // 2, len(few) - 1})]
 
 
 def _tractions(overview: Overview, problem: Problem) -> Drawing:
     """Tractions along the contact on three meshes and the reference."""
-    known = overview.references[problem.name]
     figure = new_figure(2.3 * _SIDE, 3.3)
     panels = figure.subplots(1, 2)
-    fields = [
-        (f"{mesh.cells} cells", Tractions.of_record(mesh.record)) for mesh in _three(overview.data.of(problem, UNIFORM))
+    meshes, known = _three(overview.of(problem, UNIFORM)), overview.references[problem.name][TRACTIONS].value
+    curves: list[tuple[str, Field, FloatArray]] = [
+        (f"{cells} cells", field, field.lines) for cells, field in zip(meshes.cells, meshes.tractions, strict=True)
     ]
-    lines = fields[0][1].lines
-    curves: list[tuple[str, Field, FloatArray]] = [(label, field, field.lines) for label, field in fields]
-    if known.tractions is not None:
-        places = getattr(known.tractions, "lines", np.linspace(lines[0], lines[-1], 200))
-        curves.append(("reference", known.tractions, places))
+    lines = curves[0][2]
+    curves.append(("reference", known, getattr(known, "lines", np.linspace(lines[0], lines[-1], 200))))
     for (label, field, places), (colour, line) in zip(
         curves, (*_KINDS[: len(curves) - 1], ("black", "-")), strict=True
     ):
@@ -149,7 +131,7 @@ def _tractions(overview: Overview, problem: Problem) -> Drawing:
         axes.set_ylim(*_view(values))
         axes.set_xlabel(f"x [{length}]")
         axes.set_ylabel(f"{symbol} [{stress}]")
-    _legend_of(figure)
+    legend_below(figure)
     return figure
 
 
@@ -171,17 +153,17 @@ def _samples(lines: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _ends(overview: Overview, problem: Problem) -> Drawing:
     """Ends of zones against the size of the mesh."""
     known = overview.references[problem.name]
-    kinds = ends_of(known)
+    kinds = ends_among(known)
     figure = new_figure(_SIDE * max(len(kinds), 2) * 0.95, 3.3)
     for axes, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
         axes.set_xscale("log", base=2)
         axes.minorticks_off()
-        _draw_place(axes, known.values[kind])
-        for sequence in SHOWN:
-            _draw_ends(axes, overview.data.of(problem, sequence), kind, sequence)
+        _draw_place(axes, known[kind])
+        for sequence in NAMES:
+            _draw_ends(axes, overview.of(problem, sequence), kind, sequence)
         axes.set_xlabel("h [-]")
         axes.set_ylabel(f"{kind} at x [{problem.units[1]}]")
-    _legend_of(figure)
+    legend_below(figure)
     return figure
 
 
@@ -190,9 +172,10 @@ def _draw_place(axes: Axes, place: Reference) -> None:
     axes.axhline(place.value, color=GREY, linewidth=0.8)
 
 
-def _draw_ends(axes: Axes, meshes: Sequence[Mesh], kind: str, sequence: str) -> None:
+def _draw_ends(axes: Axes, meshes: DataFrame, kind: str, sequence: str) -> None:
     colour, marker, line = _LOOK[sequence]
-    found = [(mesh.h, end) for mesh in meshes if (end := end_of(mesh, kind)) is not None]
+    ends = [end_of(each, kind) for each in meshes.ends]
+    found = [(h, end) for h, end in zip(meshes.h, ends, strict=True) if end is not None]
     if not found:
         return
     h = [each for each, _ in found]
@@ -217,20 +200,19 @@ def _gaps(overview: Overview) -> Drawing:
         _logarithmic(axes)
         axes.set_xscale("log", base=2)
         axes.minorticks_off()
-        for number, problem in enumerate(overview.data.problems):
+        for number, name in enumerate(overview.meshes.problem.unique()):
+            look = {"color": colours[number % len(colours)], "marker": markers[number % len(markers)], "label": name}
             for guaranteed in (True, False):
-                meshes = overview.brackets(problem, sequence, guaranteed)
-                points = [(m.h, m.record["gap"] / m.record["strain"]) for m in meshes]
-                points = [point for point in points if point[1] > 1e-12]
-                if points:
-                    colour = colours[number % len(colours)]
-                    axes.plot(*zip(*points, strict=True), color=colour, marker=markers[number % len(markers)],
-                              markersize=5, linestyle="-" if guaranteed else ":", linewidth=1.0,
-                              markerfacecolor=colour if guaranteed else "white", label=problem.name)  # fmt: skip
+                meshes = overview.brackets(PROBLEMS[name], sequence, guaranteed)
+                shown = meshes[meshes.gap / meshes.strain > 1e-12]
+                if len(shown):
+                    line, face = ("-", look["color"]) if guaranteed else (":", "white")
+                    axes.plot(shown.h, shown.gap / shown.strain, markersize=5, linestyle=line, linewidth=1.0,
+                              markerfacecolor=face, **look)  # fmt: skip
         axes.set_title(NAMES[sequence], fontsize=9)
         axes.set_xlabel("h [-]")
     figure.axes[0].set_ylabel("gap / strain energy [-]")
-    _legend_of(figure)
+    legend_below(figure)
     return figure
 
 
@@ -238,15 +220,4 @@ def _logarithmic(axes: Axes) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.minorticks_off()
-    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
-
-
-def _legend_of(figure: Drawing) -> None:
-    """One legend below, each label once."""
-    handles: dict[str, Artist] = {}
-    for axes in figure.axes:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    if handles:
-        artists, labels = list(handles.values()), list(handles)
-        figure.legend(artists, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    grid(axes)

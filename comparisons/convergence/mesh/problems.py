@@ -17,6 +17,9 @@ from qvi_contact.exact import ExactState
 from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
 from qvi_contact.problem.conditions import Condition
 
+FORCE, ENERGY, TRACTIONS = "force", "energy", "tractions"
+"""What all problems are measured by; each may have ends of zones besides."""
+
 _PUSH: Final = 1e-3
 _STICKING: Final = 0.25  # from here on the plate sticks everywhere
 _PLATE: Final = "GetFEM and NGSolve, agreeing"

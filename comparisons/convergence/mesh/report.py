@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 
-from comparisons.convergence.mesh.data import data_of
-from comparisons.convergence.mesh.errors import FLAT, SAME, STEADY
+from comparisons.convergence.mesh.data import meshes_of
+from comparisons.convergence.mesh.errors import FLAT, SAME, STEADY, Overview
 from comparisons.convergence.mesh.figures import figures
 from comparisons.convergence.mesh.measures import values_of
-from comparisons.convergence.mesh.overview import Overview
 from comparisons.convergence.mesh.study import MODELS, SEQUENCES
-from comparisons.convergence.mesh.tables import spacing, tables_of
+from comparisons.convergence.mesh.tables import tables_of
 from comparisons.convergence.mesh.task import STRICT, TOLERANCE
 from comparisons.lab.report import Document, environment_grids, render
 from comparisons.lab.report.numbers import scientific
@@ -18,12 +17,11 @@ from comparisons.lab.tables import Grid
 
 def report(rows: Sequence[Row], quick: bool = False) -> Document:
     """The report; the same rows give the same report."""
-    overview = Overview(data_of(rows))
-    limits = {"quick": quick, "same": SAME, "steady": STEADY, "flat": FLAT, "spacing": spacing(overview)}
+    overview = Overview(meshes_of(rows))
     return render(
         "comparisons.convergence.mesh", "convergence-mesh-quick" if quick else "convergence-mesh",
-        {**values_of(overview), **limits}, tables_of(overview), figures(overview),
-        [_settings(), *environment_grids(rows)],
+        {"quick": quick, "same": SAME, "steady": STEADY, "flat": FLAT, **values_of(overview)}, tables_of(overview),
+        figures(overview), [_settings(), *environment_grids(rows)],
     )  # fmt: skip
 
 

@@ -1,267 +1,201 @@
 """The tables of the report."""
 
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.convergence.mesh.data import Mesh
-from comparisons.convergence.mesh.errors import (
-    ENERGY,
-    FORCE,
-    TRACTIONS,
-    Curve,
-    References,
-    end_of,
-    error_of,
-)
-from comparisons.convergence.mesh.measures import CLOSED, advantage, changes_of, enclosing, force_curves, side_of
-from comparisons.convergence.mesh.overview import NAMES, SHOWN, TARGETS, Overview, cost, ends_of, slug
-from comparisons.convergence.mesh.problems import Problem
+from comparisons.convergence.mesh.errors import NAMES, Overview, advantage, cost, ends_among, slug
+from comparisons.convergence.mesh.measures import CLOSED, changes_of, enclosing, force_curves, side_of
+from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
+from comparisons.convergence.mesh.references import end_of
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GRADED, STRICT, UNIFORM
-from comparisons.lab.report.numbers import NOTHING, scientific, seconds, significant
-from comparisons.lab.tables import Grid
+from comparisons.lab.report.numbers import NOTHING, fixed, scientific, seconds, significant
+from comparisons.lab.tables import Form, Grid, Heading, grid_of
 
-_NOT_REACHED = "not reached"
-_ORDERS = ("observed, last two", "observed, last three", "expected", "because", "verdict")
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+TARGETS: Final = (1e-3, 1e-4, 1e-5)
+"""Relative errors of the force whose cost is told."""
+
+
+def _known(form: Form) -> Form:
+    """What is missing is left empty."""
+    return lambda value: "" if value is None or value != value else form(value)
+
+
+_NINE: Final = _known(partial(significant, digits=9))
+_ORDER: Final = _known(lambda order: f"{round(order, 2) + 0.0:.2f}")
 
 
 def tables_of(overview: Overview) -> dict[str, Grid]:
     """The tables by name."""
-    return {
-        "costs": costs_table(overview), "orders": orders_table(overview), "brackets": brackets_table(overview),
-        "models": models_table(overview), "zones": zones_table(overview), "references": references_table(overview),
-        "failures": failures_table(overview),
-        **{f"meshes-{slug(problem)}": meshes_table(overview, problem) for problem in overview.problems},
-    }  # fmt: skip
+    found = {name: _grid(table(overview)) for name, table in _TABLES.items()}
+    meshes = {f"meshes-{slug(problem)}": _meshes(overview, problem) for problem in overview.problems}
+    return {**found, "orders": _orders(overview), "failures": failures(overview), **meshes}
 
 
-def references_table(overview: Overview) -> Grid:
-    """What errors are taken against."""
-    rows = [row for problem in overview.problems for row in _reference_rows(problem, overview.references[problem.name])]
-    headings = ("problem", "measure", "value", "relative uncertainty", "source")
-    return Grid("", headings, rows)
+def _grid(lines: "Iterator[dict[str, str]]") -> Grid:
+    """Lines with a text under each heading."""
+    rows = list(lines)
+    return Grid("", tuple(rows[0]) if rows else (), [tuple(row.values()) for row in rows])
 
 
-def _reference_rows(problem: Problem, known: References) -> Iterator[tuple[str, ...]]:
-    for measure in known.measures:
-        if measure == TRACTIONS:
-            yield problem.name, measure, "a function", scientific(known.traction_uncertainty), known.traction_source
-        else:
-            value = known.values[measure]
-            share = scientific(value.uncertainty / value.unit)
-            yield problem.name, measure, significant(value.value, 9), share, value.source
-
-
-def costs_table(overview: Overview) -> Grid:
+def _costs(overview: Overview) -> Iterator[dict[str, str]]:
     """Unknowns needed for given errors of the force."""
-    rows = []
     for problem in overview.problems:
+        curves, least = force_curves(overview, problem), overview.references[problem.name][FORCE].least
         for target in TARGETS:
-            costs = [_cost(overview, problem, sequence, target) for sequence in SHOWN]
-            rows.append((problem.name, scientific(target, 1), *costs, _advantage(overview, problem, target)))
-    shown = (f"unknowns, {NAMES[each]}" for each in SHOWN)
-    headings = ("problem", "relative error of the force", *shown, "equal cells over the best of the others")
-    return Grid("", headings, rows)
+            told = {
+                f"unknowns, {NAMES[sequence]}": "" if target < least or points.empty else _cost(points, target)
+                for sequence, points in curves.items()
+            }
+            low, high = advantage(curves, target) if target >= least else (float("nan"),) * 2
+            known = significant(low, 2) if high != high else f"{significant(low, 2)} to {significant(high, 2)}"
+            yield {
+                "problem": problem.name, "relative error of the force": scientific(target, 1), **told,
+                "equal cells over the best of the others": "" if low != low else "> " * (high != high) + known,
+            }  # fmt: skip
 
 
-def spacing(overview: Overview) -> float | None:
-    """The largest ratio of unknowns on two successive meshes of a sequence."""
-    found = [
-        after.unknowns / before.unknowns
-        for curve in overview.curves
-        if curve.measure == FORCE
-        for before, after in pairwise(sorted(curve.meshes, key=lambda mesh: mesh.unknowns))
-    ]
-    return max(found, default=None)
+def _cost(points: "DataFrame", target: float) -> str:
+    found = cost(points, target)
+    return "not reached" if found != found else f"{found:.0f}"
 
 
-def _advantage(overview: Overview, problem: Problem, target: float) -> str:
-    low, high = advantage(force_curves(overview, problem), target)
-    if low is None or target < overview.references[problem.name].least(FORCE):
-        return ""
-    return f"> {significant(low, 2)}" if high is None else f"{significant(low, 2)} to {significant(high, 2)}"
-
-
-def _cost(overview: Overview, problem: Problem, sequence: str, target: float) -> str:
-    if target < overview.references[problem.name].least(FORCE):
-        return ""
-    curve = overview.curve_of(problem, FORCE, sequence)
-    if curve is None:
-        return ""
-    found = cost(curve, target)
-    return _NOT_REACHED if found is None else f"{found:.0f}"
-
-
-def orders_table(overview: Overview) -> Grid:
+def _orders(overview: Overview) -> Grid:
     """Observed beside expected orders."""
-    rows = [
-        (curve.problem.name, curve.measure, NAMES[curve.sequence], *_orders(curve))
-        for curve in overview.curves
-        if not overview.is_exact(curve.problem)
-    ]
-    return Grid("", ("problem", "measure", "meshes", *_ORDERS), rows)
+    exact = [problem.name for problem in overview.problems if overview.is_exact(problem)]
+    shown = overview.orders[~overview.orders.problem.isin(exact)]
+    headings: dict[str, Heading] = {
+        "problem": "problem", "measure": "measure", "sequence": ("meshes", NAMES.__getitem__),
+        "last": ("observed, last two", _ORDER), "fitted": ("observed, last three", _ORDER),
+        "expected": ("expected", _known("{:.3g}".format)), "reason": "because", "verdict": "verdict",
+    }  # fmt: skip
+    return grid_of(shown, headings)
 
 
-def _orders(curve: Curve) -> tuple[str, ...]:
-    expected = curve.expected
-    order, reason = ("", "") if expected is None else (f"{expected.order:.3g}", expected.reason)
-    return _number(curve.last_order), _number(curve.fitted), order, reason, verdict(curve)
-
-
-def verdict(curve: Curve) -> str:
-    """What the orders of a curve are worth."""
-    if curve.fitted is None:
-        return "too few points for an order"
-    if curve.flat:
-        return "does not fall"
-    if curve.as_expected:
-        return "as expected"
-    if not curve.settled:
-        return "orders still change"
-    return "settled" if curve.expected is None else "settled on another order"
-
-
-def brackets_table(overview: Overview) -> Grid:
+def _brackets(overview: Overview) -> Iterator[dict[str, str]]:
     """Whether guaranteed bounds enclose the reference, and how close they get."""
-    rows = []
     for problem in overview.problems:
         for found in enclosing(overview, problem):
-            gap = "closed" if found.gap < CLOSED else scientific(found.gap)
-            where = f"{found.best.cells} cells, {NAMES[found.best.sequence]}"
-            source = "these models" if found.own else "elsewhere"
-            rows.append((problem.name, str(found.number), str(found.inside), source, gap, where))
-    headings = (
-        "problem",
-        "guaranteed brackets",
-        "enclose the reference",
-        "which is from",
-        "closest, relative gap",
-        "on",
-    )
-    return Grid("", headings, rows)
+            yield {
+                "problem": problem.name, "guaranteed brackets": str(found.number),
+                "enclose the reference": str(found.inside),
+                "which is from": "these models" if found.own else "elsewhere",
+                "closest, relative gap": "closed" if found.gap < CLOSED else scientific(found.gap), "on": found.on,
+            }  # fmt: skip
 
 
-def models_table(overview: Overview) -> Grid:
+def _models(overview: Overview) -> Iterator[dict[str, str]]:
     """On which side of the reference both models are, and what the law on whole edges changes."""
-    rows = []
-    words = {None: NOTHING, True: "too large", False: "too small"}
     changes = changes_of(overview)
     for problem in overview.problems:
-        cells, change = changes.get(problem.name, ("", None))
-        shown = "" if change is None else "0" if abs(change) < CLOSED else f"{scientific(change)}"
-        sides = [words[side_of(overview, problem, model)] for model in (None, COMPANION)]
-        rows.append((problem.name, *sides, shown, cells))
-    headings = (
-        "problem",
-        "force by stresses",
-        "force by displacements",
-        "law on whole edges changes the force by",
-        "on",
-    )
-    return Grid("", headings, rows)
+        cells, change = changes.get(problem.name, ("", float("nan")))
+        yield {
+            "problem": problem.name, "force by stresses": side_of(overview, problem) or NOTHING,
+            "force by displacements": side_of(overview, problem, COMPANION) or NOTHING,
+            "law on whole edges changes the force by": "0" if abs(change) < CLOSED else _known(scientific)(change),
+            "on": cells,
+        }  # fmt: skip
 
 
-def zones_table(overview: Overview) -> Grid:
+def _zones(overview: Overview) -> Iterator[dict[str, str]]:
     """Where zones end, and how far off the finest equal cells are."""
-    rows = [
-        (problem.name, kind, *_zone(overview, problem, kind))
-        for problem in overview.problems
-        for kind in ends_of(overview.references[problem.name])
-    ]
-    headings = ("problem", "end", "at x", "uncertainty", "unit", "finest equal cells", "are off by", "not shown on")
-    return Grid("", headings, rows)
+    for problem in overview.problems:
+        for kind in ends_among(overview.references[problem.name]):
+            place, points = overview.references[problem.name][kind], overview.curve(problem, kind, UNIFORM)
+            equal = overview.of(problem, UNIFORM)
+            missed = [cells for cells, ends in zip(equal.cells, equal.ends, strict=True) if end_of(ends, kind) is None]
+            cells, off = NOTHING, ""
+            if len(points):
+                last = points.iloc[-1]
+                cells = last.cells
+                off = scientific(last.error * place.unit) if last.meant else "within the uncertainty"
+                off = "gave the value" if place.sequence == UNIFORM else off
+            yield {
+                "problem": problem.name, "end": kind, "at x": significant(place.value, 4),
+                "uncertainty": scientific(place.uncertainty) if place.uncertainty else "exact",
+                "unit": problem.units[1], "finest equal cells": cells, "are off by": off,
+                "not shown on": ", ".join(missed) if len(points) else "all",
+            }  # fmt: skip
 
 
-def _zone(overview: Overview, problem: Problem, kind: str) -> tuple[str, ...]:
-    place, unit = overview.references[problem.name].values[kind], problem.units[1]
-    known = (significant(place.value, 4), scientific(place.uncertainty) if place.uncertainty else "exact", unit)
-    curve = overview.curve_of(problem, kind, UNIFORM)
-    if curve is None:
-        return (*known, NOTHING, "", "all")
-    missed = [mesh.cells for mesh in overview.data.of(problem, UNIFORM) if end_of(mesh, kind) is None]
-    off = scientific(curve.errors[-1] * place.unit) if curve.meant[-1] else "within the uncertainty"
-    own = "gave the value" if place.sequence == UNIFORM else off
-    return (*known, curve.meshes[-1].cells, own, ", ".join(missed))
+def _references(overview: Overview) -> Iterator[dict[str, str]]:
+    """What errors are taken against."""
+    for problem in overview.problems:
+        for measure, known in overview.references[problem.name].items():
+            yield {
+                "problem": problem.name, "measure": measure,
+                "value": "a function" if measure == TRACTIONS else significant(known.value, 9),
+                "relative uncertainty": scientific(known.uncertainty / known.unit), "source": known.source,
+            }  # fmt: skip
 
 
-def meshes_table(overview: Overview, problem: Problem) -> Grid:
-    """Every mesh of a problem."""
-    known = overview.references[problem.name]
-    ends = ends_of(known)
-    rows = [
-        _mesh_row(overview, known, sequence, mesh, ends)
-        for sequence in SHOWN
-        for mesh in overview.data.of(problem, sequence)
-    ]
+_TABLES: Final[Mapping[str, Callable[[Overview], Iterator[dict[str, str]]]]] = {
+    "costs": _costs, "brackets": _brackets, "models": _models, "zones": _zones, "references": _references,
+}  # fmt: skip
+
+
+def _meshes(overview: Overview, problem: Problem) -> Grid:
+    """Every mesh of a problem, with what other models gave on the same mesh."""
+    from pandas import concat
+
     stress, length = problem.units
-    headings = (
-        "meshes", "cells", "unknowns", f"force [{stress} {length}]", "its error", "energy error", "tractions' error",
-        *(f"{end} at [{length}]" for end in ends), "force, law on whole edges", "force by displacements",
-        "lower energy", "upper energy", "bounds", "time",
-    )  # fmt: skip
-    return Grid("", headings, rows)
+    ends = ends_among(overview.references[problem.name])
+    errors = overview.errors[(overview.errors.problem == problem.name)]
+    told = errors.assign(text=[scientific(each.error) if each.meant else f"({scientific(each.error)})"
+                               for each in errors.itertuples()])  # fmt: skip
+    meshes = concat([overview.of(problem, sequence) for sequence in NAMES])
+    meshes = meshes.join(told.pivot_table("text", "mesh", "measure", "first").add_prefix("error of "))
+    for model in (STRICT, COMPANION, BRACKET):
+        same = concat([overview.of(problem, sequence, model) for sequence in (UNIFORM, GRADED)])
+        same = same.set_index(["sequence", "size"])[["force", *_BOUNDS]].add_suffix(f" {model}")
+        meshes = meshes.join(same, on=["sequence", "size"])
+    for name in _BOUNDS:
+        meshes[name] = meshes[name].where(meshes.sequence == APART, meshes[f"{name} {BRACKET}"])
+    meshes["kind"] = [_kind(mesh) for mesh in meshes.itertuples()]
+    for end in ends:
+        meshes[end] = [_end(each, end) for each in meshes.ends]
+    headings: dict[str, Heading] = {
+        "sequence": ("meshes", NAMES.__getitem__), "cells": "cells", "unknowns": ("unknowns", fixed(".0f")),
+        "force": (f"force [{stress} {length}]", _NINE),
+        **{f"error of {name}": (heading, _known(str)) for name, heading in _ERRORS.items()},
+        **{end: f"{end} at [{length}]" for end in ends},
+        f"force {STRICT}": ("force, law on whole edges", _NINE),
+        f"force {COMPANION}": ("force by displacements", _NINE), "lower": ("lower energy", _NINE),
+        "upper": ("upper energy", _NINE), "kind": "bounds", "seconds": ("time", seconds),
+    }  # fmt: skip
+    return grid_of(meshes.reindex(columns=list(headings)), headings)
 
 
-def _mesh_row(overview: Overview, known: References, sequence: str, mesh: Mesh, ends: list[str]) -> tuple[str, ...]:
-    others = {model: _same_mesh(overview, mesh, model) for model in (STRICT, COMPANION, BRACKET)}
-    strict, companion, bounded = others[STRICT], others[COMPANION], others[BRACKET]
-    bounds = ("", "", "") if bounded is None else _bounds(bounded)
-    return (
-        NAMES[sequence], mesh.cells, str(mesh.unknowns), significant(mesh.force, 9),
-        *(_error(mesh, measure, known) for measure in (FORCE, ENERGY, TRACTIONS)), *(_end(mesh, end) for end in ends),
-        "" if strict is None else significant(strict.force, 9),
-        "" if companion is None else significant(companion.force, 9), *bounds, seconds(mesh.record["seconds"]),
-    )  # fmt: skip
+_BOUNDS: Final = ("lower", "upper", "gap", "guaranteed", "bracketed")
+_ERRORS: Final = {FORCE: "its error", ENERGY: "energy error", TRACTIONS: "tractions' error"}
 
 
-def _same_mesh(overview: Overview, mesh: Mesh, model: str) -> Mesh | None:
-    """What another model gave on the same mesh."""
-    if mesh.sequence == APART:
-        return mesh if model == BRACKET else None
-    if mesh.sequence not in (UNIFORM, GRADED):
-        return None
-    found = overview.data.of(mesh.problem, mesh.sequence, model)
-    return next((other for other in found if other.size == mesh.size), None)
-
-
-def _bounds(mesh: Mesh) -> tuple[str, str, str]:
-    kind = "guaranteed" if mesh.record["guaranteed"] else "indicator"
-    if mesh.record["gap"] is None:
-        kind = "one is missing"
-    values = (mesh.record[end] for end in ("lower", "upper"))
-    lower, upper = ("" if value is None else significant(value, 9) for value in values)
-    return lower, upper, kind
-
-
-def _error(mesh: Mesh, measure: str, known: References) -> str:
-    if measure not in known.measures:
+def _kind(mesh: Any) -> str:
+    if mesh.bracketed != True:  # noqa: E712 - nothing where that model was not run on this mesh
         return ""
-    error = error_of(mesh, measure, known)
-    if error is None:
-        return ""
-    return scientific(error) if error > known.least(measure) else f"({scientific(error)})"
+    return "one is missing" if mesh.gap != mesh.gap else "guaranteed" if mesh.guaranteed else "indicator"
 
 
-def _end(mesh: Mesh, kind: str) -> str:
-    end = end_of(mesh, kind)
+def _end(ends: Any, kind: str) -> str:
+    end = end_of(ends, kind)
     if end is None:
         return ""
     other = "" if end["extrapolated"] is None else f"; {significant(end['extrapolated'], 4)}"
     return f"{significant(end['position'], 4)}{other}"
 
 
-def failures_table(overview: Overview) -> Grid:
+def failures(overview: Overview) -> Grid:
     """Meshes without a certified answer, and bounds that are missing."""
-    rows = [
-        (mesh.problem.name, mesh.sequence, mesh.cells, mesh.model, mesh.status, mesh.message)
-        for mesh in overview.data.failures
-    ]
-    rows += [
-        (mesh.problem.name, mesh.sequence, mesh.cells, mesh.model, "bound missing", " ".join(mesh.record["reasons"]))
-        for mesh in overview.data.meshes
-        if mesh.solved and mesh.model == BRACKET and mesh.record["gap"] is None
-    ]
-    return Grid("", ("problem", "meshes", "cells", "model", "status", "message"), rows)
+    from pandas import concat
 
-
-def _number(order: float | None) -> str:
-    return "" if order is None else f"{round(order, 2) + 0.0:.2f}"
+    meshes = overview.meshes
+    open_ = meshes[meshes.solved & (meshes.model == BRACKET) & meshes.gap.isna()]
+    open_ = open_.assign(status="bound missing", message=open_.reasons.map(" ".join))
+    headings = {
+        "problem": "problem", "sequence": "meshes", "cells": "cells", "model": "model", "status": "status",
+        "message": "message",
+    }  # fmt: skip
+    return grid_of(concat([meshes[~meshes.solved], open_]), headings)

@@ -7,7 +7,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN
-from comparisons.lab.report.numbers import NOTHING, count, listing, scientific, seconds, significant
+from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
 from comparisons.lab.study import Row, frame_of
 from comparisons.lab.tables import Grid, grid_of
 
@@ -31,7 +31,7 @@ _NUMBERS: Final = (
 """Columns that are numbers, NaN where a run has none; see `task`."""
 
 _FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
-    "friction": "{:g}".format, "steps": count, "seconds": seconds, "accuracy": scientific,
+    "friction": fixed("g"), "steps": count, "seconds": seconds, "accuracy": scientific,
     **dict.fromkeys(("rate", "ratio", "linearised", "exact", "bound", "root"), significant),
     **dict.fromkeys(("quicker", "typical", "slowest", "smallest", "largest", "spread"), partial(significant, digits=2)),
 }  # fmt: skip

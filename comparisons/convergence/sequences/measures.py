@@ -1,6 +1,7 @@
 """The sequences as one frame, and the numbers and the table of the report."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -9,7 +10,7 @@ from comparisons.convergence.sequences.problems import CHAINS
 from comparisons.convergence.sequences.task import EVERY, WAYS
 from comparisons.lab.report.numbers import scientific, significant
 from comparisons.lab.study import DONE, Row
-from comparisons.lab.tables import Grid
+from comparisons.lab.tables import Grid, Heading, grid_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -63,16 +64,16 @@ def values_of(runs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
+_COLUMNS: Final[Mapping[str, Heading]] = {
+    "title": "sequence", "mesh": "element", "way": "way", "share": "solved", "iterations": "iterations after the first",
+    "later": ("a later problem", partial(significant, digits=2)), "whole": ("all problems", significant),
+    "force": ("difference of forces", lambda value: "–" if value != value else scientific(value)),
+    "accuracy": ("worst accuracy", scientific),
+}  # fmt: skip
+
+
 def table_of(runs: "DataFrame") -> Grid:
     """All runs."""
-    rows = [
-        (CHAINS[run.sequence].title, ELEMENTS[run.element], run.way, f"{run.solved} of {run.planned}", run.iterations,
-         significant(run.later, 2), significant(run.whole, 3),
-         "–" if run.force != run.force else scientific(run.force), scientific(run.accuracy))
-        for run in runs.itertuples()
-    ]  # fmt: skip
-    headings = (
-        "sequence", "element", "way", "solved", "iterations after the first", "a later problem", "all problems",
-        "difference of forces", "worst accuracy",
-    )  # fmt: skip
-    return Grid("", headings, [tuple(map(str, row)) for row in rows])
+    titles, shares = runs.sequence.map(lambda name: CHAINS[name].title), runs[["solved", "planned"]].astype(str)
+    shown = runs.assign(title=titles, mesh=runs.element.map(ELEMENTS), share=shares.agg(" of ".join, axis=1))
+    return grid_of(shown, _COLUMNS)

@@ -9,7 +9,17 @@ from comparisons.convergence.rates import growth_order
 from comparisons.convergence.uzawa.methods import METHODS
 from comparisons.convergence.uzawa.study import HALF
 from comparisons.convergence.uzawa.task import TARGETS
-from comparisons.lab.report.numbers import NOTHING, count, listing, percent, scientific, seconds, significant, span
+from comparisons.lab.report.numbers import (
+    NOTHING,
+    count,
+    fixed,
+    listing,
+    percent,
+    scientific,
+    seconds,
+    significant,
+    span,
+)
 from comparisons.lab.study import Row, frame_of
 from comparisons.lab.tables import Grid, grid_of
 from comparisons.paper.reference import load
@@ -173,8 +183,8 @@ def _power(order: float | None) -> str:
 
 
 _FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
-    "friction": "{:g}".format, "seconds": seconds, "accuracy": scientific,
-    **dict.fromkeys(("printed", "after", "after_printed_rule", "force"), "{:.2f}".format),
+    "friction": fixed("g"), "seconds": seconds, "accuracy": scientific,
+    **dict.fromkeys(("printed", "after", "after_printed_rule", "force"), fixed(".2f")),
     **dict.fromkeys(("before", "error", "tractions"), partial(percent, digits=2)),
     **dict.fromkeys((*_TARGETS, "quickest", "open", "iterations", "most"), count),
     **dict.fromkeys(("factor", "share"), partial(significant, digits=2)),
