@@ -2,9 +2,8 @@
 
 import json
 import math
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -139,12 +138,15 @@ def import_file(file: str, method: str | None, inner: str | None, tolerance: flo
     import numpy as np
 
     from comparisons.exchange.reading import solve_file
+    from comparisons.lab.study.rows import finite_json
 
     given = {"method": method, "inner": inner, "tolerance": tolerance}
     with np.errstate(all="ignore"):  # what overflows fails its certificate
         report = solve_file(file, {name: value for name, value in given.items() if value is not None})
     if as_json:
-        click.echo(json.dumps(_finite(report.as_document()), indent=2, allow_nan=False, ensure_ascii=False))
+        click.echo(
+            json.dumps(finite_json(report.as_document(), null=True), indent=2, allow_nan=False, ensure_ascii=False)
+        )
     else:
         click.echo("\n".join(report.lines()))
     return 0 if report.status == "solved" else 1
@@ -183,12 +185,3 @@ def _units(description: str, result: "ContactResult") -> str:
 def _written(file: str, result: "ContactResult") -> int:
     click.echo(f"{file}: {result.message}")
     return 0 if result.solution.solved else 1
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no infinity: None instead."""
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

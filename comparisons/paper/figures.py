@@ -4,23 +4,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from comparisons.lab.report.drawing import grid, legend_below
 from comparisons.paper.study import PaperStudy, half_force
 from qvi_contact import ContactResult
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.plots import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    VERMILLION,
-    friction_used,
-    principal_stress_map,
-)
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, friction_used, principal_stress_map
 from qvi_contact.plots import contact_tractions as draw_tractions
 from qvi_contact.plots.style import new_figure
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -64,11 +56,7 @@ def contact_tractions(study: PaperStudy) -> "Figure":
         upper.set_title(f"μ = {row.friction:g}")
     for panel in axes.flat:
         panel.label_outer()
-    handles: dict[str, Artist] = {}
-    for panel in axes.flat:
-        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles))
+    legend_below(figure, 9, 9)
     figure.suptitle("Contact tractions, converged, and the share of the friction bound used; shading marks the state")
     return figure
 
@@ -85,20 +73,16 @@ def convergence(study: PaperStudy) -> "Figure":
         left.semilogy(*_errors(row.uzawa_converged, solution), color=colour, linestyle=line, label=label)
         right.semilogy(*_errors(row.plain, solution), color=colour, linestyle=line, marker=marker, label=label)
     left.axvline(study.reference.iterations, color=GREY, linewidth=0.8)
+    stopped = study.reference.iterations
     left.annotate(
-        f"the paper stopped here ({study.reference.iterations})",
-        (study.reference.iterations, 0.97),
-        xycoords=("data", "axes fraction"),
-        xytext=(5, 0),
-        textcoords="offset points",
-        va="top",
-        color=GREY,
-    )
+        f"the paper stopped here ({stopped})", (stopped, 0.97), xycoords=("data", "axes fraction"), xytext=(5, 0),
+        textcoords="offset points", va="top", color=GREY,
+    )  # fmt: skip
     left.set_title("Uzawa, accumulating rule")
     right.set_title("fixed point (plain), one convex QP each")
     for panel in (left, right):
         panel.set_xlabel("iterations")
-        panel.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
+        grid(panel)
         panel.legend()
     right.xaxis.get_major_locator().set_params(integer=True)
     left.set_ylabel("relative error of P/2")
@@ -127,6 +111,6 @@ def table_1(study: PaperStudy) -> "Figure":
     axes.set_xlabel("friction coefficient μ [-]")
     axes.set_ylabel("P/2 [N/mm]")
     axes.set_title("Table 1 is the state after 30 iterations, not the solution" if n == 30 else "Table 1")
-    axes.grid(visible=True, color="#dddddd", linewidth=0.5)
+    grid(axes)
     axes.legend()
     return figure

@@ -4,13 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.paper.study import (
-    TOLERANCE,
-    PaperStudy,
-    half_force,
-    largest_principal_stress,
-    traction_difference,
-)
+from comparisons.paper.study import TOLERANCE, PaperStudy, half_force, largest_principal_stress, traction_difference
 from qvi_contact import ContactResult
 from solvers import Status
 
@@ -27,33 +21,27 @@ def table_rows(study: PaperStudy) -> list[dict[str, float]]:
     """Table 1, one row for each friction coefficient; forces are P/2 in N/mm."""
     return [
         {
-            "friction": row.friction,
-            "paper": row.printed,
-            "uzawa_30": half_force(row.uzawa),
+            "friction": row.friction, "paper": row.printed, "uzawa_30": half_force(row.uzawa),
             "uzawa_30_printed_rule": half_force(row.uzawa_printed_rule),
-            "uzawa_converged": half_force(row.uzawa_converged),
-            "fixed_point_qp": half_force(row.best_qp),
-            "fixed_point_socp": half_force(row.best_socp),
-            "condensed": half_force(row.condensed),
+            "uzawa_converged": half_force(row.uzawa_converged), "fixed_point_qp": half_force(row.best_qp),
+            "fixed_point_socp": half_force(row.best_socp), "condensed": half_force(row.condensed),
             "strict": half_force(row.strict),
             "paper_minus_solution_percent": percent(row.printed, half_force(row.reference)),
         }
         for row in study.rows
-    ]
+    ]  # fmt: skip
 
 
 def figure_rows(study: PaperStudy) -> list[dict[str, float]]:
     """Figures 2-5, one row each; largest |principal stress| in MPa."""
     return [
         {
-            "figure": number,
-            "friction": friction,
-            "paper": printed,
+            "figure": number, "friction": friction, "paper": printed,
             "uzawa_30": largest_principal_stress(study.row(friction).uzawa),
             "converged": largest_principal_stress(study.row(friction).reference),
         }
         for friction, (number, printed) in study.reference.figures.items()
-    ]
+    ]  # fmt: skip
 
 
 def back_end_rows(study: PaperStudy) -> list[dict[str, Any]]:
@@ -69,17 +57,13 @@ def _agreement(name: str, pairs: list[tuple[ContactResult, ContactResult]]) -> d
     force = float(np.max(forces))  # NaN if one run has no result
     traction = float(np.max([traction_difference(ours, best) for ours, best in pairs]))
     return {
-        "solver": name,
-        "certified": sum(ours.status is Status.SOLVED for ours, _ in pairs),
-        "problems": len(pairs),
-        "half_force_difference": force,
-        "traction_difference": traction,
+        "solver": name, "certified": sum(ours.status is Status.SOLVED for ours, _ in pairs), "problems": len(pairs),
+        "half_force_difference": force, "traction_difference": traction,
         "accuracy": float(np.max([ours.certificate.accuracy for ours, _ in pairs])),
         "outer_iterations": sum(ours.iterations for ours, _ in pairs),
-        "seconds": sum(sum(ours.solution.timings.values()) for ours, _ in pairs),
-        "verdict": _verdict(force, traction),
+        "seconds": sum(sum(ours.solution.timings.values()) for ours, _ in pairs), "verdict": _verdict(force, traction),
         "remark": next((ours.message for ours, _ in pairs if ours.status is not Status.SOLVED), ""),
-    }
+    }  # fmt: skip
 
 
 def _verdict(force: float, traction: float) -> str:

@@ -12,14 +12,10 @@ class Reference:
 
     Attributes
     ----------
-    young, poisson, displacement, cells, iterations, omega_T
-        Data of the example; E in MPa, U and ω_T in the paper's unit of length.
-    table : dict
-        Friction coefficient to P/2 of Table 1.
-    figures : dict
-        Friction coefficient to (number, largest |principal stress| in MPa) of Figs 2-5.
-    exact_without_friction : float
-        P/2 = E U.
+    young, poisson, displacement, cells, iterations, omega_T : the example; E in MPa, U and ω_T in the paper's length
+    table : friction coefficient → P/2 of Table 1
+    figures : friction coefficient → (number, largest |principal stress| in MPa) of Figs 2-5
+    exact_without_friction : P/2 = E U
 
     """
 
@@ -39,14 +35,10 @@ def load() -> Reference:
     """Read the data file of the package."""
     data = tomllib.loads(files("comparisons.paper").joinpath("wieckowski_1992.toml").read_text(encoding="utf-8"))
     table, figures = data.pop("table_1"), data.pop("figures")
+    shown = zip(figures["number"], figures["max_principal_stress"], strict=True)
     return Reference(
         **data,
         table=dict(zip(table["friction"], table["half_force"], strict=True)),
-        figures={
-            mu: (number, stress)
-            for number, mu, stress in zip(
-                figures["number"], figures["friction"], figures["max_principal_stress"], strict=True
-            )
-        },
+        figures=dict(zip(figures["friction"], shown, strict=True)),
         exact_without_friction=table["half_force_without_friction"],
     )

@@ -28,26 +28,15 @@ class Row:
 
     Attributes
     ----------
-    friction : float
-        μ.
-    printed : float
-        P/2 of Table 1.
-    uzawa : ContactResult
-        The paper's number of iterations with the accumulating rule.
-    uzawa_printed_rule : ContactResult
-        The same with the rule as printed.
-    uzawa_converged : ContactResult
-        Accumulating rule to the tolerance; at μ = 0 with a shrinking step.
-    reference : ContactResult
-        Fixed point, what all others are compared with.
-    back_ends : dict
-        Inner solver to its fixed point.
-    plain : ContactResult
-        Fixed point without acceleration, for the convergence picture.
-    condensed : ContactResult
-        The inequality solved directly.
-    strict : ContactResult
-        Friction bound and unilateral contact on whole edges, by second-order cones (Clarabel).
+    friction : μ
+    printed : P/2 of Table 1
+    uzawa, uzawa_printed_rule : the paper's number of iterations, with the accumulating rule and with that as printed
+    uzawa_converged : accumulating rule to the tolerance; at μ = 0 with a shrinking step
+    reference : fixed point, what all others are compared with
+    back_ends : inner solver → its fixed point
+    plain : fixed point without acceleration, for the convergence picture
+    condensed : the inequality solved directly
+    strict : friction bound and unilateral contact on whole edges, by second-order cones (Clarabel)
 
     """
 
@@ -79,12 +68,9 @@ class PaperStudy:
 
     Attributes
     ----------
-    reference : Reference
-        The printed numbers.
-    rows : tuple of Row
-        One for each friction coefficient of Table 1.
-    cycle : tuple of float
-        The two values of P/2 between which the accumulating rule alternates without friction.
+    reference : the printed numbers
+    rows : one for each friction coefficient of Table 1
+    cycle : the two values of P/2 between which the accumulating rule alternates without friction
 
     """
 
@@ -118,10 +104,8 @@ def traction_difference(result: ContactResult, reference: ContactResult) -> floa
     if not result.has_state or not reference.has_state:
         return float("nan")
     ours, theirs = result.contacts["plate"], reference.contacts["plate"]
-    difference = np.maximum(
-        np.abs(ours.normal_stress - theirs.normal_stress), np.abs(ours.tangential_stress - theirs.tangential_stress)
-    )
-    return float(difference.max() * theirs.weights.sum() / theirs.normal_force)
+    apart = [ours.normal_stress - theirs.normal_stress, ours.tangential_stress - theirs.tangential_stress]
+    return float(np.abs(apart).max() * theirs.weights.sum() / theirs.normal_force)
 
 
 def step_count() -> int:
@@ -137,16 +121,11 @@ def run(advance: Advance) -> PaperStudy:
 
 
 def _problem(reference: Reference, friction: float) -> Discretization:
-    return discretize(
-        compressed_plate(
-            friction,
-            cells=(reference.cells, reference.cells),
-            young=reference.young,
-            poisson=reference.poisson,
-            displacement=reference.displacement,
-        ),
-        element="bfs",
-    )
+    plate = compressed_plate(
+        friction, cells=(reference.cells, reference.cells), young=reference.young, poisson=reference.poisson,
+        displacement=reference.displacement,
+    )  # fmt: skip
+    return discretize(plate, element="bfs")
 
 
 def _row(reference: Reference, friction: float, printed: float, advance: Advance) -> Row:

@@ -285,6 +285,7 @@ class TestExport:
     def test_numbers_that_json_has_not(self):
         found = finite_json({"a": [math.inf, 1.0], "b": {"c": (math.nan, -math.inf)}})
         assert found == {"a": ["inf", 1.0], "b": {"c": ["nan", "-inf"]}}
+        assert finite_json({"a": [math.inf, 1.0]}, null=True) == {"a": [None, 1.0]}
 
 
 def overwritten(path):

@@ -151,10 +151,10 @@ def _row(flat: Mapping[str, Any]) -> Row:
     return Row(**(parts | {"certificate": parts["certificate"] or None}))
 
 
-def finite_json(value: Any) -> Any:
-    """The value for JSON, in mappings and sequences too: numbers JSON has not are "nan", "inf" and "-inf"."""
+def finite_json(value: Any, null: bool = False) -> Any:
+    """The value for JSON, in mappings and sequences too: numbers JSON has not are "nan", "inf" and "-inf", or None."""
     if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
+        return None if null else str(value)
     if isinstance(value, Mapping):
-        return {name: finite_json(item) for name, item in value.items()}
-    return [finite_json(item) for item in value] if isinstance(value, list | tuple) else value
+        return {name: finite_json(item, null) for name, item in value.items()}
+    return [finite_json(item, null) for item in value] if isinstance(value, list | tuple) else value
