@@ -203,10 +203,10 @@ def _loops(found: "DataFrame") -> "DataFrame":
     for loop, runs in _by_loop(found):
         beside = runs.set_index(PLACE).join(plain)
         hard = beside[beside.solved_plain == False]  # noqa: E712 - not where there is no plain run
-        times = runs[runs.cells > 0].ratio
+        times = runs[runs.cells > 0].ratio.dropna()
         lines.append({
             "loop": loop, "share": _share(runs.solved), "hard": _share(hard.solved),
-            "quicker": (beside.steps / beside.steps_plain).median(), "typical": times.median(), "slowest": times.max(),
+            "quicker": (beside.steps / beside.steps_plain).dropna().median(), "typical": times.median(), "slowest": times.max(),
         })  # fmt: skip
     return DataFrame(lines)
 
