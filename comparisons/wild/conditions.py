@@ -12,7 +12,11 @@ from qvi_contact import Contact, Displacement, Polynomial, RectilinearMesh, Rigi
 from qvi_contact.basics.checks import Field
 from qvi_contact.problem.conditions import Condition
 
-_NORMAL: Final = {"bottom": ("y", -1.0), "right": ("x", 1.0), "top": ("y", 1.0), "left": ("x", -1.0)}
+_NORMAL: Final = {
+    "bottom": ("y", "x", -1.0), "right": ("x", "y", 1.0), "top": ("y", "x", 1.0), "left": ("x", "y", -1.0),
+}  # fmt: skip
+"""Side → component across it, component along it, sign of the outward normal."""
+
 _FREE: Final = 0.1
 """Share of conditions that are none of what usually stands on that side."""
 
@@ -47,8 +51,27 @@ class Maker:
             kinds = usual.get(part.side, ("nothing", "nothing", "symmetry", "loaded", "contact"))
         if self.dice.chance(_FREE):
             kinds = ("nothing", "loaded", "support", "clamped", "symmetry", "contact", "plate", "pressed", "pushed")
-        kind = "loaded" if part.is_hole else self.dice.pick(kinds)
-        return list(getattr(self, f"_{kind}")(part))
+        return self._made("loaded" if part.is_hole else self.dice.pick(kinds), part)
+
+    def _made(self, kind: str, part: Part) -> list[Condition]:
+        """A kind of condition on a part."""
+        match kind:
+            case "loaded":
+                return [Traction(part.name, self._field(self._load()), self._field(self._load()))]
+            case "support":
+                return self._guided(part, 0.0)
+            case "clamped":
+                return [Displacement(part.name, 0.0, 0.0)]
+            case "symmetry":
+                return [Symmetry(part.name)]
+            case "contact" | "plate":
+                driven = kind == "plate" or ("plates" in self.traits and self.dice.chance(0.4))
+                return [self.contact(part.name, plate=self._driver(part) if driven else None)]
+            case "pressed":
+                return self._pressed(part)
+            case "pushed":
+                return self._pushed(part)
+        return [Traction(part.name, 0.0, 0.0)]
 
     def contact(self, edges: str, *, joint: bool = False, plate: RigidPlate | None = None) -> Contact:
         """A contact of any law."""
@@ -65,60 +88,37 @@ class Maker:
             "bilateral" if law == "bilateral" else "unilateral", plate, fluid,
         )  # fmt: skip
 
-    def _nothing(self, part: Part) -> list[Condition]:
-        return [Traction(part.name, 0.0, 0.0)]
-
-    def _loaded(self, part: Part) -> list[Condition]:
-        return [Traction(part.name, self._field(self._load()), self._field(self._load()))]
-
     def _pressed(self, part: Part) -> list[Condition]:
         """Pressure, and some shear."""
-        axis, sign = _NORMAL[part.side]
+        across, along, sign = _NORMAL[part.side]
         pressure = -sign * abs(self._load() or self.stress * ("idle" not in self.traits))
         shear = self._field(self._load()) if self.dice.chance(0.3) else 0.0
-        normal = self._field(pressure)
-        return [Traction(part.name, normal, shear) if axis == "x" else Traction(part.name, shear, normal)]
+        given: dict[str, Any] = {along: shear, across: self._field(pressure)}
+        return [Traction(part.name, **given)]
 
     def _pushed(self, part: Part) -> list[Condition]:
         """A given displacement, most often into the body, and free or held along the side."""
-        axis, sign = _NORMAL[part.side]
+        across, along, sign = _NORMAL[part.side]
         move = self._field(-sign * abs(self._move()))
         if self.dice.chance(0.4):
-            along = self._field(self._move())
-            return [Displacement(part.name, move, along) if axis == "x" else Displacement(part.name, along, move)]
+            return [Displacement(part.name, **{across: move, along: self._field(self._move())})]
         return self._guided(part, move)
-
-    def _support(self, part: Part) -> list[Condition]:
-        return self._guided(part, 0.0)
 
     def _guided(self, part: Part, move: Field) -> list[Condition]:
         """A displacement across the side, no traction along it."""
-        if _NORMAL[part.side][0] == "x":
-            return [Displacement(part.name, x=move), Traction(part.name, y=0.0)]
-        return [Displacement(part.name, y=move), Traction(part.name, x=0.0)]
-
-    def _clamped(self, part: Part) -> list[Condition]:
-        return [Displacement(part.name, 0.0, 0.0)]
-
-    def _symmetry(self, part: Part) -> list[Condition]:
-        return [Symmetry(part.name)]
-
-    def _contact(self, part: Part) -> list[Condition]:
-        driven = "plates" in self.traits and self.dice.chance(0.4)
-        return [self.contact(part.name, plate=self._driver(part) if driven else None)]
-
-    def _plate(self, part: Part) -> list[Condition]:
-        return [self.contact(part.name, plate=self._driver(part))]
+        across, along, _ = _NORMAL[part.side]
+        free: dict[str, Any] = {along: 0.0}
+        return [Displacement(part.name, **{across: move}), Traction(part.name, **free)]
 
     def _driver(self, part: Part) -> RigidPlate:
         """A plate that mostly presses, with a moment about a pivot that may be far away."""
-        dice, (axis, sign) = self.dice, _NORMAL[part.side]
+        dice, (across, along, sign) = self.dice, _NORMAL[part.side]
         extent = max(float(np.ptp(self.mesh.x)), float(np.ptp(self.mesh.y)))
         force = self.stress * float(self.mesh.edge_lengths(self.mesh.edges(part.name)).sum())
-        given: dict[str, float] = {f"force_{axis}": -sign * force * dice.between(0.2, 2.0)}
+        given: dict[str, float] = {f"force_{across}": -sign * force * dice.between(0.2, 2.0)}
         if "plates" in self.traits:
             if dice.chance(0.3):
-                given["force_y" if axis == "x" else "force_x"] = force * dice.between(-0.4, 0.4)
+                given[f"force_{along}"] = force * dice.between(-0.4, 0.4)
             if dice.chance(0.5):
                 given["moment"] = force * extent * dice.pick((0.0, 0.01, -0.05, 0.3))
             if dice.chance(0.15):
@@ -196,14 +196,9 @@ class Maker:
 
 def _shaped(kind: str, value: float, axis: int, at: float, size: float) -> Callable[..., Any]:
     """A function that is no polynomial."""
-
-    def kink(x: Any, y: Any) -> Any:
-        return value * np.abs((x, y)[axis] - at) / size
-
-    def waves(x: Any, y: Any) -> Any:
-        return value * np.sin(3.0 * ((x, y)[axis] - at) / size) ** 2
-
-    def jump(x: Any, y: Any) -> Any:
-        return np.where((x, y)[axis] < at, value, 0.3 * value)
-
-    return {"kink": kink, "waves": waves, "jump": jump}[kind]
+    shapes: dict[str, Callable[[Any], Any]] = {
+        "kink": lambda s: value * np.abs(s - at) / size,
+        "waves": lambda s: value * np.sin(3.0 * (s - at) / size) ** 2,
+        "jump": lambda s: np.where(s < at, value, 0.3 * value),
+    }
+    return lambda x, y: shapes[kind]((x, y)[axis])

@@ -49,25 +49,23 @@ def enumerated(qvi: FrictionQVI, seconds: float) -> str:
 _Affine = tuple[FloatArray, FloatArray]
 
 
-def _constraints(m: int, normal: _Affine, shear: _Affine, bound: _Affine, far: float) -> list[LinearConstraint]:
+def _constraints(m: int, normal: _Affine, shear: _Affine, bound: _Affine, far: float) -> LinearConstraint:
     """In the unknowns gap, forward slip, backward slip, and the binary closed, forward, backward; (m,) each."""
-    one, nothing = np.eye(m), np.zeros((m, m))
+    one, no = np.eye(m), np.zeros((m, m))
     none = np.zeros((m, 3 * m))
     up = (bound[0] - shear[0], bound[1] - shear[1])
     down = (bound[0] + shear[0], bound[1] + shear[1])
-    rows: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = [  # lower ≤ a y + b binaries ≤ upper
-        (normal[1], none, np.full(m, -np.inf), -normal[0]),
-        (normal[1], np.hstack([_BIG * one, nothing, nothing]), -normal[0], np.full(m, np.inf)),
-        (up[1], none, -up[0], np.full(m, np.inf)),
-        (down[1], none, -down[0], np.full(m, np.inf)),
-        (up[1], np.hstack([nothing, far * one, nothing]), np.full(m, -np.inf), far - up[0]),
-        (down[1], np.hstack([nothing, nothing, far * one]), np.full(m, -np.inf), far - down[0]),
-        (np.hstack([one, nothing, nothing]), np.hstack([_BIG * one, nothing, nothing]), np.full(m, -np.inf),
-         np.full(m, _BIG)),
-        (np.hstack([nothing, one, nothing]), np.hstack([nothing, -_BIG * one, nothing]), np.full(m, -np.inf),
-         np.zeros(m)),
-        (np.hstack([nothing, nothing, one]), np.hstack([nothing, nothing, -_BIG * one]), np.full(m, -np.inf),
-         np.zeros(m)),
-        (none, np.hstack([nothing, one, one]), np.full(m, -np.inf), np.ones(m)),
-    ]  # fmt: skip
-    return [LinearConstraint(np.hstack([a, b]), lower, upper) for a, b, lower, upper in rows]
+    rows: list[tuple[FloatArray, FloatArray, FloatArray]] = [  # a y + b binaries ≤ upper
+        (normal[1], none, -normal[0]),
+        (-normal[1], -_BIG * np.hstack([one, no, no]), normal[0]),
+        (-up[1], none, up[0]),
+        (-down[1], none, down[0]),
+        (up[1], far * np.hstack([no, one, no]), far - up[0]),
+        (down[1], far * np.hstack([no, no, one]), far - down[0]),
+        (np.hstack([one, no, no]), _BIG * np.hstack([one, no, no]), np.full(m, _BIG)),
+        (np.hstack([no, one, no]), -_BIG * np.hstack([no, one, no]), np.zeros(m)),
+        (np.hstack([no, no, one]), -_BIG * np.hstack([no, no, one]), np.zeros(m)),
+        (none, np.hstack([no, one, one]), np.ones(m)),
+    ]
+    left, binary, upper = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    return LinearConstraint(np.hstack([left, binary]), -np.inf, upper)

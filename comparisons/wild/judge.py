@@ -60,6 +60,11 @@ _DERIVATIVE: Final = (np.vander(_POINTS, 4, increasing=True)[:, :3] * [1.0, 2.0,
 _ENDS: Final = _lagrange(np.array([0.0, 1.0]))
 
 
+def _places(lines: FloatArray) -> FloatArray:
+    """Where the samples are between grid lines; (cells, 4)."""
+    return np.asarray(lines[:-1, None] + np.diff(lines)[:, None] * _POINTS)
+
+
 def _values(field: Field, x: FloatArray, y: FloatArray) -> FloatArray:
     return np.array(np.broadcast_to(np.asarray(field(x, y) if callable(field) else field, dtype=float), np.shape(x)))
 
@@ -109,8 +114,7 @@ class Samples:
     def of(cls, result: ContactResult) -> "Samples":
         """Samples of a result."""
         mesh = result.problem.grid
-        x = (mesh.x[:-1, None] + np.diff(mesh.x)[:, None] * _POINTS).ravel()
-        y = (mesh.y[:-1, None] + np.diff(mesh.y)[:, None] * _POINTS).ravel()
+        x, y = (_places(lines).ravel() for lines in (mesh.x, mesh.y))
         rows, columns = mesh.shape
         inside = np.repeat(np.repeat(mesh.active, 4, axis=0), 4, axis=1)
         values = np.zeros((*inside.shape, 3))
@@ -131,9 +135,8 @@ class Samples:
     @cached_property
     def potential(self) -> FloatArray:
         """The potential at the samples, (rows, columns, 4, 4) [stress]."""
-        mesh, (width, height) = self.problem.grid, self.sizes
-        x = mesh.x[:-1, None] + width[:, None] * _POINTS
-        y = mesh.y[:-1, None] + height[:, None] * _POINTS
+        mesh = self.problem.grid
+        x, y = _places(mesh.x), _places(mesh.y)
         shape = (*mesh.shape, 4, 4)
         everywhere = (np.broadcast_to(x[None, :, None, :], shape), np.broadcast_to(y[:, None, :, None], shape))
         return np.where(mesh.active[..., None, None], _values(self.problem.body_potential, *everywhere), 0.0)
@@ -156,19 +159,15 @@ class Samples:
 
 def tractions(edges: GridEdges, stress: FloatArray) -> FloatArray:
     """σn on edges with the outward normal n; (edges, points, 2) from (edges, points, 3)."""
-    horizontal = (edges.axis == HORIZONTAL)[:, None]
-    x = np.where(horizontal, stress[..., 2], stress[..., 0])
-    y = np.where(horizontal, stress[..., 1], stress[..., 2])
-    return np.asarray(edges.sign[:, None, None] * np.stack([x, y], axis=-1))
+    x, y = edges.normal.T[:, :, None]
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    return np.stack([xx * x + xy * y, xy * x + yy * y], axis=-1)
 
 
 def normal_and_shear(edges: GridEdges, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
     """σ_N = n·σn and σ_T, the component of σn along +x or +y; (edges, points) each."""
     traction = tractions(edges, stress)
-    horizontal = (edges.axis == HORIZONTAL)[:, None]
-    along = np.where(horizontal, traction[..., 0], traction[..., 1])
-    across = np.where(horizontal, traction[..., 1], traction[..., 0])
-    return edges.sign[:, None] * across, along
+    return np.einsum("epk,ek->ep", traction, edges.normal), np.einsum("epk,ek->ep", traction, edges.tangent)
 
 
 def wrong(result: ContactResult) -> list[str]:

@@ -28,7 +28,7 @@ _PLAIN: Final[Mapping[str, Any]] = MappingProxyType({
     "contact.cohesion": 0.0, "contact.shear_limit": 5.0, "contact.law": "unilateral", "contact.plate": None,
     "traction.edges": "right", "traction.x": -1.0, "traction.y": 0.0, "traction.name": "",
     "displacement.edges": "rest", "displacement.x": 0.0, "displacement.y": 0.0,
-    "symmetry.edges": "left", "potential": 0.0, "region.x": (0.0, 1.0), "region.material": None,
+    "symmetry.edges": "left", "potential": 0.0, "region.x": (0.0, 1.0), "region.material": Material(500.0, 0.2),
     "force_x": None, "force_y": -3.0, "moment": 0.0, "pivot": (1.0, 2.0),
     "regions": None, "conditions": None, "mesh": None,
 })  # fmt: skip
@@ -58,45 +58,8 @@ _PAIRS: Final[tuple[Any, ...]] = (
     [[0.0], [1.0]], (0.0, None),
 )  # fmt: skip
 _THINGS: Final[tuple[Any, ...]] = (
-    3,
-    "text",
-    [3],
-    ["text"],
-    np.array([1.0, 2.0]),
-    object(),
-    {"a": 1},
-    [None],
-    1.0j,
-    len,
-)
-
-
-def _nan(x: Any, _: Any) -> Any:
-    return np.full_like(x, np.nan)
-
-
-def _infinite(x: Any, _: Any) -> Any:
-    return x * np.inf
-
-
-def _complex(x: Any, y: Any) -> Any:
-    return x + 1j * y
-
-
-def _wrong_shape(x: Any, _: Any) -> Any:
-    return np.zeros((*np.shape(x), 2))
-
-
-def _one_argument(x: Any) -> Any:
-    return x
-
-
-def _text(_: Any, __: Any) -> Any:
-    return "1.0 and more"
-
-
-def _nothing(_: Any, __: Any) -> Any:
-    return None
+    3, "text", [3], ["text"], np.array([1.0, 2.0]), object(), {"a": 1}, [None], 1.0j, len,
+)  # fmt: skip
 
 
 def _raising(_: Any, __: Any) -> Any:
@@ -109,8 +72,12 @@ def _endless(x: Any, y: Any) -> Any:
 
 
 _FUNCTIONS: Final[tuple[Callable[..., Any], ...]] = (
-    _nan, _infinite, _complex, _wrong_shape, _one_argument, _text, _nothing, _raising, _endless,
+    lambda x, _: np.full_like(x, np.nan), lambda x, _: x * np.inf, lambda x, y: x + 1j * y,
+    lambda x, _: np.zeros((*np.shape(x), 2)), lambda x: x, lambda _, __: "1.0 and more", lambda _, __: None, _raising,
+    _endless,
 )  # fmt: skip
+"""NaN, infinite, complex, of a wrong shape, of one argument, a text, nothing, an exception, no end."""
+
 _FIELDS: Final = (*_NUMBERS[:-2], *_FUNCTIONS)
 
 _BAD: Final[Mapping[str, tuple[Any, ...]]] = MappingProxyType({
@@ -150,33 +117,19 @@ def nonsense(dice: Dice) -> tuple[ContactProblem, dict[str, Any], str]:
 
 def _problem(given: dict[str, Any]) -> ContactProblem:
     """A plate pressed down on a part of its bottom, with a joint and a region, of these arguments."""
-    mesh = given["mesh"] or _mesh(given)
+
+    def of(part: str) -> dict[str, Any]:
+        """The arguments of one part by their names."""
+        return {name.removeprefix(f"{part}."): value for name, value in given.items() if name.startswith(f"{part}.")}
+
+    mesh = RectilinearMesh(given["x"], given["y"], given["active"]).with_edges(**of("edges"))
+    mesh = mesh.with_edges("rest", "bottom", 1.0).with_joint(**of("joint"))
     plate = RigidPlate(given["force_x"], given["force_y"], given["moment"], given["pivot"])
     conditions: Any = [
-        Contact(
-            given["contact.edges"], given["contact.friction"], given["contact.gap"], given["contact.offset"],
-            given["contact.name"], given["contact.cohesion"], given["contact.shear_limit"], given["contact.law"],
-            given["contact.plate"],
-        ),
-        Contact("joint", 0.5),
-        Contact("top", 0.2, plate=plate),
-        Displacement(given["displacement.edges"], given["displacement.x"], given["displacement.y"]),
-        Traction(given["traction.edges"], given["traction.x"], given["traction.y"], given["traction.name"]),
-        Symmetry(given["symmetry.edges"]),
+        Contact(**of("contact")), Contact("joint", 0.5), Contact("top", 0.2, plate=plate),
+        Displacement(**of("displacement")), Traction(**of("traction")), Symmetry(**of("symmetry")),
     ]  # fmt: skip
     material = Material(given["young"], given["poisson"], given["plane"])
-    inside = Material(500.0, 0.2) if given["region.material"] is None else given["region.material"]
-    regions = [Region(inside, given["region.x"])] if given["regions"] is None else given["regions"]
-    conditions = conditions if given["conditions"] is None else given["conditions"]
-    return ContactProblem(mesh, material, conditions, given["potential"], regions)
-
-
-def _mesh(given: dict[str, Any]) -> RectilinearMesh:
-    mesh = RectilinearMesh(given["x"], given["y"], given["active"])
-    mesh = mesh.with_edges(
-        given["edges.name"], given["edges.side"], given["edges.start"], given["edges.stop"], given["edges.at"]
-    )
-    mesh = mesh.with_edges("rest", "bottom", 1.0)
-    return mesh.with_joint(
-        given["joint.name"], given["joint.direction"], given["joint.at"], given["joint.start"], given["joint.stop"]
-    )
+    made = {"mesh": mesh, "conditions": conditions, "regions": [Region(**of("region"))]}
+    made |= {name: given[name] for name in made if given[name] is not None}
+    return ContactProblem(material=material, body_potential=given["potential"], **made)

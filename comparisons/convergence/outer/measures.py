@@ -206,7 +206,8 @@ def _loops(found: "DataFrame") -> "DataFrame":
         times = runs[runs.cells > 0].ratio.dropna()
         lines.append({
             "loop": loop, "share": _share(runs.solved), "hard": _share(hard.solved),
-            "quicker": (beside.steps / beside.steps_plain).dropna().median(), "typical": times.median(), "slowest": times.max(),
+            "quicker": (beside.steps / beside.steps_plain).dropna().median(), "typical": times.median(),
+            "slowest": times.max(),
         })  # fmt: skip
     return DataFrame(lines)
 
