@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -52,10 +51,12 @@ def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path,
 
     _check_store(run.store)
     writable_folder(out)
-    parts = [_Part.of(name, quick, run) for name in dict.fromkeys(names or NAMES)]
-    for part in parts:
-        part.check()
-    documents = [part.done(out, as_json) for part in parts]
+    chosen = dict.fromkeys(names or NAMES)
+    studies = {name: import_module(f"comparisons.convergence.{name}.study").study(quick) for name in chosen}
+    runs = {name: run.inside(f"{name}{'_quick' if quick else ''}.sqlite") for name in studies}
+    for name, study in studies.items():
+        _check_rows(runs[name].store, study)
+    documents = [_done(name, study, runs[name], quick, out, as_json) for name, study in studies.items()]
     if as_json:
         print_json({"schema": SCHEMA, "quick": quick, "studies": documents})
 
@@ -68,35 +69,21 @@ def _check_store(folder: Path) -> None:
         raise InputError("--store", str(folder), "give the name of a folder")
 
 
-@dataclass(frozen=True)
-class _Part:
-    """One study of a run."""
+def _check_rows(store: Path, study: Study) -> None:
+    """A store of another study, a damaged one, or one that cannot be written is found before anything is run."""
+    from comparisons.lab.study.store import finished_keys
+    from qvi_contact.basics.writing import writable_folder
 
-    name: str
-    study: Study
-    quick: bool
-    run: RunOptions
+    if len(finished_keys(store, study)) < len(study.cases):
+        writable_folder(store.parent, "store")
 
-    @classmethod
-    def of(cls, name: str, quick: bool, run: RunOptions) -> _Part:
-        """The study of this name with its store; one for quick runs has a name of its own."""
-        study = import_module(f"comparisons.convergence.{name}.study").study(quick)
-        return cls(name, study, quick, run.inside(f"{name}{'_quick' if quick else ''}.sqlite"))
 
-    def check(self) -> None:
-        """A store of another study, a damaged one, or one that cannot be written is found before anything is run."""
-        from comparisons.lab.study.store import finished_keys
-        from qvi_contact.basics.writing import writable_folder
+def _done(name: str, study: Study, run: RunOptions, quick: bool, out: Path, as_json: bool) -> dict[str, Any]:
+    """Run what is missing, write the report, show it; the JSON of it."""
+    from comparisons.lab.reported import run_and_report
 
-        if len(finished_keys(self.run.store, self.study)) < len(self.study.cases):
-            writable_folder(self.run.store.parent, "store")
-
-    def done(self, out: Path, as_json: bool) -> dict[str, Any]:
-        """Run what is missing, write the report, show it; the JSON of it."""
-        from comparisons.lab.reported import run_and_report
-
-        report = import_module(f"comparisons.convergence.{self.name}.report").report
-        found = run_and_report(self.run, self.study, lambda stored: report(stored.rows, self.quick), out)
-        if not as_json:
-            found.tell(None)
-        return {"name": self.name, **found.document(rows=[row.flat() for row in found.stored.rows])}
+    report = import_module(f"comparisons.convergence.{name}.report").report
+    found = run_and_report(run, study, lambda stored: report(stored.rows, quick), out)
+    if not as_json:
+        found.tell(None)
+    return {"name": name, **found.document(rows=[row.flat() for row in found.stored.rows])}

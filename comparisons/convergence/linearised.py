@@ -93,28 +93,25 @@ class Linearised:
         chosen = self.threshold > 0.0 if everywhere else self.slipping
         if not chosen.any():
             return None
-        if (self.threshold[chosen] <= 0.0).any():
-            return 0.0
-        root = 1.0 / np.sqrt(self.threshold[chosen])
-        return _step_limit(root[:, None] * self._block(chosen, tangential=True) * root)
+        return 0.0 if (self.threshold[chosen] <= 0.0).any() else _step_limit(self._scaled(chosen))
 
     def normal_limit(self, everywhere: bool = False) -> float | None:
         """2 / λ_max(Ĉ_OO), or of all of Ĉ_NN; None if there are no such points."""
         chosen = np.ones_like(self.open) if everywhere else self.open
-        return _step_limit(self._block(chosen, tangential=False)) if chosen.any() else None
+        m = len(self.threshold)
+        return _step_limit(self.compliance[:m, :m][np.ix_(chosen, chosen)]) if chosen.any() else None
 
     def condition(self) -> float | None:
         """λ_max / λ_min of Θ^(−1/2) Ĉ_SS Θ^(−1/2), eigenvalues of dependent rows left out; None if nothing slips."""
         if not self.slipping.any() or (self.threshold[self.slipping] <= 0.0).any():
             return None
-        root = 1.0 / np.sqrt(self.threshold[self.slipping])
-        values = eigvalsh(root[:, None] * self._block(self.slipping, tangential=True) * root)
+        values = eigvalsh(self._scaled(self.slipping))
         return float(values[-1] / values[values > _NOTHING * values[-1]][0])
 
-    def _block(self, chosen: BoolVector, tangential: bool) -> Matrix:
-        m = len(self.threshold)
-        block = self.compliance[m:, m:] if tangential else self.compliance[:m, :m]
-        return np.asarray(block[np.ix_(chosen, chosen)])
+    def _scaled(self, chosen: BoolVector) -> Matrix:
+        """Θ^(−1/2) Ĉ_TT Θ^(−1/2) of these points."""
+        m, root = len(self.threshold), 1.0 / np.sqrt(self.threshold[chosen])
+        return np.asarray(root[:, None] * self.compliance[m:, m:][np.ix_(chosen, chosen)] * root)
 
 
 def linearised(solution: QVISolution) -> Linearised:

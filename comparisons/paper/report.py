@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from comparisons.lab.report import Document, drawn, findings_of, render, write_report
 from comparisons.lab.report.numbers import fixed, scientific, seconds
 from comparisons.lab.study.rows import finite_json
-from comparisons.lab.tables import Grid, Heading, grid_of
+from comparisons.lab.tables import Columns, Grid, grid_of
 from comparisons.paper import figures
 from comparisons.paper.measures import back_end_rows, figure_rows, table_rows, values_of
 from comparisons.paper.study import PaperStudy, half_force
@@ -44,15 +44,15 @@ def tables_of(study: PaperStudy) -> dict[str, Grid]:
     from pandas import DataFrame
 
     n, two, six = study.reference.iterations, fixed(".2f"), fixed(".6f")
-    uzawa: dict[str, Heading] = {"friction": "μ", "paper": ("paper", two), "uzawa_30": (f"Uzawa, {n} iterations", two)}
-    forces: dict[str, Heading] = {
+    uzawa: Columns = {"friction": "μ", "paper": ("paper", two), "uzawa_30": (f"Uzawa, {n} iterations", two)}
+    forces: Columns = {
         **uzawa, "friction": ("μ", two), "uzawa_30_printed_rule": (f"as printed, {n} iterations", two),
         "uzawa_converged": ("Uzawa, converged", six), "fixed_point_qp": ("fixed point, QP", six),
         "fixed_point_socp": ("fixed point, SOCP", six), "condensed": ("condensed", six), "strict": ("strict", six),
         "paper_minus_solution_percent": ("paper − solution", "{:+.2f} %".format),
     }  # fmt: skip
-    stresses: dict[str, Heading] = {"figure": "figure", **uzawa, "converged": ("converged", two)}
-    solvers: dict[str, Heading] = {
+    stresses: Columns = {"figure": "figure", **uzawa, "converged": ("converged", two)}
+    solvers: Columns = {
         "solver": "solver", "share": "certified", "half_force_difference": ("P/2, relative", scientific),
         "traction_difference": ("tractions over mean pressure", scientific), "seconds": ("time", seconds),
         "verdict": "agreement",

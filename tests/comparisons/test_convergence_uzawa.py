@@ -254,10 +254,10 @@ class TestReport:
 
     def test_numbers_of_the_findings(self):
         values = found(read_csv(COMMITTED / "convergence-uzawa.csv.gz"))
-        assert values["error"] == pytest.approx(0.0033, abs=5e-5)
+        assert values["worst"]["error"] == pytest.approx(0.0033, abs=5e-5)
         assert values["tractions"] == pytest.approx(0.057, abs=5e-4)
         expected = {
-            "error_at": 0.1, "needed": "82 to 194", "shares": "8 % to 39 %", "quickest": "5 to 76", "safe": 15,
+            "needed": "82 to 194", "shares": "8 % to 39 %", "quickest": "5 to 76", "safe": 15,
             "searches": 15, "early": 12, "foreseen": 15, "orders": "−0.63 to −0.99", "slow": 4, "meshes": 15,
             "accumulating": 7, "printed": 7, "as_printed": 6, "failed": 0,
         }  # fmt: skip

@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from pandas import DataFrame
 
-from comparisons.lab.study import Outcome, frame_of, read_csv, read_study, run_study, write_csv
+from comparisons.lab.study import Outcome, frame_of, largest_of, read_csv, read_study, run_study, write_csv
 from comparisons.lab.study import store as stores
 from comparisons.lab.study.declaration import case_key
 from comparisons.lab.study.differences import differences
@@ -252,6 +253,11 @@ class TestExport:
         frame = frame_of(read_study(path).rows)
         assert frame.status.tolist() == ["done", "stalled"]
         assert frame.accuracy.fillna(0.0).tolist() == [0.0, 1e-3]
+
+    def test_the_largest_line_of_a_frame(self):
+        frame = DataFrame({"name": ["a", "b", "c"], "value": [1.0, 3.0, math.nan]})
+        assert largest_of(frame.value, frame) == {"name": "b", "value": 3.0}
+        assert largest_of(frame.value[:0], frame) == largest_of(frame.value[2:], frame) == {"name": None, "value": None}
 
     def test_csv(self, tmp_path):
         rows = read_study(filled(tmp_path / "a")).rows

@@ -50,29 +50,17 @@ class Problem:
 
     Attributes
     ----------
-    name, title : str
-        Word for tables and options; words for headings.
-    contact : str
-        Name of its contact, which is horizontal.
-    force : str
-        "normal_force" or "tangential_force": the one that is not given by balance alone.
-    units : (str, str)
-        Units of stress and length.
-    uniform : callable
-        Number of cells along the contact → the problem on equal cells.
-    graded : callable, optional
-        The same with cells that shrink towards the places where stresses are singular.
-    start : int
-        Cells along the contact where adaptive meshes start.
-    known : Mapping
-        "force", "energy" (−J*, the complementary energy with the sign of the potential energy) or the kind of a zone's
-        end → value.
-    tractions : callable, optional
-        Exact tractions on the contact.
-    places : tuple of float
-        Where they are not smooth [length].
-    expected : Mapping
-        "force", "energy", "tractions" → order.
+    name, title : word for tables and options, words for headings
+    contact : name of its contact, which is horizontal
+    force : "normal_force" or "tangential_force", the one that is not given by balance alone
+    units : of stress and length
+    uniform : number of cells along the contact → the problem on equal cells
+    graded : the same with cells that shrink towards the places where stresses are singular; None if there are none
+    start : cells along the contact where adaptive meshes start
+    known : force, energy (−J*, the complementary energy with the sign of the potential energy) or the kind of a zone's
+        end → value
+    tractions : exact ones on the contact, if they are known
+    expected : force, energy, tractions → order
 
     """
 
@@ -86,7 +74,6 @@ class Problem:
     start: int = 4
     known: Mapping[str, Known] = field(default_factory=dict)
     tractions: Field | None = None
-    places: tuple[float, ...] = ()
     expected: Mapping[str, Expected] = field(default_factory=dict)
 
 
@@ -253,7 +240,7 @@ def _all() -> dict[str, Problem]:
         Problem("punch rough", "Parabolic punch, μ = 0.3: sticks, slips and opens", "punch", "normal_force",
                 ("MPa", "mm"), partial(punch, 0.3), partial(_graded_punch, 0.3, 0.97), 8),
         Problem("block", "Block with an exact solution: sticks and slips", "base", "tangential_force",
-                ("MPa", "length"), _block, None, 4, block, tractions, (0.0, 1.0, 2.0), _SMOOTH),
+                ("MPa", "length"), _block, None, 4, block, tractions, _SMOOTH),
     ]  # fmt: skip
     return {problem.name: problem for problem in found}
 

@@ -1,8 +1,9 @@
 """The cases: which problems on which sequences of meshes, by which models."""
 
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
+from comparisons.convergence.declared import among, factors_of
 from comparisons.convergence.mesh.problems import PROBLEMS
 from comparisons.lab.study import Study
 
@@ -25,6 +26,11 @@ MODELS: Final = {
 }
 """Model → what it is."""
 
+VERSION: Final = 2
+"""To be raised when the task computes something else."""
+
+TASK: Final = "comparisons.convergence.mesh.task:run"
+
 _QUICK: Final = ("plate 0.2", "plate 1", "punch smooth", "block")
 _CONVEX: Final = ("plate 0", "plate 1", "punch smooth")
 _STRICT_CELLS: Final = 32
@@ -46,28 +52,16 @@ def study(quick: bool) -> Study:
     The factor "size" is the number of cells along the contact, or, of chains of adaptive meshes, the largest number of
     unknowns.
     """
-    chosen = set(_cases(quick))
-    factors: dict[str, tuple[Any, ...]] = {
-        "problem": _first_seen(chosen, 0, PROBLEMS),
-        "sequence": _first_seen(chosen, 1, SEQUENCES),
-        "size": tuple(sorted({case[2] for case in chosen})),
-        "model": _first_seen(chosen, 3, MODELS),
+    cases = [dict(zip(("problem", "sequence", "size", "model"), case, strict=True)) for case in _cases(quick)]
+    order = {"problem": list(PROBLEMS), "sequence": list(SEQUENCES), "model": list(MODELS)}
+    factors = {
+        name: tuple(sorted(values, key=order[name].index if name in order else None))
+        for name, values in factors_of(cases).items()
     }
-    return Study(
-        "mesh (quick)" if quick else "mesh",
-        2,
-        "comparisons.convergence.mesh.task:run",
-        factors,
-        keep=lambda values: tuple(values[name] for name in factors) in chosen,
-    )
+    return Study("mesh (quick)" if quick else "mesh", VERSION, TASK, factors, keep=among(cases))
 
 
 Case = tuple[str, str, int, str]
-
-
-def _first_seen(cases: set[Case], place: int, order: Any) -> tuple[str, ...]:
-    """The values that occur, in the order of a mapping."""
-    return tuple(name for name in order if any(case[place] == name for case in cases))
 
 
 def _cases(quick: bool) -> Iterator[Case]:

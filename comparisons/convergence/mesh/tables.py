@@ -10,7 +10,7 @@ from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Prob
 from comparisons.convergence.mesh.references import end_of
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GRADED, STRICT, UNIFORM
 from comparisons.lab.report.numbers import NOTHING, fixed, scientific, seconds, significant
-from comparisons.lab.tables import Form, Grid, Heading, grid_of
+from comparisons.lab.tables import Columns, Form, Grid, grid_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -67,7 +67,7 @@ def _orders(overview: Overview) -> Grid:
     """Observed beside expected orders."""
     exact = [problem.name for problem in overview.problems if overview.is_exact(problem)]
     shown = overview.orders[~overview.orders.problem.isin(exact)]
-    headings: dict[str, Heading] = {
+    headings: Columns = {
         "problem": "problem", "measure": "measure", "sequence": ("meshes", NAMES.__getitem__),
         "last": ("observed, last two", _ORDER), "fitted": ("observed, last three", _ORDER),
         "expected": ("expected", _known("{:.3g}".format)), "reason": "because", "verdict": "verdict",
@@ -157,7 +157,7 @@ def _meshes(overview: Overview, problem: Problem) -> Grid:
     meshes["kind"] = [_kind(mesh) for mesh in meshes.itertuples()]
     for end in ends:
         meshes[end] = [_end(each, end) for each in meshes.ends]
-    headings: dict[str, Heading] = {
+    headings: Columns = {
         "sequence": ("meshes", NAMES.__getitem__), "cells": "cells", "unknowns": ("unknowns", fixed(".0f")),
         "force": (f"force [{stress} {length}]", _NINE),
         **{f"error of {name}": (heading, _known(str)) for name, heading in _ERRORS.items()},

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -139,7 +140,7 @@ def equilibrium(problem: Problem, result: ContactResult, seconds: float) -> Reco
         "normal_force": line.normal_force,
         "tangential_force": line.tangential_force,
         "energy": -result.energies.complementary,
-        "ends": [end.as_record() for end in ends],
+        "ends": [asdict(end) for end in ends],
         **tractions.as_record(),
     }
 

@@ -24,12 +24,9 @@ class Tractions:
 
     Attributes
     ----------
-    lines : (e + 1,) array
-        Ends of the edges along the contact [length].
-    normal : (e, 2) array
-        σ_N at both ends of each edge, linear between them [stress].
-    tangential : (e, 3) array
-        σ_T at both ends and the middle (start, middle, end), quadratic on the edge [stress].
+    lines : (e + 1,) ends of the edges along the contact [length]
+    normal : (e, 2) σ_N at both ends of each edge, linear between them [stress]
+    tangential : (e, 3) σ_T at both ends and the middle (start, middle, end), quadratic on the edge [stress]
 
     """
 

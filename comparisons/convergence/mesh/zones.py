@@ -8,8 +8,8 @@ change of sign, it is that point.
 """
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -30,18 +30,13 @@ class ZoneEnd:
 
     Attributes
     ----------
-    kind : str
-        "contact begins", "contact ends", "stick begins" or "stick ends", in the direction of growing s.
-    position : float
-        Where [length].
-    how : str
-        `ROOT`, `LINE` or `POINT`.
-    low, high : float
-        Gauss points around it: the last where f is positive and the first where it is zero, or the reverse [length].
-    extrapolated : float, optional
-        Zero of the straight line through f² at the points of the last edge of the zone [length]: close to a better
-        value where f falls like the square root of the distance, as the theory of contact has it for zones between
-        smooth bodies. None where f² does not fall.
+    kind : "contact begins", "contact ends", "stick begins" or "stick ends", in the direction of growing s
+    position : where [length]
+    how : `ROOT`, `LINE` or `POINT`
+    low, high : Gauss points around it: the last where f is positive and the first where it is zero, or the reverse
+    extrapolated : zero of the straight line through f² at the points of the last edge of the zone [length]: close to a
+        better value where f falls like the square root of the distance, as the theory of contact has it for zones
+        between smooth bodies; None where f² does not fall
 
     """
 
@@ -51,10 +46,6 @@ class ZoneEnd:
     low: float
     high: float
     extrapolated: float | None
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain values."""
-        return asdict(self)
 
 
 def zone_ends(s: FloatArray, normal: FloatArray, tangential: FloatArray, bound: FloatArray) -> list[ZoneEnd]:

@@ -6,9 +6,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN, TOLERANCE
 from comparisons.convergence.outer.measures import NAMES, main_bodies, mesh_groups, single
-from comparisons.lab.report.drawing import drawn, failing_band, legend_below, panelled, plain_ticks, powers_of_two
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
-from qvi_contact.plots.style import PURPLE, SKY
+from comparisons.lab.report.drawing import (
+    LOOKS,
+    drawn,
+    failing_band,
+    legend_below,
+    panelled,
+    plain_ticks,
+    powers_of_two,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,7 +22,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
 _SIZE: Final = (8.0, 2.6, 0.9)  # of pictures, see `panelled` [inch]
-_LOOKS: Final = ((BLUE, "o"), (VERMILLION, "s"), (GREEN, "^"), (ORANGE, "D"), (PURPLE, "v"), (SKY, "P"), (GREY, "X"))
 
 _RATES: Final = (1e-2, 10.0, 60.0)
 """Lowest rate drawn, beginning of the band of what fails, top."""
@@ -124,7 +129,7 @@ def _mesh_panel(axes: "Axes", problem: str, groups: "dict[float, DataFrame]") ->
     axes.set_xlabel("cells a side [-]")
     axes.axhline(1.0, color="black", linewidth=0.8)
     for number, (friction, found) in enumerate(groups.items()):
-        colour, marker = _LOOKS[number % len(_LOOKS)]
+        colour, marker, _ = LOOKS[number % len(LOOKS)]
         rated, local = found[found.rate > 0.0], found[found.linearised > 0.0]
         axes.plot(rated.cells, rated.rate, color=colour, marker=marker, markersize=5, label=f"μ = {friction:g}")
         if len(local):

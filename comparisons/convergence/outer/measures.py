@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN
 from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
-from comparisons.lab.study import Row, frame_of
+from comparisons.lab.study import Row, frame_of, largest_of
 from comparisons.lab.tables import Grid, grid_of
 
 if TYPE_CHECKING:
@@ -120,14 +120,9 @@ def values_of(runs: "DataFrame") -> dict[str, Any]:
         "limit": None if stopped.empty else int(stopped.max()), "missing": int((~runs.has).sum()),
         "counts": {loop: (int(each.solved.sum()), len(each)) for loop, each in _by_loop(found)},
         "least": direct.steps.min(), "most": direct.steps.max(), "low": found.friction.min(),
-        "high": found.friction.max(), "worst": _largest(ratios, runs), **_of_contraction(found), **_of_bound(found),
+        "high": found.friction.max(), "worst": largest_of(ratios, runs), **_of_contraction(found), **_of_bound(found),
         **_of_starts(runs[runs.problem == "three"]),
     }  # fmt: skip
-
-
-def _largest(values: "Series", runs: "DataFrame") -> dict[Any, Any]:
-    """The run with the largest of these values; without any, one that has nothing."""
-    return dict.fromkeys(runs) if values.empty else runs.loc[values.idxmax()].to_dict()
 
 
 def _by_loop(runs: "DataFrame") -> list[tuple[str, "DataFrame"]]:
@@ -145,7 +140,7 @@ def _of_contraction(found: "DataFrame") -> dict[str, Any]:
     stuck = below[~below.solved & ~below.falling]
     return {
         "exact": exact.max(), "exact_runs": len(exact), "typical": off.median(), "mesh_runs": len(off),
-        "off": off.max(), "far": _largest(off, meshes), "above": len(above), "lucky": int(above.solved.sum()),
+        "off": off.max(), "far": largest_of(off, meshes), "above": len(above), "lucky": int(above.solved.sum()),
         "below": len(below), "stuck": len(stuck), "still": int(below.falling.sum()),
         "stuck_at": listing(list(dict.fromkeys(f"{run.body} at μ = {run.friction:g}" for run in stuck.itertuples()))),
     }  # fmt: skip

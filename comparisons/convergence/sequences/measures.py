@@ -1,6 +1,6 @@
 """The sequences as one frame, and the numbers and the table of the report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -10,7 +10,7 @@ from comparisons.convergence.sequences.problems import CHAINS
 from comparisons.convergence.sequences.task import EVERY, WAYS
 from comparisons.lab.report.numbers import scientific, significant
 from comparisons.lab.study import DONE, Row
-from comparisons.lab.tables import Grid, Heading, grid_of
+from comparisons.lab.tables import Columns, Grid, grid_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -64,7 +64,7 @@ def values_of(runs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-_COLUMNS: Final[Mapping[str, Heading]] = {
+_COLUMNS: Final[Columns] = {
     "title": "sequence", "mesh": "element", "way": "way", "share": "solved", "iterations": "iterations after the first",
     "later": ("a later problem", partial(significant, digits=2)), "whole": ("all problems", significant),
     "force": ("difference of forces", lambda value: "–" if value != value else scientific(value)),

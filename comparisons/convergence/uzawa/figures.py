@@ -9,6 +9,7 @@ import numpy as np
 from comparisons.convergence.uzawa.measures import SOON, of, searches_of
 from comparisons.convergence.uzawa.methods import METHODS
 from comparisons.lab.report.drawing import (
+    LOOKS,
     drawn,
     failing_band,
     grid,
@@ -20,19 +21,13 @@ from comparisons.lab.report.drawing import (
 from comparisons.lab.report.numbers import scientific
 from comparisons.paper.reference import load
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
-from qvi_contact.plots.style import PURPLE, SKY, new_figure
+from qvi_contact.plots import GREY, VERMILLION
+from qvi_contact.plots.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
     from pandas import DataFrame, Series
-
-_LOOKS: Final = (
-    (BLUE, "o", "-"), (VERMILLION, "s", "--"), (GREEN, "^", "-."), (ORANGE, "D", ":"), (PURPLE, "v", "-"),
-    (SKY, "P", "--"), (GREY, "X", "-."),
-)  # fmt: skip
-"""Colour, marker and line of the frictions, in order."""
 
 _TICKS: Final = (0.125, 0.25, 0.5, 1, 2, 4)
 
@@ -57,7 +52,7 @@ def _paper(found: "DataFrame") -> "Canvas":
     plain_ticks(axes.xaxis, axes.yaxis)
     axes.axvline(paper.iterations, color="black", linestyle="--", linewidth=0.8, label=f"{paper.iterations} iterations")
     for number, run in enumerate(found.itertuples()):
-        colour, marker, line = _LOOKS[number % len(_LOOKS)]
+        colour, marker, line = LOOKS[number % len(LOOKS)]
         errors = np.maximum(np.array(run.errors), 1e-10)
         axes.plot(np.arange(1, len(errors) + 1), errors, color=colour, linestyle=line, marker=marker, markersize=4,
                   markevery=(number, 40), linewidth=1.2, label=f"μ = {run.friction:g}")  # fmt: skip
@@ -132,7 +127,7 @@ def _limits(searches: "DataFrame") -> "Canvas":
     axes.set(yscale="log", xlabel="cells a side [-]", ylabel="ω_T [length]")
     powers_of_two(axes)
     for number, (friction, found) in enumerate(plate.groupby("friction")):
-        colour, marker, _ = _LOOKS[number % len(_LOOKS)]
+        colour, marker, _ = LOOKS[number % len(LOOKS)]
         bounded = found[found.largest.notna() & found.smallest.notna()]
         for name, line in (("omega_T", ""), ("limit_T", "--"), ("slipping_T", ":")):
             shown = (found if line else bounded).dropna(subset=[name])
@@ -161,7 +156,7 @@ def _meshes(meshes: "DataFrame") -> "Canvas":
         failing_band(axes, 2e4, 1e5)
         powers_of_two(axes)
         for number, (friction, found) in enumerate(meshes.sort_values("cells").groupby("friction")):
-            colour, marker, line = _LOOKS[number % len(_LOOKS)]
+            colour, marker, line = LOOKS[number % len(LOOKS)]
             shown, failed = found[found[target].notna()], found[found[target].isna()]
             axes.plot(
                 shown.cells, shown[target], color=colour, marker=marker, linestyle=line, label=f"μ = {friction:g}"

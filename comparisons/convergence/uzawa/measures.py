@@ -20,7 +20,7 @@ from comparisons.lab.report.numbers import (
     significant,
     span,
 )
-from comparisons.lab.study import Row, frame_of
+from comparisons.lab.study import Row, frame_of, largest_of
 from comparisons.lab.tables import Grid, grid_of
 from comparisons.paper.reference import load
 
@@ -111,22 +111,20 @@ def values_of(runs: "DataFrame") -> dict[str, Any]:
 def _of_paper(found: "DataFrame") -> dict[str, Any]:
     """After the paper's iterations: errors, what the step costs, how many printed values are met."""
     rough = found[found.friction > 0.0]
-    worst = None if rough.empty else rough.loc[rough.error.idxmax()]
     sliding = rough[rough.linearised > 0.0]
     smooth = found[found.friction == 0.0]
     digits = {
         name: int(((found[name] - found.printed).abs() < _LAST_DIGIT).sum()) for name in ("after", "after_printed_rule")
     }
     return {
-        "error": None if worst is None else worst.error, "error_at": None if worst is None else worst.friction,
-        "tractions": rough.tractions.max(), "needed": span(rough[SOON][rough[SOON] > load().iterations]),
+        "worst": largest_of(rough.error, rough), "tractions": rough.tractions.max(),
+        "needed": span(rough[SOON][rough[SOON] > load().iterations]),
         "needed_at": int((rough[SOON] > load().iterations).sum()), "frictions": len(rough),
         "sliding": len(sliding), "shares": span(sliding.share, percent), "rates": span(sliding.linearised),
         "powers": span(sliding.linearised ** load().iterations, lambda value: significant(value, 2)),
         "quickest": span(sliding["quickest"]), "factors": span(sliding.factor, lambda value: significant(value, 2)),
         "printed": len(found), "accumulating": digits["after"], "as_printed": digits["after_printed_rule"],
-        "smooth_error": None if smooth.empty else smooth.last_error.iloc[0],
-        "smooth_change": None if smooth.empty else smooth.last_change.iloc[0],
+        "smooth": largest_of(smooth.last_error, smooth),
     }  # fmt: skip
 
 
@@ -140,8 +138,7 @@ def _of_limits(found: "DataFrame") -> dict[str, Any]:
         "searches": len(plate), "safe": int((plate.largest >= 1.0).sum()), "largest": span(both.largest),
         "foreseen": int(local.notna().sum()), "early": int((both.smallest < both.foreseen).sum()),
         "local": span(local.dropna()), "beyond": int((local > 1.0).sum()),
-        "exact_low": None if exact.empty else exact.largest.iloc[0],
-        "exact_high": None if exact.empty else exact.smallest.iloc[0],
+        "sliding_limit": largest_of(exact.largest, exact),
     }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Final
 
 from comparisons.convergence.declared import among, factors_of
@@ -87,49 +88,31 @@ def study(quick: bool) -> Study:
 
 def study_of(name: str, extent: Extent) -> Study:
     """The study of this extent."""
-    cases = [case for part in (_paper, _maps, _limits, _meshes, _accuracies) for case in part(extent)]
+    cases = list(_cases(extent))
     return Study(name, VERSION, TASK, factors_of(cases), keep=among(cases))
 
 
-def _case(run: str, problem: str, cells: int, friction: float, **settings: Any) -> dict[str, Any]:
+def _cases(extent: Extent) -> Iterator[dict[str, Any]]:
+    """All cases: the paper's run, maps of both steps, searches for their limits, meshes, and other methods."""
+    maps, limits, meshes = (
+        [("plate", number, friction) for number in cells for friction in extent.friction]
+        for cells in (extent.map_cells, extent.limit_cells, extent.mesh_cells)
+    )
+    yield from (_case("paper", ("plate", load().cells, friction)) for friction in extent.paper)
+    for place, normal_steps in [*((place, extent.normal_steps) for place in maps), (HALF_OPEN, extent.steps)]:
+        for normal in normal_steps:
+            yield from (_case("map", place, tangential=step, normal=normal) for step in extent.steps)
+    if limits:
+        yield from (_case("tangential limit", place, normal=HALF) for place in (SLIDING, HALF_OPEN, *limits))
+        yield from (_case("normal limit", place, tangential=HALF) for place in (HALF_OPEN, limits[-1]))
+    yield from (_case("mesh", place, tangential=HALF, normal=HALF) for place in meshes)
+    for place, method in product(extent.accuracy, METHODS):
+        yield from (_case(method, place, target=target) for target in extent.targets)
+
+
+def _case(run: str, place: tuple[str, int, float], **settings: Any) -> dict[str, Any]:
     """A case; steps are shares of the limits, see `task`, None where a run finds or has its own.
 
     The place is one factor, or the product of all of them, of which few are kept, would be long.
     """
-    case = {"run": run, "place": (problem, cells, friction)}
-    return {**case, "tangential": None, "normal": None, "target": None, **settings}
-
-
-def _paper(extent: Extent) -> Iterator[dict[str, Any]]:
-    for friction in extent.paper:
-        yield _case("paper", "plate", load().cells, friction)
-
-
-def _maps(extent: Extent) -> Iterator[dict[str, Any]]:
-    plates = [("plate", cells, friction) for cells in extent.map_cells for friction in extent.friction]
-    steps = [*((place, extent.normal_steps) for place in plates), (HALF_OPEN, extent.steps)]
-    for place, normal_steps in steps:
-        for normal in normal_steps:
-            for tangential in extent.steps:
-                yield _case("map", *place, tangential=tangential, normal=normal)
-
-
-def _limits(extent: Extent) -> Iterator[dict[str, Any]]:
-    plates = [("plate", cells, friction) for cells in extent.limit_cells for friction in extent.friction]
-    for place in (SLIDING, HALF_OPEN, *plates) if plates else ():
-        yield _case("tangential limit", *place, normal=HALF)
-    for place in (HALF_OPEN, plates[-1]) if plates else ():
-        yield _case("normal limit", *place, tangential=HALF)
-
-
-def _meshes(extent: Extent) -> Iterator[dict[str, Any]]:
-    for cells in extent.mesh_cells:
-        for friction in extent.friction:
-            yield _case("mesh", "plate", cells, friction, tangential=HALF, normal=HALF)
-
-
-def _accuracies(extent: Extent) -> Iterator[dict[str, Any]]:
-    for place in extent.accuracy:
-        for method in METHODS:
-            for target in extent.targets:
-                yield _case(method, *place, target=target)
+    return {"run": run, "place": place, "tangential": None, "normal": None, "target": None, **settings}

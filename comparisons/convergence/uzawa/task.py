@@ -149,25 +149,26 @@ def _limit(case: Mapping[str, Any], known: Reference) -> Record:
         tangential, normal = case["tangential"], case["normal"]
         return _steps(known, *((share, normal) if tangential is None else (tangential, share)))
 
-    def march(share: float) -> tuple[Record, tuple[float, float]]:
-        steps = steps_of(share)
-        return _course(known, _march(known, *steps, ITERATIONS)), steps
+    trials: dict[float | None, tuple[Record, tuple[float, float]]] = {}
 
-    foreseen = _foreseen(lambda share: _local(known).uzawa_contraction(*steps_of(share)))
+    def settles(share: float) -> bool:
+        trials[share] = _course(known, _march(known, *steps_of(share), ITERATIONS)), steps_of(share)
+        return bool(trials[share][0]["settles"])
+
     low, high = SEARCHED
-    best, others = march(low), march(high)
-    if others[0]["settles"] or not best[0]["settles"]:
-        found = others if others[0]["settles"] else best
-        ends = (high, None) if others[0]["settles"] else (None, low)
-        return {**found[0], **_given(known, *found[1]), "largest": ends[0], "smallest": ends[1], "foreseen": foreseen}
-    for _ in range(_BISECTIONS):
+    largest, smallest = (high, None) if settles(high) else (None, low) if not settles(low) else _bisected(settles)
+    found, steps = trials[smallest if largest is None else largest]
+    foreseen = _foreseen(lambda share: _local(known).uzawa_contraction(*steps_of(share)))
+    return {**found, **_given(known, *steps), "largest": largest, "smallest": smallest, "foreseen": foreseen}
+
+
+def _bisected(holds: Callable[[float], bool], count: int = _BISECTIONS) -> tuple[float, float]:
+    """The largest share of `SEARCHED` for which something is seen to hold, and the smallest for which it is not."""
+    low, high = SEARCHED
+    for _ in range(count):
         middle = float(np.sqrt(low * high))
-        trial = march(middle)
-        if trial[0]["settles"]:
-            low, best = middle, trial
-        else:
-            high = middle
-    return {**best[0], **_given(known, *best[1]), "largest": low, "smallest": high, "foreseen": foreseen}
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low, high
 
 
 def _foreseen(contraction: Callable[[float], float]) -> float | None:
@@ -175,10 +176,7 @@ def _foreseen(contraction: Callable[[float], float]) -> float | None:
     low, high = SEARCHED
     if contraction(low) >= 1.0 or contraction(high) < 1.0:
         return None
-    for _ in range(2 * _BISECTIONS):
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if contraction(middle) < 1.0 else (low, middle)
-    return low
+    return _bisected(lambda share: contraction(share) < 1.0, 2 * _BISECTIONS)[0]
 
 
 def _paper(case: Mapping[str, Any], known: Reference) -> Record:

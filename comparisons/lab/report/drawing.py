@@ -1,16 +1,23 @@
 """Pictures of reports, drawn where matplotlib is installed, and what many of them have in common."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
-from qvi_contact.plots import GREY, has_matplotlib
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
 from qvi_contact.plots.inline import svg_text
-from qvi_contact.plots.style import new_figure, settings
+from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+LOOKS: Final = (
+    (BLUE, "o", "-"), (VERMILLION, "s", "--"), (GREEN, "^", "-."), (ORANGE, "D", ":"), (PURPLE, "v", "-"),
+    (SKY, "P", "--"), (GREY, "X", "-."),
+)  # fmt: skip
+"""Colour, marker and line of curves of no names of their own, in order."""
 
 
 def drawn(name: str, draw: "Callable[[], Figure | None]") -> str:

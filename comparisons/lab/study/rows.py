@@ -14,7 +14,7 @@ from comparisons.lab.study.outcome import DONE
 from qvi_contact.basics.writing import replacing
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
+    from pandas import DataFrame, Series
 
 ENVIRONMENT: Final = ("threads", "timeout_seconds", "memory_mib", "machine", "versions")
 """Entries of a row's environment, in the order of their columns."""
@@ -96,6 +96,11 @@ def _line(row: Row) -> dict[str, Any]:
     known["status"] = row.result.get("status", DONE) if row.status == DONE else row.status
     accuracy = row.certificate.get("accuracy") if isinstance(row.certificate, Mapping) else None
     return {**row.case, **row.result, **known, "accuracy": accuracy}
+
+
+def largest_of(values: "Series", frame: "DataFrame") -> dict[Any, Any]:
+    """The line of the frame with the largest of these values, by columns; without any, one that has nothing."""
+    return dict.fromkeys(frame) if values.dropna().empty else frame.loc[values.idxmax()].to_dict()
 
 
 def write_csv(path: str | Path, rows: Sequence[Row]) -> None:
