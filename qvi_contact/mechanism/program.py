@@ -33,6 +33,7 @@ from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
 
 _FARTHEST: Final = 1e5  # size of motions that do the work 1 with loads of the size 1: beyond, work is rounding
+_LEAST: Final = 1e-7  # work of loads of the size 1 on motions of the size 1, below which it may be rounding
 _ROUNDS: Final = 40  # at most, of placing the points where the cap sets in
 _SETTLED: Final = 1e-13
 _NEARER: Final = 0.25 ** np.arange(1.0, 7.0)  # shares of the way to the next place, where more are tried
@@ -114,11 +115,19 @@ class Rigid:
         return None if motion is None else self.motion(motion, names)
 
     def dearest(self, names: Sequence[str], others: Sequence[str]) -> Motion | None:
-        """The motion that gives the least R − L(others) for the work 1 of the named loads; None if there is none."""
+        """The motion that gives the least R − L(others) for one work of the named loads; None if they can do none.
+
+        Near a threshold at which they can do none the work is that of the motion on which they do most: motions of the
+        work 1 would be too large to be told from rounding.
+        """
         unit, size = sum(self.works[name].size for name in names), self.size
         if not self.free.shape[1] or unit == 0.0:
             return None
         row = sum(self.works[name].row for name in names) / unit
+        most = _Program(self, self.lines).most(np.asarray(row))
+        if most <= _LEAST:
+            return None
+        row = row / most
         other = sum((self.works[name].row for name in others), np.zeros(len(self.free))) / size
         motion = self._settled(lambda program: program.dearest(np.asarray(row), other, size))
         return None if motion is None else self.motion(motion, [*names, *others])
@@ -280,6 +289,13 @@ class _Program:
         objective[: self._motions] -= self._on_motions(loads).sum(axis=0)
         return self._solve(objective, equations)
 
+    def most(self, row: FloatArray) -> float:
+        """Max row · v over motions of the size 1 at most."""
+        objective = np.zeros(len(self._cost))
+        objective[: self._motions] = -self._on_motions(row[None])[0]
+        found = self._solve(objective, (), 1.0)
+        return 0.0 if found is None else -found[1]
+
     def dearest(self, row: FloatArray, other: FloatArray, unit: float) -> tuple[FloatArray, float] | None:
         """Min R − L(others)  s.t.  row · v = 1."""
         objective = np.array(self._cost) / unit
@@ -290,11 +306,13 @@ class _Program:
         self._rows.append(row)
         self._limits.append(limit)
 
-    def _solve(self, objective: FloatArray, equations: Sequence[_Equation]) -> tuple[FloatArray, float] | None:
+    def _solve(
+        self, objective: FloatArray, equations: Sequence[_Equation], farthest: float = _FARTHEST
+    ) -> tuple[FloatArray, float] | None:
         """The motion v and the least value; None if there is no motion."""
         for number in range(self._motions):  # as rows: variables with two bounds would stand at one of them
             for sign in (1.0, -1.0):
-                self._append({number: sign}, _FARTHEST)
+                self._append({number: sign}, farthest)
         known: Any = {}
         if equations:
             A = np.zeros((len(equations), len(objective)))

@@ -36,6 +36,12 @@ _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is
 _CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
 
 
+_AT_LIMIT = (
+    "limit load: the loads that are not multiplied are themselves at the limit of what this mesh carries, to within "
+    "rounding: whether they are carried cannot be told. Change these loads, or the friction, by a millionth"
+)
+
+
 class LimitLoad(float):
     """Result of a limit analysis: a number, the load factor that the mesh carries, and what is known besides.
 
@@ -47,7 +53,8 @@ class LimitLoad(float):
         whether Coulomb's law, whose slip is not associated, has a solution with them only `solve` can tell.
     upper : float
         No stress of the body carries a larger multiple, whatever the mesh: the bound of `mechanism`. Infinity if the
-        loads can grow without limit, minus infinity if no multiple can be carried.
+        loads can grow without limit, that is if they can do no work on mechanisms but 1e-7 of what they could do on
+        other motions; minus infinity if no multiple can be carried.
     mechanism : Mechanism or None
         The motion of the blocks that proves `upper`; None where that is infinite.
     bound : float
@@ -216,6 +223,8 @@ class LimitProblem:
     def solved(self) -> LimitAnalysis:
         """Both sides."""
         upper, mechanism = upper_bound(self.problem, self.names)
+        if upper == -np.inf:  # what no stress carries no mesh does, although its program may not tell from rounding
+            return LimitAnalysis(self, LimitLoad(upper, upper, mechanism, upper, 0.0), None)
         carried, state = _carried(self.low, self.high)
         limit = LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
         return LimitAnalysis(self, limit, state)
@@ -381,8 +390,10 @@ class _Program:
         answer = self._linprog(np.append(np.zeros(self.G.shape[1]), -1.0))
         if answer.status == UNBOUNDED:
             return _Carried(np.inf, np.inf, 0.0), None
-        if answer.status == INFEASIBLE and self._is_infeasible():
-            return _Carried(-np.inf, -np.inf, 0.0), None
+        if answer.status == INFEASIBLE:
+            if self._is_infeasible():
+                return _Carried(-np.inf, -np.inf, 0.0), None
+            raise SolveError(_AT_LIMIT)
         if answer.status == TIME_LIMIT:
             raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
         if answer.status != 0:

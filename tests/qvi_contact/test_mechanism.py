@@ -494,3 +494,31 @@ def test_bodies_that_nothing_holds_keep_motions_of_their_own():
     rigid = program.Rigid(jointed_slope(3, 1))
     assert rigid.free.shape[1] == 3 * (len(rigid.bodies) - 1)
     assert sorted(np.count_nonzero(rigid.free, axis=0)) == [1] * rigid.free.shape[1]
+
+
+@pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-5, 1e-6])
+def test_just_below_the_friction_that_locks(beyond):
+    """Pushed at 45° a block of weight 1 slides where α > μ (1 + α), however close to 1 its friction is."""
+    mu = 1.0 - beyond
+    loads = [Traction("top", 1.0, -1.0, name="push"), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    body = TriangleMesh.rectangle((1, 1), 2.0, 1.0)
+    problem = ContactProblem(body, STEEL, [Contact("bottom", mu), *loads], body_potential=lambda _, y: y)
+    factor, mechanism = upper_bound(problem, ["push"])
+    assert factor == pytest.approx(mu / beyond, rel=1e-9)
+    assert mechanism.contacts["bottom"].slides
+
+
+@pytest.mark.parametrize("share", [1e-8, 0.0, -1e-2])
+def test_friction_that_locks(share):
+    loads = [Traction("top", 1.0, -1.0, name="push"), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    contact = Contact("bottom", 1.0 - share)
+    body = TriangleMesh.rectangle((1, 1), 2.0, 1.0)
+    problem = ContactProblem(body, STEEL, [contact, *loads], body_potential=lambda _, y: y)
+    assert upper_bound(problem, ["push"]) == (math.inf, None)
+
+
+def test_just_too_little_friction_carries_no_multiple():
+    """Blocks above slide by their weight: the mesh's program alone could not tell 1e-6 from rounding."""
+    limit = limit_load_factor(jointed_slope(2, 1, friction=math.tan(math.radians(30.0)) * (1.0 - 1e-6)), ["water"])
+    assert (limit.lower, limit.upper) == (-math.inf, -math.inf)
+    assert limit.mechanism.work > 0.0
