@@ -59,6 +59,4 @@ def draw_mechanism(problem: ContactProblem, limit: LimitLoad, units: Units) -> N
     if len(sys.argv) > 2 and limit.mechanism is not None:
         from qvi_contact import plots
 
-        figure = plots.problem_figure(problem, units)
-        plots.draw_mechanism(figure.axes[0], problem.mesh, limit.mechanism)
-        plots.save_figure(sys.argv[2], figure)
+        plots.save_figure(sys.argv[2], plots.limit_figure(problem, limit, units))

@@ -13,10 +13,12 @@ if TYPE_CHECKING:
 
     from qvi_contact.bracket import Bracket
     from qvi_contact.command.series import Series
+    from qvi_contact.discretization.families import ElementName
     from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.files.sweep_store import StoredSweep
-    from qvi_contact.refinement import Refinement
+    from qvi_contact.refinement import LimitRefinement, Refinement
     from qvi_contact.solution.history import History
+    from qvi_contact.solution.limit import LimitLoad
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.verification.verification import Verification
 
@@ -511,6 +513,7 @@ def refine(
 @_TIME_LIMIT
 @_VERBOSE
 @_JSON
+@click.option("--plot", metavar="PICTURE", help="Draw how the blocks move beyond the limit: .png, .svg or .pdf.")
 def limit(
     file: str,
     loads: tuple[str, ...],
@@ -521,6 +524,7 @@ def limit(
     time_limit: float | None,
     verbose: bool,
     as_json: bool,
+    plot: str | None,
 ) -> int:
     """Bounds of the largest multiple of the named loads that the contacts can carry. The other loads are fixed.
 
@@ -536,16 +540,21 @@ def limit(
     Examples:
         qvi-contact limit examples/dragged_block_holds.toml --load drag
         qvi-contact limit examples/dragged_block_holds.toml --load drag --target 1e-4
+        qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
     """  # noqa: D301
     from qvi_contact.command.limit_line import computed, document, lines
     from qvi_contact.command.solve_line import solving
+    from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
+    checked_targets(file, plot=plot)
     problem_file = load_problem(file)
     with problem_file.named_errors(), solving(problem_file.title or "limit", verbose=verbose):
         space = problem_file.element | _given(element=element, degree=degree, contact_rows=contact_rows)
         told = {"time_limit": time_limit, "verbose": verbose}
         found, refinement = computed(problem_file.problem, loads, target, **space, **told)
+    if plot is not None:
+        _draw_limit(problem_file, loads, found, refinement, space.get("element"), plot)
     if as_json:
         click.echo(_json({"loads": list(loads), **document(found, refinement)}))
     else:
@@ -660,6 +669,24 @@ def _show_refinement(file: "ProblemFile", found: "Refinement") -> None:
     last = [line for line in result_lines(found.result, file.units) if not line or line not in found.message]
     for line in (*heading_lines(file), *told, *([""] if last else []), *last):
         click.echo(line)
+
+
+def _draw_limit(
+    file: "ProblemFile",
+    loads: "Sequence[str]",
+    found: "LimitLoad",
+    refinement: "LimitRefinement | None",
+    element: "ElementName | None",
+    path: str,
+) -> None:
+    """The mechanism, if there is one."""
+    from qvi_contact.command.limit_line import drawn
+    from qvi_contact.plots import save_figure
+
+    if found.mechanism is None:
+        click.echo(f"qvi-contact: there is no mechanism to draw in {path}", err=True)
+        return
+    save_figure(path, drawn(loads, file.problem, found, refinement, file.units, element))
 
 
 def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[str, str]) -> None:

@@ -1,12 +1,19 @@
 """What the command line says of a limit load."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from qvi_contact.basics.units import Units
+from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import LimitFactor, LimitRefinement, refine
 from qvi_contact.solution.limit import LimitLoad, limit_load_factor
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def computed(
@@ -20,6 +27,21 @@ def computed(
         return limit_load_factor(problem, loads=list(loads), **options), None
     found = refine(problem, target=target, quantity=LimitFactor(list(loads)), **options)
     return found.limit, found
+
+
+def drawn(
+    loads: Sequence[str],
+    problem: ContactProblem,
+    limit: LimitLoad,
+    refinement: LimitRefinement | None,
+    units: Units,
+    element: ElementName | None,
+) -> Figure:
+    """The picture, on the mesh of the analysis."""
+    from qvi_contact.plots import limit_figure
+
+    shown = with_element(problem, element) if refinement is None else refinement.problem
+    return limit_figure(shown, limit, units, "; ".join(lines(loads, limit, None)))
 
 
 def lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:

@@ -5,7 +5,7 @@ and nothing depends on colour alone.
 """
 
 from qvi_contact.plots.fields import COMPONENT_LABELS, principal_stress_map, stress_field
-from qvi_contact.plots.figures import history_figure, hysteresis_loop, problem_figure, result_figure
+from qvi_contact.plots.figures import history_figure, hysteresis_loop, limit_figure, problem_figure, result_figure
 from qvi_contact.plots.mechanism import draw_mechanism
 from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
@@ -37,6 +37,7 @@ __all__ = [
     "has_matplotlib",
     "history_figure",
     "hysteresis_loop",
+    "limit_figure",
     "picture_suffix",
     "principal_stress_map",
     "problem_figure",

@@ -20,6 +20,7 @@ from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, settin
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Condition, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.limit import LimitLoad
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.sampling import cell_factors, von_mises
 from qvi_contact.solution.stress import principal_stresses
@@ -116,6 +117,41 @@ def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figu
         scale = 6.0 / max(1.25 * sides[0], 1.5 * sides[1])  # what is around the body takes room too
         figure = new_figure(scale * sides[0] + 6.5, max(3.2, scale * (sides[1] + 0.4 * max(sides)) + 0.7))
         draw_problem(figure.subplots(), problem, units)
+    return figure
+
+
+def limit_figure(problem: ContactProblem, limit: LimitLoad, units: Units | None = None, title: str = "") -> "Figure":
+    """One picture of a limit load: the problem, and how the mechanism that proves the upper side moves its blocks.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem on the mesh of the analysis, such as `LimitRefinement.problem`.
+    limit : LimitLoad
+        What `limit_load_factor` has found.
+    units : Units, optional
+        Labels.
+    title : str
+        What stands above, before the words about the mechanism.
+
+    Returns
+    -------
+    matplotlib Figure
+        To be saved by `save_figure`.
+
+    Raises
+    ------
+    InputError
+        If the limit load has no mechanism, since there is no upper limit, or no multiple at all.
+
+    """
+    if limit.mechanism is None:
+        raise InputError("limit", repr(limit), "there is no mechanism to draw: no load is the largest one")
+    figure = problem_figure(problem, units)
+    draw_mechanism(figure.axes[0], problem.mesh, limit.mechanism)
+    words = "Dashed blue lines: motion of the blocks beyond that, magnified."
+    with settings():
+        figure.suptitle(_wrapped(f"{title}. {words}" if title else words, figure))
     return figure
 
 

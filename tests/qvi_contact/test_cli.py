@@ -606,7 +606,9 @@ def test_limit(shell, sliding):
     assert document["outcome"] == "bounded"
     assert document["factor"] == pytest.approx(1 / 1.01, rel=1e-6)
     assert document["upper"] == pytest.approx(1 / 1.01, rel=1e-9)
-    assert "0.99009901 times" in shell("limit", sliding, *loads)[1]
+    picture = sliding.with_name("sliding.svg")
+    assert "0.99009901 times" in shell("limit", sliding, *loads, "--plot", picture)[1]
+    assert picture.stat().st_size > 1000
     status, _, err = shell("limit", sliding, "--load", "nonsense")
     assert status == 2
     assert "drag" in err

@@ -21,6 +21,7 @@ from qvi_contact import (
     ContactState,
     Displacement,
     InputError,
+    LimitLoad,
     Material,
     RectilinearMesh,
     Region,
@@ -29,6 +30,7 @@ from qvi_contact import (
     Traction,
     TriangleMesh,
     exact,
+    limit_load_factor,
     principal_stresses,
     solve,
 )
@@ -41,6 +43,7 @@ from qvi_contact.plots import (
     friction_used,
     history_figure,
     hysteresis_loop,
+    limit_figure,
     principal_stress_map,
     problem_figure,
     require_matplotlib,
@@ -48,6 +51,7 @@ from qvi_contact.plots import (
     save_figure,
     stress_field,
 )
+from qvi_contact.plots.mechanism import moved_outlines
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.sampling import cell_factors, sample_body, von_mises
 from qvi_contact.units import Units
@@ -725,6 +729,16 @@ class TestFigures:
         mesh = result.problem.mesh
         before = mesh.vertices[np.column_stack([mesh.boundary.first, mesh.boundary.second])]
         assert np.hypot(*(ends - before).T).max() == pytest.approx(0.08 * mesh.length, rel=0.05)
+
+    def test_a_limit_load_is_drawn_with_its_mechanism(self):
+        problem = lifted().triangulated()
+        limit = limit_load_factor(problem, ["top"])
+        figure = limit_figure(problem, limit, title="title")
+        (moved,) = [line for line in figure.axes[0].collections if line.get_label() == "mechanism"]
+        assert np.array(moved.get_segments()) == pytest.approx(moved_outlines(problem.mesh, limit.mechanism))
+        assert heading(figure).get_text().startswith("title. ")
+        with pytest.raises(InputError, match="no mechanism"):
+            limit_figure(problem, LimitLoad(np.inf, np.inf, None, np.inf, 0.0))
 
     def test_history_of_loops_alone(self):
         w, force = [0.0, 1.0, -1.0, 1.0], [0.0, 2.0, -2.0, 2.0]

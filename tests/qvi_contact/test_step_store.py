@@ -207,15 +207,22 @@ def _alive(monkeypatch):
     return counts
 
 
-@pytest.mark.parametrize(
-    "reader", [history_figure, lambda history: step_rows(history.steps, PATH)], ids=["picture", "page"]
-)
-def test_what_reads_the_steps_keeps_none(tmp_path, alive, reader):
+@pytest.fixture(name="stored")
+def _stored(tmp_path):
+    """A history whose steps are in files."""
     solve_history(STEPS, store=tmp_path / "steps", element="bfs")
-    history = solve_history(STEPS, store=tmp_path / "steps", element="bfs")
-    alive.clear()
-    assert reader(history)
+    return solve_history(STEPS, store=tmp_path / "steps", element="bfs")
+
+
+def test_the_picture_keeps_no_step(stored, alive):
+    assert history_figure(stored).axes
     assert len(alive) >= len(STEPS) - 1
+    assert max(alive) <= 3
+
+
+def test_the_page_reads_each_step_once(stored, alive):
+    assert len(step_rows(stored.steps, PATH)) == len(STEPS)
+    assert len(alive) <= len(STEPS)
     assert max(alive) <= 3
 
 
