@@ -93,19 +93,47 @@ class SweepRun:
     def __init__(self, task: SweepTask) -> None:
         self._task = task
         self._before: Discretization | None = None
-        self._state: ContactResult | None = None
+        self._start = _Start(task.warm)
         self.seconds = 0.0
 
     def result(self, value: float) -> ContactResult:
         """The result of a value."""
         began, task = time.perf_counter(), self._task
         self._before = posed(task.changed(value), before=self._before, **task.space, **task.options)
-        start: dict[str, Any] = {"initial": self._state} if task.warm and self._state is not None else {}
-        found = solve(self._before, **{**task.options, **start})
-        if found.status is Status.SOLVED:
-            self._state = found
+        found = solve(self._before, **{**task.options, **self._start.options})
+        self._start.hear(found)
         self.seconds = time.perf_counter() - began
         return found
+
+
+class _Start:
+    """What a value starts from: the state of the one before.
+
+    To find that a state is not near costs an iteration or two. After that a value starts as usual, after the next time
+    two, then four, and so on: where the contact grows with each value, states are seldom near.
+    """
+
+    def __init__(self, wanted: bool) -> None:
+        self._wanted = wanted
+        self._state: ContactResult | None = None
+        self._pause, self._left = 0, 0
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Arguments of `solve`."""
+        begins = self._wanted and self._state is not None and not self._left
+        return {"initial": self._state} if begins else {}
+
+    def hear(self, result: ContactResult) -> None:
+        """The result that came of it."""
+        near = result.solution.near
+        if near is None:
+            self._left = max(self._left - 1, 0)
+        else:
+            self._pause = 0 if near else max(2 * self._pause, 1)
+            self._left = self._pause
+        if result.status is Status.SOLVED:
+            self._state = result
 
 
 def checked_values(parameter: Parameter, values: object) -> tuple[float, ...]:

@@ -163,7 +163,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     set_up = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a diverging iteration is judged by its gap
         run = _start(qvi, space, options)
-        _begin_near(run)
+        near = _begin_near(run)
         _iterate(run)
         if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.operator.use_root():
             run = _start(qvi, Reduction(qvi), options)
@@ -173,6 +173,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
     outcome.form = _FORMS[run.space.name]
     outcome.corrections = tuple(run.sizes)
     outcome.turned = "The central path has a turning point before this solution" if run.turns or run.elsewhere else ""
+    outcome.near = near
     outcome.timings = {"setup": set_up - began, "solve": time.perf_counter() - set_up}
     solution = finish(qvi, outcome, "condensed", "", tolerance)
     return replace(solution, message=f"{solution.message} {remark}") if remark else solution
@@ -234,16 +235,20 @@ def _start(qvi: FrictionQVI, space: Space, options: CondensedOptions, share: flo
     return run
 
 
-def _begin_near(run: _Run) -> None:
-    """Two iterations from the state to start from, if there is one; back to where it was if their steps are short."""
+def _begin_near(run: _Run) -> bool | None:
+    """Two iterations from the state to start from, if there is one; back to where it was if their steps are short.
+
+    Returns whether they were long; None without a state.
+    """
     start = run.options.initial
     if not (isinstance(start, Start) and start.fits(run.qvi)):
-        return
+        return None
     interior, elsewhere = run.interior, run.interior.point
     start_near(interior, run.problem.restricted(run.space.coordinates(start.z)), start)
     run.warm = all(_step_of(run) >= enough for enough in _FAR_ENOUGH)
     if not run.warm:
         interior.point = elsewhere
+    return run.warm
 
 
 def _step_of(run: _Run) -> float:

@@ -27,7 +27,8 @@ LOOSEST = 1e-4
 class Outcome:
     """What an iteration leaves behind; `reason` is its own view, before any certificate.
 
-    `turned` says how the way to it had to turn, which happens where there are several solutions.
+    `turned` says how the way to it had to turn, which happens where there are several solutions. `near` is that of
+    `QVISolution`.
     """
 
     reason: Status
@@ -46,6 +47,7 @@ class Outcome:
     check_feasible: bool = True
     corrections: tuple[float, ...] = ()
     turned: str = ""
+    near: bool | None = None
 
     def discard(self, qvi: FrictionQVI) -> None:
         """Forget the point."""
@@ -82,7 +84,7 @@ def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, toleranc
         tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
         _sentence(status, outcome.iterations, outcome.message, certificate, feasibility),
         dict(outcome.versions), farkas, outcome.form,
-        qvi.factorisation, outcome.corrections, _remarks(status, outcome.turned),
+        qvi.factorisation, outcome.corrections, _remarks(status, outcome.turned), outcome.near,
     )  # fmt: skip
 
 

@@ -70,6 +70,7 @@ class QVISolution:
     corrections : of the condensed method, sizes of the defect corrections in the energy norm, relative: what the
         rounding inside K had spoilt; they end where the next one would be rounding
     remarks : what to know about a solution, such as that there are several; one sentence each
+    near : of the condensed method, whether the state it was to begin from was near enough; None if there was none
 
     """
 
@@ -93,6 +94,7 @@ class QVISolution:
     factorisation: str = ""
     corrections: tuple[float, ...] = ()
     remarks: tuple[str, ...] = ()
+    near: bool | None = None
 
     def to_frame(self) -> "DataFrame":
         """One row for each `Iteration` as a pandas table, with its fields as columns; needs the extra ``frame``.

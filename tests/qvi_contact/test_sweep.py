@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from qvi_contact import (
     Contact,
     ContactProblem,
+    Displacement,
     InputError,
     Material,
     RectilinearMesh,
@@ -94,6 +95,22 @@ def test_what_friction_does_not_change_is_eliminated_once(parameter, monkeypatch
     assert sweep.status is Status.SOLVED
     assert np.diff(counts)[1] == 0
     assert counts[1] == (0 if parameter == "friction" else 1)
+
+
+def test_starts_that_are_never_near_are_tried_ever_more_seldom():
+    """A punch whose contact grows with each value."""
+    sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    punch = Contact("top", 0.3, lambda x, y: 0.02 * (x - 1.0) ** 2 + 0.0 * y)
+    mesh = RectilinearMesh.rectangle((12, 4), 2.0, 1.0)
+    layer = ContactProblem(mesh, Material(1e3, 0.3), [punch, Displacement("bottom", x=0.0, y=0.0), *sides])
+    depths = -0.001 * np.array([1.0, 3.0, 6.0, 10.0, 15.0, 20.0, 30.0, 40.0])
+    warm, cold = (solve_sweep(layer, "gap", depths, element="bfs", warm_start=warm) for warm in (True, False))
+    assert [step.solution.near for step in warm.steps] == [None, False, None, False, None, None, False, None]
+    assert [step.solution.near for step in cold.steps] == [None] * 8
+    more = [one.iterations - other.iterations for one, other in zip(warm.steps, cold.steps, strict=True)]
+    assert [number for number, extra in enumerate(more) if extra] == [1, 3, 6]
+    near = solve_sweep(layer, "gap", [-0.02, -0.0201, -0.0202], element="bfs")
+    assert [step.solution.near for step in near.steps] == [None, True, True]
 
 
 def test_a_load_factor_multiplies_named_loads():
