@@ -20,7 +20,9 @@
 | the time is over, see `watch`                                          | time_limit                    |
 
 After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path,
-unless the certificate passes already; of all starts the best point by its certificate is the result.
+unless the certificate passes already; of all starts the best point by its certificate is the result. So are
+smaller ones after the first two if the residual of y is above 1e-12 in the energy norm: the two multipliers of shear at
+an open point are proportional to that share, and lose as many digits in their difference.
 
 In `docs/theory.md`: (D8).
 """
@@ -192,24 +194,27 @@ def _space(qvi: FrictionQVI, options: CondensedOptions) -> tuple[Space, str]:
 
 def _restarted(first: _Run, tolerance: float) -> _Run:
     """The usual start where an earlier answer led nowhere, then other central paths; the best by its certificate."""
-    if first.reason in _LAST:
+    inexact = first.reason is Status.SOLVED and _residual(first) > _ENOUGH
+    if first.reason in _LAST and not inexact:
         return first
     best, run, accuracy = first, first, _accuracy(first)
     shares = first.space.shares
-    for share in shares if first.warm else shares[1:]:
+    others = [share for share in shares[1:] if share < shares[0] or not inexact]
+    for share in [shares[0], *others] if first.warm else others:
         if accuracy <= tolerance:
             break
         run = _start(first.qvi, first.space, first.options, share)
         run.history = first.history
-        run.before, run.elsewhere = len(run.history), share != shares[0]
+        run.before = len(run.history)
+        run.elsewhere = share != shares[0] and not inexact
         run.best = (np.inf, run.before)
         _iterate(run)
         found = _accuracy(run)
         if found < accuracy:
             best, accuracy = run, found
-        if run.reason in _LAST:
+        if run.reason in _LAST and not (inexact and run.reason is Status.SOLVED):
             break
-    if run.reason is Status.TIME_LIMIT:
+    if run.reason is Status.TIME_LIMIT and not inexact:
         best.reason, best.message = run.reason, ""
     return best
 
@@ -369,8 +374,14 @@ def _settled(run: _Run, residuals: Residuals) -> bool:
     """
     if run.scale == 0.0:  # before the first defect correction digits do not count
         return True
-    before, run.unsettled = run.unsettled, run.problem.system.norm(residuals.force) / run.scale
+    before, run.unsettled = run.unsettled, _residual(run, residuals)
     return run.unsettled <= _ENOUGH or run.unsettled > _HALVED * before
+
+
+def _residual(run: _Run, residuals: Residuals | None = None) -> float:
+    """The residual of y in the energy norm, relative."""
+    force = (residuals or run.interior.residuals()).force
+    return run.problem.system.norm(force) / run.scale if run.scale > 0.0 else 0.0
 
 
 def _worst(run: _Run, measures: Measures, residuals: Residuals) -> float:

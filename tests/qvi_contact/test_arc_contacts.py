@@ -147,3 +147,14 @@ def test_a_ring_turns_on_its_shaft():
     (motion,) = solve(ContactProblem(mesh, Material(1.0, NU), [bare, load, *free])).mechanism.motions
     x, y = motion.centre
     np.testing.assert_allclose([motion.x, motion.y], motion.rotation * np.array([-y, x]), atol=1e-9)  # of its middle
+
+
+@pytest.mark.parametrize("around", [4, 6])
+def test_high_degrees_where_much_is_open(around):
+    """Multipliers on both sides of an open point's shear are large, and must not cost the digits of the tractions."""
+    mesh = quarter(1, around)
+    plug = Contact("inner", 0.2, gap=lambda _, y: 0.3 * y**2 - 0.1)
+    free = [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]
+    result = solve(ContactProblem(mesh, Material(1.0, NU), [plug, *free]), degree=10, method="condensed")
+    assert result.status.value == "solved"
+    assert 0.1 < result.contacts["inner"].shares["open"] < 0.9
