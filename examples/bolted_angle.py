@@ -19,6 +19,7 @@ HEAD, SHELF = 20.0, 40.0  # widths of the bolt's head and of the load [mm]
 HEIGHT, ARM = 60.0, 80.0  # of the bolt above the lower edge, of the load from the wall [mm]
 
 mesh = qc.TriangleMesh.load(Path(__file__).parent / "meshes" / "bolted_angle.msh")
+mesh = mesh.with_arc("fillet", (20.0, 20.0), 10.0)
 problem = qc.ContactProblem(
     mesh,
     qc.Material(young=2.1e5, poisson=0.3, plane="strain"),  # steel [MPa]
@@ -27,6 +28,7 @@ problem = qc.ContactProblem(
         qc.Traction("bolt", x=-BOLT / HEAD, y=0.0),
         qc.Traction("load", x=0.0, y=-LOAD / SHELF),
         qc.Traction("free", normal=0.0, tangential=0.0),
+        qc.Traction("fillet", normal=0.0, tangential=0.0),
     ],
 )
 result = qc.solve(problem)

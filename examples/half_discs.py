@@ -17,10 +17,12 @@ import qvi_contact as qc
 from qvi_contact.units import Units
 
 RADIUS, FRICTION = 8.0, 0.2  # [mm]
+HEIGHT = math.sqrt(RADIUS**2 - 1.2**2)  # of the upper disc's centre: the joint is 1.2 long on either side [mm]
 NORMAL, SHEAR = 10.0, 0.93616  # forces for a unit of thickness [N/mm]
 DISC = qc.Material(young=200.0, poisson=0.3, plane="strain")  # [MPa]
 
 mesh = qc.TriangleMesh.load(Path(__file__).parent / "meshes" / "half_discs.msh")
+mesh = mesh.with_arc("upper disc", (0.0, HEIGHT), RADIUS).with_arc("lower disc", (0.0, -HEIGHT), RADIUS)
 problem = qc.ContactProblem(
     mesh,
     DISC,
@@ -28,7 +30,8 @@ problem = qc.ContactProblem(
         qc.Contact("contact", friction=FRICTION, gap=lambda x, _: 2.0 * (RADIUS - np.sqrt(RADIUS**2 - x**2))),
         qc.Contact("top", friction=0.0, law="tied", plate=qc.RigidPlate(force_x=SHEAR, force_y=-NORMAL)),
         qc.Displacement("bottom", x=0.0, y=0.0),
-        qc.Traction("free", normal=0.0, tangential=0.0),
+        qc.Traction("upper disc", normal=0.0, tangential=0.0),
+        qc.Traction("lower disc", normal=0.0, tangential=0.0),
     ],
 )
 result = qc.solve(problem)

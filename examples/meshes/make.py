@@ -68,7 +68,7 @@ def bolted_angle() -> TriangleMesh:
         Corner((100.0, 0.0), "free"),
         Corner((100.0, 10.0), "load"),
         Corner((60.0, 10.0), "free"),
-        Corner((20.0, 10.0), "free", centre=(20.0, 20.0), clockwise=True, size=1.2),
+        Corner((20.0, 10.0), "fillet", centre=(20.0, 20.0), clockwise=True, size=1.2),
         Corner((10.0, 20.0), "free", size=1.2),
         Corner((10.0, 50.0), "bolt", size=3.0),
         Corner((10.0, 70.0), "free", size=3.0),
@@ -109,15 +109,15 @@ def half_discs() -> TriangleMesh:
     below, above, between = (0.0, -high), (0.0, high), math.sqrt(radius**2 - 3.0**2)
     corners = [
         Corner((-radius, -high), "bottom"),
-        Corner((radius, -high), "free", below, size=1.2),
-        Corner((3.0, between - high), "free", below, size=0.3),
-        Corner((joined, 0.0), "free", above, size=0.3),
-        Corner((3.0, high - between), "free", above, size=1.2),
+        Corner((radius, -high), "lower disc", below, size=1.2),
+        Corner((3.0, between - high), "lower disc", below, size=0.3),
+        Corner((joined, 0.0), "upper disc", above, size=0.3),
+        Corner((3.0, high - between), "upper disc", above, size=1.2),
         Corner((radius, high), "top"),
-        Corner((-radius, high), "free", above, size=1.2),
-        Corner((-3.0, high - between), "free", above, size=0.3),
-        Corner((-joined, 0.0), "free", below, size=0.3),
-        Corner((-3.0, between - high), "free", below, size=1.2),
+        Corner((-radius, high), "upper disc", above, size=1.2),
+        Corner((-3.0, high - between), "upper disc", above, size=0.3),
+        Corner((-joined, 0.0), "lower disc", below, size=0.3),
+        Corner((-3.0, between - high), "lower disc", below, size=1.2),
     ]
     fine = {(x, 0.0): 0.06 for x in (-0.68, -0.5, 0.0, 0.5, 0.68)}
     return TriangleMesh.outline(corners, 2.5, joints={"contact": [(-joined, 0.0), (joined, 0.0)]}, sizes=fine)
