@@ -72,7 +72,7 @@ class CondensedBody:
         """
         size, Q = body.space.size, supports.axes
         free = np.setdiff1d(np.arange(size), supports.index)
-        rigid = Q.T @ body.space.rigid()
+        rigid = supports.inverse @ body.space.rigid()
         interface = np.setdiff1d((rows @ Q).indices, supports.index)
         interface = np.union1d(interface, _pins(body, rigid, supports.index, interface)).astype(np.int64)
         K = body.stiffness()

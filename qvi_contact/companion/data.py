@@ -60,6 +60,16 @@ def edge_data(problem: ContactProblem, edges: Edges, name: str, field: Field, de
     return EdgeData(coefficients, float(misfit.max(initial=0.0)))
 
 
+def along_arcs(arcs: Edges, vectors: FloatArray, degree: int) -> FloatArray:
+    """Inner coefficients of d·v along arcs from all coefficients of v, (n, p − 1, p + 1, 2), for d (n, 2) that turns.
+
+    They are those of the polynomial that is d(t)·v(t) at p + 1 nodes, both ends among them.
+    """
+    nodes = bernstein.nodes(degree)
+    project, values = bernstein.from_values(degree)[1:-1], bernstein.basis(degree, nodes)
+    return np.asarray(np.einsum("ki,eia,ij->ekja", project, vectors_along(arcs, vectors, nodes), values))
+
+
 @dataclass(frozen=True, eq=False)
 class EdgeMoments:
     """A function on edges as its work against B_i.

@@ -5,7 +5,8 @@ another direction the two degrees of freedom of the coefficient are d·v and d�
 
     v = Q w,   Q orthogonal and the identity elsewhere.
 
-Two directions at a coefficient prescribe both components.
+Two directions at a coefficient prescribe both components. Along arcs, whose directions turn, coefficients inside are
+those of the polynomials n·v and t·v instead (see `along_arcs`): w = R v for all of them, and Q = R⁻¹ edge by edge.
 """
 
 from dataclasses import dataclass
@@ -14,10 +15,10 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.companion.data import MISFIT, edge_data
+from qvi_contact.companion.data import MISFIT, along_arcs, edge_data
 from qvi_contact.companion.space import Space
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.mesh.edges import vectors_along
+from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
 
@@ -33,8 +34,8 @@ class Supports:
     ----------
     index, values : (f,) arrays
         Degrees of freedom w that are prescribed, ascending, and their values.
-    axes : (size, size) sparse array
-        Q.
+    axes, inverse : (size, size) sparse arrays
+        Q and R = Q⁻¹.
     slanted : bool
         Whether Q is not the identity.
     reasons : tuple of str
@@ -45,6 +46,7 @@ class Supports:
     index: IntArray
     values: FloatArray
     axes: sparse.csr_array
+    inverse: sparse.csr_array
     slanted: bool
     reasons: tuple[str, ...]
 
@@ -61,9 +63,35 @@ class _Given:
         return _Given(self.coefficient[chosen], self.direction[chosen], self.value[chosen])
 
 
+@dataclass(frozen=True, eq=False)
+class _OnArcs:
+    """Conditions on arcs along normals or tangents (n, 2): coefficients of the body and of the data, (n, p + 1)."""
+
+    edges: Edges
+    numbers: IntArray
+    direction: FloatArray
+    data: FloatArray
+
+    @property
+    def _alike(self) -> FloatArray:
+        """By which factor the direction is the normal, and the tangent: ±1 and 0, shape (n, 2)."""
+        axes = np.stack([self.edges.normal, self.edges.tangent], axis=1)
+        return np.rint((axes @ self.direction[:, :, None])[:, :, 0])
+
+    @property
+    def index(self) -> IntArray:
+        """Degrees of freedom w: n·v of a coefficient, then t·v; shape (n (p − 1),)."""
+        return np.ravel(2 * self.numbers[:, 1:-1] + np.argmax(np.abs(self._alike), axis=1)[:, None])
+
+    @property
+    def values(self) -> FloatArray:
+        """Their values."""
+        return np.ravel(self.data[:, 1:-1] * self._alike.sum(axis=1)[:, None])
+
+
 def supports(problem: ContactProblem, space: Space, scales: Scales) -> Supports:
     """Prescribed displacements; where two disagree in a corner their mean."""
-    given, reasons = _given(problem, space, scales)
+    given, arcs, reasons = _given(problem, space, scales)
     allowed = MISFIT * max(1.0, float(np.abs(given.value).max(initial=0.0)))
     slanted = np.isin(given.coefficient, given.coefficient[np.abs(given.direction).max(axis=1) < 1.0])
     index, values, wrong = _along_axes(given.take(~slanted), allowed)
@@ -80,13 +108,17 @@ def supports(problem: ContactProblem, space: Space, scales: Scales) -> Supports:
     if wrong:
         x, y = problem.mesh.origin + scales.length * space.places[min(wrong)]
         reasons.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}). Their mean is used.")
+    found += [(arc.index, arc.values) for arc in arcs]
     index, values = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.argsort(index)
-    return Supports(index[order], values[order], _turned(space.size, axes), bool(axes), tuple(reasons))
+    Q = _turned(space.size, axes)
+    Q, R = _along_arcs(Q, arcs, space.degree)
+    return Supports(index[order], values[order], Q, R, bool(axes or arcs), tuple(reasons))
 
 
-def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Given, list[str]]:
-    """All conditions, in the order of the problem."""
+def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Given, list["_OnArcs"], list[str]]:
+    """All conditions, in the order of the problem: those at coefficients, and those inside arcs along their frames."""
+    arcs: list[_OnArcs] = []
     coefficients: list[IntArray] = [np.empty(0, dtype=np.int64)]
     directions, values, reasons = [np.empty((0, 2))], [np.empty(0)], list[str]()
     for given in problem.prescribed(Displacement):
@@ -95,14 +127,21 @@ def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Give
         size = max(1.0, float(np.abs(data.coefficients).max(initial=0.0)))
         if data.misfit > MISFIT * size:
             reasons.append(_interpolated(given.name, data.misfit * scales.displacement, space.degree))
-        if edges.curved and given.turns:
-            reasons.append(f"{given.name} holds at the coefficients of arcs only, whose directions turn.")
         numbers = space.along(edges)
-        coefficients.append(numbers.ravel())
+        turning = edges.bent & given.turns
+        if turning.any():
+            reasons.append(
+                f"{given.name} holds on arcs as closely as polynomials of degree {space.degree} follow its directions."
+            )
+            arcs.append(
+                _OnArcs(edges.take(turning), numbers[turning], given.direction[turning], data.coefficients[turning])
+            )
         places = np.linspace(0.0, 1.0, numbers.shape[1])
-        directions.append(vectors_along(edges, given.direction, places, turns=given.turns).reshape(-1, 2))
-        values.append(data.coefficients.ravel())
-    return _Given(np.concatenate(coefficients), np.concatenate(directions), np.concatenate(values)), reasons
+        here = ~turning[:, None] | (places == 0.0) | (places == 1.0)
+        coefficients.append(numbers[here])
+        directions.append(vectors_along(edges, given.direction, places, turns=given.turns)[here])
+        values.append(data.coefficients[here])
+    return _Given(np.concatenate(coefficients), np.concatenate(directions), np.concatenate(values)), arcs, reasons
 
 
 def _interpolated(name: str, misfit: float, degree: int) -> str:
@@ -145,3 +184,47 @@ def _turned(size: int, axes: dict[int, FloatArray]) -> sparse.csr_array:
     Q = sparse.csr_array((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
     Q.eliminate_zeros()
     return Q
+
+
+def _along_arcs(Q: sparse.csr_array, arcs: list[_OnArcs], degree: int) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Q and Q⁻¹ with the coefficients inside arcs along their frames, from Q of all others.
+
+    An arc with two conditions is listed twice, with the same rows. With v and w inside (i) and at both ends (e),
+    w_i = A v_i + B v_e, so that v_i = A⁻¹ w_i − A⁻¹ B Q_e w.
+    """
+    inside, at_ends, A, B = _blocks(arcs, degree)
+    size = Q.shape[0]
+    keep = np.ones(size)
+    keep[inside] = 0.0
+    others = sparse.diags_array(keep)
+    inverse = np.asarray(np.linalg.inv(A), dtype=np.float64)
+    own, beside = _spread(inside, inside, inverse, size), _spread(inside, at_ends, inverse @ B, size)
+    rows = _spread(inside, inside, A, size) + _spread(inside, at_ends, B, size)
+    whole = others @ Q @ others
+    return sparse.csr_array(whole + own - beside @ whole), sparse.csr_array(whole.T + rows)
+
+
+def _blocks(arcs: list[_OnArcs], degree: int) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Degrees of freedom inside arcs (n, 2p − 2) and at their ends (n, 4), A and B; each arc once."""
+    inner, count = 2 * (degree - 1), sum(len(arc.edges) for arc in arcs)
+    if not count:
+        none = np.empty((0, inner), dtype=np.int64)
+        return none, none[:, :4], np.empty((0, inner, inner)), np.empty((0, inner, 4))
+    dofs = np.concatenate([2 * arc.numbers[:, :, None] + np.arange(2) for arc in arcs])
+    rows = np.concatenate(
+        [
+            np.stack([along_arcs(arc.edges, d, degree) for d in (arc.edges.normal, arc.edges.tangent)], axis=2)
+            for arc in arcs
+        ]
+    )
+    once = np.unique(dofs[:, 1, 0], return_index=True)[1]
+    dofs, rows = dofs[once], rows[once].reshape(len(once), inner, degree + 1, 2)
+    inside, at_ends = dofs[:, 1:-1].reshape(len(once), -1), dofs[:, [0, -1]].reshape(len(once), -1)
+    A, B = rows[:, :, 1:-1].reshape(len(once), inner, -1), rows[:, :, [0, -1]].reshape(len(once), inner, -1)
+    return inside, at_ends, A, B
+
+
+def _spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
+    """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
+    at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+    return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))

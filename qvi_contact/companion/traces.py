@@ -19,14 +19,14 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate, real_array
-from qvi_contact.companion.data import MISFIT, edge_data, edge_moments
+from qvi_contact.companion.data import MISFIT, along_arcs, edge_data, edge_moments
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.supports import PARALLEL
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges, frames_along, vectors_along
+from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.problem.conditions import DRIVES, Contact, Law, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
 from solvers.strict.quadratics import smallest
@@ -234,7 +234,7 @@ def _by_coefficient(columns: IntArray, n: int, vectors: FloatArray) -> FloatArra
 
 @dataclass(frozen=True, eq=False)
 class _Bend:
-    """Components along arcs: c are the coefficients of the polynomial that is n(t)·v(t) at p + 1 nodes.
+    """Components along arcs, see `along_arcs`.
 
     Attributes
     ----------
@@ -252,12 +252,8 @@ class _Bend:
 
     def rows(self, straight: sparse.csr_array, vectors: FloatArray, joint: bool) -> sparse.csr_array:
         """Rows (n, size) along vectors (e, 2) of the chords, those inside arcs in the place of the given ones."""
-        p = self.degree
         bent = np.flatnonzero(self.edges.bent)
-        nodes = bernstein.nodes(p)
-        along = vectors_along(self.edges.take(bent), vectors[bent], nodes)
-        project, values = bernstein.from_values(p)[1:-1], bernstein.basis(p, nodes)
-        factors = np.einsum("ki,eia,ij->ekja", project, along, values)  # (arc, row, coefficient, component)
+        factors = along_arcs(self.edges.take(bent), vectors[bent], self.degree)
         columns = self.columns[bent]
         row = np.broadcast_to(columns[:, 1:-1, None, None], factors.shape)
         whole = np.ones(straight.shape[0])

@@ -6,6 +6,7 @@ import pytest
 from qvi_contact import (
     Contact,
     ContactProblem,
+    Displacement,
     Material,
     RigidPlate,
     Symmetry,
@@ -14,6 +15,7 @@ from qvi_contact import (
     limit_load_factor,
     solve,
 )
+from qvi_contact.companion import solve_companion
 from qvi_contact.refinement.closer import _boundary_corners
 from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, A, quarter
 
@@ -123,6 +125,20 @@ def test_plate_of_both_models():
     result = ring(Contact("outer", 0.2, plate=RigidPlate(force_y=-0.1)), "inner", degree=4)
     companion = result.bracket.companion
     assert companion.plates["outer"].y == pytest.approx(result.plates["outer"].y, rel=2e-3)
+
+
+@pytest.mark.parametrize("components", [{"normal": -WIDENED}, {"normal": -WIDENED, "tangential": 0.0}])
+@pytest.mark.parametrize("degree", [2, 3])
+def test_displacements_along_normals_of_arcs(components, degree):
+    """A ring that is widened along its normals: the energy of displacements of degree p has the order 2p."""
+    free = [Traction("inner", tangential=0.0)] if len(components) == 1 else []
+    free += [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]
+    exact, errors = np.pi / 4.0 * INNER * WIDENED, []
+    for k in (1, 2):
+        widened = ContactProblem(quarter(k, 2 * k), Material(1.0, NU), [Displacement("inner", **components), *free])
+        errors.append(abs(solve_companion(widened, degree=degree).energy - exact))
+    assert errors[1] < 3e-3 * exact
+    assert np.log2(errors[0] / errors[1]) > 2.0 * degree - 0.9
 
 
 def test_smooth_arcs_have_no_corners():
