@@ -161,11 +161,6 @@ def solve_sweep(
         return sweep
 
 
-def changed(problem: ContactProblem, parameter: Parameter, value: float, of: Sequence[str] | None) -> ContactProblem:
-    """The problem with another value of a parameter, see `solve_sweep`."""
-    return SweepTask.of(problem, parameter, of).changed(value)
-
-
 def _solved(
     task: SweepTask, values: Sequence[float], callback: Callable[[int, ContactResult], object]
 ) -> list[ContactResult]:

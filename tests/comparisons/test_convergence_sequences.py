@@ -23,7 +23,7 @@ def _rows():
 @pytest.mark.parametrize("sequence", ["cycle", "friction"])
 def test_the_task_solves_in_all_ways(sequence):
     found = run({"sequence": sequence, "element": "bfs", "quick": True})
-    problems = CHAINS[sequence].problems(quick=True)
+    problems = CHAINS[sequence].problems(quick=True, element="bfs")
     for way in WAYS:
         assert found[way]["status"] == ["solved"] * len(problems[:: EVERY if way == "single" else 1])
         assert all(second > 0.0 for second in found[way]["seconds"])

@@ -2,15 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Traction
-from qvi_contact.basics.checks import Field
+from qvi_contact.basics.checks import Field, FloatArray
+from qvi_contact.discretization.families import ElementName
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.solution.sweep import changed
 from qvi_contact.solution.sweep_rows import Parameter
+from qvi_contact.solution.sweep_run import SweepTask
 
 _DEPTH: Final = 0.01
 
@@ -38,10 +40,10 @@ class Chain:
     values: tuple[float, ...]
     history: bool = False
 
-    def problems(self, quick: bool) -> list[ContactProblem]:
-        """All problems."""
-        base = self.base(quick)
-        return [changed(base, self.parameter, value, None) for value in self.chosen(quick)]
+    def problems(self, quick: bool, element: ElementName) -> list[ContactProblem]:
+        """All problems, on the mesh of the element."""
+        task = SweepTask.of(self.base(quick), self.parameter, None, element=element)
+        return [task.changed(value) for value in self.chosen(quick)]
 
     def base(self, quick: bool) -> ContactProblem:
         """The problem that is changed."""
@@ -60,16 +62,8 @@ def layer(cells: tuple[int, int], gap: Field = -_DEPTH, offset: float = 0.0) -> 
     return ContactProblem(mesh, Material(1000.0, 0.3), [Contact("top", 0.3, gap, offset, "obstacle"), held, *sides])
 
 
-def _sheared(cells: tuple[int, int]) -> ContactProblem:
-    return layer(cells, 0.0, 0.5 * _DEPTH)
-
-
-def _punched(cells: tuple[int, int]) -> ContactProblem:
-    return layer(cells, lambda x, y: 2.0 * _DEPTH * (x - 1.0) ** 2 + 0.0 * y)
-
-
-def _plate(cells: tuple[int, int]) -> ContactProblem:
-    return compressed_plate(0.2, cells)
+def _punch(x: FloatArray, y: FloatArray) -> FloatArray:
+    return 2.0 * _DEPTH * (x - 1.0) ** 2 + 0.0 * y
 
 
 def _evenly(first: float, last: float, count: int) -> tuple[float, ...]:
@@ -82,14 +76,15 @@ CHAINS: Final = {
         tuple((_DEPTH * np.sin(np.linspace(0.0, 2.0 * np.pi, 21))).tolist()), history=True,
     ),
     "friction": Chain(
-        "sweep: 20 values of μ, plate 64 × 64", _plate, (64, 64), (8, 8), "friction", _evenly(0.05, 1.0, 20)
+        "sweep: 20 values of μ, plate 64 × 64", partial(compressed_plate, 0.2), (64, 64), (8, 8), "friction",
+        _evenly(0.05, 1.0, 20),
     ),
     "compression": Chain(
-        "sweep: 11 compressions, sheared layer 32 × 64", _sheared, (64, 32), (16, 8), "gap",
-        _evenly(-0.5 * _DEPTH, -_DEPTH, 11),
+        "sweep: 11 compressions, sheared layer 32 × 64", partial(layer, gap=0.0, offset=0.5 * _DEPTH),
+        (64, 32), (16, 8), "gap", _evenly(-0.5 * _DEPTH, -_DEPTH, 11),
     ),
     "depth": Chain(
-        "sweep: 11 depths of a round punch, layer 32 × 64", _punched, (64, 32), (16, 8), "gap",
+        "sweep: 11 depths of a round punch, layer 32 × 64", partial(layer, gap=_punch), (64, 32), (16, 8), "gap",
         _evenly(-0.2 * _DEPTH, -2.0 * _DEPTH, 11),
     ),
 }  # fmt: skip
