@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -144,9 +145,7 @@ def import_file(file: str, method: str | None, inner: str | None, tolerance: flo
     with np.errstate(all="ignore"):  # what overflows fails its certificate
         report = solve_file(file, {name: value for name, value in given.items() if value is not None})
     if as_json:
-        click.echo(
-            json.dumps(finite_json(report.as_document(), null=True), indent=2, allow_nan=False, ensure_ascii=False)
-        )
+        click.echo(json.dumps(finite_json(asdict(report), null=True), indent=2, allow_nan=False, ensure_ascii=False))
     else:
         click.echo("\n".join(report.lines()))
     return 0 if report.status == "solved" else 1

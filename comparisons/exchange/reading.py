@@ -1,6 +1,6 @@
 """A file of `solvers.exchange` solved and judged: our certificate beside Siconos' error measure."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -64,10 +64,6 @@ class Report:
     status: str
     message: str
     note: str = ""
-
-    def as_document(self) -> dict[str, Any]:
-        """The same as JSON."""
-        return asdict(self)
 
     def lines(self) -> list[str]:
         """Readable lines."""

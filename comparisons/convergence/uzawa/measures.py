@@ -21,7 +21,7 @@ from comparisons.lab.report.numbers import (
     span,
 )
 from comparisons.lab.study import Row, frame_of, largest_of
-from comparisons.lab.tables import Grid, grid_of
+from comparisons.lab.tables import Grid, crossed, grid_of
 from comparisons.paper.reference import load
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ _FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     **dict.fromkeys(("factor", "share"), partial(significant, digits=2)),
     **dict.fromkeys(("condition", "linearised", "smallest", "foreseen", "part", "best"), significant),
     **dict.fromkeys(("limit", "observed", "omega_T"), partial(scientific, digits=3)),
-    **dict.fromkeys(("target", *METHODS), partial(scientific, digits=1)), **dict.fromkeys(("order", "growth"), _power),
+    "target": partial(scientific, digits=1), **dict.fromkeys(("order", "growth"), _power),
 }  # fmt: skip
 """Column of a table → how its numbers read."""
 
@@ -217,7 +217,6 @@ _HEADINGS: Final[Mapping[str, Mapping[str, str]]] = {
         "where": "problem", "pairs": "pairs of steps", "failing": "do not settle",
         SOON: "iterations to 1e-4 of the quickest", "best": "its ω_T (share)", "matters": "ω_N matters",
     },
-    "reach": {"where": "problem", **{name: name for name in METHODS}},
     "accuracy": {
         "where": "problem", "run": "method", "target": "target", "status": "status", "iterations": "iterations",
         "seconds": "time", "accuracy": "certified accuracy",
@@ -231,10 +230,14 @@ def tables_of(runs: "DataFrame") -> dict[str, Grid]:
     meshes, equal = of(runs, "mesh").sort_values(["friction", "cells"]), of(runs, *METHODS)
     frames = {
         "paper": paper_runs(runs), "limit-table": _limits(searches_of(runs)), "growth": growth(runs), "meshes": meshes,
-        "maps": _maps(of(runs, "map")), "reach": _reach(equal), "accuracy": equal,
+        "maps": _maps(of(runs, "map")), "accuracy": equal,
     }  # fmt: skip
     closer = {"meshes": {"linearised": partial(significant, digits=4)}}
-    return {name: grid_of(frame, _HEADINGS[name], {**_FORMS, **closer.get(name, {})}) for name, frame in frames.items()}
+    tables = {
+        name: grid_of(frame, _HEADINGS[name], {**_FORMS, **closer.get(name, {})}) for name, frame in frames.items()
+    }
+    reach = crossed(equal.assign(problem=equal["where"]), "problem", "run", _tightest, tuple(METHODS))
+    return {**tables, "reach": reach}
 
 
 def _limits(found: "DataFrame") -> "DataFrame":
@@ -261,11 +264,9 @@ def _maps(found: "DataFrame") -> "DataFrame":
     return DataFrame(lines)
 
 
-def _reach(equal: "DataFrame") -> "DataFrame":
-    """The tightest target that each method meets."""
-    met = equal.target.where(equal.status == "solved")
-    best = equal.assign(met=met).pivot_table("met", "where", "run", "min", sort=False, dropna=False)
-    return best.reindex(columns=list(METHODS)).reset_index()
+def _tightest(found: "DataFrame") -> str:
+    """The tightest target that is met."""
+    return scientific(found.target[found.status == "solved"].min(), 1)
 
 
 def settings_of(settings: Mapping[str, str]) -> Grid:
