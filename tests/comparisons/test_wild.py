@@ -135,9 +135,9 @@ def forged(result, problem=None, **changes):
     return ContactResult(known, replace(result.solution, **changes))
 
 
-@pytest.mark.parametrize("number", [29, 36, 46, 50, 54, 64, 75, 76, 109, 151, 190, 216, 385])
+@pytest.mark.parametrize("number", [29, 36, 46, 50, 54, 64, 75, 76, 109, 151, 190, 216, 385, 913])
 def test_arrays_and_complex_values_where_a_name_or_number_belongs_are_refused(number):
-    """Arrays as names of edges, sides, contacts and planes, ragged masks, complex offsets, lists as damping, True."""
+    """Arrays as meshes, names of edges, sides, contacts and planes, ragged masks, complex offsets, lists as damping."""
     assert solve_case({"family": "nonsense", "number": number})["outcome"] == REFUSED
 
 
