@@ -55,7 +55,7 @@ def convergence(run: RunOptions, names: tuple[str, ...], quick: bool, out: Path,
     studies = {name: import_module(f"comparisons.convergence.{name}.study").study(quick) for name in chosen}
     runs = {name: run.inside(f"{name}{'_quick' if quick else ''}.sqlite") for name in studies}
     for name, study in studies.items():
-        _check_rows(runs[name].store, study)
+        runs[name].check(study)
     documents = [_done(name, study, runs[name], quick, out, as_json) for name, study in studies.items()]
     if as_json:
         print_json({"schema": SCHEMA, "quick": quick, "studies": documents})
@@ -67,15 +67,6 @@ def _check_store(folder: Path) -> None:
 
     if folder == Path() or (folder.exists() and not folder.is_dir()):
         raise InputError("--store", str(folder), "give the name of a folder")
-
-
-def _check_rows(store: Path, study: Study) -> None:
-    """A store of another study, a damaged one, or one that cannot be written is found before anything is run."""
-    from comparisons.lab.study.store import finished_keys
-    from qvi_contact.basics.writing import writable_folder
-
-    if len(finished_keys(store, study)) < len(study.cases):
-        writable_folder(store.parent, "store")
 
 
 def _done(name: str, study: Study, run: RunOptions, quick: bool, out: Path, as_json: bool) -> dict[str, Any]:

@@ -1,19 +1,23 @@
 """Tables of text, once for the terminal and for Markdown."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from comparisons.lab.cells import NOTHING, is_numeric, text
+from comparisons.lab.marks import escaped
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from rich.console import Console
     from rich.table import Table
 
+NO_ROWS: Final = "No rows."
+
 Form = Callable[[Any], str]
 Columns = Mapping[str, str | tuple[str, Form]]
 
+_BAR: Final = "\\|"
 _LONGEST: Final = 40  # letters of a name; what is longer is a sentence
 _HEADING: Final = 10  # letters of a line of a heading above narrow numbers
 
@@ -112,12 +116,12 @@ def rich_table(grid: Grid) -> "Table":
 
 
 def markdown_table(grid: Grid) -> str:
-    """The table in Markdown, with its title, if it has one, as a heading above and how to read it below."""
-    headings = [_one_line(heading) for heading in grid.headings]
+    """The rows in Markdown, whose cells mean nothing but what they say."""
+    if not grid.rows:
+        return f"{NO_ROWS}\n"
     marks = ["---:" if numeric else "---" for numeric in _numeric(grid)]
-    lines = [_line(headings), f"| {' | '.join(marks)} |", *map(_line, grid.rows)]
-    heading = [f"## {grid.title}", ""] if grid.title else []
-    return "\n".join([*heading, *lines, "", *([grid.note, ""] if grid.note else [])])
+    lines = [_line(map(_one_line, grid.headings)), f"| {' | '.join(marks)} |", *map(_line, grid.rows)]
+    return "\n".join([*lines, ""])
 
 
 def _one_line(heading: str) -> str:
@@ -125,9 +129,8 @@ def _one_line(heading: str) -> str:
     return heading.replace("-\n", "").replace("\n", " ")
 
 
-def _line(cells: Sequence[str]) -> str:
-    escaped = [cell.replace("|", "\\|") for cell in cells]
-    return f"| {' | '.join(escaped)} |"
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(escaped(cell).replace('|', _BAR) for cell in cells)} |"
 
 
 def _numeric(grid: Grid) -> list[bool]:

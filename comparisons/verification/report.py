@@ -5,9 +5,9 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any, Final
 
+from comparisons.lab.marks import escaped
 from comparisons.lab.report import Document as Report
 from comparisons.lab.report import drawn, render
-from comparisons.lab.report.marks import escaped
 from comparisons.verification import benchmarks, exact_states, manufactured, strict
 from comparisons.verification.figures import conservation, overview
 from comparisons.verification.results import RESULTS

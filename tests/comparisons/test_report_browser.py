@@ -163,7 +163,6 @@ def test_the_command_has_a_line_for_each_page(browser, table, tmp_path, monkeypa
     good, bad = tmp_path / "good.html", tmp_path / "bad.html"
     good.write_text(table, encoding="utf-8")
     assert command(monkeypatch, capfd, good) == (0, f"{good}: good\n", "")
-    assert looking.check_page(good) == []
     bad.write_text(table.replace("</main>", '<a href="#nowhere">there</a></main>'), encoding="utf-8")
     lines = f"{good}: good\n{bad}: links that lead nowhere: #nowhere\n"
     assert command(monkeypatch, capfd, good, bad) == (1, lines, "")
@@ -191,8 +190,8 @@ def test_what_is_missing_is_said(monkeypatch, capfd, tmp_path, what):
     code, out, err = command(monkeypatch, capfd, "--require", tmp_path / "page.html")
     assert (code, out) == (2, "")
     assert "install" in err
-    with pytest.raises(InputError, match="install"):
-        looking.check_page(tmp_path / "page.html")
+    with pytest.raises(InputError, match="install"), looking.open_browser():
+        pass
 
 
 def test_the_browser_is_looked_for_on_the_path(monkeypatch, tmp_path):

@@ -52,8 +52,7 @@ def test_nothing_is_cut(first):
 def test_no_rows(headings):
     grid = Grid("Empty", headings, [])
     assert all(heading in printed(grid) for heading in headings)
-    cells = [heading.replace("|", r"\|") for heading in headings]
-    assert markdown_table(grid).splitlines()[2] == f"| {' | '.join(cells)} |"
+    assert markdown_table(grid) == "No rows.\n"
 
 
 @pytest.mark.parametrize(

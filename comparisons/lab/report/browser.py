@@ -58,23 +58,6 @@ def missing() -> str:
     return ""
 
 
-def check_page(path: str | Path, widths: Sequence[int] = WIDTHS) -> list[str]:
-    """What is wrong with a page, in sentences; nothing if all is well.
-
-    Nothing may be written to the console as an error, thrown or requested. At each width the page must not be wider
-    than the window, every figure has to be there inside its box with letters that can be read. Tables can be sorted, by
-    mouse and by keyboard; no id is there twice; links within the page lead somewhere.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or no browser to look at it, see `missing`.
-
-    """
-    with open_browser() as browser:
-        return problems_on(browser, path, widths)
-
-
 @contextmanager
 def open_browser() -> "Iterator[Browser]":
     """A browser for many pages, which ends with the block; `InputError` if there is none, see `missing`."""
@@ -108,7 +91,13 @@ def _existing(path: str | Path) -> Path:
 
 
 def problems_on(browser: "Browser", path: str | Path, widths: Sequence[int] = WIDTHS) -> list[str]:
-    """The same as `check_page`, in a browser that is there already; the page gets a context of its own."""
+    """What is wrong with a page, which gets a context of its own, in sentences; nothing if all is well.
+
+    Nothing may be written to the console as an error, thrown or requested. At each width the page must not be wider
+    than the window, every figure has to be there inside its box with letters that can be read. Tables can be sorted, by
+    mouse and by keyboard; no id is there twice; links within the page lead somewhere. `InputError` if there is no such
+    file.
+    """
     file = _existing(path)
     said: list[str] = []
     with browser.new_context() as context:

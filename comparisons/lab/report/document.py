@@ -18,12 +18,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from comparisons.lab.report import numbers
-from comparisons.lab.report.marks import escaped
 from comparisons.lab.tables import Grid, markdown_table
 from qvi_contact.errors import InputError
 
 NO_PICTURES: Final = "Not drawn: pictures need matplotlib, `python -m pip install 'qvi-contact[plot]'`."
-NO_ROWS: Final = "No rows."
 
 _FILTERS: Final = ("listing", "memory", "percent", "scientific", "seconds", "significant")
 _NAME: Final = re.compile(r"[a-z0-9]+(?:[-_][a-z0-9]+)*")
@@ -141,7 +139,7 @@ class _Exhibits:
     def table(self, name: str) -> str:
         """The table with an anchor."""
         self._shown[name] += 1
-        return f"{_anchor(name)}{table_text(self._tables[name])}"
+        return f"{_anchor(name)}{markdown_table(self._tables[name])}"
 
     def figure(self, name: str, title: str) -> str:
         """The picture with an anchor."""
@@ -165,13 +163,5 @@ def _anchor(name: str) -> str:
     return f'<a id="{name}"></a>\n\n'
 
 
-def table_text(grid: Grid) -> str:
-    """The table in Markdown, whose cells mean nothing but what they say."""
-    if not grid.rows:
-        return f"{NO_ROWS}\n"
-    headings = tuple(escaped(heading.replace("-\n", "").replace("\n", " ")) for heading in grid.headings)
-    return markdown_table(Grid("", headings, [tuple(map(escaped, row)) for row in grid.rows]))
-
-
 def _setting(grid: Grid) -> str:
-    return f"**{grid.title}**\n\n{table_text(grid)}\n{grid.note}\n"
+    return f"**{grid.title}**\n\n{markdown_table(grid)}\n{grid.note}\n"
