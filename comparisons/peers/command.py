@@ -13,7 +13,7 @@ from comparisons.peers import LEVELS
 
 _FOLDER = "results/peers"
 _PLATE, _PIN = "plate", "pin"
-_FRICTION: Final[dict[str, tuple[float, ...]]] = {_PLATE: (0.2, 0.05, 1.0), _PIN: (0.0, 0.1)}
+_FRICTION: Final[dict[str, tuple[float, ...]]] = {_PLATE: (0.2, 0.1, 0.05, 1.0), _PIN: (0.0, 0.1)}
 _CELLS: Final[dict[str, tuple[int, ...]]] = {_PLATE: (8, 16, 32), _PIN: (6, 12)}
 
 
@@ -58,7 +58,7 @@ def peers(
 
     The codes are NGSolve (Nitsche's method, degrees 2 to 6), GetFEM (its contact brick, degrees 2 to 4), and this
     package on rectangles, on triangles of degree 3 to 6, and with its displacement model. Stresses and displacements
-    together also bound the force.
+    together also bound the force, on triangles under slip too.
 
     The meshes have equal cells, cells graded to the free corner, and cells graded to the corner and to the end of the
     stick zone. Measured are force, unknowns, time and memory. Each case runs in a process of its own, on one thread.

@@ -6,8 +6,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from comparisons.lab.report import drawn
-from comparisons.peers.measures import Reference, by_friction, slug
-from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED
+from comparisons.peers.measures import OTHERS, Reference, by_friction, slug
+from comparisons.peers.meshes import FAMILIES
+from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED, TRIANGLES
 from qvi_contact.plots import GREY
 from qvi_contact.plots.style import new_figure
 
@@ -45,7 +46,8 @@ COSTS: Final = (
 def figures(runs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, str]:
     """Name → picture; empty where matplotlib is not installed.
 
-    For each μ at which P/2 is known, and some error, those of errors against costs; for each with brackets, of these.
+    For each μ at which P/2 is known, and some error, those of errors against costs; for each with brackets, of these;
+    for each with guaranteed bounds, of intervals beside the forces of all codes.
     """
     found = {}
     for friction, here in by_friction(runs):
@@ -53,8 +55,11 @@ def figures(runs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, st
         for cost in COSTS if here.error.notna().any() else ():
             found[f"best-{cost.name}-{name}"] = _best(here, cost, name)
             found[f"error-{cost.name}-{name}"] = _errors(here, cost, name)
-        if (here.solved & here.width.notna()).any():
+        if any((each.solved & each.width.notna()).any() for _, each in by_family(here)):
             found[f"bounds-{name}"] = _bounds(here, value, name)
+        if value is not None and has_bounds(here):
+            draw = partial(_beside_others, known=value)
+            found[f"intervals-{name}"] = drawn(f"intervals-{name}", partial(_panels, [("", here)], draw))
     return found
 
 
@@ -72,12 +77,12 @@ def _bounds(here: "DataFrame", known: Reference | None, name: str) -> str:
     """What brackets say on each mesh: intervals of P/2 and the codes' values, or an indicator."""
 
     def draw(axes: "Axes", runs: "DataFrame") -> None:
-        if known is not None and has_bounds(here):
+        if known is not None and has_bounds(runs):
             _intervals(axes, runs, known)
         else:
             _indicators(axes, runs)
 
-    return drawn(f"bounds-{name}", partial(_panels, by_family(here), draw))
+    return drawn(f"bounds-{name}", partial(_panels, by_family(here), draw, shared=False))
 
 
 def has_bounds(runs: "DataFrame") -> bool:
@@ -92,16 +97,16 @@ def by_grading(runs: "DataFrame") -> Panels:
 
 
 def by_family(runs: "DataFrame") -> Panels:
-    """Runs on each family of meshes on which something is bracketed."""
-    families = runs[runs.code == BRACKET].mesh.unique()
+    """Runs on each family of meshes that codes share and on which something is bracketed."""
+    families = [mesh for mesh in runs[runs.code == BRACKET].mesh.unique() if not FAMILIES[mesh].own]
     return [(f"{family} meshes", runs[runs.mesh == family]) for family in families]
 
 
-def _panels(panels: Panels, draw: "Callable[[Axes, DataFrame], None]") -> "Figure":
-    """Panels one below the other, each with its legend."""
+def _panels(panels: Panels, draw: "Callable[[Axes, DataFrame], None]", *, shared: bool = True) -> "Figure":
+    """Panels one below the other, each with its legend, with one axis below or an axis each."""
     lines = 1 + max(here.model.nunique() for _, here in panels) // _COLUMNS
     figure = new_figure(_WIDTH, len(panels) * (_PANEL + _LINE * lines))
-    axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
+    axes = figure.subplots(len(panels), 1, squeeze=False, sharex=shared)[:, 0]
     for (title, here), each in zip(panels, axes, strict=True):
         draw(each, here)
         _finish(each, title)
@@ -190,13 +195,35 @@ def _intervals(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
         axes.plot([place[each] - 0.22 + _BESIDE * number for each in here.number], here.half_force / known.value - 1.0,
                   color=model.colour, marker=model.marker, linestyle="none", markersize=5,
                   label=_label(model.name))  # fmt: skip
-    _mesh_axis(axes, cells)
+    _mesh_axis(axes, runs)
+    _difference_axis(axes, runs, known)
+    _name_once(axes)
+
+
+def _beside_others(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
+    """Guaranteed intervals, each narrower than those of fewer unknowns, and the forces of all models of all codes."""
+    axes.set_xscale("log")
+    axes.set_yscale("symlog", linthresh=known.floor)
+    axes.axhspan(-known.floor, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
+    for code in (*OTHERS, TRIANGLES):
+        about, here = CODES[code], runs[(runs.code == code) & runs.solved]
+        if len(here):
+            axes.plot(here.unknowns, here.half_force / known.value - 1.0, color=about.colour, marker=about.marker,
+                      linestyle="none", markersize=4, markerfacecolor="none", label=about.name)  # fmt: skip
+    sure = runs[runs.solved & runs.low.notna()].sort_values("unknowns")
+    sure = sure[sure.width < sure.width.cummin().shift(fill_value=math.inf)]
+    ends = [sure.low / known.value - 1.0, sure.high / known.value - 1.0]
+    axes.vlines(sure.unknowns, *ends, color=CODES[BRACKET].colour, linewidth=3, alpha=0.6, label="guaranteed interval")
+    axes.set_xlabel(COSTS[0].label)
+    _difference_axis(axes, runs[runs.code.isin((*OTHERS, TRIANGLES, BRACKET))], known)
+
+
+def _difference_axis(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
     bottom, top = limits(runs, known)
     axes.set_ylim(bottom, top)
     axes.set_yticks(ticks(bottom, top, known.floor))
     axes.set_yticks([], minor=True)
     axes.set_ylabel("P/2, relative difference [-]")
-    _name_once(axes)
 
 
 def limits(runs: "DataFrame", known: Reference) -> tuple[float, float]:
@@ -225,14 +252,17 @@ def _indicators(axes: "Axes", runs: "DataFrame") -> None:
             label = f"{_label(model.name)}: {'indicator' if model.code == BRACKET else 'error of P/2'}"
             axes.plot([cells.index(each) for each in here.number], height, color=model.colour, marker=model.marker,
                       linestyle=model.line, markersize=6, linewidth=1.2, label=label)  # fmt: skip
-    _mesh_axis(axes, cells)
+    _mesh_axis(axes, runs)
     axes.set_ylabel("relative [-]")
 
 
-def _mesh_axis(axes: "Axes", cells: Sequence[int]) -> None:
-    axes.set_xticks(range(len(cells)), [f"{each}²" for each in cells])
-    axes.set_xlim(-0.6, len(cells) - 0.4)
-    axes.set_xlabel("cells [-]")
+def _mesh_axis(axes: "Axes", runs: "DataFrame") -> None:
+    """The meshes of one family, the coarsest first."""
+    numbers = sorted(set(runs.number))
+    counted = FAMILIES[runs.mesh.iloc[0]].counted
+    axes.set_xticks(range(len(numbers)), [f"{each}²" if counted else f"{each}" for each in numbers])
+    axes.set_xlim(-0.6, len(numbers) - 0.4)
+    axes.set_xlabel("cells [-]" if counted else "level [-]")
 
 
 def _name_once(axes: "Axes") -> None:

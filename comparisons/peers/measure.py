@@ -55,14 +55,14 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 def plate(friction: float, family: str, number: int) -> dict[str, Any]:
     """`compressed_plate` as plain data.
 
-    A mesh (see `plain_mesh`), "young", "poisson" (plane stress), "displacement" U and "friction" μ.
+    A mesh (see `plain_mesh`) and its number, "young", "poisson" (plane stress), "displacement" U and "friction" μ.
     """
     problem = compressed_plate(friction)
     (contact,) = (condition for condition in problem.conditions if isinstance(condition, Contact))
     material: Any = problem.material
     gap: Any = contact.gap
     return {
-        **plain_mesh(family, friction, number),
+        **plain_mesh(family, friction, number), "number": number,
         "young": material.young, "poisson": material.poisson, "displacement": -float(gap), "friction": friction,
     }  # fmt: skip
 

@@ -118,6 +118,47 @@ def guaranteed(runs: "DataFrame") -> "DataFrame":
     return sure.assign(gap=sure.high - sure.low).sort_values("gap", kind="stable")
 
 
+def intervals_of(runs: "DataFrame") -> "DataFrame":
+    """The narrowest guaranteed interval of P/2 at each μ that has one.
+
+    The columns are friction, low, high, run, unknowns, seconds, and for each code of `OTHERS` how many of its solved
+    forces are outside, as "5 of 88".
+    """
+    from pandas import DataFrame
+
+    lines = []
+    for friction, here in by_friction(runs):
+        sure = guaranteed(here)
+        if sure.empty or contradictory(here):
+            continue
+        best = sure.iloc[0]
+        line = {name: best[name] for name in ("low", "high", "run", "unknowns", "seconds")}
+        for key in OTHERS:
+            forces = here[(here.code == key) & here.solved].half_force
+            line[key] = f"{int((~forces.between(best.low, best.high)).sum())} of {len(forces)}"
+        lines.append({"friction": friction, **line})
+    return DataFrame(lines, columns=["friction", "low", "high", "run", "unknowns", "seconds", *OTHERS])
+
+
+def beside_of(here: "DataFrame") -> "DataFrame":
+    """The guaranteed intervals at one μ beside other codes, in the order of the study.
+
+    The columns are run, unknowns, seconds, low, high, and for each code of `OTHERS` the best of its forces with no more
+    unknowns than the interval, that with the smallest error, NaN if there is none, and whether it is inside.
+    """
+    from pandas import DataFrame
+
+    lines = []
+    for run in here[here.solved & here.low.notna()].itertuples():
+        line = {name: getattr(run, name) for name in ("run", "unknowns", "seconds", "low", "high")}
+        for key in OTHERS:
+            small = here[(here.code == key) & here.solved & (here.unknowns <= run.unknowns)]
+            value = math.nan if small.error.isna().all() else float(small.loc[small.error.idxmin()].half_force)
+            line[key] = (value, bool(run.low <= value <= run.high))
+        lines.append(line)
+    return DataFrame(lines, columns=["run", "unknowns", "seconds", "low", "high", *OTHERS])
+
+
 def contradictory(runs: "DataFrame") -> bool:
     """Whether no value of P/2 is inside all guaranteed bounds of these runs at one μ, so that some are wrong."""
     sure = guaranteed(runs)

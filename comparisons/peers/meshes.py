@@ -15,8 +15,8 @@ import numpy as np
 from qvi_contact import RectilinearMesh, TriangleMesh
 from qvi_contact.basics.checks import FloatArray
 
-TRANSITIONS: Final[Mapping[float, float]] = {0.05: 0.0117, 0.2: 0.749}
-"""μ → x at which stick ends and slip begins, to three digits."""
+TRANSITIONS: Final[Mapping[float, float]] = {0.05: 0.0117, 0.1: 0.1793, 0.2: 0.749}
+"""μ → x at which stick ends and slip begins, as a first solution shows it: meshes are graded to it."""
 
 _RATIOS: Final = ((12, 0.6), (24, 0.7), (48, 0.8))  # up to so many cells a side
 _FINEST_RATIO: Final = 0.9
@@ -48,6 +48,7 @@ class Family:
     to_transition : whether its meshes are graded to corner and transition, by what is known of the solution
     make : (μ, number) → grid lines x and y, or a mesh of triangles
     reading : what the number means
+    own : whether a code refines the mesh itself, so that no two codes have the same
 
     """
 
@@ -57,6 +58,7 @@ class Family:
     to_transition: bool
     make: Callable[[float, int], "tuple[FloatArray, FloatArray] | TriangleMesh"]
     reading: str
+    own: bool = False
 
     def label(self, number: int) -> str:
         """How a table names a member."""
@@ -143,6 +145,10 @@ def _bisected(friction: float, number: int) -> TriangleMesh:
     return coarse.graded([(1.0, 1.0), (transition, 1.0)], depths)
 
 
+def _coarsest(_: float, number: int) -> TriangleMesh:  # noqa: ARG001  # the code that refines it knows the number
+    return TriangleMesh.rectangle((1, 1))
+
+
 def _rectangles(x: FloatArray, y: FloatArray) -> tuple[FloatArray, Any]:
     """Vertices and cells between grid lines, row by row."""
     columns = x.size
@@ -178,6 +184,11 @@ _KINDS: Final = (
     Family(
         "narrow strips", False, False, True, _strips(0.25),
         "rectangles, each a quarter as wide as the one before it towards corner and transition",
+    ),
+    Family(
+        "adaptive", False, True, False, _coarsest,
+        "one square cut into two triangles, bisected by the code until P/2 is within 10^-(2.5 + level/2)",
+        own=True,
     ),
     Family("bisected", False, True, True, _bisected, "triangles, bisected again and again at corner and transition"),
 )  # fmt: skip

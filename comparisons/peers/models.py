@@ -110,6 +110,8 @@ MODELS: Final = (
     _bricks(2, "graded", "*"),
     *(_bricks(degree, "strips", marker) for degree, marker in ((2, ">"), (3, "4"), (4, "d"))),
     Model("bracket, p = 3, graded", BRACKET, "graded", BLACK, "x", "-", {"bracket": 3}),
+    Model("bracket, p = 5, bisected", BRACKET, "bisected", BLACK, "x", "-", {"degree": 5, "bracket": 5}),
+    Model("bracket, p = 5, adaptive", BRACKET, "adaptive", BLACK, "+", "-", {"degree": 5, "adaptive": True}),
 )
 """All models, in the order of the tables."""
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.lab.report import Document, environment_grids, findings_of, render
 from comparisons.lab.study import Row
+from comparisons.peers.codes.equilibrium import ONE_SENSE
 from comparisons.peers.figures import figures, has_bounds
 from comparisons.peers.measures import (
     BOUNDS,
@@ -64,6 +65,8 @@ def _place(
         "friction": friction, "name": name, "known": known.get(friction), "bounded": has_bounds(here),
         "errors": f"best-time-{name}" in pictures, "brackets": f"bounds-{name}" in pictures,
         "doubtful": contradictory(here),
+        "intervals": f"intervals-{name}" in pictures, "slips": ONE_SENSE in set(here.kind),
+        "indicated": bool((here.solved & here.width.notna() & here.low.isna()).any()),
     }  # fmt: skip
 
 

@@ -6,7 +6,20 @@ from typing import TYPE_CHECKING, Any, Final
 from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
 from comparisons.lab.report.numbers import NOTHING, listing, memory, percent, scientific, seconds, significant
 from comparisons.lab.tables import Grid, grid_of
-from comparisons.peers.measures import Reference, at_most, by_friction, compared_of, costs_of, least_of, missing, slug
+from comparisons.peers.codes.equilibrium import ONE_SENSE
+from comparisons.peers.measures import (
+    OTHERS,
+    Reference,
+    at_most,
+    beside_of,
+    by_friction,
+    compared_of,
+    costs_of,
+    intervals_of,
+    least_of,
+    missing,
+    slug,
+)
 from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.meshes import ratio as shrinking
 from comparisons.peers.models import BRACKET, CODES, NAMED
@@ -17,9 +30,10 @@ if TYPE_CHECKING:
 KINDS: Final = {
     "PROBLEM": "the problem itself",
     "STICKING": "the tied problem",
+    ONE_SENSE: "the problem itself, as it slips in one sense",
     "GIVEN_BOUND": "the problem with the friction bound of the computed state held fixed",
 }
-"""Name of a `BracketKind` → what is bracketed."""
+"""Name of a `BracketKind`, or `ONE_SENSE` → what is bracketed."""
 
 
 def count(value: float) -> str:
@@ -52,12 +66,15 @@ def tables_of(runs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, 
     costs = costs_of(runs)
     tables = {
         "costs": _compared_table(compared_of(costs)), "least": _least_table(least_of(runs)),
-        "failures": _failures_table(runs[~runs.solved]), "missing": _missing_table(missing(runs)),
+        "intervals": _intervals_table(runs), "failures": _failures_table(runs[~runs.solved]),
+        "missing": _missing_table(missing(runs)),
         "reported": _reported_table(runs, known.get(CONVERGED_FRICTION)),
     }  # fmt: skip
     for friction, here in by_friction(runs):
         name, bracket = slug(friction), here.code == BRACKET
         tables[f"costs-{name}"] = _costs_table(costs[costs.friction == friction])
+        if len(beside := beside_of(here)):
+            tables[f"beside-{name}"] = _beside_table(beside)
         tables[f"brackets-{name}"] = _brackets_table(here[bracket])
         tables[f"rows-{name}"] = _rows_table(here[~bracket])
     return tables
@@ -104,6 +121,35 @@ def _rows_table(here: "DataFrame") -> Grid:
         "residual": "residual",
     }  # fmt: skip
     return grid_of(shown, headings, _RUNS)
+
+
+def _intervals_table(runs: "DataFrame") -> Grid:
+    """The narrowest guaranteed interval of each μ, and how many forces of other codes are not in it."""
+    found = intervals_of(runs)
+    shown = found.assign(half=0.5 * (found.high - found.low) / found.low)
+    outside = {key: f"{CODES[key].name} outside" for key in OTHERS}
+    headings = {
+        "friction": "μ", "low": "P/2 from [N/mm]", "high": "to [N/mm]", "half": "half width", "unknowns": "unknowns",
+        "seconds": "time", "run": "by", **outside,
+    }  # fmt: skip
+    return grid_of(shown, headings, {**_RUNS, "friction": "{:g}".format, "half": scientific})
+
+
+def _beside_table(beside: "DataFrame") -> Grid:
+    """Each guaranteed interval, and what the other codes say with no more unknowns."""
+    names = {key: CODES[key].name for key in OTHERS}
+    shown = beside.assign(half=0.5 * (beside.high - beside.low) / beside.low)
+    shown = shown.assign(**{key: [_told(*each) for each in beside[key]] for key in names})
+    headings = {
+        "run": "interval", "unknowns": "unknowns", "seconds": "time", "low": "P/2 from [N/mm]", "high": "to [N/mm]",
+        "half": "half width", **names,
+    }  # fmt: skip
+    return grid_of(shown, headings, {**_RUNS, "half": scientific})
+
+
+def _told(value: float, inside: bool) -> str:
+    """A force of another code, and that it is wrong if it is."""
+    return force(value) + ("" if inside or value != value else ", outside")
 
 
 def _brackets_table(here: "DataFrame") -> Grid:
