@@ -6,11 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, UNCERTAINTY
+from comparisons.settled import LIMITS, LIMITS_SOURCE
 from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Element, on
 from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import Proof, both, by_hand, certified
 from comparisons.verification.row import Kind, Row, absolute, at_least, at_most
+from comparisons.verification.slip import bad_stresses_under_slip, bodies_under_slip, errors_under_slip
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -179,7 +180,7 @@ def forces_under_slip(element: Element, quick: bool) -> Iterator[Row]:
     """
     target = 1e-4 if quick else 1e-6
     for friction in (0.2,) if quick else (0.05, 0.1, 0.2):
-        limit, uncertainty = LIMITS.get(friction, (SETTLED[friction], UNCERTAINTY))
+        limit, uncertainty = LIMITS[friction]
         problem = compressed_plate(friction, (1, 1))
         outcome = refine(problem, None, target, "plate.normal_force", guaranteed=True, **element.options)
         proof = both(certified(outcome.result), by_hand(outcome.guaranteed, "a guaranteed bound"))
@@ -247,4 +248,7 @@ PROBLEMS: Final = {
     "bounds-exact": exact_states_close_the_gap,
     "bounds-force": force_between_bounds,
     "bounds-slip": forces_under_slip,
+    "bounds-slip-errors": errors_under_slip,
+    "bounds-slip-bad": bad_stresses_under_slip,
+    "bounds-slip-bodies": bodies_under_slip,
 }

@@ -4,11 +4,14 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact import ContactLine, ContactResult, ContactState
+from qvi_contact import ContactLine, ContactResult, ContactState, TriangleMesh
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.bracket.parts import CellFields
 from qvi_contact.companion import CompanionContact
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.exact import ExactState
+from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.units import Units
 
 _ENGINEERING: Final = Units(length="mm", stress="MPa")
@@ -24,6 +27,23 @@ def stress_error(result: ContactResult, state: ExactState) -> float:
     x, y = scattered(result)
     exact = np.moveaxis(state.stress(x, y), 0, -1)
     return float(np.abs(result.stress(x, y) - exact).max() / np.abs(exact).max())
+
+
+def energy_apart(one: ContactResult, other: ContactResult) -> float:
+    """|σ − τ| in the energy norm, of stresses of any degrees on one mesh [√energy]."""
+    fine, coarse = sorted((one, other), key=lambda result: -result.discretization.space.degree)
+    fields = CellFields.of(fine.discretization, fine.dofs, 1)
+    stress = cell_stresses(coarse.discretization, coarse.dofs, fields.t)[1] * coarse.discretization.scales.stress
+    apart, c = fields.stress - stress, fine.problem.compliances
+    return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, c, apart)))
+
+
+def halved(mesh: Mesh) -> Mesh:
+    """Every triangle cut into four."""
+    assert isinstance(mesh, TriangleMesh)
+    for _ in range(2):
+        mesh = mesh.refined(np.ones(mesh.cell_count, dtype=bool))
+    return mesh
 
 
 def scattered(result: ContactResult, count: int = _POINTS) -> tuple[FloatArray, FloatArray]:

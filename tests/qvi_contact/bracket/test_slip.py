@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from comparisons.verification.slipping import half_disc, sheared_layer
 from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Traction, solve
 from qvi_contact.bracket import bracket, slip_constants
 from qvi_contact.bracket.friction_ends import no_friction_operator
@@ -20,7 +21,6 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.refinement.doerfler import bulk
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import stress_in_cells
-from tests.qvi_contact.bracket.slipping import half_disc, sheared_layer
 
 PLATE = {"plate": 1}
 

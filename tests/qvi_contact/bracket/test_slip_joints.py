@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from comparisons.verification.measures import energy_apart
+from comparisons.verification.slipping import half_disc, half_discs
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
 from qvi_contact.bracket.bodies import bodies_of
 from qvi_contact.bracket.friction_ends import no_friction_operator
 from qvi_contact.bracket.friction_norm import computed_norm, friction_norm
-from qvi_contact.bracket.parts import CellFields
 from qvi_contact.companion.at_rest import BodyAtRest
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.solution.stress import cell_stresses
-from tests.qvi_contact.bracket.slipping import half_disc, half_discs
 
 
 def area(mesh):
@@ -100,14 +99,6 @@ def finer(problem):
     return replace(problem, mesh=problem.mesh.refined(np.ones(problem.mesh.cell_count, dtype=bool)))
 
 
-def apart(coarse, fine):
-    """|σ − τ| in the energy norm, of stresses of two degrees on one mesh."""
-    fields = CellFields.of(fine.discretization, fine.dofs, 4)
-    stress = cell_stresses(coarse.discretization, coarse.dofs, fields.t)[1] * coarse.discretization.scales.stress
-    both, c = fields.stress - stress, fine.problem.compliances
-    return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, both, c, both)))
-
-
 class TestBounds:
     """Bounds of stresses and forces on two half discs."""
 
@@ -119,7 +110,7 @@ class TestBounds:
         found = result.bracket.slip
         assert found.kind == kind
         assert found.senses == {"seam": -1}
-        assert 1.0 <= found.error / apart(result, fine) < 4.0
+        assert 1.0 <= found.error / energy_apart(result, fine) < 4.0
         for name in ("normal_force", "tangential_force"):
             both = [each.bracket.slip.forces[f"seam.{name}"] for each in (result, fine)]
             assert both[0].lower < getattr(fine.contacts["seam"], name) < both[0].upper

@@ -1,0 +1,161 @@
+"""Problems of the chapter on bounds about Coulomb slip in one sense: true errors, bad stresses, other bodies."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from comparisons.verification.elements import TRIANGLES, Element, on
+from comparisons.verification.measures import energy_apart, halved
+from comparisons.verification.proof import Proof, both, by_hand, certified
+from comparisons.verification.row import Kind, Row, at_least, at_most, word
+from comparisons.verification.slipping import half_disc, half_discs, sheared_layer
+from qvi_contact import Contact, ContactProblem, ContactResult, TriangleMesh
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket.slip import SlipBounds, slip_bounds
+from qvi_contact.companion import solve_companion
+from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.refinement.doerfler import bulk
+
+_FINE: Final = 8
+"""Degree of the triangles whose stress stands for the exact one, on the same mesh."""
+
+_ERROR: Final = "bound over true error of the stress"
+_TRUTH: Final = f"the stress of degree {_FINE} on the same mesh"
+_BAD: Final = 200
+_WEAKER: Final = (0.02, 0.1, 0.18)
+_BELOW: Final = "T2: no stress is farther away than its bound"
+
+
+@on(TRIANGLES)
+def errors_under_slip(element: Element, quick: bool) -> Iterator[Row]:
+    """The paper's plate: bounds of the stress error in the energy norm beside the true error.
+
+    The bound must not be below the error, and not more than 2 times as large on meshes that are bisected where it says
+    so, 4 times on equal cells.
+    """
+    for friction in (0.2,) if quick else (0.05, 0.1, 0.2):
+        adaptive = [_against_truth(element, problem) for problem in _chain(element, friction, 3 if quick else 6)]
+        equal = [_against_truth(element, compressed_plate(friction, (n, n))) for n in ((2,) if quick else (2, 4, 8))]
+        for name, found, most in (("adaptive meshes", adaptive, 2.0), ("equal cells", equal, 4.0)):
+            ratios, proof = [ratio for ratio, _ in found], both(*(proof for _, proof in found))
+            where = f"{_ERROR}, μ = {friction:g}, {name}"
+            yield at_least(f"least {where}", min(ratios), 1.0, 0.0, Kind.METHODS, _TRUTH, proof)
+            yield at_most(f"largest {where}", max(ratios), most, 0.0, Kind.METHODS, _TRUTH, proof)
+
+
+def _chain(element: Element, friction: float, count: int) -> Iterator[ContactProblem]:
+    """The plate on meshes bisected where the bound says so."""
+    problem = element.posed(compressed_plate(friction, (1, 1)))
+    for _ in range(count):
+        assert isinstance(problem.mesh, TriangleMesh)
+        problem = replace(problem, mesh=problem.mesh.refined(bulk(_slip(element.solve(problem)).cells)))
+        yield problem
+
+
+def _against_truth(element: Element, problem: ContactProblem) -> tuple[float, Proof]:
+    """The bound over the true error, and what certifies it."""
+    result, fine = element.solve(problem), replace(element, degree=_FINE).solve(problem)
+    bounds = _slip(result)
+    return bounds.error / energy_apart(result, fine), both(certified(result, fine), _guaranteed(bounds))
+
+
+@on(TRIANGLES)
+def bad_stresses_under_slip(element: Element, quick: bool) -> Iterator[Row]:
+    """Admissible stresses between the solution and those of less friction, disturbed at random.
+
+    None of their errors may be above its bound, with the displacement of the solution beside all of them.
+    """
+    *_, problem = _chain(element, 0.2, 2)
+    result, fine = element.solve(problem), replace(element, degree=_FINE).solve(problem)
+    weaker = [element.solve(_with_friction(problem, friction)).solution.z for friction in _WEAKER]
+    companion, random = result.bracket.companion, np.random.default_rng(1)
+    assert companion is not None
+    ratios = []
+    for number in range(_BAD // 10 if quick else _BAD):
+        stress = _disturbed(result, weaker[number % len(weaker)], random)
+        found = slip_bounds(stress, companion, _slip(result).senses)
+        ratios.append(np.nan if isinstance(found, str) else found.error / energy_apart(stress, fine))
+    proof = both(certified(result, fine), _guaranteed(_slip(result)))
+    quantity = f"least {_ERROR} of {len(ratios)} bad stresses"
+    yield at_least(quantity, float(np.min(ratios)), 1.0, 0.0, Kind.METHODS, f"{_BELOW}; {_TRUTH}", proof)
+
+
+def _disturbed(result: ContactResult, weaker: FloatArray, random: np.random.Generator) -> ContactResult:
+    """The same result with an admissible stress that is not a solution."""
+    qvi, own = result.discretization.qvi, result.solution.z
+
+    def inside(z: FloatArray) -> bool:
+        normal, shear = qvi.N @ z + qvi.n0, qvi.T @ z + qvi.t0
+        return bool(normal.max() <= 0.0 and (np.abs(shear) + qvi.mu * normal).max() <= 0.0)
+
+    step = random.standard_normal(len(weaker)) * np.abs(weaker).max() * 10.0 ** random.uniform(-4.0, 0.0)
+    while not inside(weaker + step):
+        step *= 0.5
+    share = random.uniform(0.0, 1.0) ** 3
+    return ContactResult(result.discretization, replace(result.solution, z=own + share * (weaker + step - own)))
+
+
+def _with_friction(problem: ContactProblem, friction: float) -> ContactProblem:
+    conditions = [
+        replace(each, friction=friction) if isinstance(each, Contact) else each for each in problem.conditions
+    ]
+    return replace(problem, conditions=conditions)
+
+
+@on(TRIANGLES)
+def bodies_under_slip(element: Element, quick: bool) -> Iterator[Row]:
+    """Other bodies that slip in one sense: forces known from elsewhere must be inside their bounds.
+
+    Of SSNV128 balance gives the normal force, p a. The others are compared with displacement elements of degree 4 on a
+    mesh twice as fine.
+    """
+    cells = (4, 4) if quick else (12, 12)
+    for friction, kind in ((0.3, "guaranteed"), (1.0, "estimated")):
+        result = element.solve(ssnv128(cells, friction=friction))
+        name, known = f"SSNV128, μ = {friction:g}", (2.0e6, 1e-9, Kind.ANALYTIC, "p a, balance in y")
+        yield word(f"{name}: the bounds are", _slip(result).kind, kind, Kind.ANALYTIC, _PROVED, certified(result))
+        yield from _inside(f"{name}: N [N/m]", result, "base.normal_force", *known)
+    for name, (problem, kind) in list(_BODIES.items())[: 1 if quick else None]:
+        problem = problem if quick else replace(problem, mesh=halved(problem.mesh))
+        result = element.solve(problem)
+        moved = solve_companion(replace(problem, mesh=halved(problem.mesh)), degree=4)
+        yield word(f"{name}: the bounds are", _slip(result).kind, kind, Kind.ANALYTIC, _PROVED, certified(result))
+        (contact,) = moved.contacts
+        for force in ("normal_force", "tangential_force"):
+            known = getattr(moved.contacts[contact], force), 1e-3, Kind.METHODS, "displacement elements, finer mesh"
+            letter = "N" if force == "normal_force" else "T"
+            yield from _inside(f"{name}: {letter} [stress × length]", result, f"{contact}.{force}", *known)
+
+
+_PROVED: Final = "whether the norm of the friction operator is proved below 2"
+_BODIES: Final[dict[str, tuple[ContactProblem, str]]] = {
+    "two half discs, μ = 0.1": (half_discs(0.1, below=500.0), "guaranteed"),
+    "two half discs, μ = 0.3": (half_discs(0.3, below=500.0), "estimated"),
+    "half disc, μ = 0.1": (half_disc(0.1, (6e-3, -2e-3)), "guaranteed"),
+    "half disc, μ = 0.3": (half_disc(0.3, (6e-3, -2e-3)), "estimated"),
+    "sheared layer that slips": (sheared_layer(0.3), "estimated"),
+    "sheared layer that sticks": (sheared_layer(0.5, 1e-3), "estimated"),
+}
+"""Bodies, and what their bounds are."""
+
+
+def _inside(
+    quantity: str, result: ContactResult, name: str, known: float, tolerance: float, kind: Kind, source: str
+) -> Iterator[Row]:
+    """A force of another source between the bounds of a result."""
+    bounds, proof = _slip(result).forces[name], certified(result)
+    allowed = tolerance * abs(known)
+    yield at_most(f"{quantity}, lower bound", bounds.lower, known, allowed, kind, source, proof)
+    yield at_least(f"{quantity}, upper bound", bounds.upper, known, allowed, kind, source, proof)
+
+
+def _slip(result: ContactResult) -> SlipBounds:
+    found = result.bracket.slip
+    assert found is not None, result.bracket.slip_reason
+    return found
+
+
+def _guaranteed(bounds: SlipBounds) -> Proof:
+    return by_hand(bounds.guaranteed, " ".join(bounds.reasons) or "guaranteed bound")
