@@ -30,7 +30,8 @@ _STEP = 0.99  # of the way to the nearest bound, at least
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
 _SHORT = 0.1  # predictor steps shorter than this count little
 _CORRECTORS = 2
-_REFINEMENTS = 2
+_REFINEMENTS = 2  # of a step at most
+_ACCURATE = 1e-14  # residual of its equations, of their largest term, above which a step is refined
 _GAIN = 0.02  # by which a corrector has to lengthen the step
 _HELD_UP = 0.7  # steps shorter than this go past the few bounds that stop them
 _FARTHER = 1.3  # if that makes them so much longer
@@ -290,7 +291,11 @@ class Newton:
         s = -slack - self.rows @ y
         lam = (comp - self.point.lam * s) / self.point.s
         for _ in range(_REFINEMENTS):  # the elimination of s and λ loses digits where s is small
-            more = self.solve(-force - problem.S @ y - problem.force(lam))
+            terms = (problem.S @ y, problem.force(lam))
+            left = -force - terms[0] - terms[1]
+            if _largest(left) <= _ACCURATE * max(_largest(term) for term in terms):
+                break
+            more = self.solve(left)
             moved = self.rows @ more
             # Added up, not computed from y: λ/s times the rounding of rows y would put forces out of balance again.
             y, s, lam = y + more, s - moved, lam + self.point.lam / self.point.s * moved

@@ -17,9 +17,10 @@ from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
 from solvers.errors import InputError
 from solvers.factorisation.augmented import OrthogonalFactor
 from solvers.factorisation.base import Factorisation
-from solvers.inequality.blocks import Rows, absolute_product, are_few, by_columns, stored
+from solvers.inequality.blocks import Rows, absolute_product, are_few, by_columns, magnitudes, stored
 from solvers.inequality.rows import basis_rows, echelon, spanning_rows
 
+_NOISE = 1e-14  # share of the largest term of a combination of rows that is rounding
 _MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|
 
 
@@ -125,8 +126,18 @@ def trace_coordinates(contact_rows: Sparse, traces: Traces | None, interface: In
     dependent = dependent[np.diff(Y.indptr)[dependent] > 0]
     if len(dependent):
         combination = factor.solve(Y[dependent].toarray().T, "T").T
+        _drop_rounding(combination, np.asarray(magnitudes(P).sum(axis=1)).ravel())
         E = E + traces.interpolation[:, dependent] @ csc_array(combination)
     return TraceCoordinates(stored(E), P, factor, False)
+
+
+def _drop_rounding(combination: Matrix, sizes: Vector) -> None:
+    """Zeros in place of entries (d, k) that are rounding beside the others, each times its row's size (k,).
+
+    A solve leaves some of it everywhere. Kept, it fills the rows of bodies with many joints.
+    """
+    terms = np.abs(combination) * sizes
+    combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
 
 
 def _few_coordinates(Y: Matrix, interpolation: Matrix) -> TraceCoordinates:

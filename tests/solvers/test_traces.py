@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csc_array, csr_array, random_array
 
 from qvi_contact import discretize
-from qvi_contact.gallery import compressed_plate
+from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import InputError
 from solvers.factorisation import factorise
 from solvers.factorisation.augmented import factorise_root
@@ -181,3 +181,15 @@ def test_traces_of_the_plate_are_well_scaled(cells):
     stiffness = Reduction(discretize(compressed_plate(0.2, cells)).qvi).stiffness
     assert stiffness.diagonal() == pytest.approx(1.0)
     assert np.linalg.cond(stiffness) < 60.0 * max(cells)
+
+
+def test_rows_of_many_bodies_stay_sparse():
+    """Relations of blocks join few rows each; solving for them leaves rounding everywhere, which is no entry."""
+    qvi = discretize(masonry_wall(4, 6, ())).qvi
+    coordinates = trace_coordinates(qvi.contact_rows, qvi.traces, qvi.operator.frame(qvi).touched)
+    rows = abs(coordinates.interpolation)
+    largest = rows.max(axis=1).toarray().ravel()
+    assert (rows.data <= 1e-12 * np.repeat(largest, np.diff(rows.indptr))).mean() <= 0.01  # what cancels
+    z = np.random.default_rng(0).normal(size=qvi.n)
+    y = coordinates.from_values(z[qvi.operator.frame(qvi).touched])
+    assert coordinates.interpolation @ y == pytest.approx(qvi.contact_rows @ z, abs=1e-11 * np.abs(y).max())
