@@ -394,7 +394,8 @@ def bracket(
 @click.option(
     "--quantity",
     metavar="NAME",
-    help="energy, or a contact's CONTACT.normal_force or CONTACT.tangential_force.  [default: energy]",
+    help="energy, a contact's CONTACT.normal_force or CONTACT.tangential_force, or a plate's or pin's CONTACT.force_x, "
+    "force_y, moment, x, y or rotation.  [default: energy]",
 )
 @click.option("--max-unknowns", type=int, metavar="N", help="Largest number of unknowns.  [default: 20000]")
 @click.option("--max-rounds", type=int, metavar="N", help="Largest number of meshes.  [default: 60; on rectangles 20]")

@@ -12,6 +12,7 @@ from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.refinement import Refinement, RefinementRound, refine
 from qvi_contact.refinement.comparison import coulomb_contacts, sticks
 from qvi_contact.refinement.outcome import Outcome
+from qvi_contact.refinement.quantity import unit_of
 
 
 def refined(
@@ -99,7 +100,7 @@ def trust(found: Refinement, units: Units) -> str:
 
 def quantity_unit(found: Outcome, units: Units) -> str:
     """Unit of the value."""
-    return units.engineering_energy if found.quantity == "energy" else units.engineering_force
+    return unit_of(found.quantity, units)
 
 
 def _so_far(done: RefinementRound) -> str:

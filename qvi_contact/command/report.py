@@ -1,6 +1,7 @@
 """Results and problems as plain text for a terminal."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import astuple
 from typing import Any
 
 from qvi_contact.basics.shown import Rounding, shown
@@ -52,7 +53,7 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
 
 
 def history_lines(history: History, times: Sequence[float], units: Units) -> Iterator[str]:
-    """One table for each contact, a row for each step, then what became of it all."""
+    """One table for each contact and each plate, a row for each step, then what became of it all."""
     least = Rounding.largest(step.discretization.scales.rounding for step in history.steps)
 
     def first(number: int, step: ContactResult) -> list[str]:
@@ -68,7 +69,7 @@ def history_lines(history: History, times: Sequence[float], units: Units) -> Ite
 def sweep_lines(
     steps: Sequence[ContactResult], parameter: str, values: Sequence[float], message: str, units: Units
 ) -> Iterator[str]:
-    """One table for each contact, a row for each value, then the outcome."""
+    """One table for each contact and each plate, a row for each value, then the outcome."""
     least = Rounding.largest(step.discretization.scales.rounding for step in steps)
     length = f"[{units.displacement}]"
     swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
@@ -89,20 +90,50 @@ def _contact_tables(
     least: Rounding,
     units: Units,
 ) -> Iterator[str]:
-    """One table for each contact: of each result, by its number from 0, the first columns, forces and states."""
-    rows: dict[str, list[list[str]]] = {contact.name: [] for contact in steps[0].problem.contacts}
+    """One table for each contact and each plate: of each result, by its number from 0, the first columns and more."""
+    contacts = steps[0].problem.contacts
+    forces: dict[str, list[list[str]]] = {contact.name: [] for contact in contacts}
+    plates: dict[str, list[list[str]]] = {contact.name: [] for contact in contacts if contact.plate is not None}
     for number, step in enumerate(steps):  # each is read once: those of a store are files
-        for name, of_contact in rows.items():
-            row = first(number, step)
-            if step.has_state:
-                line = step.contacts[name]
-                forces = (shown(force, least.force) for force in (line.normal_force, line.tangential_force))
-                row += [*forces, *_shares(line)]
-            of_contact.append(row)
-    for name, of_contact in rows.items():
+        for rows, cells in ((forces, _forces), (plates, _plate)):
+            for name, of_contact in rows.items():
+                of_contact.append([*first(number, step), *(cells(step, name, least) if step.has_state else [])])
+    for name, of_contact in forces.items():
         yield f"contact {name}, forces in {units.engineering_force}"
         yield from table([*headings, "normal", "tangential", *_STATES], of_contact)
         yield ""
+    for name, of_plate in plates.items():
+        yield f"obstacle {name}, motion and what it does to the body"
+        yield from table([*headings, *plate_headings(units)], of_plate)
+        yield ""
+
+
+def plate_headings(units: Units) -> list[str]:
+    """Headings of the motion, the force and the moment of a plate."""
+    length, force = units.displacement, units.engineering_force
+    turned, moment = "turned [rad]", f"moment [{units.engineering_moment}]"
+    return [f"moved x [{length}]", f"moved y [{length}]", turned, f"F_x [{force}]", f"F_y [{force}]", moment]
+
+
+def plate_numbers(result: ContactResult, name: str) -> tuple[float, ...]:
+    """Motion, force and moment of a plate."""
+    return (*astuple(result.plates[name]), *astuple(result.plate_force(name)))
+
+
+def _plate(step: ContactResult, name: str, least: Rounding) -> list[str]:
+    limits = plate_limits(least)
+    return [shown(value, limit) for value, limit in zip(plate_numbers(step, name), limits, strict=True)]
+
+
+def plate_limits(least: Rounding) -> tuple[float, ...]:
+    """Sizes up to which `plate_numbers` are rounding."""
+    return least.displacement, least.displacement, least.rotation, least.force, least.force, least.moment
+
+
+def _forces(step: ContactResult, name: str, least: Rounding) -> list[str]:
+    line = step.contacts[name]
+    forces = (shown(force, least.force) for force in (line.normal_force, line.tangential_force))
+    return [*forces, *_shares(line)]
 
 
 def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]:

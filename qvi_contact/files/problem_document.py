@@ -606,8 +606,8 @@ class RefinementTable(Table):
     target: float | None = None
     """Relative error asked for; 1e-3 by default: `target = 1e-4`."""
     quantity: str | None = None
-    """energy (by default), or the force of a contact, NAME.normal_force or NAME.tangential_force:
-    `quantity = "base.normal_force"`.
+    """energy (by default), the force of a contact, NAME.normal_force or NAME.tangential_force, or of a plate or pin its
+    force or motion, NAME.force_x, force_y, moment, x, y or rotation: `quantity = "base.normal_force"`.
     """
     max_unknowns: int | None = None
     """Largest number of unknowns; 20000 by default: `max_unknowns = 50_000`."""

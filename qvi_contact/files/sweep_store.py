@@ -1,7 +1,7 @@
 """Rows of a sweep in an SQLite file, each on disk when its value is done.
 
 `planned` has all values, `results` and `contacts` what is done, and the view `rows` joins them: one row for each value
-and contact, with the columns of `ContactLine.summary`.
+and contact, with the columns of `ContactResult.forces_frame`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from qvi_contact.basics.database import Database
 from qvi_contact.basics.writing import replacing, writable_folder
 from qvi_contact.errors import InputError
 from qvi_contact.solution.contact_line import ContactState
-from qvi_contact.solution.result import overall_status
+from qvi_contact.solution.result import PLATE_COLUMNS, overall_status
 from qvi_contact.solution.sweep_rows import Parameter, SweepRow, outcome_of, table_of
 from solvers import Status
 
@@ -31,9 +31,9 @@ _DATABASE: Final = Database("the store of a sweep", 0x51564957, 1)  # "QVIW"
 
 SUMMARY_COLUMNS: Final = (
     "normal_force", "tangential_force", *(f"share_{state.name.lower()}" for state in ContactState),
-    "largest_pressure", "largest_shear", "largest_gap", "largest_slip",
+    "largest_pressure", "largest_shear", "largest_gap", "largest_slip", *PLATE_COLUMNS,
 )  # fmt: skip
-"""Keys of `ContactLine.summary`."""
+"""Keys of `ContactLine.summary`, and those of plates and pins, which contacts without have no values for."""
 
 _COLUMNS: Final = ", ".join(SUMMARY_COLUMNS)
 _TABLES: Final = (
@@ -147,7 +147,9 @@ class SweepStore:
                 found = (row.number, str(row.status), row.message, row.iterations, row.accuracy, row.seconds)
                 self._connection.execute(_RESULT, found)
                 for name, summary in row.contacts.items():
-                    self._connection.execute(_CONTACT, (row.number, name, *(summary[key] for key in SUMMARY_COLUMNS)))
+                    self._connection.execute(
+                        _CONTACT, (row.number, name, *(summary.get(key) for key in SUMMARY_COLUMNS))
+                    )
 
 
 @contextmanager
@@ -224,5 +226,10 @@ def _rows(connection: sqlite3.Connection) -> Iterator[SweepRow]:
         chosen = connection.execute(
             f"SELECT contact, {_COLUMNS} FROM contacts WHERE number = ? ORDER BY rowid", (number,)
         )
-        contacts = {name: dict(zip(SUMMARY_COLUMNS, numbers, strict=True)) for name, *numbers in chosen}
+        contacts = {name: _known(numbers) for name, *numbers in chosen}
         yield SweepRow(number, value, Status(status), message, iterations, accuracy, seconds, contacts)
+
+
+def _known(numbers: Sequence[float | None]) -> dict[str, float]:
+    """Columns that have a value."""
+    return {name: value for name, value in zip(SUMMARY_COLUMNS, numbers, strict=True) if value is not None}

@@ -118,8 +118,9 @@ def refine(
     quantity : str, function of a ContactResult, or LimitFactor
         "energy": the complementary energy, its error relative to the strain energy (½∫cσ:σ; this is the squared
         relative error of the stresses in the energy norm, if there is no friction). "NAME.normal_force" or
-        "NAME.tangential_force": the resultant of the contact called NAME, relative to itself. Or any function that
-        gives one number, relative to itself.
+        "NAME.tangential_force": the resultant of the contact called NAME, relative to itself. Of a rigid plate or pin
+        also "NAME.force_x", "NAME.force_y", "NAME.moment", what it does to the body, and "NAME.x", "NAME.y",
+        "NAME.rotation", how far it moves. Or any function that gives one number, relative to itself.
     max_unknowns : int
         Largest number of unknowns of an answer; on grids counted as four for each cell. The closer look on triangles
         has up to about three times as many.

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, TypeAlias
 
+from qvi_contact.basics.units import Units
+from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -28,7 +31,18 @@ class LimitFactor:
 
 
 _FORCES: Final = ("normal_force", "tangential_force")
-_SMALL_FORCE: Final = 1e-6  # of the problem's unit: forces below count as this for relative errors
+_PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
+_MOTIONS: Final = ("x", "y", "rotation")
+_SMALL: Final = 1e-6  # of the problem's unit: numbers below count as this for relative errors
+
+_UNITS: Final = {
+    "energy": "engineering_energy",
+    "moment": "engineering_moment",
+    "x": "displacement",
+    "y": "displacement",
+    "rotation": "",
+}
+"""Which of the `Units` quantities are in whose names end so, all but forces."""
 
 
 @dataclass(frozen=True)
@@ -56,18 +70,49 @@ class Measure:
             return cls(name, lambda result: float(function(result)), lambda result: abs(float(function(result))), False)
         if quantity == "energy":
             return cls(quantity, lambda result: result.energies.complementary, lambda result: result.energies.strain)
-        contact, _, force = quantity.rpartition(".")
-        if force not in _FORCES or contact not in [known.name for known in problem.contacts]:
-            names = [f"{known.name}.{kind}" for known in problem.contacts for kind in _FORCES]
+        known = dict(_known(problem))
+        if quantity not in known:
             raise InputError(
-                "quantity", quantity, f"there is no such number; there are {', '.join(['energy', *names])}"
+                "quantity", quantity, f"there is no such number; there are {', '.join(['energy', *known])}"
             )
-
-        def value(result: ContactResult) -> float:
-            return float(getattr(result.contacts[contact], force))
+        value, kind = known[quantity], quantity.rpartition(".")[2]
 
         def unit(result: ContactResult) -> float:
-            scales = result.discretization.scales
-            return max(abs(value(result)), _SMALL_FORCE * scales.stress * scales.length)
+            return max(abs(value(result)), _SMALL * _size(kind, result.discretization.scales))
 
         return cls(quantity, value, unit)
+
+
+def unit_of(quantity: str, units: Units) -> str:
+    """The unit of a quantity of a refinement by its name, that of forces for a function."""
+    chosen = _UNITS.get(quantity.rpartition(".")[2], "engineering_force")
+    return str(getattr(units, chosen)) if chosen else "rad"
+
+
+def _known(problem: ContactProblem) -> Iterator[tuple[str, Callable[[ContactResult], float]]]:
+    """Name → how it is read from a result, of the numbers of contacts and plates."""
+    for contact in problem.contacts:
+        own = contact.name
+        yield from ((f"{own}.{kind}", partial(_of_contact, own, kind)) for kind in _FORCES)
+        if contact.plate is not None:
+            yield from ((f"{own}.{kind}", partial(_plate_force, own, part)) for kind, part in _PLATE_FORCES.items())
+            yield from ((f"{own}.{kind}", partial(_plate_motion, own, kind)) for kind in _MOTIONS)
+
+
+def _of_contact(name: str, kind: str, result: ContactResult) -> float:
+    return float(getattr(result.contacts[name], kind))
+
+
+def _plate_force(name: str, part: str, result: ContactResult) -> float:
+    return float(getattr(result.plate_force(name), part))
+
+
+def _plate_motion(name: str, part: str, result: ContactResult) -> float:
+    return float(getattr(result.plates[name], part))
+
+
+def _size(kind: str, scales: Scales) -> float:
+    """The problem's unit of a force, moment, displacement or rotation."""
+    if kind in _MOTIONS:
+        return scales.displacement / (scales.length if kind == "rotation" else 1.0)
+    return scales.stress * scales.length ** (2 if kind == "moment" else 1)

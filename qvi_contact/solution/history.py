@@ -32,8 +32,7 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.fingerprint import run_digest
 from qvi_contact.problem.problem import ContactProblem, direction_of
-from qvi_contact.solution.contact_line import summary_units
-from qvi_contact.solution.result import ContactResult, overall_status
+from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.solver import rows_for, solve
 from solvers import Status
 from solvers.basics.frames import columns_of, frame
@@ -122,13 +121,13 @@ class History:
 
         """
         rows = [
-            {"step": number, "status": str(step.status), "contact": name, **line.summary(), "dissipated": lost}
+            {"step": number, "status": str(step.status), "contact": name, **numbers, "dissipated": lost}
             for number, step in enumerate(self._states, 1)
             for lost in [_friction_work(step, step)]
-            for name, line in step.contacts.items()
+            for name, numbers in contact_numbers(step).items()
         ]
         energy = {} if units is None else {"dissipated": units.energy}
-        return frame(columns_of(rows), {**summary_units(units), **energy})
+        return frame(columns_of(completed(rows)), {**forces_units(units), **energy})
 
     @property
     def dissipated(self) -> FloatArray:

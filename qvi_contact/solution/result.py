@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +47,12 @@ _NOTHING = 1e-9  # share of it below which they are none
 
 _EDGES_IN_CONTACT = 4
 """Edges of an arc below which a contact zone is too short for them."""
+
+PLATE_COLUMNS: Final = {
+    "moved_x": "displacement", "moved_y": "displacement", "rotation": "", "force_x": "engineering_force",
+    "force_y": "engineering_force", "moment": "engineering_moment",
+}  # fmt: skip
+"""Which of the `Units` the columns of plates are in; the rotation in rad."""
 
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
@@ -169,11 +175,13 @@ class ContactResult(Stated):
         """One row a contact as a pandas table: forces, shares of its length in each state, extremes.
 
         Columns are "contact", "normal_force", "tangential_force" [stress × length], "share_open", "share_stick",
-        "share_slip", "largest_pressure", "largest_shear" [stress], "largest_gap", "largest_slip" [length]. Parameters
-        and errors are those of `to_frame`.
+        "share_slip", "largest_pressure", "largest_shear" [stress], "largest_gap", "largest_slip" [length]. Where any
+        contact has a rigid plate or pin there are "moved_x", "moved_y" [length], "rotation" [rad], "force_x", "force_y"
+        [stress × length] and "moment" [stress × length²] as well, see `plates` and `plate_force`; NaN for contacts
+        without. Parameters and errors are those of `to_frame`.
         """
-        rows = [{"contact": name, **line.summary()} for name, line in self.contacts.items()]
-        return frame(columns_of(rows), summary_units(units))
+        rows = [{"contact": name, **numbers} for name, numbers in contact_numbers(self).items()]
+        return frame(columns_of(completed(rows)), forces_units(units))
 
     def _repr_html_(self) -> str:
         """Outcome, contacts and certificate as a table, for notebooks."""
@@ -530,6 +538,32 @@ class ContactResult(Stated):
     def _gauss(self) -> tuple[FloatArray, FloatArray]:
         """Dimensionless coordinates and stresses of the Gauss points of all cells."""
         return cell_stresses(self.discretization, self.dofs)
+
+
+def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
+    """The columns of `ContactResult.forces_frame` by the name of the contact; those of plates where it has one."""
+    return {name: line.summary() | _plate_numbers(result, name) for name, line in result.contacts.items()}
+
+
+def completed(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows with all keys that any of them has, NaN where there was none."""
+    keys = dict.fromkeys(key for row in rows for key in row)
+    return [{key: row.get(key, np.nan) for key in keys} for row in rows]
+
+
+def forces_units(units: Units | None) -> dict[str, str]:
+    """Column of `contact_numbers` → its unit, of those that have one; none without `units`."""
+    if units is None:
+        return {}
+    of_plates = {name: getattr(units, kind) if kind else "rad" for name, kind in PLATE_COLUMNS.items()}
+    return {**summary_units(units), **of_plates}
+
+
+def _plate_numbers(result: ContactResult, name: str) -> dict[str, float]:
+    if name not in result.plates:
+        return {}
+    values = (*astuple(result.plates[name]), *astuple(result.plate_force(name)))
+    return dict(zip(PLATE_COLUMNS, values, strict=True))
 
 
 def overall_status(statuses: Sequence[Status], planned: int) -> Status:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
-from qvi_contact.solution.contact_line import summary_units
+from qvi_contact.solution.result import completed, contact_numbers, forces_units
 from solvers import Status
 from solvers.basics.frames import columns_of, frame
 
@@ -44,7 +44,8 @@ class SweepRow:
     seconds : float
         How long it took.
     contacts : mapping of str to mapping of str to float
-        `ContactLine.summary` by the name of the contact; empty without a state.
+        `ContactLine.summary` by the name of the contact, with motion, force and moment where it has a plate or pin;
+        empty without a state.
 
     """
 
@@ -60,7 +61,7 @@ class SweepRow:
     @classmethod
     def of(cls, number: int, value: float, result: ContactResult, seconds: float = 0.0) -> SweepRow:
         """The row of a result."""
-        contacts = {name: line.summary() for name, line in result.contacts.items()} if result.has_state else {}
+        contacts = contact_numbers(result) if result.has_state else {}
         accuracy = result.certificate.accuracy
         return cls(number, value, result.status, result.message, result.iterations, accuracy, seconds, contacts)
 
@@ -73,7 +74,7 @@ def table_of(parameter: Parameter, rows: Iterable[SweepRow], units: Units | None
         for name, summary in row.contacts.items()
     ]
     length = units.displacement if units is not None and parameter in ("gap", "offset") else None
-    return frame(columns_of(lines), {**summary_units(units), **({parameter: length} if length else {})})
+    return frame(columns_of(completed(lines)), {**forces_units(units), **({parameter: length} if length else {})})
 
 
 def outcome_of(parameter: Parameter, failures: Sequence[tuple[float, str]], done: int, planned: int) -> str:

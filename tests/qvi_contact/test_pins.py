@@ -5,6 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from qvi_contact import (
     Contact,
@@ -16,16 +17,24 @@ from qvi_contact import (
     Traction,
     TriangleMesh,
     discretize,
+    refine,
+    save_problem,
     solve,
     solve_history,
+    solve_sweep,
+    stream_sweep,
 )
 from qvi_contact.bracket import bracket
 from qvi_contact.bracket.senses import outside_scope
+from qvi_contact.cli import group
+from qvi_contact.command.page import numbers
 from qvi_contact.companion import solve_companion
 from qvi_contact.discretization.pins import misplaced_pins
 from qvi_contact.gallery.meshes import arc, fan
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem.conditions import disc_gap
+from qvi_contact.refinement.quantity import unit_of
+from qvi_contact.units import Units
 from solvers import Status
 from tests.qvi_contact.states import difference, solved
 from tests.qvi_contact.test_holes import holed, polygon
@@ -137,6 +146,83 @@ def test_bounds_under_slip_are_for_plates_that_are_not_driven():
     moves, driven = (pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, **drive)) for drive in drives)
     assert not outside_scope(discretize(moves))
     assert "driven" in outside_scope(discretize(driven))
+
+
+class TestPinsOfASeries:
+    """Tables, frames and pages of several results show how far a pin has moved, and what it does to the body."""
+
+    @staticmethod
+    def problem(friction=0.0):
+        return pinned(Contact.pin("hole", friction, (0.0, 0.0), 0.99, force_x=0.1), mesh=ROUND)
+
+    def test_frames(self):
+        sweep = solve_sweep(self.problem(), "friction", [0.0, 0.3], degree=3)
+        frame = sweep.to_frame(Units("mm", "MPa"))
+        assert list(frame["moved_x [mm]"]) == [step.plates["hole"].x for step in sweep.steps]
+        assert list(frame["moment [N mm/mm]"]) == [step.plate_force("hole").moment for step in sweep.steps]
+        assert frame["force_x [N/mm]"].to_numpy() == pytest.approx(0.1)
+        assert list(frame["rotation [rad]"]) == [0.0, 0.0]
+        history = solve_history([self.problem()], degree=3).to_frame()
+        assert history["moved_x"][0] == pytest.approx(frame["moved_x [mm]"][0], rel=1e-9)
+
+    def test_a_store(self, tmp_path):
+        problem = pinned(self.problem().contacts[0], Contact("outside", 0.0, law="tied"), ROUND)
+        asked = (problem, "friction", [0.0, 0.3])
+        stored = stream_sweep(*asked, tmp_path / "a.sqlite", degree=3).to_frame()
+        assert stored.equals(solve_sweep(*asked, degree=3).to_frame())
+        assert stored["moment"].isna().tolist() == [False, True] * 2
+
+    def test_contacts_without_a_plate_have_none(self):
+        """And no columns where no contact has one."""
+        other = Contact("outside", 0.0, law="tied")
+        assert np.isnan(solved(pinned(self.problem().contacts[0], other, ROUND), degree=3).forces_frame()["moment"][1])
+        pressed = pinned(Contact("hole", 0.0, gap=-0.01), mesh=ROUND)
+        assert "moment" not in solved(pressed, degree=3).forces_frame()
+
+    def test_text_and_page(self, tmp_path):
+        file, page = tmp_path / "pin.toml", tmp_path / "page.html"
+        save_problem(file, self.problem(), units=Units("mm", "MPa"), solve_options={"degree": 3})
+        words = ["solve", str(file), "--set", "friction=0,0.3", "--report", str(page)]
+        text = CliRunner().invoke(group, words, standalone_mode=False).stdout
+        moved = [solved(self.problem(mu), degree=3).plates["hole"].x for mu in (0.0, 0.3)]
+        rows = text[text.index("obstacle hole") :].splitlines()[2:4]
+        assert [float(row.split()[3]) for row in rows] == pytest.approx(moved, rel=1e-4)
+        shown = page.read_text(encoding="utf-8")
+        assert shown.count("moved x [mm]") == 2  # of both values, and of the last
+        assert all(shown.count(f"<td>{numbers.number(x)}</td>") >= 1 for x in moved)
+
+
+class TestRefinedForAPin:
+    """The force of a pin that is moved, and the motion of one that is driven, by their names."""
+
+    def test_bounds_of_the_force(self):
+        pin = replace(Contact.tied("hole", name="pin"), plate=RigidPlate(x=0.1))
+        found = refine(pinned(pin, mesh=SMALL), None, 0.02, "pin.force_x", degree=5)
+        settled = solved(found.problem, degree=6).plate_force("pin").x
+        assert found.guaranteed
+        assert abs(found.value - settled) <= found.error < 0.02 * settled
+        assert unit_of(found.quantity, Units("mm", "MPa")) == "N/mm"
+
+    def test_the_motion(self):
+        """That of the force that the motion takes."""
+        pin = Contact.pin("hole", 0.0, (0.0, 0.0), 0.99, force_x=solved(self.moved(), degree=3).plate_force("hole").x)
+        found = refine(pinned(pin, mesh=ROUND), None, 0.2, "hole.x", degree=3, max_rounds=1)
+        assert found.value == pytest.approx(0.1, rel=1e-4)
+        assert found.estimate < 0.2
+        assert [unit_of(f"hole.{name}", Units("mm", "MPa")) for name in ("x", "rotation", "moment")] == [
+            "mm", "rad", "N mm/mm"
+        ]  # fmt: skip
+
+    def test_names_of_what_has_no_plate_are_refused(self):
+        problem = pinned(Contact("hole", 0.3, gap=-0.01), mesh=SMALL)
+        with pytest.raises(InputError, match="no such number") as caught:
+            refine(problem, None, 0.1, "hole.x")
+        assert "hole.normal_force" in caught.value.remedy
+        assert "hole.moment" not in caught.value.remedy
+
+    @staticmethod
+    def moved():
+        return pinned(Contact.pin("hole", 0.0, (0.0, 0.0), 0.99, x=0.1, y=0.0), mesh=ROUND)
 
 
 ROUND = polygon(16, 2).with_arc("hole", (0.0, 0.0), 1.0).with_arc("outside", (0.0, 0.0), 2.0)

@@ -7,6 +7,7 @@ import numpy as np
 
 from qvi_contact.basics.shown import Rounding, shown
 from qvi_contact.basics.units import Units
+from qvi_contact.command.report import plate_limits, plate_numbers
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult
 
@@ -71,6 +72,38 @@ def _read(step: ContactResult) -> tuple[str, list[float], Rounding]:
     lines = step.contacts.values() if step.has_state else ()
     forces = [force for line in lines for force in (line.normal_force, line.tangential_force)]
     return str(step.status), forces, step.discretization.scales.rounding
+
+
+def plate_rows(result: ContactResult) -> list[list[str]]:
+    """Motion, force and moment of each plate or pin."""
+    limits = plate_limits(result.discretization.scales.rounding)
+    return [[name, *_plate(plate_numbers(result, name), limits)] for name in result.plates]
+
+
+def plate_steps(steps: Sequence[ContactResult], values: Sequence[float]) -> dict[str, list[list[str]]]:
+    """The same of each plate in each result of a series, with its time or value and status; none without plates."""
+    names = [contact.name for contact in steps[0].problem.contacts if contact.plate is not None]
+    if not names:
+        return {}
+    read = [_read_plates(step, names) for step in steps]  # each once: those of a store are files
+    limits = plate_limits(Rounding.largest(least for _, _, least in read))
+    return {
+        name: [
+            [f"{value:.6g}", status, *(_plate(plates[name], limits) if plates else [])]
+            for value, (status, plates, _) in zip(values, read, strict=False)
+        ]
+        for name in names
+    }
+
+
+def _read_plates(step: ContactResult, names: Sequence[str]) -> tuple[str, dict[str, tuple[float, ...]], Rounding]:
+    """Status, what there is of each plate, and the rounding of a step."""
+    found = {name: plate_numbers(step, name) for name in names} if step.has_state else {}
+    return str(step.status), found, step.discretization.scales.rounding
+
+
+def _plate(values: Sequence[float], limits: Sequence[float]) -> list[str]:
+    return [number(value, least=limit) for value, limit in zip(values, limits, strict=True)]
 
 
 def _numbers(least: float, *values: Any) -> list[str]:

@@ -19,11 +19,14 @@ from qvi_contact.command.page.numbers import (
     contact_headings,
     contact_rows,
     number,
+    plate_rows,
+    plate_steps,
     resultant_headings,
     resultant_rows,
     step_rows,
 )
 from qvi_contact.command.refine_line import headings, rows, trust
+from qvi_contact.command.report import plate_headings
 from qvi_contact.command.series import Series
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile
@@ -111,6 +114,8 @@ def result_page(
         step_label="t" if series is None else series.label,
         problem=_picture(figure, "problem", "The problem: mesh, loads, contacts"),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
+        plate_steps=plate_steps(steps, series.values) if series is not None and len(steps) > 1 else {},
+        plate_headings=plate_headings(file.units),
         step_headings=[f"{force} {name}" for name in names for force in "NT"],
         contact_data=[contact["data"] for contact in shown["contacts"]],
         **shown,
@@ -148,6 +153,8 @@ def _shown(result: ContactResult, bracket: "Bracket | None", units: Units) -> di
     tables = [("Resultants of the tractions on the body", resultant_headings(units), resultant_rows(result))]
     if lines:
         tables.insert(0, ("Contacts", contact_headings(units), contact_rows(lines)))
+    if result.plates:
+        tables.append(("Rigid plates and pins", ["contact", *plate_headings(units)], plate_rows(result)))
     return {
         "field": field_data(result, companion if companion is not None and companion.has_state else None, units),
         "contacts": [_contact(line, f"contact-{number}", units) for number, line in enumerate(lines, 1)],
