@@ -25,6 +25,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction, components
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_path import leads_one_way, turning_senses
 from qvi_contact.solution.result import ContactResult
 
 
@@ -54,9 +55,10 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
     -------
     dict
         "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
-        driven by its offset; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the body where a plate moves;
-        "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one given by components along
-        slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential"; empty where the problem is of another kind.
+        driven by its offset, whose tangents do not turn back; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the
+        body where a plate moves; "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one
+        given by components along slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential"; empty where the problem
+        is of another kind.
 
     """
     problem = discretization.problem
@@ -80,7 +82,8 @@ def _data(problem: ContactProblem) -> Iterator[_Datum]:
             yield _Datum(f"{condition.name}.pore_pressure", condition.pore_pressure, False)
             tied = condition.law == "tied"
             if tied:
-                yield _Datum(f"{condition.name}.tangential_force", condition.offset, True)
+                straight = leads_one_way(problem.mesh.vertices, problem.mesh.edges(condition.edges))
+                yield _Datum(f"{condition.name}.tangential_force", condition.offset, straight)
             plate = condition.plate
             for force, motion in DRIVES.items() if plate is not None else ():
                 yield _Datum(f"{condition.name}.plate", getattr(plate, force) or 0.0, False)
@@ -94,7 +97,7 @@ def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, 
     """By contact how far the forces of a stress are from those of a displacement, |Σ_i ∫ τ B_i ds − z_i|.
 
     The sum is over the coefficients that carry a force of the contact: what acts on a coefficient that supports hold is
-    theirs.
+    theirs. Shear counts in the sense of the tangential force.
     """
     assert own.state is not None
     known, contacts, unit = result.discretization, own.state.contacts, own.scales.stress * own.scales.length
@@ -102,14 +105,19 @@ def force_differences(result: ContactResult, own: CompanionResult) -> dict[str, 
     found, start = {}, 0
     for rows, trace in zip(known.contacts, contacts.traces, strict=True):
         chosen = slice(start, start + trace.count)
-        parts = [
-            _moments(part, trace) * known.scales.stress * known.scales.length
-            for part in traction_coefficients(known, effective(known, result.dofs, rows))
-        ]
-        sums = [
-            float((part - theirs[chosen])[live[chosen]].sum())
-            for part, theirs, live in zip(parts, forces.reshape(2, -1), own.state.live.reshape(2, -1), strict=True)
-        ]
+        senses = turning_senses(known.problem.mesh.vertices, trace.edges)
+        parts = traction_coefficients(known, effective(known, result.dofs, rows))
+        sums = []
+        for part, theirs, live, sense in zip(
+            parts,
+            forces.reshape(2, -1),
+            own.state.live.reshape(2, -1),
+            (np.ones(len(senses)), senses),
+            strict=True,
+        ):
+            ours = _moments(sense[:, None] * part, trace) * known.scales.stress * known.scales.length
+            difference = ours - trace.by_coefficient(sense) * theirs[chosen]
+            sums.append(float(difference[live[chosen]].sum()))
         found[trace.name] = ForceDifference(abs(sums[0]), abs(sums[1]))
         start += trace.count
     return found

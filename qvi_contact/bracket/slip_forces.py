@@ -30,6 +30,7 @@ from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
 from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
+from qvi_contact.solution.contact_path import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import cell_stresses
 from qvi_contact.solution.work import obstacle_work, support_work
@@ -131,7 +132,7 @@ def force_bounds_under_slip(
     """Bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of all contacts that are not tied.
 
     Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
-    holds its tangential displacement, and all where a contact has Tresca's law.
+    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law.
 
     Parameters
     ----------
@@ -149,13 +150,13 @@ def force_bounds_under_slip(
     assert companion.state is not None
     if 2 * companion.state.contacts.count > MOST:
         return {}
-    model = _Model.of(stress, companion)
+    model, mesh = _Model.of(stress, companion), stress.problem.mesh
     found: dict[str, Bounds] = {}
     for cut in _CUTS:
         pairs = _Pairs(model, stress, companion, list(_lines(stress, companion, senses, cut)))
         for line in pairs.lines:
             targets = {"normal_force": (-1.0, 0.0)}
-            if line.sense:
+            if line.sense and leads_one_way(mesh.vertices, mesh.edges(line.contact.edges)):
                 targets["tangential_force"] = (0.0, line.sense)
             for name, (a, b) in targets.items():
                 bounds = pairs.bounds(line, a, b, error, defect)

@@ -19,6 +19,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import contact_states
+from qvi_contact.solution.contact_path import turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.pickles import Stated
@@ -253,6 +254,7 @@ class CompanionResult(Stated):
             gap[order] * scales.displacement,
             slip[order] * scales.displacement,
             states[order],
+            trace.by_coefficient(turning_senses(self.problem.mesh.vertices, trace.edges))[order],
         )
 
     def _displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:

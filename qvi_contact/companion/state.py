@@ -54,6 +54,8 @@ class CompanionContact:
         v_T − w [length].
     state : (n,) int array
         `ContactState`.
+    senses : (n,) array
+        ±1, in which sense a tangential stress counts for the force, see `turning_senses`.
 
     """
 
@@ -67,6 +69,7 @@ class CompanionContact:
     gap: FloatArray
     slip: FloatArray
     state: IntArray
+    senses: FloatArray
 
     @property
     def normal_force(self) -> float:
@@ -75,8 +78,8 @@ class CompanionContact:
 
     @property
     def tangential_force(self) -> float:
-        """∫ σ_T ds, force on the body along the tangent [stress × length]."""
-        return float(self.weights @ self.tangential_stress)
+        """∫ ± σ_T ds, force on the body along the contact, as that of `ContactLine` [stress × length]."""
+        return float(self.weights @ (self.senses * self.tangential_stress))
 
 
 @dataclass(frozen=True, eq=False)

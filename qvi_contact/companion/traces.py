@@ -100,6 +100,12 @@ class Trace:
         """Number of coefficients n."""
         return len(self.weights)
 
+    def by_coefficient(self, values: FloatArray) -> FloatArray:
+        """Values (e,) of edges at the coefficients (n,): of the edge whose tangent a coefficient has."""
+        found = np.empty(self.count)
+        found[self.columns] = values[:, None]
+        return found
+
     @property
     def tied(self) -> BoolArray:
         """Whether the contact is tied, at each coefficient."""

@@ -21,7 +21,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.solution.between_points import between_points
-from qvi_contact.solution.contact_path import ContactPath
+from qvi_contact.solution.contact_path import ContactPath, turning_senses
 from solvers.basics.frames import frame, pandas
 from solvers.basics.types import load
 
@@ -101,6 +101,9 @@ class ContactLine:
         and on rectangles only where the inner solver is a "strict" one.
     pull_between_points : float
         Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see `between_points`.
+    senses : (edges,) array
+        ±1, in which sense σ_T of each edge counts for the tangential force, see `turning_senses`; 1 on joints. One
+        number stands for all.
     rounding : Rounding
         Sizes up to which numbers of the contact are rounding, and shown as 0.
 
@@ -110,8 +113,8 @@ class ContactLine:
 
     On a joint u is the displacement of the lower or left block less that of the other one: the gap is how far the joint
     stands open, the slip how far that block has moved beyond the other along the tangent; tractions and forces are
-    those on the lower or left block. Along a closed joint the blocks change places: there the tangential force is the
-    sum of such parts, and `ContactResult.resultant` has the force on the block inside.
+    those on the lower or left block. Along a closed joint the blocks change places where the tangent turns back: there
+    the tangential force is that on the block inside, clockwise; `ContactResult.resultant` has the whole force on it.
 
     """
 
@@ -131,6 +134,7 @@ class ContactLine:
     excess_between_points: float = 0.0
     pull_between_points: float = 0.0
     rounding: Rounding = field(default_factory=Rounding)
+    senses: FloatArray = field(default_factory=lambda: np.ones(1))
 
     @property
     def effective_normal_stress(self) -> FloatArray:
@@ -154,8 +158,14 @@ class ContactLine:
 
     @property
     def tangential_force(self) -> float:
-        """∫ σ_T ds, force on the body along the tangent a unit of thickness [stress × length]."""
-        return float(self.weights @ self.tangential_stress)
+        """∫ ± σ_T ds, force on the body along the contact a unit of thickness [stress × length].
+
+        The sign is + where tangents lead one way along the contact, as on a straight one: then it is the force along
+        the tangent. Where they turn back, as in a round bore, it is that of the sense counterclockwise around the
+        middle of the contact: on a full circle of the radius r the shear has the moment r T about its centre.
+        """
+        senses = np.broadcast_to(self.senses, len(self.ends))
+        return float(self.weights @ (np.repeat(senses, self.points_per_edge) * self.tangential_stress))
 
     @property
     def shown_forces(self) -> tuple[str, str]:
@@ -327,4 +337,5 @@ def contact_line(
         excess_between_points=float(violations.excess.max(initial=0.0)) * scales.stress,
         pull_between_points=float(violations.pull.max(initial=0.0)) * scales.stress,
         rounding=scales.rounding,
+        senses=turning_senses(mesh.vertices, edges),
     )

@@ -11,6 +11,8 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.mesh.arcs import cross
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.topology import chains
 
 _ROUNDING: Final = 1e-12  # relative difference of two lengths that does not make an arc
@@ -77,3 +79,34 @@ def _forward(pairs: IntArray) -> BoolArray:
         found[edge] = first == vertex
         vertex = second if found[edge] else first
     return found
+
+
+def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
+    """In which sense the shear on each edge counts for the tangential force of a contact, ±1, (n,).
+
+    Tangents point to the right, so that on a line which turns back, such as a round bore, they lead against each other.
+    There those count that lead around the middle of the line counterclockwise, and the others against them. On all
+    other lines every edge counts as its tangent leads; so it does on joints, whose sides change where the tangent turns
+    back.
+    """
+    found = np.ones(len(edges))
+    if (edges.cells[:, 1] >= 0).any():
+        return found
+    ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
+    path = ContactPath.of(ends, edges.length)
+    for line in range(path.line.max(initial=-1) + 1):
+        own = path.line == line
+        forward, chosen = path.forward[own], path.edges[own]
+        if forward.all() or not forward.any():
+            continue
+        walk = np.where(forward, 1.0, -1.0)
+        middles = ends[chosen].mean(axis=1)
+        arms = middles - np.average(middles, axis=0, weights=path.lengths[own])
+        turning = float(walk @ cross(arms, ends[chosen, 1] - ends[chosen, 0]))
+        found[chosen] = walk if turning >= 0.0 else -walk
+    return found
+
+
+def leads_one_way(vertices: FloatArray, edges: Edges) -> bool:
+    """Whether the shear of all edges counts along their tangents, see `turning_senses`."""
+    return bool((turning_senses(vertices, edges) > 0.0).all())

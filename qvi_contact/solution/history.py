@@ -514,7 +514,7 @@ def _obstacle(step: ContactResult, name: str) -> tuple[float, float]:
         in_x = motion.x - motion.rotation * (y - plate.pivot[1])
         in_y = motion.y + motion.rotation * (x - plate.pivot[0])
         along += float(points.edges.tangent[0] @ (in_x, in_y))
-    return along, line.tangential_force
+    return along, float(line.weights @ line.tangential_stress)  # what works on the offset, along the tangents
 
 
 def _displaced(states: Sequence[ContactResult]) -> list[str]:

@@ -32,8 +32,10 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.discretization.pins import misplaced_pins
 from qvi_contact.gallery.meshes import arc, fan
 from qvi_contact.mechanism import find_mechanism
+from qvi_contact.mesh.arcs import cross
 from qvi_contact.problem.conditions import disc_gap
 from qvi_contact.refinement.quantity import unit_of
+from qvi_contact.solution.contact_path import leads_one_way, turning_senses
 from qvi_contact.units import Units
 from solvers import Status
 from tests.qvi_contact.states import difference, solved
@@ -146,6 +148,46 @@ def test_bounds_under_slip_are_for_plates_that_are_not_driven():
     moves, driven = (pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, **drive)) for drive in drives)
     assert not outside_scope(discretize(moves))
     assert "driven" in outside_scope(discretize(driven))
+
+
+class TestShearAroundABore:
+    """The tangential force counts counterclockwise, so that on a circle it has the moment of the pin."""
+
+    PIN = staticmethod(partial(Contact.pin, "hole", 0.3, (0.0, 0.0), 0.99, force_x=0.1, force_y=0.0))
+
+    @pytest.mark.parametrize("turn", [1.0, -1.0])
+    def test_in_a_hole(self, turn):
+        result = solved(pinned(self.PIN(rotation=turn), mesh=ROUND), degree=3)
+        line, moment = result.contacts["hole"], result.plate_force("hole").moment
+        assert line.tangential_force == pytest.approx(moment, rel=1e-9)
+        assert np.sign(moment) == turn
+        theirs = result.bracket.companion.contacts["hole"].tangential_force
+        assert theirs == pytest.approx(moment, abs=2e-3)
+        assert result.bracket.force_differences["hole"].tangential < 0.1 * abs(moment)
+
+    def test_on_the_outside(self):
+        """Radius 2."""
+        clamp = Contact("outside", 0.5, gap=-0.01, plate=RigidPlate(rotation=0.5))
+        problem = ContactProblem(ROUND, UNIT, [clamp, Displacement("hole", x=0.0, y=0.0)])
+        result = solved(problem, degree=3)
+        assert 2.0 * result.contacts["outside"].tangential_force == pytest.approx(
+            result.plate_force("outside").moment, rel=1e-9
+        )
+
+    def test_on_half_a_bore(self):
+        """Its right half, where tangents turn back; in its lower half they lead around it anyway."""
+        for low, high, signs in ((-90.0, 90.0, {-1.0, 1.0}), (180.0, 360.0, {1.0})):
+            angles = np.deg2rad(np.linspace(low, high, 9))
+            mesh = fan([arc(radius, angles) for radius in (1.0, 2.0)], closed=False, arcs=("inner",))
+            edges = mesh.edges("inner")
+            senses, arms = turning_senses(mesh.vertices, edges), mesh.vertices[edges.first]
+            assert set(senses) == signs
+            assert (senses * cross(arms, edges.tangent) > 0.0).all()
+
+    def test_two_lines_that_face_each_other_are_not_one(self):
+        """Top and bottom of a block count along x both, as before they had one name."""
+        mesh = TriangleMesh.rectangle((2, 2)).with_edges("both", lambda _, y: (y == 0.0) | (y == 1.0))
+        assert leads_one_way(mesh.vertices, mesh.edges("both"))
 
 
 class TestPinsOfASeries:
