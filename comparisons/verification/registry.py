@@ -6,6 +6,7 @@ from typing import Final
 from comparisons.verification import (
     benchmarks,
     bounds,
+    curves,
     energies,
     exact_states,
     examples,
@@ -27,6 +28,7 @@ CHAPTERS: Final[Chapters] = {
     "friction": manufactured.PROBLEMS,
     "ssnv128": ssnv128.PROBLEMS,
     "benchmarks": benchmarks.PROBLEMS,
+    "curves": curves.PROBLEMS,
     "limits": limits.PROBLEMS,
     "not-unique": not_unique.PROBLEMS,
     "invariance": invariance.PROBLEMS,
