@@ -16,7 +16,7 @@ _DIRECTION: Final = {"bottom": 0, "right": 1, "top": 0, "left": 1}
 
 @dataclass(frozen=True)
 class Part:
-    """A named set of edges that face one way; those that bound a hole can only be loaded."""
+    """A named set of edges that face one way; on rectangles, which this study is of, holes can only be loaded."""
 
     name: str
     side: str
