@@ -1,9 +1,9 @@
 """What became of the problems, from the stored rows alone."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.lab.study import DONE, Row
+from comparisons.lab.study import Row, frame_of
 from comparisons.wild.enumeration import EXISTS, NONE, UNDECIDED
 from comparisons.wild.generator import FAMILIES
 from comparisons.wild.task import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, WRONG
@@ -24,22 +24,22 @@ _NEVER: Final = (WRONG, FOREIGN, ACCEPTED, BROKEN)
 def problems_of(rows: Sequence[Row]) -> "DataFrame":
     """One line a problem, family by family.
 
-    The columns are family and number, which make it; outcome, one of `ORDER`; status of the default method, or the kind
-    of exception; seconds of building and solving; reason, why there is no answer or what is wrong; answer, the method
-    that has one where the default has none; exists, what enumeration says of an open problem; solvable, whether it is
-    known to have a solution; admissible, whether a traction obeys the law and balances the load; trouble and slow, what
-    must not happen.
+    The columns are those of `frame_of`, with outcome one of `ORDER`, seconds of building and solving, reason, why there
+    is no answer or what is wrong, answer, the method that has one where the default has none, exists, what enumeration
+    says of an open problem, solvable, whether it is known to have a solution, admissible, whether a traction obeys the
+    law and balances the load, and trouble and slow, what must not happen.
     """
-    from pandas import DataFrame
-
-    families = list(FAMILIES)
-    found = sorted(map(_problem, rows), key=lambda one: (families.index(one["family"]), one["number"]))
-    problems = DataFrame(found)
+    problems = frame_of(rows, ("seconds",), ("outcome", "message", "errors", "answer", "exists", "admissible", "far"))
+    problems["outcome"] = problems.outcome.where(problems.has, BROKEN)
+    problems["seconds"] = problems.seconds.fillna(problems.spent)
+    problems["reason"] = [_reason(each) for each in problems.itertuples()]
+    problems["admissible"] = (problems.outcome == SOLVED) | (problems.admissible == True)  # noqa: E712 - or unknown
     exists = (problems.outcome == OPEN) & (problems.exists == EXISTS)
     problems["solvable"] = problems.outcome.isin([SOLVED, WRONG]) | exists
     problems["trouble"] = problems.outcome.isin(_NEVER)
     problems["slow"] = problems.seconds > LONGEST
-    return problems
+    order = problems.family.map(list(FAMILIES).index)
+    return problems.assign(order=order).sort_values(["order", "number"], kind="stable", ignore_index=True)
 
 
 def counts_of(problems: "DataFrame") -> dict[str, int]:
@@ -61,43 +61,31 @@ def values_of(problems: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _problem(row: Row) -> dict[str, Any]:
-    known = {"family": row.case["family"], "number": row.case["number"]}
-    if row.status != DONE:
-        return known | {
-            "outcome": BROKEN, "status": row.status, "seconds": row.seconds, "reason": row.reason, "answer": "",
-            "exists": "", "admissible": False,
-        }  # fmt: skip
-    found = row.result
-    return known | {
-        "outcome": found["outcome"], "status": found["status"], "seconds": found["seconds"], "reason": _reason(found),
-        "answer": found.get("answer", ""), "exists": found.get("exists", ""),
-        "admissible": found["outcome"] == SOLVED or found.get("admissible") is True,
-    }  # fmt: skip
-
-
-def _reason(found: Mapping[str, Any]) -> str:
+def _reason(found: Any) -> str:
     """Why a problem has no answer, as far as is known; what is wrong with one; what an exception says."""
-    if found["outcome"] == OPEN:
+    if found.outcome == BROKEN:
+        return str(found.reason)
+    if found.outcome == OPEN:
         return _open_reason(found)
-    if found["outcome"] == WRONG:
-        return "; ".join(found["errors"])
-    return str(found["message"]) if found["outcome"] in (FOREIGN, ACCEPTED) else ""
+    if found.outcome == WRONG:
+        return "; ".join(found.errors)
+    return str(found.message) if found.outcome in (FOREIGN, ACCEPTED) else ""
 
 
-def _open_reason(found: Mapping[str, Any]) -> str:
-    if found.get("answer"):
-        return f"{found['answer']} finds an answer"
-    if found.get("exists") == EXISTS and found["status"] in ("ill_conditioned", "inaccurate"):
+def _open_reason(found: Any) -> str:
+    rounding = found.status in ("ill_conditioned", "inaccurate")
+    if found.answer and found.answer == found.answer:
+        return f"{found.answer} finds an answer"
+    if found.exists == EXISTS and rounding:
         return "there is a solution, and the answer found is short of the tolerance: rounding"
-    if found.get("exists") == EXISTS:
+    if found.exists == EXISTS:
         return "there is a solution, and no method finds it"
-    if found.get("exists") == NONE:
+    if found.exists == NONE:
         return "no state of contact solves it: admissible tractions need more pressure than the body has there"
-    if found.get("far"):
+    if found.far is True:
         return "the body moves to an obstacle hundreds of times farther away than it deforms: rounding"
-    if found["status"] in ("ill_conditioned", "inaccurate"):
+    if rounding:
         return "an answer short of the tolerance: rounding"
-    if found.get("admissible") is False:
+    if found.admissible is False:
         return "no admissible traction"
     return "too large to enumerate, or out of time: the load may be beyond a sliding limit"

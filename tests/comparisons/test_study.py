@@ -244,6 +244,7 @@ class TestExport:
         assert frame.status.tolist() == ["done", "done", "timeout"]
         assert frame.reason.tolist() == ["", "", "more than 2 s"]
         assert frame.has.tolist() == [True, True, False]
+        assert frame.spent.tolist() == [0.25, 0.25, 0.0]
         assert frame[["accuracy", "other"]].isna().all(axis=None)
 
     def test_the_status_is_the_tasks_own(self, tmp_path):

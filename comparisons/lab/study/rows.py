@@ -77,9 +77,9 @@ class StoredStudy:
 def frame_of(rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[str] = ()) -> "DataFrame":
     """One line a row, in the order of the study: the factors of the case, and the entries of the result.
 
-    Besides "status", that which the task tells or else the row's, "reason", "has", whether there is a result, and
-    "accuracy", which the certificate confirms. The columns `numbers` and `others` are there in any case, those as
-    numbers, NaN where a row has none.
+    Besides "status", that which the task tells or else the row's, "reason", "spent", its seconds, "has", whether there
+    is a result, and "accuracy", which the certificate confirms. The columns `numbers` and `others` are there in any
+    case, those as numbers, NaN where a row has none.
     """
     from pandas import DataFrame, to_numeric
 
@@ -92,7 +92,7 @@ def frame_of(rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[
 
 
 def _line(row: Row) -> dict[str, Any]:
-    known = {"reason": row.reason, "has": bool(row.result)}
+    known = {"reason": row.reason, "spent": row.seconds, "has": bool(row.result)}
     known["status"] = row.result.get("status", DONE) if row.status == DONE else row.status
     accuracy = row.certificate.get("accuracy") if isinstance(row.certificate, Mapping) else None
     return {**row.case, **row.result, **known, "accuracy": accuracy}
