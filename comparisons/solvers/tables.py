@@ -259,7 +259,7 @@ def settings(runs: "DataFrame") -> Grid:
 
 
 def _options(runs: "DataFrame") -> str:
-    return ", ".join(f"`{name}={value}`" for name, value in runs.options.iloc[0].items()) or "no option"
+    return ", ".join(f"`{name}={value}`" for name, value in sorted(runs.options.iloc[0].items())) or "no option"
 
 
 def left_out(runs: "DataFrame") -> Grid:

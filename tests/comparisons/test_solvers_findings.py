@@ -2,18 +2,23 @@
 
 import itertools
 import math
+from collections import Counter
+from pathlib import Path
 
 import pytest
 
 from comparisons.lab.report import findings_of
-from comparisons.lab.study import Row, StoredStudy
+from comparisons.lab.study import Row, StoredStudy, read_csv
 from comparisons.solvers import figures, measures, tables
-from comparisons.solvers.accuracies import LEVELS, asked
+from comparisons.solvers.accuracies import LEVELS, TABLE, asked
 from comparisons.solvers.measures import frame_of
 from comparisons.solvers.outcomes import GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
+from comparisons.solvers.problems import PROBLEMS
 from comparisons.solvers.report import report_of
+from comparisons.solvers.study import declared
 from comparisons.solvers.values import numbers_of, ranking
 
+COMMITTED = Path(__file__).parents[2] / "comparisons" / "reports" / "solvers"
 FAILED = {"certified": False, "outcomes": {UNTRUE: 1}}
 LOST = {"certified": False, "seconds": None, "status": "timeout", "outcomes": {NO_ANSWER: 1}}
 
@@ -215,11 +220,58 @@ class TestTimes:
         assert lines(tables.errors, runs)[0][2] == "2.0e-3"
 
 
+@pytest.fixture(scope="module")
+def rows():
+    """Of the committed run."""
+    return read_csv(COMMITTED / "solvers.csv.gz")
+
+
+class TestCommitted:
+    """The run in `comparisons/reports`."""
+
+    def test_the_rows_are_those_of_the_whole_study(self, rows):
+        assert [row.key for row in rows] == [case.key for case in declared(tuple(TABLE)).cases]
+
+    def test_numbers_of_the_findings(self, rows):
+        done = [row for row in rows if PROBLEMS[row.case["problem"]].feasible]
+        certified = [row for row in done if row.certificate and row.certificate["passed"]]
+        found = numbers_of(measures.runs_of(rows))
+        assert (found["feasible"], found["certified"]) == (len(done), len(certified)) == (3825, 3207)
+        assert found["often"] == [
+            "socp:ecos (60 % of 672)", "socp:cvxopt (56 % of 521)", "qp:ecos (55 % of 366)", "qp:highs (14 % of 293)",
+        ]  # fmt: skip
+        assert (found["seldom"], found["nobody"], found["alarms"]) == (13, 0, 41)
+        assert [each[:3] for each in found["first"]] == [
+            ("qp:quadprog", 26, 26), ("qp:daqp", 26, 26), ("qp:qpalm", 26, 26)
+        ]  # fmt: skip
+        assert [each[3] for each in found["first"]] == pytest.approx([19 / 26, 16 / 26, 14 / 26])
+        methods = {each["name"]: (each["solved"], each["given"], each["both"]) for each in found["methods"]}
+        assert methods == {"condensed": (39, 39, 39), "uzawa": (24, 39, 24)}
+        assert [each["ratio"] for each in found["methods"]] == pytest.approx([1.6, 0.55], abs=0.05)
+        assert (found["asked"], len(found["right"]), found["lied"]) == (17, 12, 0)
+
+    def test_untrue_answers_are_those_of_the_rows(self, rows):
+        told = Counter[str]()
+        for row in rows:
+            if row.case["task"] != "outer" and PROBLEMS[row.case["problem"]].feasible and row.status == "done":
+                told[row.case["solver"]] += row.result["outcomes"].get(UNTRUE, 0)
+        counts = measures.told_by(measures.runs_of(rows))
+        assert counts[UNTRUE].to_dict() == dict(told)
+        assert told.total() == 968
+
+    def test_the_committed_report_is_that_of_the_committed_rows(self, rows, monkeypatch):
+        monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
+        text = report_of(StoredStudy({"name": "solvers", "cases": len(rows)}, rows)).text
+        assert text == (COMMITTED / "solvers.md").read_text(encoding="utf-8")
+        assert len(findings_of(text)) == 5
+
+
 def test_whatever_came_out_there_is_a_report():
     """Also of no rows, and of those that all failed."""
     results = ({}, FAILED, LOST, {"certified": False, "outcomes": {GAVE_UP: 1}, "accuracy": 1e-4})
     problems = ("plate_8", "graded_8", "doubled_rows", "pulled_block")
-    for first, second, solvers in itertools.product(results, results, (("a",), ("a", "condensed"), ("uzawa",))):
+    compared = itertools.cycle((("a",), ("a", "condensed"), ("uzawa",)))
+    for (first, second), solvers in zip(itertools.product(results, results), compared, strict=False):
         runs = [
             run(solver, problem=problem, task=task, form=form, **(first if form == "full" else second))
             for solver, problem, task, form in itertools.product(
