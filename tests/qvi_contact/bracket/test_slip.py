@@ -446,6 +446,18 @@ class TestOtherBodies:
         assert "straight contacts" in no_friction_operator(layer, {"base": -1})
         assert not no_friction_operator(sheared_layer(), {"base": -1})
 
+    def test_the_norm_has_no_limit_at_a_held_end(self):
+        """It grows by as much with each halving of the triangles there; at a free end, or a clamped one, it settles."""
+        ends = {
+            "free": [Traction("left", x=0.0, y=0.0)],
+            "clamped": [Displacement("left", x=0.0, y=0.0)],
+            "held": [Displacement("left", y=0.0), Traction("left", x=0.0)],
+        }
+        found = {name: [layer_norm(left, depth) for depth in (8, 12, 16)] for name, left in ends.items()}
+        for name in ("free", "clamped"):
+            assert found[name] == pytest.approx([found[name][0]] * 3, rel=1e-3)
+        assert np.diff(found["held"]) == pytest.approx(1.19, abs=0.02)
+
     def test_the_norm_settles(self):
         """Finite elements on finer meshes change the norm little."""
         problem = sheared_layer(1.0)
@@ -453,6 +465,14 @@ class TestOtherBodies:
         assert computed_norm(replace(problem, mesh=halved(problem.mesh)), {"base": 1}) == pytest.approx(
             coarse, rel=0.03
         )
+
+
+def layer_norm(left, depth):
+    """The norm by finite elements on a sheared layer, its triangles halved so often towards one end of its contact."""
+    layer = sheared_layer(1.0)
+    conditions = [*layer.conditions[:2], *left, layer.conditions[3]]
+    mesh = layer.mesh.graded([(0.0, 0.0)], depth)
+    return computed_norm(replace(layer, mesh=mesh, conditions=conditions), {"base": 1})
 
 
 def halved(mesh):

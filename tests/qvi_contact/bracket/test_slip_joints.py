@@ -161,5 +161,5 @@ def test_a_part_of_a_mesh_keeps_names_arcs_and_regions():
     assert lower.joint_names == ()
     assert lower.region("lower").tolist() == list(range(12))
     assert len(lower.edges("flank")) == len(disc.edges("flank")) // 2
-    assert np.abs(lower.edges("foot").turn) == pytest.approx(np.pi / 12.0)
+    assert lower.edges("foot").length == pytest.approx(np.pi / 12.0)
     assert lower.edges("seam").normal[:, 1] == pytest.approx(1.0)
