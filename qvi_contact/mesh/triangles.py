@@ -464,13 +464,14 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         place[kept] = np.arange(len(kept))
         inside = np.asarray(np.isin(self.topology.cells, taken).any(axis=1))
 
-        def renumbered(pairs: IntArray) -> IntArray:
-            here: BoolArray = inside[self.topology.number(pairs, len(self.vertices))]
-            return np.asarray(place[pairs[here]])
+        def here(pairs: IntArray) -> IntArray:
+            chosen: BoolArray = inside[self.topology.number(pairs, len(self.vertices))]
+            return np.asarray(pairs[chosen])
 
-        sets = {name: found for name, pairs in self.edge_sets.items() if len(found := renumbered(pairs))}
+        sets = {name: place[found] for name, pairs in self.edge_sets.items() if len(found := here(pairs))}
         regions = {name: np.flatnonzero(np.isin(taken, found)) for name, found in self.regions.items()}
-        arcs = [replace(arc, edges=found) for arc in self.arcs if len(found := renumbered(arc.edges))]
+        kept_arcs = [arc.divided(found, found) for arc in self.arcs if len(found := here(arc.edges))]
+        arcs = [replace(arc, edges=place[arc.edges]) for arc in kept_arcs]
         named = {name: found for name, found in regions.items() if len(found)}
         return TriangleMesh(self.vertices[kept], place[self.cells[taken]], sets, named, arcs)
 

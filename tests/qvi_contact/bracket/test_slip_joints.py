@@ -163,3 +163,14 @@ def test_a_part_of_a_mesh_keeps_names_arcs_and_regions():
     assert len(lower.edges("flank")) == len(disc.edges("flank")) // 2
     assert lower.edges("foot").length == pytest.approx(np.pi / 12.0)
     assert lower.edges("seam").normal[:, 1] == pytest.approx(1.0)
+
+
+def test_a_part_of_a_mesh_keeps_its_part_of_a_curve():
+    """An ellipse around two half discs that are pressed flat: each has its own half of it."""
+    disc = half_discs().mesh
+    flat = replace(disc, vertices=disc.vertices * [1.0, 0.5], edge_sets={"seam": disc.edge_sets["seam"]})
+    ellipse = flat.with_edges("rim", lambda x, _: x < np.inf)
+    ellipse = ellipse.with_curve("rim", lambda t: np.column_stack([np.cos(t), 0.5 * np.sin(t)]), 0.0, 2.0 * np.pi)
+    below = ellipse.region("lower")
+    for half in (ellipse.part(below), ellipse.part(np.setdiff1d(np.arange(24), below))):
+        assert half.edges("rim").length.sum() == pytest.approx(ellipse.edges("rim").length.sum() / 2.0)
