@@ -90,7 +90,7 @@ def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]
                 contacts.append(replace(joint, edges=name, name=name))
         if other in sets:
             beyond[other] = joint.name
-    mesh = replace(problem.mesh, edge_sets=sets).part(cells)
+    mesh = problem.mesh.part(cells, sets)
     kept = [each for each in problem.conditions if each not in problem.joints and each.edges in mesh.edge_sets]
     regions = [each for each in problem.regions if each.name in mesh.region_names]
     return Body(replace(problem, mesh=mesh, conditions=[*kept, *contacts], regions=regions), beyond)

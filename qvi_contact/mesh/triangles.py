@@ -442,7 +442,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         chosen = _selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
         return replace(self, regions={**self.regions, name: np.asarray(chosen)})
 
-    def part(self, cells: IntArray) -> TriangleMesh:
+    def part(self, cells: IntArray, edge_sets: Mapping[str, IntArray] | None = None) -> TriangleMesh:
         """Some of the triangles as a mesh of their own; names and arcs stay where they have edges or triangles in it.
 
         What was a joint is a part of the boundary where the triangles of one side only are taken.
@@ -451,6 +451,8 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         ----------
         cells : (k,) int array
             Numbers of the triangles.
+        edge_sets : mapping of str to (k, 2) int array, optional
+            Named edges of this mesh by their vertices; its own by default.
 
         Raises
         ------
@@ -468,7 +470,8 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             chosen: BoolArray = inside[self.topology.number(pairs, len(self.vertices))]
             return np.asarray(pairs[chosen])
 
-        sets = {name: place[found] for name, pairs in self.edge_sets.items() if len(found := here(pairs))}
+        named_edges = self.edge_sets if edge_sets is None else edge_sets
+        sets = {name: place[found] for name, pairs in named_edges.items() if len(found := here(pairs))}
         regions = {name: np.flatnonzero(np.isin(taken, found)) for name, found in self.regions.items()}
         kept_arcs = [arc.divided(found, found) for arc in self.arcs if len(found := here(arc.edges))]
         arcs = [replace(arc, edges=place[arc.edges]) for arc in kept_arcs]
