@@ -1,6 +1,6 @@
 """Frictional contact computed from the stress side.
 
-A plane elastic body is described by an Airy stress function on Bogner-Fox-Schmit elements, so every computed stress is
+A plane elastic body is described by an Airy stress function on C1 triangles or rectangles, so every computed stress is
 in equilibrium; contact with Coulomb friction is then a quasi-variational inequality for the stress, solved as one
 complementarity problem on the contact or as a sequence of convex programs, and certified on the original data.
 

@@ -42,6 +42,7 @@ def pytest_collection():
         return (yield)
     finally:
         gc.enable()
+        gc.set_threshold(10_000, 20, 100)  # nor is it looked through at every few tests
 
 
 def pytest_collection_modifyitems(items):
