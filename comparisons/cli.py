@@ -5,6 +5,7 @@ from typing import Final
 import click
 
 from comparisons.benchmark.command import benchmark
+from comparisons.benchmark.systems_command import systems
 from comparisons.convergence.command import convergence
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
@@ -40,5 +41,5 @@ def _check_installed() -> None:
         raise InputError("installation", missing, "is missing: python -m pip install 'qvi-contact[comparisons]'")
 
 
-for command in (paper, benchmark, verify, solvers, convergence, scaling, peers, wild, export, import_file):
+for command in (paper, benchmark, systems, verify, solvers, convergence, scaling, peers, wild, export, import_file):
     group.add_command(command)

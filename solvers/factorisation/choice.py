@@ -26,7 +26,7 @@ Structure: TypeAlias = Callable[[IntVector], SubdomainTree | None]
 
 _WORTH_SHARING: Final = 10_000  # unknowns from which on shared subdomains are faster than any sparse back end
 _ALWAYS_CONDENSED: Final = 400  # unknowns of the interface
-_SLOWER: Final = 4.5  # sparse operations beside dense ones, see docs/theory.md
+_SLOWER: Final = 3.6  # sparse operations beside dense ones, measured by python -m comparisons systems
 _MOST_THREADS: Final = 1024  # more do not pay on any machine, and libraries take no number of any size
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
@@ -92,15 +92,23 @@ def make_unsymmetric(starts: IntVector, columns: IntVector, request: Request) ->
 def condensing_pays(K: Sparse, interface: int) -> bool:
     """Whether one dense matrix of the interface is factorised in less time than an unsymmetric sparse one like K.
 
-    Dense elimination takes ⅔ k³ operations for k unknowns of the interface. Nested dissection of a plane mesh of
-    squares with b unknowns at each node takes about 10 (b n)^1.5 for L Lᵀ and twice as many for L U, b = nnz / 9 n;
-    they come in smaller blocks, and so more slowly. A few hundred unknowns are always condensed: what the sparse way
-    costs besides is more than the dense one in all.
+    Operations of the sparse way come in smaller blocks, and so more slowly; by how much is what `python -m comparisons
+    systems` measures. A few hundred unknowns are always condensed: what the sparse way costs besides is more than the
+    dense one in all.
     """
     if interface <= _ALWAYS_CONDENSED:
         return True
-    sparse = 2.0 * 10.0 * (K.nnz / 9.0) ** 1.5
-    return bool(2.0 / 3.0 * float(interface) ** 3 <= _SLOWER * sparse)
+    dense, sparse = operations(K, interface)
+    return dense <= _SLOWER * sparse
+
+
+def operations(K: Sparse, interface: int) -> tuple[float, float]:
+    """Of a dense factorisation of the interface, and of an unsymmetric sparse one like K.
+
+    Dense elimination takes ⅔ k³ operations for k unknowns of the interface. Nested dissection of a plane mesh of
+    squares with b unknowns at each node takes about 10 (b n)^1.5 for L Lᵀ and twice as many for L U, b = nnz / 9 n.
+    """
+    return 2.0 / 3.0 * float(interface) ** 3, 2.0 * 10.0 * float(K.nnz / 9.0) ** 1.5
 
 
 def _sensible_threads(unknowns: int) -> int:
