@@ -12,13 +12,13 @@ _TAKEN = ("first", "whole", "used", "values", "solved", "cores")
 
 
 def scaling_of(rows: Sequence[Row]) -> "DataFrame":
-    """One line for each number of processes, medians of its repeats.
+    """One line for each number of processes, means of its repeats.
 
     Columns are processes, first, whole and used [s], see `task.run`, values, solved (in the worst repeat), rate [1/s],
     speed and work, over those of the fewest processes, and efficiency, the speed over the processes that it takes.
     """
     runs = frame_of(rows, numbers=_TAKEN).groupby("processes")
-    found = runs[list(_TAKEN)].median().assign(solved=runs.solved.min()).reset_index()
+    found = runs[list(_TAKEN)].mean().assign(solved=runs.solved.min()).reset_index()
     least = found.iloc[0]
     rate, speed = found["values"] / found.whole, least.whole / found.whole
     efficiency = speed * least.processes / found.processes

@@ -10,7 +10,7 @@ VERSION: Final = 1
 
 TASK: Final = "comparisons.scaling.task:run"
 PROCESSES: Final = (1, 2)
-REPEATS: Final = 3
+REPEATS: Final = 2
 
 
 def declared(processes: Sequence[int], quick: bool) -> Study:

@@ -16,7 +16,7 @@ from solvers import Status
 CELLS: Final = {False: 32, True: 6}
 """Cells across the plate, by whether it is a quick run."""
 
-VALUES: Final = {False: 1000, True: 24}
+VALUES: Final = {False: 400, True: 24}
 """Values of friction, evenly from 0.05 to 1."""
 
 

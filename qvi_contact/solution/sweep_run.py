@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, get_args
 
 import numpy as np
@@ -31,7 +31,7 @@ class SweepTask:
     Attributes
     ----------
     problem : ContactProblem
-        The problem, on its element.
+        The problem; `of` puts it on its element.
     parameter : "friction", "load", "gap" or "offset"
         What changes.
     names : tuple of str
@@ -46,9 +46,9 @@ class SweepTask:
     problem: ContactProblem
     parameter: Parameter
     names: tuple[str, ...]
-    space: dict[str, Any]
-    options: dict[str, Any]
-    warm: bool
+    space: dict[str, Any] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
+    warm: bool = False
 
     @classmethod
     def of(
@@ -169,8 +169,8 @@ def _changed(condition: Condition, parameter: Parameter, value: float, names: Se
     return replace(condition, **data)
 
 
-def _plus(field: Field, value: float) -> Field:
-    if not callable(field):
-        return field + value
-    function: Callable[..., object] = field
+def _plus(given: Field, value: float) -> Field:
+    if not callable(given):
+        return given + value
+    function: Callable[..., object] = given
     return lambda x, y: np.asarray(function(x, y), dtype=float) + value

@@ -9,7 +9,6 @@ import numpy as np
 
 from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Traction
 from qvi_contact.basics.checks import Field, FloatArray
-from qvi_contact.discretization.families import ElementName
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.solution.sweep_rows import Parameter
 from qvi_contact.solution.sweep_run import SweepTask
@@ -40,9 +39,10 @@ class Chain:
     values: tuple[float, ...]
     history: bool = False
 
-    def problems(self, quick: bool, element: ElementName) -> list[ContactProblem]:
-        """All problems, on the mesh of the element."""
-        task = SweepTask.of(self.base(quick), self.parameter, None, element=element)
+    def problems(self, quick: bool) -> list[ContactProblem]:
+        """All problems, as they are stated: to put them on the mesh of an element is part of a solve."""
+        base = self.base(quick)
+        task = SweepTask(base, self.parameter, tuple(contact.name for contact in base.contacts))
         return [task.changed(value) for value in self.chosen(quick)]
 
     def base(self, quick: bool) -> ContactProblem:

@@ -32,7 +32,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _solved(way: str, chain: Chain, quick: bool, element: ElementName) -> dict[str, Any]:
-    clock, problems = _Clock(), chain.problems(quick, element)
+    clock, problems = _Clock(), chain.problems(quick)
     if way == "single":
         for problem in problems[::EVERY]:
             clock(0, solve(problem, element=element))
