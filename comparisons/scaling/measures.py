@@ -14,11 +14,13 @@ _TAKEN = ("first", "whole", "used", "values", "solved", "cores")
 def scaling_of(rows: Sequence[Row]) -> "DataFrame":
     """One line for each number of processes, means of its repeats.
 
-    Columns are processes, first, whole and used [s], see `task.run`, values, solved (in the worst repeat), rate [1/s],
-    speed and work, over those of the fewest processes, and efficiency, the speed over the processes that it takes.
+    Columns are processes, first, whole and used [s], see `task.run`, values, solved (in the worst repeat), cores, load
+    (programs that wanted to run when it began, in the mean of the minute before), rate [1/s], speed and work, over
+    those of the fewest processes, and efficiency, the speed over the processes that it takes.
     """
-    runs = frame_of(rows, numbers=_TAKEN).groupby("processes")
-    found = runs[list(_TAKEN)].mean().assign(solved=runs.solved.min()).reset_index()
+    loads = [row.load_average for row in sorted(rows, key=lambda row: row.position)]
+    runs = frame_of(rows, numbers=_TAKEN).assign(load=loads).groupby("processes")
+    found = runs[[*_TAKEN, "load"]].mean().assign(solved=runs.solved.min()).reset_index()
     least = found.iloc[0]
     rate, speed = found["values"] / found.whole, least.whole / found.whole
     efficiency = speed * least.processes / found.processes
@@ -33,4 +35,5 @@ def values_of(found: "DataFrame") -> dict[str, Any]:
         "values": int(many["values"]), "solved": int(found.solved.min()),
         "speed": float(many.speed), "efficiency": float(many.efficiency), "work": float(many.work),
         "rate": float(many.rate), "each": float(few.used / few["values"]), "first": float(many["first"]),
+        "load": float(found.load.max()),
     }  # fmt: skip

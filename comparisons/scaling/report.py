@@ -12,7 +12,8 @@ from comparisons.scaling.measures import scaling_of, values_of
 _HEADINGS: Final[Columns] = {
     "processes": "processes", "whole": ("time", seconds), "first": ("until the first row", seconds),
     "used": ("processor time", seconds), "rate": ("values per second", significant),
-    "speed": ("speed", significant), "efficiency": ("efficiency", percent), "solved": ("solved", "{:.0f}".format),
+    "load": ("load before", significant), "speed": ("speed", significant), "efficiency": ("efficiency", percent),
+    "solved": ("solved", "{:.0f}".format),
 }  # fmt: skip
 
 

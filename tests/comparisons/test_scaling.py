@@ -1,12 +1,17 @@
 """Sweeps shared by processes: the task, the numbers of the report."""
 
+from pathlib import Path
+
 import pytest
 
-from comparisons.lab.study import Row
+from comparisons.lab.study import Row, read_csv
+from comparisons.scaling import report as reports
 from comparisons.scaling.measures import scaling_of, values_of
 from comparisons.scaling.report import report
 from comparisons.scaling.study import declared
 from comparisons.scaling.task import VALUES, run
+
+COMMITTED = Path(reports.__file__).parents[1] / "reports" / "scaling"
 
 
 def rows_of(times):
@@ -39,8 +44,24 @@ def test_speed_and_efficiency():
 
 def test_the_report_says_them():
     text = report(list(rows_of([(1, 10.0, 8.0), (2, 6.25, 12.0)]))).text
-    assert "2 processes on 4 cores are 1.6 times as fast as 1: an efficiency of 80 %" in text
+    assert "2 processes on 4 cores are 1.6 times as fast as 1: an efficiency of 80 %, with up to 0.5 programs" in text
 
 
 def test_numbers_of_processes_are_those_asked_for():
     assert [case.values["processes"] for case in declared((4, 1, 4), quick=True).cases] == [4, 1]
+
+
+@pytest.fixture(scope="module", name="committed")
+def _committed():
+    return read_csv(COMMITTED / "scaling.csv.gz")
+
+
+def test_every_process_makes_its_own_factorisation_and_little_else(committed):
+    """Processor time, which other programs on the machine change little."""
+    values = values_of(scaling_of(committed))
+    assert (values["few"], values["many"], values["solved"]) == (1, 2, values["values"])
+    assert 1.0 < values["work"] < 1.3
+
+
+def test_the_committed_report_is_that_of_the_committed_rows(committed):
+    assert report(committed).text == (COMMITTED / "scaling.md").read_text(encoding="utf-8")
