@@ -8,6 +8,8 @@ and in gradient, and so around every block. The functions then join to one after
 
 Relations of single bodies are short. Rows of a wall of many blocks expressed by some that span them all are long: each
 follows a chain of blocks to the next one that is free.
+
+In `docs/theory.md`: (D24).
 """
 
 from collections.abc import Iterator
