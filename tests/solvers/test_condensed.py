@@ -429,6 +429,22 @@ def test_stiff_bounds_leave_forces_in_balance(name):
     assert np.abs(left).max() <= 2e-14 * size
 
 
+@pytest.mark.parametrize(("error", "solves"), [(0.0, 1), (1e-5, 3)])
+def test_newton_steps_are_refined_where_their_solution_is_inaccurate(error, solves):
+    problem, method = posed(PROBLEMS["line"]())
+    residuals = method.residuals()
+    newton, made = Newton.at(problem, method.point, residuals), []
+
+    def inaccurate(force):
+        made.append(force)
+        return (1.0 + error) * newton.solve(force)
+
+    step = replace(newton, solve=inaccurate).step(-method.point.products)
+    left = problem.S @ step.y + problem.force(step.lam) + residuals.force
+    assert len(made) == solves
+    assert np.abs(left).max() < 1e-8 * np.abs(problem.force(step.lam)).max()
+
+
 @POSED
 def test_newton_steps_have_errors_of_second_order(name):
     """What a step of length t leaves of the equations, beyond (1 − t) of them, shrinks like t²."""
