@@ -8,9 +8,9 @@ Each iteration factorises, once, the Newton matrix of the conditions with s λ =
 Only products are nonlinear: a step of length t leaves 1 − t of every residual, and the kink of |σ_N| is rounded off by
 as much as the gap is open, no less. One step length is taken for everything, since the threshold couples slacks and
 multipliers. Among thousands of contact points those at the ends of joints snap one after the other, each at a turn of
-its own; there a step passes the few bounds that stop it (`_past_few`). Sources: S. Mehrotra, SIAM J. Optim. 2 (1992);
-J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex problems; nothing is proved for this one, which is not monotone,
-hence `central_path`, and the certificate.
+its own; there ω of friction is small at first (`settle`), and a step passes the few bounds that stop it (`_past_few`).
+Sources: S. Mehrotra, SIAM J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex problems; nothing
+is proved for this one, which is not monotone, hence `central_path`, and the certificate.
 
 In `docs/theory.md`: (D6).
 """
@@ -129,7 +129,8 @@ class InteriorPoint:
     Attributes
     ----------
     point : the iterate
-    shares : (q + b,) what the products are on the central path, over τ
+    shares : (q + b,) what the products are on the central path, over τ; until `settle` those of friction are smaller
+    settled : whether friction has its own share, and few bounds may be passed
     finest : gap below which τ is not made smaller
     least : that τ
     accurate : whether Newton steps are those of `saddle`
@@ -149,10 +150,12 @@ class InteriorPoint:
         normal = problem.split_normal(y)
         smooth = np.hypot(normal, _SMOOTHEST * problem.stress)
         s = np.maximum(problem.slack(y, smooth), _START * problem.stress * problem.sizes)
-        lam = _START * self.displacement * problem.shares / np.maximum(problem.sizes, s / problem.stress)
+        early = np.minimum(problem.shares, problem.system.early_share)
+        lam = _START * self.displacement * early / np.maximum(problem.sizes, s / problem.stress)
         self.point = Point(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
+        self.shares, self.settled = np.concatenate([early, np.zeros(len(normal))]), False
         kink = self.point.pull * self.point.push / max(self.parameter(), _LEAST)  # the same at all points
-        self.shares = np.concatenate([problem.shares, kink])
+        self.shares[len(early) :] = kink
 
     def residuals(self) -> Residuals:
         """At the current point."""
@@ -161,6 +164,14 @@ class InteriorPoint:
         slack = problem.slack_residual(point.y, point.s, point.pull + point.push)
         split = problem.split_residual(point.y, point.pull - point.push)
         return Residuals(terms[0] + terms[1] + terms[2], slack, split, max(_largest(term) for term in terms))
+
+    def settle(self) -> None:
+        """From here on friction has its own share, and few bounds may be passed. Targets of pull push stay."""
+        if self.settled:
+            return
+        before, count = self.parameter(), len(self.point.s)
+        self.shares[:count], self.settled = self.problem.shares, True
+        self.shares[count:] *= before / max(self.parameter(), _LEAST)
 
     def sharpen(self) -> None:
         """Aim at smaller pull push: where both vanish they would else fall like √τ each."""
@@ -175,7 +186,7 @@ class InteriorPoint:
         slack = max(_largest(residuals.slack / problem.sizes), _largest(residuals.split)) / stress
         kink = 2.0 * _largest(np.minimum(self.point.pull, self.point.push)) / stress
         size = max(self._force_scale, residuals.largest, _LEAST)
-        self.least = self.finest * unit / max(float(problem.weights @ problem.shares), _LEAST)
+        self.least = self.finest * unit / max(self._total_share, _LEAST)
         return Measures(gap, slack, kink, _largest(residuals.force) / size)
 
     def iterate(self, residuals: Residuals) -> float:
@@ -221,16 +232,20 @@ class InteriorPoint:
     @property
     def _few(self) -> int:
         """Bounds that must not hold up all the others."""
-        return int(self.problem.system.stragglers * len(self.shares))
+        return int(self.problem.system.stragglers * len(self.shares)) if self.settled else 0
 
     def parameter(self) -> float:
         """τ of the current point: Σ W s λ / Σ W ω; 0 without bounds."""
         return self._parameter(self.point)
 
     def _parameter(self, point: Point) -> float:
-        problem = self.problem
-        total = float(problem.weights @ problem.shares)
-        return float(problem.weights @ (point.s * point.lam)) / total if total > 0.0 else 0.0
+        total = self._total_share
+        return float(self.problem.weights @ (point.s * point.lam)) / total if total > 0.0 else 0.0
+
+    @property
+    def _total_share(self) -> float:
+        """Σ W ω."""
+        return float(self.problem.weights @ self.shares[: len(self.point.s)])
 
     def _in_neighbourhood(self, step: Step, length: float) -> float:
         """Shorten the step until no product is far below the others."""

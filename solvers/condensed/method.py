@@ -76,6 +76,7 @@ _ONE_START = 300  # iterations of one start
 _LAST = (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
 SYSTEMS: Final = ("auto", "dense", "sparse")
 _FORMS: Final[dict[SystemName, str]] = {"dense": "condensed", "sparse": "full"}  # of the result
+_SETTLED = 1e-7  # slack residual from which on friction has its own share, see `InteriorPoint.settle`
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
 
@@ -252,7 +253,7 @@ def _begin_near(run: _Run) -> bool | None:
     start_near(interior, run.problem.restricted(run.space.coordinates(start.z)), start)
     run.warm = all(_step_of(run) >= enough for enough in _FAR_ENOUGH)
     if not run.warm:
-        interior.point = elsewhere
+        interior.start_at(elsewhere.y)
     return run.warm
 
 
@@ -348,9 +349,14 @@ def _limit(run: _Run, measures: Measures) -> Status | None:
 
 
 def _prepare(run: _Run, measures: Measures) -> None:
-    """Sharpen the kink where it lags behind; take the larger Newton matrix once the smaller one spoils multipliers."""
+    """Friction's own share once slacks fit; a sharper kink where it lags behind; the larger matrix where it is needed.
+
+    The larger Newton matrix is taken once the smaller one spoils multipliers.
+    """
     run.force, run.last_gap = measures.force, measures.gap
     problem, interior = run.problem, run.interior
+    if run.path is None and measures.slack <= _SETTLED:
+        interior.settle()
     if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
         interior.sharpen()
     affordable = problem.system.last_digits and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE

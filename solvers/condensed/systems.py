@@ -30,6 +30,10 @@ the path often turns back where contact opens and friction is large."""
 MANY_POINTS_SHARES = (30.0, 1000.0, 1e4, 10.0)
 """The same where points are thousands: with larger ones slipping and opening walls take twice the iterations."""
 
+EARLY_SHARE = 1.0
+"""Where points are thousands, at most this much until slacks fit their tractions: pressures are rounded off as much as
+friction then, and beds open and slip without a step that is short."""
+
 SystemName: TypeAlias = Literal["dense", "sparse"]
 
 Solve: TypeAlias = Callable[[Vector], Vector]
@@ -143,6 +147,7 @@ class NewtonSystem(Protocol):
     patience : iterations without progress after which the central path is followed
     stragglers : share of slacks and multipliers that may not hold up all the others
     longest : step that is taken at most, of the way to the nearest bound
+    early_share : of friction at most, until slacks fit their tractions
     last_digits : whether forces have digits left where the gap is at its floor: iterations go on for them, and `saddle`
         can take its place
 
@@ -151,6 +156,7 @@ class NewtonSystem(Protocol):
     patience: int
     stragglers: float
     longest: float
+    early_share: float
     last_digits: bool
 
     def norm(self, force: Vector) -> float:
@@ -168,6 +174,7 @@ class DenseSystem:
     patience = 6
     stragglers = 0.0
     longest = 0.99  # beyond, forces lose digits on graded meshes
+    early_share = np.inf
     last_digits = True
 
     def __init__(self, S: Matrix) -> None:

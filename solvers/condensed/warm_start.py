@@ -24,6 +24,7 @@ GAP = 1e-5
 def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
     """Exchange the iterate of a method, already started, for one near a state with free trace coordinates y (k,)."""
     problem, split = interior.problem, len(interior.point.pull)
+    interior.settle()
     unit = problem.stress * interior.displacement * float(problem.weights.sum())
     products = GAP * unit / float(problem.weights @ problem.shares) * interior.shares
     kink = products[len(products) - split :]

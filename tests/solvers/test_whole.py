@@ -76,6 +76,7 @@ def test_few_bounds_do_not_hold_up_the_others(share, length, kept, monkeypatch):
     _, problem = posed(chain(1))
     interior = InteriorPoint(problem, 1.0)
     monkeypatch.setattr(problem.system, "stragglers", share, raising=False)
+    interior.settle()
     before = interior.point
     fall = before.s.copy()
     fall[0] *= 20.0
@@ -84,6 +85,24 @@ def test_few_bounds_do_not_hold_up_the_others(share, length, kept, monkeypatch):
     assert found == pytest.approx(length)
     assert interior.point.s[0] == pytest.approx(kept * before.s[0])
     assert interior.point.y == pytest.approx(before.y + length)
+
+
+@pytest.mark.parametrize("law", ["coulomb", "cap", "bilateral"])
+def test_friction_has_its_own_share_once_slacks_fit(law):
+    """Until then products are alike at all bounds. What kinks aim at stays when they no longer are."""
+    _, problem = posed(chain(1, **LAWS[law]))
+    interior = InteriorPoint(problem, 1.0)
+    shear, kinks = problem.shares > 1.0, slice(len(problem.shares), None)
+    early, before = interior.shares.copy(), interior.parameter()
+    assert early[: len(shear)] == pytest.approx(1.0)
+    interior.settle()
+    after = interior.parameter()
+    assert interior.shares[: len(shear)] == pytest.approx(problem.shares)
+    assert after * interior.shares[kinks] == pytest.approx(before * early[kinks])
+    assert problem.weights @ (interior.point.s * interior.point.lam - after * problem.shares) == pytest.approx(0.0)
+    kept = interior.shares.copy()
+    interior.settle()
+    assert interior.shares == pytest.approx(kept)
 
 
 def test_points_may_link_unknowns_that_k_does_not():
