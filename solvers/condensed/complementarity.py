@@ -31,7 +31,7 @@ from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.certificate import body_scales
 from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
-from solvers.condensed.systems import FRICTION_SHARES, Base, NewtonSystem, Space
+from solvers.condensed.systems import FRICTION_SHARES, Base, NewtonSystem, Shares, Space
 from solvers.inequality.blocks import Rows, add_product, dense, magnitudes, mapped, scaled, stacked
 from solvers.inequality.problem import FrictionQVI
 
@@ -51,7 +51,7 @@ class Complementarity:
     S : (k, k); c : (k,)
     B : (q, k) rows
     weights : (q,) W of each bound
-    shares : (q,) what s λ is on the central path, relative
+    early_shares, shares : (q,) what s λ is on the central path, relative, until slacks fit their tractions and after
     friction : (q,) mu where a bound depends on the pressure, else 0
     pressed : (q,) the normal bound of the pressure on which a bound depends, −1 without one
     coulomb : the bounds that depend on the pressure of a normal bound
@@ -64,9 +64,9 @@ class Complementarity:
     """
 
     def __init__(
-        self, qvi: FrictionQVI, space: Space, base: Base, stress: float, share: float = FRICTION_SHARES[0]
+        self, qvi: FrictionQVI, space: Space, base: Base, stress: float, shares: Shares = FRICTION_SHARES[0]
     ) -> None:
-        self._share = share
+        self._shares = shares
         self._qvi, self._space, self.stress = qvi, space, stress
         frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), space.E_T, qvi.W)
         self._equations = Equations.of(space.A, frictionless, space.size)
@@ -102,7 +102,7 @@ class Complementarity:
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
         self.weights: Vector = qvi.W[self._points]
         self.sizes: Vector = np.where(is_cap | (self._sign == 0.0), 1.0, 1.0 + mu)
-        self.shares: Vector = np.where(self._sign == 0.0, 1.0, self._share)
+        self.early_shares, self.shares = (np.where(self._sign == 0.0, 1.0, share) for share in self._shares)
         self.split: IntVector = np.flatnonzero(qvi.bilateral & (qvi.mu > 0.0) & ~qvi.frictionless)
         self.split_weights: Vector = qvi.W[self.split]
         self._rubs: IntVector = np.flatnonzero(rubs & qvi.bilateral[self._points])  # bounds of points in `split`

@@ -129,7 +129,7 @@ class InteriorPoint:
     Attributes
     ----------
     point : the iterate
-    shares : (q + b,) what the products are on the central path, over τ; until `settle` those of friction are smaller
+    shares : (q + b,) what the products are on the central path, over τ; other ones before `settle` than after
     settled : whether friction has its own share, and few bounds may be passed
     finest : gap below which τ is not made smaller
     least : that τ
@@ -150,7 +150,7 @@ class InteriorPoint:
         normal = problem.split_normal(y)
         smooth = np.hypot(normal, _SMOOTHEST * problem.stress)
         s = np.maximum(problem.slack(y, smooth), _START * problem.stress * problem.sizes)
-        early = np.minimum(problem.shares, problem.system.early_share)
+        early = problem.early_shares
         lam = _START * self.displacement * early / np.maximum(problem.sizes, s / problem.stress)
         self.point = Point(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
         self.shares, self.settled = np.concatenate([early, np.zeros(len(normal))]), False

@@ -43,7 +43,7 @@ from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
 from solvers.condensed.reduction import Reduction
-from solvers.condensed.systems import Base, Space, SystemName
+from solvers.condensed.systems import Base, Shares, Space, SystemName
 from solvers.condensed.warm_start import start_near
 from solvers.condensed.whole import Whole, obstacle
 from solvers.errors import InputError
@@ -200,7 +200,7 @@ def _restarted(first: _Run, tolerance: float) -> _Run:
         return first
     best, run, accuracy = first, first, _accuracy(first)
     shares = first.space.shares
-    others = [share for share in shares[1:] if share < shares[0] or not inexact]
+    others = [share for share in shares[1:] if share.late < shares[0].late or not inexact]
     for share in [shares[0], *others] if first.warm else others:
         if accuracy <= tolerance:
             break
@@ -226,12 +226,12 @@ def _accuracy(run: _Run) -> float:
     return certify(run.qvi, outcome.z, outcome.m_N, outcome.m_T, outcome.nu).accuracy
 
 
-def _start(qvi: FrictionQVI, space: Space, options: CondensedOptions, share: float | None = None) -> _Run:
+def _start(qvi: FrictionQVI, space: Space, options: CondensedOptions, shares: Shares | None = None) -> _Run:
     """Reduce about z = 0, and begin where the contact would be bonded."""
     base = space.base(np.zeros(qvi.n))
     bonded = space.bonded(base)
     stress = max(1e-300, *(float(np.abs(part).max(initial=0.0)) for part in space.tractions(base, bonded)))
-    problem = Complementarity(qvi, space, base, stress, share or space.shares[0])
+    problem = Complementarity(qvi, space, base, stress, shares or space.shares[0])
     stiffness = qvi.contact_stiffness
     interior = InteriorPoint(problem, stress / stiffness if stiffness > 0.0 else 1.0)
     interior.start_at(problem.restricted(bonded))

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -23,16 +23,28 @@ from solvers.inequality.blocks import Rows
 if TYPE_CHECKING:
     from solvers.condensed.complementarity import Complementarity
 
-FRICTION_SHARES = (1000.0, 100.0, 1e4, 10.0)
-"""s λ of friction bounds and caps over s λ of normal bounds on the central path, one after the other if need be: with 1
-the path often turns back where contact opens and friction is large."""
 
-MANY_POINTS_SHARES = (30.0, 1000.0, 1e4, 10.0)
-"""The same where points are thousands: with larger ones slipping and opening walls take twice the iterations."""
+class Shares(NamedTuple):
+    """s λ of friction bounds and caps over s λ of normal bounds on a central path.
 
-EARLY_SHARE = 1.0
-"""Where points are thousands, at most this much until slacks fit their tractions: pressures are rounded off as much as
-friction then, and beds open and slip without a step that is short."""
+    Attributes
+    ----------
+    early : until slacks fit their tractions
+    late : from there on
+
+    """
+
+    early: float
+    late: float
+
+
+FRICTION_SHARES = (Shares(30.0, 1000.0), Shares(100.0, 100.0), Shares(1e4, 1e4), Shares(10.0, 10.0))
+"""Tried one after the other if need be: with 1 to the end the path often turns back where contact opens and friction is
+large, and with 1000 from the start where rows are dense."""
+
+MANY_POINTS_SHARES = (Shares(1.0, 30.0), Shares(30.0, 1000.0), Shares(1e4, 1e4), Shares(10.0, 10.0))
+"""The same where points are thousands: pressures are rounded off as much as friction at first, and beds open and slip
+without a step that is short."""
 
 SystemName: TypeAlias = Literal["dense", "sparse"]
 
@@ -82,7 +94,7 @@ class Space(ABC):
     """
 
     name: ClassVar[SystemName]
-    shares: ClassVar[tuple[float, ...]]
+    shares: ClassVar[tuple[Shares, ...]]
     stiffness: Matrix | Sparse
     E: Rows
     A: Matrix
@@ -147,7 +159,6 @@ class NewtonSystem(Protocol):
     patience : iterations without progress after which the central path is followed
     stragglers : share of slacks and multipliers that may not hold up all the others
     longest : step that is taken at most, of the way to the nearest bound
-    early_share : of friction at most, until slacks fit their tractions
     last_digits : whether forces have digits left where the gap is at its floor: iterations go on for them, and `saddle`
         can take its place
 
@@ -156,7 +167,6 @@ class NewtonSystem(Protocol):
     patience: int
     stragglers: float
     longest: float
-    early_share: float
     last_digits: bool
 
     def norm(self, force: Vector) -> float:
@@ -174,7 +184,6 @@ class DenseSystem:
     patience = 6
     stragglers = 0.0
     longest = 0.99  # beyond, forces lose digits on graded meshes
-    early_share = np.inf
     last_digits = True
 
     def __init__(self, S: Matrix) -> None:

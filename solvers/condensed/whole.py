@@ -25,7 +25,7 @@ from numpy.linalg import LinAlgError
 from scipy.sparse import csc_array, csr_array, diags_array, eye_array, hstack, vstack
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
-from solvers.condensed.systems import EARLY_SHARE, MANY_POINTS_SHARES, Base, Solve, Space
+from solvers.condensed.systems import MANY_POINTS_SHARES, Base, Solve, Space
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.unsymmetric import Refactorisation
 from solvers.inequality.blocks import Rows
@@ -127,7 +127,6 @@ class SparseSystem:
     patience = 15  # close to the limit the gap hovers for a while and goes on
     stragglers = 0.02
     longest = 0.9999  # where nothing bends the way
-    early_share = EARLY_SHARE
     last_digits = False
 
     def __init__(self, whole: Whole, filling: "Filling") -> None:

@@ -26,6 +26,7 @@ from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint
 from solvers.condensed.method import CondensedOptions
 from solvers.condensed.reduction import Reduction
+from solvers.condensed.systems import Shares
 from solvers.inequality.blocks import dense as dense_rows
 from solvers.inequality.linear import interface_of
 from solvers.inequality.traces import trace_coordinates
@@ -289,9 +290,9 @@ def test_traces_reproduce_the_tractions(sides, joints):
 
 
 def at(problem):
-    """Complementarity and interior point of a body, as `solve_condensed` begins."""
+    """Complementarity and interior point of a body, as `solve_condensed` begins, with a share that leads into folds."""
     qvi = discretize(problem).fitted().qvi
-    run = module._start(qvi, Reduction(qvi), CondensedOptions())
+    run = module._start(qvi, Reduction(qvi), CondensedOptions(), Shares(1000.0, 1000.0))
     return run.problem, run.interior
 
 
