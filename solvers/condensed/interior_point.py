@@ -36,6 +36,7 @@ _ACCURATE = 1e-14  # the same, down to which it then is
 _GAIN = 0.02  # by which a corrector has to lengthen the step
 _HELD_UP = 0.7  # steps shorter than this go past the few bounds that stop them
 _FARTHER = 1.3  # if that makes them so much longer
+_RISE = 2.0  # of τ at most, in such a step
 _KEPT = 0.3  # of slacks and multipliers that are passed
 _MOST_CENTRING = 0.3  # of τ where steps may do so: at a turn for a few bounds τ would else stay where it is
 _PASSED_FROM = 10.0  # times the least τ, below which nothing is passed any more
@@ -221,13 +222,20 @@ class InteriorPoint:
         point = self.point
         falls = -step.relative_to(point)
         farther = min(1.0, _STEP / max(float(np.partition(falls, -1 - self._few)[-1 - self._few]), _LEAST))
-        if farther <= _FARTHER * length:
-            self.point = point.moved(step, length)
-            return length
-        moved = point.moved(step, farther)
+        while farther > _FARTHER * length:
+            passed = self._passed(step, farther)
+            if self._parameter(passed) <= _RISE * self.parameter():
+                self.point = passed
+                return farther
+            farther *= 0.5
+        self.point = point.moved(step, length)
+        return length
+
+    def _passed(self, step: Step, length: float) -> Point:
+        """The point a step further, where slacks and multipliers keep a share at least."""
+        point, moved = self.point, self.point.moved(step, length)
         pairs = ((moved.s, point.s), (moved.lam, point.lam), (moved.pull, point.pull), (moved.push, point.push))
-        self.point = Point(moved.y, *(np.maximum(after, _KEPT * before) for after, before in pairs))
-        return farther
+        return Point(moved.y, *(np.maximum(after, _KEPT * before) for after, before in pairs))
 
     @property
     def _few(self) -> int:

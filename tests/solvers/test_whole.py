@@ -89,6 +89,22 @@ def test_few_bounds_do_not_hold_up_the_others(share, length, kept, monkeypatch):
     assert interior.point.y == pytest.approx(before.y + length)
 
 
+@pytest.mark.parametrize(("growth", "expected"), [(1.0, 0.99), (1e4, 0.99 / 16.0)])
+def test_passing_few_bounds_does_not_open_the_gap(growth, expected, monkeypatch):
+    """One slack falls below zero, and its multiplier grows; the step is halved until τ has not doubled."""
+    _, problem = posed(chain(1))
+    interior = InteriorPoint(problem, 1.0)
+    interior.settle()
+    monkeypatch.setattr(problem.system, "stragglers", 0.05, raising=False)
+    point, before = interior.point, interior.parameter()
+    s, lam = -point.s, 0.0 * point.lam
+    s[0] *= 200.0
+    lam[0] = growth * point.lam[0]
+    found = interior._past_few(Step(0.0 * point.y, s, lam, 0.0 * point.pull, 0.0 * point.push), 0.00495)
+    assert found == pytest.approx(expected)
+    assert interior.parameter() <= 2.0 * before
+
+
 @pytest.mark.parametrize("law", ["coulomb", "cap", "bilateral"])
 def test_friction_has_another_share_once_slacks_fit(law):
     """Products start on the path of the early one; what kinks aim at stays."""
