@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
 _SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
 _MOST_SUBDIVISIONS: Final = 100  # of a cell: ten thousand quadrilaterals
-_NOT_STORED: Final = ("name", "ends", "pore_pressure", "rounding")  # of contacts, or not always
+_NOT_STORED: Final = ("name", "ends", "pore_pressure", "rounding", "senses")  # of contacts, or not always
 
 SUMMARY_VERSION: Final = 1
 """Grows when an entry of `summary` changes its meaning or goes away; new entries may come at any time."""
@@ -457,7 +457,7 @@ def _grid_arrays(result: ContactResult) -> dict[str, Any]:
 def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
     """Fields of every `ContactLine`, with its resultant forces; those of a fluid where there is one.
 
-    Where its edges lie is known from the mesh.
+    Where its edges lie, and in which sense they count, is known from the mesh.
     """
     names = [field.name for field in fields(ContactLine) if field.name not in _NOT_STORED]
     names += ["normal_force", "tangential_force"]
