@@ -30,9 +30,7 @@ _STEP = 0.99  # of the way to the nearest bound, at least
 _NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
 _SHORT = 0.1  # predictor steps shorter than this count little
 _CORRECTORS = 2
-_REFINEMENTS = 2  # of a step at most
-_INACCURATE = 1e-8  # residual of its equations, of their largest term, above which a step is refined
-_ACCURATE = 1e-14  # the same, down to which it then is
+_ENOUGH = (1e-8, 1e-14)  # residual of a step's equations, of their largest term: refined above one, then above the other
 _GAIN = 0.02  # by which a corrector has to lengthen the step
 _HELD_UP = 0.7  # steps shorter than this go past the few bounds that stop them
 _FARTHER = 1.3  # if that makes them so much longer
@@ -314,7 +312,7 @@ class Newton:
         y = self.solve(-force - problem.force(lam))
         s = -slack - self.rows @ y
         lam = (comp - self.point.lam * s) / self.point.s
-        for enough in [_INACCURATE] + (_REFINEMENTS - 1) * [_ACCURATE]:  # the elimination of s and λ loses digits where s is small
+        for enough in _ENOUGH:  # the elimination of s and λ loses digits where s is small
             terms = (problem.S @ y, problem.force(lam))
             left = -force - terms[0] - terms[1]
             if _largest(left) <= enough * max(_largest(term) for term in terms):
