@@ -290,7 +290,7 @@ class _Pairs:
         work = np.zeros((2, qvi.m))
         products = bernstein.product_integrals(q - 1, self.companion.degree)
         for line in self.lines:
-            local = c[:, line.start + line.trace.columns]
+            local = np.stack(line.trace.on_edges(*c[:, line.start : line.start + line.trace.count]))
             work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
         load = qvi.N.T @ work[0] + qvi.T.T @ work[1]
         x = self.model.solved(qvi.K, load[:, None])[:, 0]

@@ -138,7 +138,8 @@ class CompanionResult(Stated):
         moved = contacts.plates(state.plates)
         shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
         normal, tangential = trace.gap + moved[: contacts.count][chosen], trace.offset + moved[contacts.count :][chosen]
-        return normal[trace.columns] @ shape.T, tangential[trace.columns] @ shape.T
+        normal, tangential = trace.on_edges(normal, tangential)
+        return normal @ shape.T, tangential @ shape.T
 
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
@@ -151,7 +152,8 @@ class CompanionResult(Stated):
         n = state.contacts.count
         shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
         normal, tangential = state.c[:n][chosen], state.c[n:][chosen]
-        return normal[trace.columns] @ shape.T, tangential[trace.columns] @ shape.T
+        normal, tangential = trace.on_edges(normal, tangential)
+        return normal @ shape.T, tangential @ shape.T
 
     @cached_property
     def parts(self) -> CompanionParts:
@@ -230,7 +232,8 @@ class CompanionResult(Stated):
         slip = state.c[n:][chosen] - trace.offset
         if trace.bound is None:
             return float(np.sum(trace.weights * state.bound[chosen] * np.abs(slip)))
-        return float(trace.lengths @ bernstein.absolute_integrals(trace.bound, slip[trace.columns]))
+        along = trace.on_edges(slip, slip)[1]
+        return float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
 
     def _contact(self, trace: Trace) -> CompanionContact:
         _, chosen = self._trace(trace.name)

@@ -2,6 +2,8 @@
 
 On an edge the relative displacement is Σ c_i B_i. Each c is a coefficient of the body, or the difference of two on
 a joint, along the edge's normal or tangent; in a corner of the line, between edges of two directions, one for each.
+Tangents point to the right: where an arc goes straight up, those of its two edges lead against each other. c_T is one
+number there, along one of them, and counts with the other sign on the other edge.
 A plate driven by force adds its motion: then c is what the body moves beyond it. Forces z conjugate to c are
 
     z_i = ∫ σ B_i ds = W_i τ_i,   W_i = ∫ B_i ds,
@@ -37,6 +39,9 @@ _PLACES: FloatArray = np.concatenate([[0.0], bernstein.SAMPLES, [1.0]])
 _Frames: TypeAlias = tuple[FloatArray, FloatArray]
 """Normals and tangents at coefficients, (n, 2) each."""
 
+_OnEdges: TypeAlias = tuple[FloatArray, FloatArray]
+"""Normal and tangential coefficients on edges."""
+
 
 @dataclass(frozen=True, eq=False)
 class Trace:
@@ -50,6 +55,8 @@ class Trace:
         In the mesh's order.
     columns : (e, p + 1) int array
         Coefficients on each edge, numbers below n.
+    turned : (e, p + 1) array
+        −1 where c_T of a coefficient counts against the edge's tangent, else 1.
     places : (n, 2) array
         Where the coefficients sit.
     weights : (n,) array
@@ -79,6 +86,7 @@ class Trace:
     law: Law
     edges: Edges
     columns: IntArray
+    turned: FloatArray
     places: FloatArray
     weights: FloatArray
     normal: sparse.csr_array
@@ -105,6 +113,10 @@ class Trace:
         found = np.empty(self.count)
         found[self.columns] = values[:, None]
         return found
+
+    def on_edges(self, normal: FloatArray, tangential: FloatArray) -> _OnEdges:
+        """Coefficients (…, n) as those of each edge, (…, e, p + 1), tangential ones along the edge's own tangent."""
+        return normal[..., self.columns], self.turned * tangential[..., self.columns]
 
     @property
     def tied(self) -> BoolArray:
@@ -199,14 +211,15 @@ def _trace(
     columns = columns.reshape(near.shape)
     n, lengths = len(pairs), edges.length / scales.length
     normals, tangents = (_by_coefficient(columns, n, vectors) for vectors in frames)
+    turned = np.where((frames[1] * tangents[columns]).sum(axis=2) < 0.0, -1.0, 1.0)
     normal, tangential = (_rows(pairs, vectors, space.size, joint) for vectors in (normals, tangents))
     if edges.curved:
         bend = _Bend(edges, columns, pairs, p)
         normal, tangential = bend.rows(normal, edges.normal, joint), bend.rows(tangential, edges.tangent, joint)
     weights = _sums(columns, n, np.repeat(lengths[:, None] / (p + 1), p + 1, axis=1))
     reasons: list[str] = []
-    gap = _obstacle(problem, space, scales, contact, edges, columns, n, "gap", reasons)
-    offset = _obstacle(problem, space, scales, contact, edges, columns, n, "offset", reasons)
+    gap = _obstacle(problem, space, scales, contact, edges, columns, np.ones_like(turned), "gap", reasons)
+    offset = _obstacle(problem, space, scales, contact, edges, columns, turned, "offset", reasons)
     places = space.places[pairs[:, 0]]
     law = _law(problem, scales, contact, edges, columns, places, weights, lengths, p, bound, reasons)
     friction, cohesion, limit = law
@@ -214,7 +227,7 @@ def _trace(
     motions = _motions(problem, scales, contact, columns, places, (normals, tangents))
     moved = _moved(problem, scales, contact, columns, places, (normals, tangents))
     trace = Trace(
-        contact.name, contact.law, edges, columns, places, weights, normal, tangential,
+        contact.name, contact.law, edges, columns, turned, places, weights, normal, tangential,
         friction, cohesion, limit, gap, offset, fluid, bound, motions, moved, lengths,
     )  # fmt: skip
     return trace, reasons
@@ -296,19 +309,20 @@ def _obstacle(
     contact: Contact,
     edges: Edges,
     columns: IntArray,
-    n: int,
+    signs: FloatArray,
     kind: str,
     reasons: list[str],
 ) -> FloatArray:
-    """Coefficients (n,) of the gap or offset; at a jump between edges the smaller one."""
+    """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between edges the smaller one."""
     field: Field = getattr(contact, kind)
     data = edge_data(problem, edges, f"Contact.{kind}", field, space.degree, scales.displacement)
-    least = np.full(n, np.inf)
-    np.minimum.at(least, columns, data.coefficients)
+    coefficients = signs * data.coefficients
+    least = np.full(int(columns.max()) + 1, np.inf)
+    np.minimum.at(least, columns, coefficients)
     size = max(1.0, float(np.abs(least).max(initial=0.0)))
     misfit = data.misfit
     if contact.law != "unilateral" or kind == "offset":
-        misfit = max(misfit, float(np.abs(least[columns] - data.coefficients).max(initial=0.0)))
+        misfit = max(misfit, float(np.abs(least[columns] - coefficients).max(initial=0.0)))
     if misfit > MISFIT * size:
         reasons.append(
             f"The {kind} of {contact.name!r} is not a continuous polynomial of degree {space.degree} on each edge. "

@@ -1,5 +1,7 @@
 """Contacts on arcs: a rigid shaft in a ring, Hertz on a quarter of a disc, arcs too coarse for what they carry."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,9 @@ from qvi_contact import (
 )
 from qvi_contact.companion import solve_companion
 from qvi_contact.refinement.closer import _boundary_corners
+from qvi_contact.solution.contact_path import turning_senses
 from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, A, quarter
+from tests.qvi_contact.test_holes import polygon
 
 
 def ring(contact, other, **settings):
@@ -174,3 +178,53 @@ def test_high_degrees_where_much_is_open(around):
     result = solve(ContactProblem(mesh, Material(1.0, NU), [plug, *free]), degree=10, method="condensed")
     assert result.status.value == "solved"
     assert 0.1 < result.contacts["inner"].shares["open"] < 0.9
+
+
+def turn(angle):
+    """The matrix that turns vectors counterclockwise [°]."""
+    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    return np.array([[c, -s], [s, c]])
+
+
+def held_ring(contact, angle=0.0):
+    """A whole ring, turned, that is held outside; its bore is called "hole"."""
+    mesh = polygon(8, 1)
+    mesh = replace(mesh, vertices=mesh.vertices @ turn(angle).T)
+    mesh = mesh.with_arc("hole", (0.0, 0.0), 1.0).with_arc("outside", (0.0, 0.0), 2.0)
+    return ContactProblem(mesh, Material(1.0, NU), [contact, Displacement("outside", x=0.0, y=0.0)])
+
+
+@pytest.mark.parametrize("angle", [0.0, 10.0, 22.5, 90.0])
+def test_a_shaft_turns_in_a_rough_bore(angle):
+    """Slip is the same all around, also where the tangents of the bore turn back: work is friction times slip."""
+    bound, rotation = 0.02, 0.1
+    problem = held_ring(Contact("hole", 0.3, law="bilateral", plate=RigidPlate(rotation=rotation)), angle)
+    companion = solve_companion(problem, degree=4, bounds={"hole": np.full((8, 1), bound)})
+    senses = turning_senses(problem.mesh.vertices, problem.mesh.edges("hole"))
+    assert set(senses) == {-1.0, 1.0}
+    slip = bound * 0.75 * (1.0 + NU) - rotation  # held outside, twisted by friction
+    t = np.linspace(0.0, 1.0, 5)
+    np.testing.assert_allclose(senses[:, None] * companion.trace("hole", t)[1], slip, rtol=1e-3)
+    np.testing.assert_allclose(senses[:, None] * companion.obstacle("hole", t)[1], rotation, rtol=1e-12)
+    assert companion.parts.friction == pytest.approx(-2.0 * np.pi * bound * slip, rel=1e-4)
+    assert companion.contacts["hole"].tangential_force == pytest.approx(2.0 * np.pi * bound, rel=1e-9)
+
+
+def test_both_energies_in_a_round_bore_turn_with_it():
+    found = []
+    for angle in (0.0, 10.0, 90.0):
+        x, y = turn(angle) @ [0.03, 0.0]
+        pin = Contact("hole", 0.2, gap=-0.05, plate=RigidPlate(rotation=0.05, x=x, y=y))
+        bracket = solve(held_ring(pin, angle), degree=4).bracket
+        differences = bracket.force_differences["hole"]
+        found.append([bracket.lower, bracket.upper, bracket.own.energy, differences.normal, differences.tangential])
+    lower, upper, *_ = found[0]
+    assert lower < upper < lower + 0.01 * abs(lower)
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-7)
+
+
+def test_an_offset_along_tangents_that_turn_back_jumps():
+    """Displacements cannot follow it: the upper energy says so."""
+    (reason,) = solve_companion(held_ring(Contact.tied("hole", offset=0.1))).reasons
+    assert "0.2" in reason
+    assert solve_companion(held_ring(Contact.tied("hole", gap=0.1))).reasons == ()
