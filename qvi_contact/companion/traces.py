@@ -3,7 +3,8 @@
 On an edge the relative displacement is Σ c_i B_i. Each c is a coefficient of the body, or the difference of two on
 a joint, along the edge's normal or tangent; in a corner of the line, between edges of two directions, one for each.
 Tangents point to the right: where an arc goes straight up, those of its two edges lead against each other. c_T is one
-number there, along one of them, and counts with the other sign on the other edge.
+number there, along one of them, and counts with the other sign on the other edge. On a joint normals and sides of the
+edges change there as well, and c_T does not.
 A plate driven by force adds its motion: then c is what the body moves beyond it. Forces z conjugate to c are
 
     z_i = ∫ σ B_i ds = W_i τ_i,   W_i = ∫ B_i ds,
@@ -205,16 +206,15 @@ def _trace(
     joint = contact in problem.joints
     near = space.along(edges)
     far = space.along(edges, other=True) if joint else near
-    frames = frames_along(edges, np.linspace(0.0, 1.0, p + 1))
-    facing = _directions(frames[0].reshape(-1, 2))
-    pairs, columns = np.unique(np.stack([near.ravel(), far.ravel(), facing], axis=1), axis=0, return_inverse=True)
-    columns = columns.reshape(near.shape)
+    sides = np.where(near > far, -1.0, 1.0)
+    frames = [sides[..., None] * vectors for vectors in frames_along(edges, np.linspace(0.0, 1.0, p + 1))]
+    pairs, columns = _numbered(near, far, frames[0])
     n, lengths = len(pairs), edges.length / scales.length
     normals, tangents = (_by_coefficient(columns, n, vectors) for vectors in frames)
     turned = np.where((frames[1] * tangents[columns]).sum(axis=2) < 0.0, -1.0, 1.0)
     normal, tangential = (_rows(pairs, vectors, space.size, joint) for vectors in (normals, tangents))
     if edges.curved:
-        bend = _Bend(edges, columns, pairs, p)
+        bend = _Bend(edges, columns, sides, pairs, p)
         normal, tangential = bend.rows(normal, edges.normal, joint), bend.rows(tangential, edges.tangent, joint)
     weights = _sums(columns, n, np.repeat(lengths[:, None] / (p + 1), p + 1, axis=1))
     reasons: list[str] = []
@@ -231,6 +231,18 @@ def _trace(
         friction, cohesion, limit, gap, offset, fluid, bound, motions, moved, lengths,
     )  # fmt: skip
     return trace, reasons
+
+
+def _numbered(near: IntArray, far: IntArray, normals: FloatArray) -> tuple[IntArray, IntArray]:
+    """Coefficients of the body that make one of the contact, and where they are on edges: pairs (n, 3), (e, p + 1).
+
+    A pair has the smaller number first, and the number of a direction last. Where the normals of a joint turn back the
+    sides of its edges change: normals (e, p + 1, 2) that lead from the first of each pair do not.
+    """
+    facing = _directions(normals.reshape(-1, 2))
+    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), facing], axis=1)
+    found, columns = np.unique(pairs, axis=0, return_inverse=True)
+    return found, columns.reshape(near.shape)
 
 
 def _directions(vectors: FloatArray) -> IntArray:
@@ -259,6 +271,8 @@ class _Bend:
     ----------
     edges, columns, degree
         The edges, their coefficients (e, p + 1), and p.
+    sides : (e, p + 1) array
+        1 where the body's side of the edge is the first of a pair, −1 where it is the second.
     pairs : (n, 3) int array
         Coefficients of the body on both sides, see `_rows`.
 
@@ -266,13 +280,14 @@ class _Bend:
 
     edges: Edges
     columns: IntArray
+    sides: FloatArray
     pairs: IntArray
     degree: int
 
     def rows(self, straight: sparse.csr_array, vectors: FloatArray, joint: bool) -> sparse.csr_array:
         """Rows (n, size) along vectors (e, 2) of the chords, those inside arcs in the place of the given ones."""
         bent = np.flatnonzero(self.edges.bent)
-        factors = along_arcs(self.edges.take(bent), vectors[bent], self.degree)
+        factors = self.sides[bent, None, :, None] * along_arcs(self.edges.take(bent), vectors[bent], self.degree)
         columns = self.columns[bent]
         row = np.broadcast_to(columns[:, 1:-1, None, None], factors.shape)
         whole = np.ones(straight.shape[0])

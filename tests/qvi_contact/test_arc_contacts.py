@@ -228,3 +228,22 @@ def test_an_offset_along_tangents_that_turn_back_jumps():
     (reason,) = solve_companion(held_ring(Contact.tied("hole", offset=0.1))).reasons
     assert "0.2" in reason
     assert solve_companion(held_ring(Contact.tied("hole", gap=0.1))).reasons == ()
+
+
+@pytest.mark.parametrize("angle", [0.0, 10.0])
+def test_a_ring_turns_in_a_rough_ring(angle):
+    """A joint changes its sides where its tangents turn back: slip is the same there, and all of it bears friction."""
+    bound, radius = 0.01, np.sqrt(3.0)
+    mesh = polygon(12, 2, outer=3.0)
+    mesh = replace(mesh, vertices=mesh.vertices @ turn(angle).T)
+    mesh = mesh.with_joint("fit", lambda x, y: abs(np.hypot(x, y) - radius * np.cos(np.pi / 12.0)) < 1e-9)
+    for name, r in (("hole", 1.0), ("fit", radius), ("outside", 3.0)):
+        mesh = mesh.with_arc(name, (0.0, 0.0), r)
+    turned = Displacement("hole", x=lambda _, y: -0.1 * y, y=lambda x, _: 0.1 * x)
+    fit = Contact("fit", 0.3, law="bilateral")
+    problem = ContactProblem(mesh, Material(1.0, NU), [turned, fit, Displacement("outside", x=0.0, y=0.0)])
+    companion = solve_companion(problem, degree=4, bounds={"fit": np.full((12, 1), bound)})
+    slip = radius * (0.1 - 8.0 / 9.0 * (1.0 + NU) * bound * radius**2)  # both rings are twisted by friction
+    np.testing.assert_allclose(companion.trace("fit", np.linspace(0.0, 1.0, 5))[1], -slip, rtol=1e-3)
+    assert companion.contacts["fit"].tangential_force == pytest.approx(2.0 * np.pi * radius * bound, rel=1e-9)
+    assert companion.parts.friction == pytest.approx(2.0 * np.pi * radius * bound * slip, rel=1e-3)
