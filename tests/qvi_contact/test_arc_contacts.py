@@ -18,7 +18,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.companion import solve_companion
-from qvi_contact.refinement.closer import _boundary_corners
+from qvi_contact.refinement.closer import _boundary_corners, _changing_cells
 from qvi_contact.solution.contact_path import turning_senses
 from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, A, quarter
 from tests.qvi_contact.test_holes import polygon
@@ -221,6 +221,13 @@ def test_both_energies_in_a_round_bore_turn_with_it():
     lower, upper, *_ = found[0]
     assert lower < upper < lower + 0.01 * abs(lower)
     np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-7)
+
+
+def test_slip_all_around_a_bore_changes_nowhere():
+    """A closer look refines where slip changes its sense, not where tangents do."""
+    result = solve(held_ring(Contact("hole", 0.2, gap=-0.05, plate=RigidPlate(rotation=0.1))), degree=4)
+    assert result.contacts["hole"].shares["slip"] == pytest.approx(1.0)
+    assert len(_changing_cells(result.problem.mesh, result)) == 0
 
 
 def test_an_offset_along_tangents_that_turn_back_jumps():
