@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from qvi_contact.bracket import refined_where_apart
+    from qvi_contact.bracket import Branches, other_solutions, refined_where_apart
     from qvi_contact.companion import solve_companion
     from qvi_contact.discretization.discretization import Discretization, discretize
     from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from qvi_contact.verification.verification import verify_result
 
 _HOME = {
+    "Branches": "bracket",
     "Contact": "problem.conditions",
     "ContactLine": "solution.contact_line",
     "ContactProblem": "problem.problem",
@@ -81,6 +82,7 @@ _HOME = {
     "load_problem": "files.problem_file",
     "load_result": "files.stored",
     "loop_area": "solution.history",
+    "other_solutions": "bracket",
     "principal_stresses": "solution.stress",
     "read_sweep": "files.sweep_store",
     "refine": "refinement",
@@ -95,6 +97,7 @@ _HOME = {
 }
 
 __all__ = [
+    "Branches",
     "Contact",
     "ContactLine",
     "ContactProblem",
@@ -133,6 +136,7 @@ __all__ = [
     "load_problem",
     "load_result",
     "loop_area",
+    "other_solutions",
     "principal_stresses",
     "read_sweep",
     "refine",

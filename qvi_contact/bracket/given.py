@@ -75,7 +75,7 @@ def given_problem(result: ContactResult) -> GivenProblem:
         If the result has no stress state, or belongs to a step of a history.
 
     """
-    _check_no_history(result)
+    check_no_history(result)
     sliding = [contact for contact in result.problem.contacts if has_coulomb(contact)]
     sticking = bool(sliding) and all(_sticks(result, contact) for contact in sliding)
     known = result.discretization
@@ -106,7 +106,8 @@ def posed_strictly(known: Discretization, problem: ContactProblem) -> Discretiza
     )
 
 
-def _check_no_history(result: ContactResult) -> None:
+def check_no_history(result: ContactResult) -> None:
+    """Refuse the result of a step of a history."""
     known = result.discretization
     moved = any(
         not np.array_equal(rows.offset, offset) for rows, offset in zip(known.contacts, known.offsets(), strict=True)

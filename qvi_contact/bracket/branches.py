@@ -1,0 +1,158 @@
+"""Several solutions of one discrete problem, and which of them displacements on the same mesh confirm.
+
+For large friction the discrete problem may have several certified solutions. They are compared with the displacement
+model on the same mesh, under the same friction law, by the energy of what the strains differ,
+
+    d² = ∫ (cσ − ε(v)) : C : (cσ − ε(v)) dx / ∫ ε(v) : C : ε(v) dx.
+
+The one with the smallest d comes first. Displacements may have several solutions too: the comparison is an indication
+of the branch, and no proof.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.bracket.given import check_no_history
+from qvi_contact.bracket.parts import CellFields, bulk
+from qvi_contact.companion.result import CompanionResult
+from qvi_contact.companion.solver import solve_companion
+from qvi_contact.errors import InputError
+from qvi_contact.solution.result import ContactResult
+from solvers import Status
+from solvers.following import followed_solutions, traction_difference
+from solvers.solution.finish import WHAT_TO_DO
+
+
+@dataclass(frozen=True, eq=False)
+class Branches:
+    """Certified solutions of one discrete problem.
+
+    Attributes
+    ----------
+    results : tuple of ContactResult
+        All that were found, the one nearest to the displacement model first. If there are several, a remark of each
+        says so.
+    distances : tuple of float
+        d of each, see `other_solutions`; NaN without a displacement model.
+    companion : CompanionResult or None
+        The displacement model; None if there is nothing to choose from, or it cannot represent the problem.
+    message : str
+        What was found, one or more sentences.
+
+    """
+
+    results: tuple[ContactResult, ...]
+    distances: tuple[float, ...]
+    companion: CompanionResult | None
+    message: str
+
+    @property
+    def preferred(self) -> ContactResult:
+        """The result nearest to the displacement model; the one given, if there is none to compare with."""
+        return self.results[0]
+
+
+def other_solutions(result: ContactResult, *, time_limit: float | None = None) -> Branches:
+    """Look for other solutions of the discrete problem of a result, and prefer the one that displacements confirm.
+
+    Friction is followed to its value from 0.4, 0.6, 0.85 and 1.3 times that, in 3 to 20 steps. That takes about as
+    long as ten to thirty solves, and up to a hundred where the steps do not start near each other. Only certified
+    states count. If there are several, the displacement model is solved on the same mesh, and the results are sorted by
+
+        d² = ∫ (cσ − ε(v)) : C : (cσ − ε(v)) dx / ∫ ε(v) : C : ε(v) dx.
+
+    That no other solution was found does not prove that there is none.
+
+    Parameters
+    ----------
+    result : ContactResult
+        Solved.
+    time_limit : float, optional
+        Seconds for following the friction.
+
+    Returns
+    -------
+    Branches
+        At least with the result given.
+
+    Raises
+    ------
+    InputError
+        If the result is not solved, or belongs to a step of a history.
+
+    """
+    if not isinstance(result, ContactResult) or result.status is not Status.SOLVED:
+        raise InputError("result", result, "give a result whose status is solved")
+    check_no_history(result)
+    found = followed_solutions(result.solution, time_limit=time_limit)
+    if len(found) == 1:
+        return Branches((result,), (np.nan,), None, "No other solution was found by following the friction.")
+    results = [ContactResult(result.discretization, solution) for solution in found]
+    companion, reason = _companion(result)
+    distances = np.array([np.nan if companion is None else _distance(each, companion) for each in results])
+    order = np.argsort(distances, kind="stable")  # as they are, without a companion
+    results, distances = [results[i] for i in order], distances[order]
+    message = f"{_several(results)} {reason or _compared(distances)}"
+    told = [_with_remark(each, f"{message} {_place(i)}" if companion else message) for i, each in enumerate(results)]
+    return Branches(tuple(told), tuple(distances.tolist()), companion, message)
+
+
+def _companion(result: ContactResult) -> tuple[CompanionResult | None, str]:
+    """The displacement model under the laws of the contacts; or nothing, and why."""
+    reason = "No displacement model on this mesh confirms one of them"
+    try:
+        companion = solve_companion(result.problem)
+    except InputError as error:
+        return None, f"{reason}: {error}."
+    if companion.status is not Status.SOLVED:
+        return None, f"{reason}: {companion.message}"
+    return companion, ""
+
+
+def _distance(result: ContactResult, companion: CompanionResult) -> float:
+    """The d of a result."""
+    compliances = result.problem.compliances
+    fields = CellFields.of(result.discretization, result.dofs, companion.degree)
+    strain: FloatArray = companion.cell_strain(*fields.t[:, -2:].T)
+    apart = bulk(fields, compliances, strain).sum()
+    own = bulk(replace(fields, stress=np.zeros_like(fields.stress)), compliances, strain).sum()
+    return float(np.sqrt(apart / own)) if own > 0.0 else np.inf
+
+
+def _several(results: list[ContactResult]) -> str:
+    """How many solutions there are, and how far their tractions and forces differ."""
+    tractions = max(traction_difference(one.solution, other.solution) for one, other in combinations(results, 2))
+    forces = " and ".join(_force_range(results, name) for name in results[0].contacts)
+    return (
+        f"The discrete problem has several solutions: {len(results)} certified ones were found. Their contact "
+        f"tractions differ by up to {100.0 * tractions:.2g} % of the largest. The tangential force is {forces}."
+    )
+
+
+def _force_range(results: list[ContactResult], name: str) -> str:
+    forces = [result.contacts[name].tangential_force for result in results]
+    return f"{min(forces):.5g} to {max(forces):.5g} [stress × length] on {name!r}"
+
+
+def _compared(distances: FloatArray) -> str:
+    """How far all are from the displacement model, the nearest first."""
+    shares = ", ".join(f"{100.0 * distance:.2g} %" for distance in distances)
+    return (
+        f"Their strains differ from those of the displacement model on the same mesh by {shares}, in the energy norm."
+    )
+
+
+def _place(index: int) -> str:
+    """Which of them a result is."""
+    return "This one is the nearest." if index == 0 else "This one is not the nearest."
+
+
+def _with_remark(result: ContactResult, remark: str) -> ContactResult:
+    """The result with what was found in place of what its own solve had suspected."""
+    remarks = (f"{remark} {WHAT_TO_DO}",)
+    return ContactResult(result.discretization, replace(result.solution, remarks=remarks))
