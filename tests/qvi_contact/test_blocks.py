@@ -121,9 +121,11 @@ def test_slopes_that_are_none(wrong):
         jointed_slope(**wrong)
 
 
-@pytest.mark.parametrize("system", ["dense", "sparse"])
-def test_joints_that_open_have_forces_in_balance(system):
-    """Where a wall is soft little force out of balance is much stress: the method itself has to balance it."""
-    result = solve(masonry_wall(5, 5, [(3, 0, 2, 3)], friction=0.3), method="condensed", system=system)
+def test_joints_that_open_have_forces_in_balance():
+    """Where a wall is soft little force out of balance is much stress: the method itself has to balance it.
+
+    Sparse steps that compute multipliers from all of a step leave 3e-11 to 2e-10 here, by processor; added up, 5e-14.
+    """
+    result = solve(masonry_wall(5, 5, [(3, 0, 2, 3)], friction=0.3), method="condensed", system="sparse")
     assert result.status is Status.SOLVED
-    assert result.solution.certificate.measures["stationarity"] <= 1e-10
+    assert result.solution.certificate.measures["stationarity"] <= 1e-12
