@@ -52,12 +52,13 @@ nitpick_ignore_regex = [
     (r"py:.*", r"(numpy|np|scipy|matplotlib|click|collections|dataclasses|pathlib|typing|types|enum)(\..*)?"),
     (
         r"py:.*",
-        r"(Any|Array|ArrayLike|FloatArray|Axes|Console|DataFrame|PolyCollection|TriMesh|Figure|IO|Module|NDArray|Protocol|Self)",
+        r"(Any|Array|ArrayLike|FloatArray|IntArray|Axes|Console|DataFrame|Series|PolyCollection|TriMesh|Figure|IO|Module|NDArray|Protocol|Self)",
     ),
     (r"py:.*", r"(str|int|float|bool|None|object|tuple|list|dict|Path|Mapping|Sequence|Callable|Iterable|Iterator)"),
     (r"py:.*", "|".join(_ALIASES)),  # in a table of api/problem.md
     # parts that nobody outside needs
     (r"py:class", r"qvi_contact\.basics\.shown\.Rounding"),
+    (r"py:class", r"(Basis|ContactRows|Elimination|Energy|Parameter|PlateRows|Scales)"),
     (r"py:class", r"qvi_contact\.(discretization|element|files\.problem_document)\.(\w+\.)?\w+"),
     (r"py:class", r"qvi_contact\.(problem\.problem\.Prescribed|solution\.contact_path\.ContactPath)"),
     (r"py:class", r"qvi_contact\.companion\.(elasticity|space|state)\.\w+"),
