@@ -204,7 +204,11 @@ def _alive(monkeypatch):
         return found
 
     monkeypatch.setattr(step_store, "answer_from_archive", reading)
-    return counts
+    gc.freeze()  # only what is made from here on is looked through, not all that other tests have imported
+    try:
+        yield counts
+    finally:
+        gc.unfreeze()
 
 
 @pytest.fixture(name="stored")
