@@ -1,5 +1,6 @@
 """Quantities that several chapters compare."""
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,9 @@ _ENGINEERING: Final = Units(length="mm", stress="MPa")
 FORCE: Final = _ENGINEERING.engineering_force
 ENERGY: Final = _ENGINEERING.engineering_energy
 
+Stress = Callable[[FloatArray, FloatArray], FloatArray]
+"""σ_xx, σ_yy, σ_xy (…, 3) at points x, y (…)."""
+
 _POINTS = 60
 _MEASURED: Final = 0.3  # part of the peak above which pressures are compared with an ellipse
 
@@ -27,6 +31,17 @@ def stress_error(result: ContactResult, state: ExactState) -> float:
     x, y = scattered(result)
     exact = np.moveaxis(state.stress(x, y), 0, -1)
     return float(np.abs(result.stress(x, y) - exact).max() / np.abs(exact).max())
+
+
+def stress_deviation(result: ContactResult, exact: Stress) -> float:
+    """Error of σ in the mean square over the body, relative."""
+    known, mesh = result.discretization, result.problem.mesh
+    space, cells = known.space, np.arange(mesh.cell_count)
+    t, weights = space.cell_points, space.cell_measures(space.cell_points, space.cell_weights)
+    x, y = np.moveaxis(space.points(cells, t) * known.scales.length + mesh.origin, -1, 0)
+    found = space.stress(known.energy.coefficients(result.dofs), cells, t) * known.scales.stress
+    wanted, twice = exact(x, y), weights[..., None] * np.array([1.0, 1.0, 2.0])
+    return float(np.sqrt((twice * (found - wanted) ** 2).sum() / (twice * wanted**2).sum()))
 
 
 def energy_apart(one: ContactResult, other: ContactResult) -> float:

@@ -5,6 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from comparisons.verification.curved import lame, lame_energy
+from comparisons.verification.measures import stress_deviation
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -21,7 +23,7 @@ from qvi_contact.export import write_npz
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.files.problem_writer import problem_to_toml
 from qvi_contact.solution.stress import cell_weights
-from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, A, quarter
+from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, quarter
 
 
 def under_pressure(mesh, **inner):
@@ -37,28 +39,9 @@ def under_pressure(mesh, **inner):
     )
 
 
-def lame(x, y):
-    """σ_xx, σ_yy, σ_xy of unit pressure inside."""
-    square = x**2 + y**2
-    radial, hoop = A * (1.0 - OUTER**2 / square), A * (1.0 + OUTER**2 / square)
-    return (
-        np.stack([(radial * x**2 + hoop * y**2), (radial * y**2 + hoop * x**2), (radial - hoop) * x * y], axis=-1)
-        / np.asarray(square)[..., None]
-    )
-
-
-def energy():
-    return np.pi / 4.0 * INNER * WIDENED
-
-
 def errors(result):
     """Relative errors of the stress in the mean square, and of the energy."""
-    known = result.discretization
-    places, stress = result._gauss()
-    x, y = np.moveaxis(places * known.scales.length + result.problem.mesh.origin, -1, 0)
-    exact, weights = lame(x, y), cell_weights(known)[..., None] * [1.0, 1.0, 2.0]
-    wrong = stress * known.scales.stress - exact
-    return np.sqrt((weights * wrong**2).sum() / (weights * exact**2).sum()), result.energies.strain / energy() - 1.0
+    return stress_deviation(result, lame), result.energies.strain / lame_energy() - 1.0
 
 
 @pytest.mark.parametrize("degree", [3, 5])
