@@ -11,11 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import IntArray
 from qvi_contact.errors import InputError
+from qvi_contact.mechanism.bodies import blocks_of_cells
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
@@ -56,23 +55,12 @@ def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
     if not joints:
         return (Body(problem, {}),)
-    body = _numbers(problem, joints)
+    body = blocks_of_cells(problem)
     for joint in joints:
         near, far = problem.mesh.edges(joint.edges).cells.T
         if (body[near] == body[far]).any():
             raise InputError("Contact.edges", joint.name, "has one body on both sides: let it part two bodies")
     return tuple(_alone(problem, np.flatnonzero(body == number), joints) for number in range(int(body.max()) + 1))
-
-
-def _numbers(problem: ContactProblem, joints: tuple[Contact, ...]) -> IntArray:
-    """The number of the body each cell belongs to (cells,)."""
-    mesh = problem.mesh
-    whole = np.ones(len(mesh.interior), dtype=bool)
-    for joint in joints:
-        whole[mesh.joint_set(joint.edges)] = False
-    near, far = mesh.interior.take(whole).cells.T
-    graph = sparse.csr_array((np.ones(len(near)), (near, far)), shape=(mesh.cell_count, mesh.cell_count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]) -> Body:
