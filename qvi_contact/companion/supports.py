@@ -116,7 +116,7 @@ def supports(problem: ContactProblem, space: Space, scales: Scales) -> Supports:
     return Supports(index[order], values[order], Q, R, bool(axes or arcs), tuple(reasons))
 
 
-def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Given, list["_OnArcs"], list[str]]:
+def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Given, list[_OnArcs], list[str]]:
     """All conditions, in the order of the problem: those at coefficients, and those inside arcs along their frames."""
     arcs: list[_OnArcs] = []
     coefficients: list[IntArray] = [np.empty(0, dtype=np.int64)]
@@ -192,6 +192,8 @@ def _along_arcs(Q: sparse.csr_array, arcs: list[_OnArcs], degree: int) -> tuple[
     An arc with two conditions is listed twice, with the same rows. With v and w inside (i) and at both ends (e),
     w_i = A v_i + B v_e, so that v_i = A⁻¹ w_i − A⁻¹ B Q_e w.
     """
+    if not arcs:
+        return Q, sparse.csr_array(Q.T)
     inside, at_ends, A, B = _blocks(arcs, degree)
     size = Q.shape[0]
     keep = np.ones(size)
@@ -206,10 +208,7 @@ def _along_arcs(Q: sparse.csr_array, arcs: list[_OnArcs], degree: int) -> tuple[
 
 def _blocks(arcs: list[_OnArcs], degree: int) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
     """Degrees of freedom inside arcs (n, 2p − 2) and at their ends (n, 4), A and B; each arc once."""
-    inner, count = 2 * (degree - 1), sum(len(arc.edges) for arc in arcs)
-    if not count:
-        none = np.empty((0, inner), dtype=np.int64)
-        return none, none[:, :4], np.empty((0, inner, inner)), np.empty((0, inner, 4))
+    inner = 2 * (degree - 1)
     dofs = np.concatenate([2 * arc.numbers[:, :, None] + np.arange(2) for arc in arcs])
     rows = np.concatenate(
         [
