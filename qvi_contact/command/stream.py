@@ -1,4 +1,4 @@
-"""Sweeps whose rows go to a file, on the command line."""
+"""Sweeps whose rows go to a file, on the command line; what they need is loaded for them alone."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from qvi_contact.command.series import named_errors
 from qvi_contact.command.solve_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan
-from qvi_contact.files.sweep_store import StoredSweep, read_sweep
-from qvi_contact.solution.sweep_stream import stream_sweep
 
 if TYPE_CHECKING:
+    from qvi_contact.files.sweep_store import StoredSweep
     from qvi_contact.solution.sweep_rows import SweepRow
 
 
@@ -34,6 +33,8 @@ def streamed(
     file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, store: str, spread: dict[str, Any]
 ) -> StoredSweep:
     """The sweep of a file in a store, done as far as the time allows; `spread` are the workers."""
+    from qvi_contact.solution.sweep_stream import stream_sweep
+
     with named_errors(plan, file), solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
         for _ in range(_done(store)):
             advance()
@@ -67,6 +68,8 @@ def document(file: ProblemFile, sweep: StoredSweep) -> dict[str, Any]:
 
 def _done(store: str) -> int:
     """Values that are done already; none where the store is not one, which will be told."""
+    from qvi_contact.files.sweep_store import read_sweep
+
     try:
         return len(read_sweep(store).statuses)
     except InputError:
