@@ -13,11 +13,12 @@ so that two of them would write. It may be deleted when no run is at work.
 """
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final
 
+from qvi_contact.basics.writing import replacing, writable_folder
 from qvi_contact.errors import InputError
 
 SETTINGS: Final[tuple[str, ...]] = ("journal_mode = DELETE", "synchronous = EXTRA", "foreign_keys = ON")
@@ -47,6 +48,8 @@ class Database:
         Tells these files from others: the file's application_id.
     schema : int
         Version of the tables: the file's user_version.
+    tables : sequence of str
+        The statements that make them.
 
     Raises
     ------
@@ -55,24 +58,22 @@ class Database:
 
     """
 
-    def __init__(self, what: str, application: int, schema: int) -> None:
-        self._what, self._application, self._schema = what, application, schema
+    def __init__(self, what: str, application: int, schema: int, tables: Sequence[str]) -> None:
+        self._what, self._application, self._schema, self._tables = what, application, schema, tables
 
     @contextmanager
-    def locked(self, path: Path) -> Iterator[None]:
-        """Keep all other runs away from a file, which need not be there yet."""
-        target = path.resolve()
-        lock = target.with_name(f"{target.name}.lock")
-        try:
-            with closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
-                connection.execute("PRAGMA journal_mode = MEMORY")  # in a file, SIGKILL would leave it behind
-                connection.execute("BEGIN EXCLUSIVE")
-                yield
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
-                remedy = "another run is at work on it: wait until it has ended, or give another file"
-                raise InputError("store", str(path), remedy) from error
-            raise self._explanation(path, error) from error
+    def writing(self, path: Path, fill: Callable[[sqlite3.Connection], object]) -> Iterator[sqlite3.Connection]:
+        """A connection to a file, made if it is missing, while all other runs are kept away from it.
+
+        A new file gets its name when its tables are there, and what `fill` writes first.
+        """
+        writable_folder(path.parent, "store")
+        with self._locked(path):
+            if not path.exists():
+                with replacing(path) as temporary, self.opened(temporary) as connection:
+                    self._make(connection, fill)
+            with self.opened(path) as connection:
+                yield connection
 
     @contextmanager
     def opened(self, path: Path) -> Iterator[sqlite3.Connection]:
@@ -96,11 +97,6 @@ class Database:
         except sqlite3.Error as error:
             raise self._explanation(path, error) from error
 
-    def name(self, connection: sqlite3.Connection) -> None:
-        """Make a file one of these, inside a transaction."""
-        connection.execute(f"PRAGMA application_id = {self._application}")
-        connection.execute(f"PRAGMA user_version = {self._schema}")
-
     def check(self, connection: sqlite3.Connection, path: Path) -> None:
         """Refuse files of another kind or version."""
         ((pages,),) = connection.execute("PRAGMA page_count")
@@ -123,6 +119,32 @@ class Database:
     def damaged(self, path: Path) -> InputError:
         """The error about a file that holds nonsense."""
         return InputError("store", str(path), _REMEDIES[sqlite3.SQLITE_CORRUPT])
+
+    @contextmanager
+    def _locked(self, path: Path) -> Iterator[None]:
+        """Keep all other runs away from a file, which need not be there yet."""
+        target = path.resolve()
+        lock = target.with_name(f"{target.name}.lock")
+        try:
+            with closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
+                connection.execute("PRAGMA journal_mode = MEMORY")  # in a file, SIGKILL would leave it behind
+                connection.execute("BEGIN EXCLUSIVE")
+                yield
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
+                remedy = "another run is at work on it: wait until it has ended, or give another file"
+                raise InputError("store", str(path), remedy) from error
+            raise self._explanation(path, error) from error
+
+    def _make(self, connection: sqlite3.Connection, fill: Callable[[sqlite3.Connection], object]) -> None:
+        """Make an empty file one of these: all or nothing."""
+        connection.execute("BEGIN IMMEDIATE")
+        with connection:
+            connection.execute(f"PRAGMA application_id = {self._application}")
+            connection.execute(f"PRAGMA user_version = {self._schema}")
+            for statement in self._tables:
+                connection.execute(statement)
+            fill(connection)
 
     def _explanation(self, path: Path, error: sqlite3.Error) -> InputError:
         code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # without the extension

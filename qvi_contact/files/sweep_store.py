@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, get_args
 
 from qvi_contact.basics.database import Database
-from qvi_contact.basics.writing import replacing, writable_folder
 from qvi_contact.errors import InputError
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, overall_status
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from qvi_contact.basics.units import Units
-
-_DATABASE: Final = Database("the store of a sweep", 0x51564957, 1)  # "QVIW"
 
 SUMMARY_COLUMNS: Final = (
     "normal_force", "tangential_force", *(f"share_{state.name.lower()}" for state in ContactState),
@@ -52,6 +49,8 @@ _TABLES: Final = (
         FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number
     """,
 )
+_DATABASE: Final = Database("the store of a sweep", 0x51564957, 1, _TABLES)  # "QVIW"
+
 _RESULT: Final = "INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)"
 _CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
 _FAILED: Final = f"""
@@ -165,32 +164,15 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
     place = Path(path)
     if place.is_dir() or not place.name:
         raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
-    writable_folder(place.parent, "store")
-    with _DATABASE.locked(place):
-        if not place.exists():
-            with replacing(place) as temporary, _DATABASE.opened(temporary) as connection:
-                _make(connection, fingerprint, parameter, values)
-        with _DATABASE.opened(place) as connection:
-            _DATABASE.try_to_write(connection)
-            _, found, planned = _plan(connection, place)
-            if found != fingerprint:
-                if connection.execute("SELECT EXISTS (SELECT * FROM results)").fetchone() != (0,):
-                    remedy = (
-                        f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
-                    )
-                    raise InputError("store", str(path), remedy)
-                _take(connection, fingerprint, parameter, values)
-            yield SweepStore(place, connection)
-
-
-def _make(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> None:
-    """Fill an empty file with the tables and what is planned."""
-    connection.execute("BEGIN IMMEDIATE")
-    with connection:
-        _DATABASE.name(connection)
-        for statement in _TABLES:
-            connection.execute(statement)
-        _declare(connection, fingerprint, parameter, values)
+    with _DATABASE.writing(place, lambda empty: _declare(empty, fingerprint, parameter, values)) as connection:
+        _DATABASE.try_to_write(connection)
+        _, found, planned = _plan(connection, place)
+        if found != fingerprint:
+            if connection.execute("SELECT EXISTS (SELECT * FROM results)").fetchone() != (0,):
+                remedy = f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
+                raise InputError("store", str(path), remedy)
+            _take(connection, fingerprint, parameter, values)
+        yield SweepStore(place, connection)
 
 
 def _take(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> None:

@@ -18,13 +18,10 @@ from comparisons.lab.study.outcome import Outcome
 from comparisons.lab.study.plain import canonical
 from comparisons.lab.study.rows import Row, StoredStudy
 from qvi_contact.basics.database import Database
-from qvi_contact.basics.writing import replacing, writable_folder
 from qvi_contact.errors import InputError
 
 SCHEMA: Final = 1
 """Version of the tables, in the file's user_version."""
-
-_DATABASE: Final = Database("the store of a study", 0x51564953, SCHEMA)  # "QVIS"
 
 _TABLES: Final = (
     "CREATE TABLE study (declaration TEXT NOT NULL, began TEXT NOT NULL)",
@@ -35,6 +32,8 @@ _TABLES: Final = (
         finished TEXT NOT NULL, load_average REAL, environment INTEGER NOT NULL REFERENCES environments
     )""",
 )
+_DATABASE: Final = Database("the store of a study", 0x51564953, SCHEMA, _TABLES)  # "QVIS"
+
 _READ: Final = """
     SELECT position, key, "case", status, reason, result, certificate, seconds, finished, load_average, content
     FROM "rows" JOIN environments ON environment = number ORDER BY position
@@ -120,16 +119,11 @@ def writing(path: Path, study: Study) -> Iterator[Store]:
         If it cannot be written, is in use, damaged, or not a store of this study.
 
     """
-    writable_folder(path.parent, "store")
-    with _DATABASE.locked(path):
-        if not path.exists():
-            with replacing(path) as temporary, _DATABASE.opened(temporary) as connection:
-                _make(connection, study)
-        with _DATABASE.opened(path) as connection:
-            if not _is_of(connection, path, study):
-                _take(connection, study)
-            _DATABASE.try_to_write(connection)
-            yield Store(path, connection)
+    with _DATABASE.writing(path, lambda empty: _declare(empty, study)) as connection:
+        if not _is_of(connection, path, study):
+            _take(connection, study)
+        _DATABASE.try_to_write(connection)
+        yield Store(path, connection)
 
 
 def _is_of(connection: sqlite3.Connection, path: Path, study: Study) -> bool:
@@ -162,16 +156,6 @@ def _take(connection: sqlite3.Connection, study: Study) -> None:
     connection.execute("BEGIN IMMEDIATE")
     with connection:
         connection.execute("DELETE FROM study")
-        _declare(connection, study)
-
-
-def _make(connection: sqlite3.Connection, study: Study) -> None:
-    """Fill an empty file with the tables, and make it this study's."""
-    connection.execute("BEGIN IMMEDIATE")
-    with connection:
-        _DATABASE.name(connection)
-        for statement in _TABLES:
-            connection.execute(statement)
         _declare(connection, study)
 
 
