@@ -60,23 +60,21 @@ class Reduction(Space):
         """The reduced problem about z: one gradient and one forward elimination, at z = 0 those of a problem before."""
         qvi = self._qvi
         strain, gradient = qvi.state(z)
-        reduced, state, energy = self._eliminated(z, gradient) if z.any() else self._at_rest(gradient)
+        if z.any():
+            reduced, state = self._system.factor.reduce(-gradient)
+            energy = qvi.energy(z)  # the interior is in equilibrium there
+        else:
+            reduced, state, energy = self._at_rest(gradient)
         c = -self._scale * self._coordinates.from_unknowns(reduced)
         return Base(z, c, qvi.b - qvi.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state)
 
-    def _eliminated(self, z: Vector, gradient: Vector) -> tuple[Vector, State, float]:
-        """The interior eliminated, and the energy with y = 0: but for z = 0 the interior is in equilibrium at z."""
-        reduced, state = self._system.factor.reduce(-gradient)
-        resting = z if z.any() else self._system.factor.expand(state, np.zeros_like(reduced))
-        return reduced, state, self._qvi.energy(resting)
-
     def _at_rest(self, gradient: Vector) -> tuple[Vector, State, float]:
-        """The same at z = 0; friction, cohesion and caps change nothing in it."""
-        known = self._interface.at_rest
-        if known is None or known[0] is not self._qvi.potential:
-            known = self._interface.at_rest = (
-                self._qvi.potential, *self._eliminated(np.zeros(self._qvi.n), gradient)
-            )  # fmt: skip
+        """The interior eliminated at z = 0, and the energy with y = 0; friction, cohesion and caps change neither."""
+        qvi, factor, known = self._qvi, self._system.factor, self._interface.at_rest
+        if known is None or known[0] is not qvi.potential:
+            reduced, state = factor.reduce(-gradient)
+            energy = qvi.energy(factor.expand(state, np.zeros_like(reduced)))
+            known = self._interface.at_rest = (qvi.potential, reduced, state, energy)
         return known[1:]
 
     def move(self, base: Base, y: Vector) -> Vector:
