@@ -73,7 +73,7 @@ _HOPELESS = 0.3  # of the defect corrections' contraction
 _FAR_ENOUGH = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
 _TURNS = 12
 _ONE_START = 300  # iterations of one start
-_LAST = (Status.SOLVED, Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
+_LAST = (Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
 SYSTEMS: Final = ("auto", "dense", "sparse")
 _FORMS: Final[dict[SystemName, str]] = {"dense": "condensed", "sparse": "full"}  # of the result
 _SETTLED = 1e-7  # slack residual from which on friction has its own share, see `InteriorPoint.settle`
@@ -196,7 +196,8 @@ def _space(qvi: FrictionQVI, options: CondensedOptions) -> tuple[Space, str]:
 def _restarted(first: _Run, tolerance: float) -> _Run:
     """The usual start where an earlier answer led nowhere, then other central paths; the best by its certificate."""
     inexact = first.reason is Status.SOLVED and _residual(first) > _ENOUGH
-    if first.reason in _LAST and not inexact:
+    last = _LAST if inexact else (Status.SOLVED, *_LAST)
+    if first.reason in last:
         return first
     best, run, accuracy = first, first, _accuracy(first)
     shares = first.space.shares
@@ -213,7 +214,7 @@ def _restarted(first: _Run, tolerance: float) -> _Run:
         found = _accuracy(run)
         if found < accuracy:
             best, accuracy = run, found
-        if run.reason in _LAST and not (inexact and run.reason is Status.SOLVED):
+        if run.reason in last:
             break
     if run.reason is Status.TIME_LIMIT and not inexact:
         best.reason, best.message = run.reason, ""
