@@ -56,13 +56,18 @@ class Point:
     push: Vector
 
     @property
+    def positive(self) -> tuple[Vector, Vector, Vector, Vector]:
+        """All that must stay positive: s, λ, pull and push."""
+        return self.s, self.lam, self.pull, self.push
+
+    @property
     def products(self) -> Vector:
         """All s λ and pull push (q + b,)."""
         return np.concatenate([self.s * self.lam, self.pull * self.push])
 
     def moved(self, step: "Step", length: float) -> "Point":
         """The point a step further."""
-        here = (self.y, self.s, self.lam, self.pull, self.push)
+        here = (self.y, *self.positive)
         return Point(*(value + length * change for value, change in zip(here, step, strict=True)))
 
 
@@ -82,8 +87,8 @@ class Step(NamedTuple):
 
     def relative_to(self, point: Point) -> Vector:
         """Changes (2q + 2b,) of all that must stay positive, over their values."""
-        pairs = ((self.s, point.s), (self.lam, point.lam), (self.pull, point.pull), (self.push, point.push))
-        return np.concatenate([change / value for change, value in pairs])
+        changes = (self.s, self.lam, self.pull, self.push)
+        return np.concatenate([change / value for change, value in zip(changes, point.positive, strict=True)])
 
 
 class Residuals(NamedTuple):
@@ -231,8 +236,8 @@ class InteriorPoint:
 
     def _passed(self, step: Step, length: float) -> Point:
         """The point a step further, where slacks and multipliers keep a share at least."""
-        point, moved = self.point, self.point.moved(step, length)
-        pairs = ((moved.s, point.s), (moved.lam, point.lam), (moved.pull, point.pull), (moved.push, point.push))
+        moved = self.point.moved(step, length)
+        pairs = zip(moved.positive, self.point.positive, strict=True)
         return Point(moved.y, *(np.maximum(after, _KEPT * before) for after, before in pairs))
 
     @property
