@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from comparisons.lab.report import drawn
+from comparisons.lab.report.drawing import drawn, grid
 from comparisons.peers.measures import OTHERS, Reference, by_friction, slug
 from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED, TRIANGLES
@@ -116,7 +116,7 @@ def _panels(panels: Panels, draw: "Callable[[Axes, DataFrame], None]", *, shared
 def _finish(axes: "Axes", title: str) -> None:
     axes.set_title(title, fontsize=9)
     axes.xaxis.set_tick_params(labelbottom=True)
-    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
+    grid(axes)
     axes.set_axisbelow(True)
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.43, -0.17), ncols=_COLUMNS, fontsize=7,

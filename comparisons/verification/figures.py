@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any, Final
 
+from comparisons.lab.report.drawing import grid, legend_below
 from comparisons.verification.row import Kind
 from comparisons.verification.tables import problems_of
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
@@ -39,7 +40,7 @@ def overview(document: Document) -> "Figure":
     axes.set_yticks(range(len(problems)), [problem["name"] for problem in problems])
     axes.set_ylim(len(problems) - 0.5, -0.5)
     axes.set_xlabel("error / tolerance [-]; marks on the edges lie on or beyond them")
-    axes.grid(visible=True, axis="both", color="#dddddd", linewidth=0.5)
+    grid(axes)
     axes.set_axisbelow(True)
     figure.legend(loc="outside upper center", ncols=6, frameon=False)
     return figure
@@ -60,9 +61,9 @@ def conservation(document: Document) -> "Figure":
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel("imbalance / forces [-]")
-    axes.grid(visible=True, axis="both", color="#dddddd", linewidth=0.5)
+    grid(axes)
     axes.set_axisbelow(True)
-    figure.legend(loc="outside lower center", ncols=2, frameon=False)
+    legend_below(figure, 2, 9)
     return figure
 
 

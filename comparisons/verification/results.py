@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from comparisons.lab.report import drawn
+from comparisons.lab.report.drawing import drawn, grid, legend_below
 from comparisons.verification.elements import TRIANGLES
 from comparisons.verification.examples import file_problem
 from comparisons.verification.limits import oblique, on_a_slope, slope_factor
@@ -104,9 +104,9 @@ def figure(graph: Graph) -> "Figure":
         _marks(axes, curve, colour, marker)
     axes.set_xlabel(graph.x)
     axes.set_ylabel(graph.y)
-    axes.grid(visible=True, color="#dddddd", linewidth=0.5)
+    grid(axes)
     axes.set_axisbelow(True)
-    found.legend(loc="outside lower center", ncols=1, frameon=False, fontsize=9)
+    legend_below(found, 1, 9)
     return found
 
 
