@@ -21,7 +21,7 @@ def crossing(law="unilateral"):
 
 
 def rank(matrix):
-    return int(np.linalg.matrix_rank(matrix, rtol=1e-9)) if matrix.size else 0
+    return int(np.linalg.matrix_rank(matrix, tol=1e-9 * np.linalg.norm(matrix, 2))) if matrix.size else 0
 
 
 PROBLEMS = {
