@@ -21,7 +21,7 @@ _MORE: Final = 6  # Gauss points beside the coefficients: digits of ∫ cos θ w
 
 def angles(bend: FloatArray, t: FloatArray) -> FloatArray:
     """θ of edges with bends (n, k) at shares t, (q,) or (n, q), of their lengths; shape (n, q)."""
-    return _angles(bend, np.broadcast_to(t, (len(bend), np.shape(t)[-1])))
+    return polynomials(bend, 2.0 * np.broadcast_to(t, (len(bend), np.shape(t)[-1])) - 1.0)
 
 
 def stretches(bend: FloatArray) -> FloatArray:
@@ -84,6 +84,11 @@ def coefficients(values: FloatArray) -> FloatArray:
     return np.asarray(values @ project)
 
 
+def polynomials(terms: FloatArray, x: FloatArray) -> FloatArray:
+    """Polynomials by coefficients of Legendre (n, k) at x (n, q), −1 to 1."""
+    return np.asarray(legval(x, terms.T[:, :, None], tensor=False))
+
+
 def turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     """Vectors (..., 2) turned counterclockwise by angles (...) [rad]."""
     cosine, sine = np.cos(angle), np.sin(angle)
@@ -103,11 +108,7 @@ def _from_first(bend: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray
     nodes, weights = gauss(bend.shape[1] + _MORE)
     at = t[bent]
     between = at[:, :, None] * nodes
-    angle = _angles(bend[bent], between.reshape(len(bent), at.shape[1] * len(nodes))).reshape(between.shape)
+    angle = angles(bend[bent], between.reshape(len(bent), at.shape[1] * len(nodes))).reshape(between.shape)
     along[bent] = at * (np.cos(angle) @ weights)
     across[bent] = at * (np.sin(angle) @ weights)
     return along, across
-
-
-def _angles(bend: FloatArray, t: FloatArray) -> FloatArray:
-    return np.asarray(legval(2.0 * t - 1.0, bend.T[:, :, None], tensor=False))

@@ -9,12 +9,12 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.polynomial.legendre import legder, legint, legval
+from numpy.polynomial.legendre import legder, legint
 from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, positive_number, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.arcs import arc_offsets, coefficients, cross, gauss, levelled, turned
+from qvi_contact.mesh.arcs import arc_offsets, coefficients, cross, gauss, levelled, polynomials, turned
 from qvi_contact.mesh.circles import ROUNDING
 from qvi_contact.mesh.curves import Curve
 
@@ -174,23 +174,18 @@ def _by_length(slopes: FloatArray, t: FloatArray) -> FloatArray:
     nodes = np.tile(2.0 * gauss(_POINTS)[0] - 1.0, (len(slopes), 1))
     speed = coefficients(np.hypot(*np.moveaxis(_at(slopes, nodes), -1, 0)))
     lengths = np.asarray(legint(speed, axis=1, lbnd=-1), dtype=np.float64)
-    wanted = t * _polynomial(lengths, np.ones((len(slopes), 1)))
+    wanted = t * polynomials(lengths, np.ones((len(slopes), 1)))
     found = np.tile(2.0 * t - 1.0, (len(slopes), 1))
     for _ in range(_STEPS):
-        rate = _polynomial(speed, found)
-        step = (_polynomial(lengths, found) - wanted) / np.where(rate != 0.0, rate, 1.0)
+        rate = polynomials(speed, found)
+        step = (polynomials(lengths, found) - wanted) / np.where(rate != 0.0, rate, 1.0)
         found = np.clip(found - step, -1.0, 1.0)
     return found
 
 
 def _at(curves: FloatArray, x: FloatArray) -> FloatArray:
     """Curves by coefficients of Legendre (k, 2, n) at x (k, q), −1 to 1; shape (k, q, 2)."""
-    return np.stack([_polynomial(curves[:, axis], x) for axis in (0, 1)], axis=-1)
-
-
-def _polynomial(terms: FloatArray, x: FloatArray) -> FloatArray:
-    """Polynomials by coefficients of Legendre (k, n) at x (k, q), −1 to 1."""
-    return np.asarray(legval(x, terms.T[:, :, None], tensor=False))
+    return np.stack([polynomials(curves[:, axis], x) for axis in (0, 1)], axis=-1)
 
 
 def _without_rounding(terms: FloatArray, rounding: FloatArray) -> FloatArray:
