@@ -35,11 +35,11 @@ def refuse_bad_arcs(
     arcs: Sequence[AnyArc], bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology
 ) -> None:
     """`InputError` where an edge is on two arcs, turns too far for one, or bends too far for its triangle."""
-    numbers = np.concatenate([topology.number(arc.edges, len(vertices)) for arc in arcs])
+    numbers = np.sort(np.concatenate([topology.number(arc.edges, len(vertices)) for arc in arcs]))
     twice = np.flatnonzero(np.bincount(numbers, minlength=len(bends)) > 1)
     if len(twice):
         _refuse(vertices, topology, int(twice[0]), "lies on two arcs: give it one")
-    long = np.flatnonzero(np.ptp(angles(bends, _PLACES), axis=1) > _WIDEST)
+    long = numbers[np.ptp(angles(bends[numbers], _PLACES), axis=1) > _WIDEST]
     if len(long):
         _refuse(vertices, topology, int(long[0]), "turns by more than 90°: divide the triangles there")
     bent = np.argwhere(bent_too_far(bends, vertices, cells, topology))
