@@ -174,7 +174,7 @@ def _on(given: Sequence[PrescribedTraction], *, arcs: bool) -> list[PrescribedTr
     """What is prescribed on edges that are arcs, or on those that are not."""
     if not any(part.edges.curved for part in given):
         return [] if arcs else list(given)
-    found = [part.take((part.edges.bent) == arcs) for part in given]
+    found = [part.take(part.edges.bent == arcs) for part in given]
     return [part for part in found if len(part.edges)]
 
 
