@@ -93,8 +93,7 @@ def _changing_cells(mesh: TriangleMesh, result: ContactResult) -> IntArray:
 
 def _changing(edges: Edges, line: ContactLine, unit: float) -> BoolArray:
     """Which edges (n,) of a contact hold, or meet in, a change of state; slip to either side is a state of its own."""
-    shear = np.repeat(np.broadcast_to(line.senses, len(edges)), line.points_per_edge) * line.tangential_stress
-    leftward = (line.state == ContactState.SLIP) & (shear < -_NOISE * unit)
+    leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
     state = np.where(leftward, _LEFTWARD, line.state).reshape(len(edges), -1)
     at_ends = np.concatenate([state[:, 0], state[:, -1]])
     vertex, inverse = np.unique(np.concatenate([edges.first, edges.second]), return_inverse=True)

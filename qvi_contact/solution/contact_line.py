@@ -164,8 +164,13 @@ class ContactLine:
         the tangent. Where they turn back, as in a round bore, it is that of the sense counterclockwise around the
         middle of the contact: on a full circle of the radius r the shear has the moment r T about its centre.
         """
+        return float(self.weights @ self.counted_shear)
+
+    @property
+    def counted_shear(self) -> FloatArray:
+        """± σ_T (m,) [stress], in the sense in which it counts for the tangential force."""
         senses = np.broadcast_to(self.senses, len(self.ends))
-        return float(self.weights @ (np.repeat(senses, self.points_per_edge) * self.tangential_stress))
+        return np.repeat(senses, self.points_per_edge) * self.tangential_stress
 
     @property
     def shown_forces(self) -> tuple[str, str]:
