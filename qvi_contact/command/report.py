@@ -1,7 +1,6 @@
 """Results and problems as plain text for a terminal."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import astuple
 from typing import Any
 
 from qvi_contact.basics.shown import Rounding, shown
@@ -9,7 +8,7 @@ from qvi_contact.basics.units import Units
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 from qvi_contact.solution.history import History
-from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.result import ContactResult, plate_numbers
 from qvi_contact.verification.verification import Verification
 
 _STATES = [state.name.lower() for state in ContactState]
@@ -113,11 +112,6 @@ def plate_headings(units: Units) -> list[str]:
     length, force = units.displacement, units.engineering_force
     turned, moment = "turned [rad]", f"moment [{units.engineering_moment}]"
     return [f"moved x [{length}]", f"moved y [{length}]", turned, f"F_x [{force}]", f"F_y [{force}]", moment]
-
-
-def plate_numbers(result: ContactResult, name: str) -> tuple[float, ...]:
-    """Motion, force and moment of a plate."""
-    return (*astuple(result.plates[name]), *astuple(result.plate_force(name)))
 
 
 def _plate(step: ContactResult, name: str, least: Rounding) -> list[str]:

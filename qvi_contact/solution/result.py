@@ -542,7 +542,7 @@ class ContactResult(Stated):
 
 def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
     """The columns of `ContactResult.forces_frame` by the name of the contact; those of plates where it has one."""
-    return {name: line.summary() | _plate_numbers(result, name) for name, line in result.contacts.items()}
+    return {name: line.summary() | _plate_columns(result, name) for name, line in result.contacts.items()}
 
 
 def completed(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -559,11 +559,13 @@ def forces_units(units: Units | None) -> dict[str, str]:
     return {**summary_units(units), **of_plates}
 
 
-def _plate_numbers(result: ContactResult, name: str) -> dict[str, float]:
-    if name not in result.plates:
-        return {}
-    values = (*astuple(result.plates[name]), *astuple(result.plate_force(name)))
-    return dict(zip(PLATE_COLUMNS, values, strict=True))
+def plate_numbers(result: ContactResult, name: str) -> tuple[float, ...]:
+    """Motion, force and moment of a plate or pin by the name of its contact, as in `PLATE_COLUMNS`."""
+    return (*astuple(result.plates[name]), *astuple(result.plate_force(name)))
+
+
+def _plate_columns(result: ContactResult, name: str) -> dict[str, float]:
+    return dict(zip(PLATE_COLUMNS, plate_numbers(result, name), strict=True)) if name in result.plates else {}
 
 
 def overall_status(statuses: Sequence[Status], planned: int) -> Status:

@@ -7,9 +7,9 @@ import numpy as np
 
 from qvi_contact.basics.shown import Rounding, shown
 from qvi_contact.basics.units import Units
-from qvi_contact.command.report import plate_limits, plate_numbers
+from qvi_contact.command.report import plate_limits
 from qvi_contact.solution.contact_line import ContactLine
-from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.result import ContactResult, plate_numbers
 
 
 def number(value: float, digits: int = 5, least: float = 0.0) -> str:
