@@ -18,7 +18,7 @@ from qvi_contact import (
 from qvi_contact.basics.shown import Rounding, shown
 from qvi_contact.bracket import bracket
 from qvi_contact.bracket import document as bracket_document
-from qvi_contact.command.page.numbers import contact_rows, resultant_rows, step_rows
+from qvi_contact.command.page.numbers import contact_rows, resultant_rows, step_tables
 from qvi_contact.command.report import history_lines, result_lines
 from qvi_contact.files.export import summary
 from qvi_contact.units import Units
@@ -80,7 +80,7 @@ def test_tables_of_load_steps(squeezed):
     lines = "\n".join(history_lines(history, (0.0, 1.0), UNITS))
     assert not tiny(lines)
     assert "energy lost in friction: 0 N mm/mm" in lines
-    assert [row[3] for row in step_rows(history.steps, (0.0, 1.0))] == ["0", "0"]
+    assert [row[3] for row in step_tables(history.steps, (0.0, 1.0))[0]] == ["0", "0"]
 
 
 def test_sentences_carry_the_unit():

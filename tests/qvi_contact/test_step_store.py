@@ -23,7 +23,7 @@ from qvi_contact import (
     solve_history,
 )
 from qvi_contact.cli import group
-from qvi_contact.command.page.numbers import step_rows
+from qvi_contact.command.page.numbers import step_tables
 from qvi_contact.files import step_store
 from qvi_contact.files.archive import OWN, write_archive
 from qvi_contact.files.stored import answer_from_archive
@@ -225,7 +225,7 @@ def test_the_picture_keeps_no_step(stored, alive):
 
 
 def test_the_page_reads_each_step_once(stored, alive):
-    assert len(step_rows(stored.steps, PATH)) == len(STEPS)
+    assert len(step_tables(stored.steps, PATH)[0]) == len(STEPS)
     assert len(alive) <= len(STEPS)
     assert max(alive) <= 3
 

@@ -57,49 +57,36 @@ def resultant_headings(units: Units) -> list[str]:
     return ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
 
 
-def step_rows(steps: Sequence[ContactResult], values: Sequence[float]) -> list[list[str]]:
-    """Time or value, status and forces of each result of a series."""
+def step_tables(
+    steps: Sequence[ContactResult], values: Sequence[float]
+) -> tuple[list[list[str]], dict[str, list[list[str]]]]:
+    """Time or value, status and forces of each result of a series; and the same with the numbers of each plate."""
     read = [_read(step) for step in steps]  # once: those of a store are files
-    least = Rounding.largest(rounding for _, _, rounding in read)
-    return [
-        [f"{value:.6g}", status, *_numbers(least.force, *forces)]
-        for value, (status, forces, _) in zip(values, read, strict=False)
-    ]
+    least = Rounding.largest(rounding for *_, rounding in read)
+    limits = plate_limits(least)
+    forces: list[list[str]] = []
+    plates: dict[str, list[list[str]]] = {name: [] for name in read[0][2]}
+    for value, (status, of_contacts, of_plates, _) in zip(values, read, strict=False):
+        first = [f"{value:.6g}", status]
+        forces.append([*first, *_numbers(least.force, *of_contacts)])
+        for name, found in of_plates.items():
+            plates[name].append([*first, *(_plate(found, limits) if found else [])])
+    return forces, plates
 
 
-def _read(step: ContactResult) -> tuple[str, list[float], Rounding]:
-    """Status, forces of all contacts, and the rounding of a step."""
+def _read(step: ContactResult) -> tuple[str, list[float], dict[str, tuple[float, ...]], Rounding]:
+    """Status, forces of all contacts, what there is of each plate, and the rounding of a step."""
     lines = step.contacts.values() if step.has_state else ()
     forces = [force for line in lines for force in (line.normal_force, line.tangential_force)]
-    return str(step.status), forces, step.discretization.scales.rounding
+    names = [contact.name for contact in step.problem.contacts if contact.plate is not None]
+    plates = {name: plate_numbers(step, name) if step.has_state else () for name in names}
+    return str(step.status), forces, plates, step.discretization.scales.rounding
 
 
 def plate_rows(result: ContactResult) -> list[list[str]]:
     """Motion, force and moment of each plate or pin."""
     limits = plate_limits(result.discretization.scales.rounding)
     return [[name, *_plate(plate_numbers(result, name), limits)] for name in result.plates]
-
-
-def plate_steps(steps: Sequence[ContactResult], values: Sequence[float]) -> dict[str, list[list[str]]]:
-    """The same of each plate in each result of a series, with its time or value and status; none without plates."""
-    names = [contact.name for contact in steps[0].problem.contacts if contact.plate is not None]
-    if not names:
-        return {}
-    read = [_read_plates(step, names) for step in steps]  # each once: those of a store are files
-    limits = plate_limits(Rounding.largest(least for _, _, least in read))
-    return {
-        name: [
-            [f"{value:.6g}", status, *(_plate(plates[name], limits) if plates else [])]
-            for value, (status, plates, _) in zip(values, read, strict=False)
-        ]
-        for name in names
-    }
-
-
-def _read_plates(step: ContactResult, names: Sequence[str]) -> tuple[str, dict[str, tuple[float, ...]], Rounding]:
-    """Status, what there is of each plate, and the rounding of a step."""
-    found = {name: plate_numbers(step, name) for name in names} if step.has_state else {}
-    return str(step.status), found, step.discretization.scales.rounding
 
 
 def _plate(values: Sequence[float], limits: Sequence[float]) -> list[str]:

@@ -20,10 +20,9 @@ from qvi_contact.command.page.numbers import (
     contact_rows,
     number,
     plate_rows,
-    plate_steps,
     resultant_headings,
     resultant_rows,
-    step_rows,
+    step_tables,
 )
 from qvi_contact.command.refine_line import headings, rows, trust
 from qvi_contact.command.report import plate_headings
@@ -99,6 +98,7 @@ def result_page(
     shown = _shown(result, bracket, file.units) if result.has_state else {"field": None, "contacts": [], "tables": []}
     figure = problem_figure(result.problem, file.units) if result.has_state else result_figure(result, file.units)
     names = [contact.name for contact in result.problem.contacts]
+    forces, plates = step_tables(steps, series.values) if series is not None and len(steps) > 1 else ([], {})
     text: str = page_template("qvi_contact.command.page").render(
         title=file.title or "Contact problem",
         paragraphs=[part for part in file.description.split("\n\n") if part.strip()],
@@ -110,11 +110,11 @@ def result_page(
         bracket=bracket,
         missing=missing,
         refinement=None if refinement is None else _refinement(refinement, file.units),
-        steps=step_rows(steps, series.values) if series is not None and len(steps) > 1 else [],
+        steps=forces,
         step_label="t" if series is None else series.label,
         problem=_picture(figure, "problem", "The problem: mesh, loads, contacts"),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
-        plate_steps=plate_steps(steps, series.values) if series is not None and len(steps) > 1 else {},
+        plate_steps=plates,
         plate_headings=plate_headings(file.units),
         step_headings=[f"{force} {name}" for name in names for force in "NT"],
         contact_data=[contact["data"] for contact in shown["contacts"]],
