@@ -28,7 +28,7 @@ def refined(
 
 def document(found: Outcome, units: Units) -> dict[str, Any]:
     """Outcome and rounds for programs: numbers that are not finite are None, errors are relative."""
-    unit = quantity_unit(found, units)
+    unit = unit_of(found.quantity, units)
     return {
         "status": found.status.value,
         "quantity": found.quantity,
@@ -65,7 +65,7 @@ def lines(found: Refinement, units: Units) -> Iterator[str]:
 
 def headings(found: Refinement, units: Units) -> list[str]:
     """Headings of `rows`."""
-    return ["round", "cells", "unknowns", f"{found.quantity} [{quantity_unit(found, units)}]", "relative error", ""]
+    return ["round", "cells", "unknowns", f"{found.quantity} [{unit_of(found.quantity, units)}]", "relative error", ""]
 
 
 def rows(found: Refinement) -> list[list[str]]:
@@ -87,7 +87,7 @@ def trust(found: Refinement, units: Units) -> str:
     """Whether the last error is a bound, in a sentence."""
     if not math.isfinite(found.estimate):
         return "Error: not known."
-    size = f"{shown(found.error, digits=2)} {quantity_unit(found, units)}"
+    size = f"{shown(found.error, digits=2)} {unit_of(found.quantity, units)}"
     if found.guaranteed and not sticks(found.result):
         return f"Error: at most {size}. This is a guaranteed bound, up to rounding, if each contact slips one way only."
     if found.guaranteed and coulomb_contacts(found.problem):
@@ -96,11 +96,6 @@ def trust(found: Refinement, units: Units) -> str:
     if found.guaranteed:
         return f"Error: at most {size}. This is a guaranteed bound, up to rounding."
     return f"Error: about {size}. This is an estimate, not a guaranteed bound."
-
-
-def quantity_unit(found: Outcome, units: Units) -> str:
-    """Unit of the value."""
-    return unit_of(found.quantity, units)
 
 
 def _so_far(done: RefinementRound) -> str:
