@@ -1,9 +1,9 @@
 """The tables of the report."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from comparisons.lab.report.numbers import NOTHING, percent, scientific, seconds, significant
+from comparisons.lab.report.numbers import NOTHING, count, percent, scientific, seconds, significant
 from comparisons.lab.tables import Columns, Form, Grid, crossed, grid_of
 from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE, Backend
 from comparisons.solvers.measures import (
@@ -51,10 +51,6 @@ def tables_of(runs: "DataFrame") -> dict[str, Grid]:
         "infeasible": infeasible(runs), "errors": errors(runs), "powers": powers(runs),
         "problems": problems(runs), "failures": failures(runs),
     }  # fmt: skip
-
-
-def _whole(value: Any) -> str:
-    return NOTHING if value != value else str(int(value))
 
 
 def _joined(runs: "DataFrame", *names: str) -> list[str]:
@@ -243,8 +239,8 @@ def problems(runs: "DataFrame") -> Grid:
     sizes, shares = ("unknowns", "condensed", "points", "equations"), ("open", "stick", "slip")
     facts = DataFrame([*found.facts], columns=[*sizes, "condition", *shares]).astype(float)
     headings: Columns = {
-        "problem": "problem", "kind": "kind", **{name: (name, _whole) for name in sizes},
-        "points": ("contact points", _whole), "condition": ("condition of K", scientific),
+        "problem": "problem", "kind": "kind", **{name: (name, count) for name in sizes},
+        "points": ("contact points", count), "condition": ("condition of K", scientific),
         **{name: (name, percent) for name in shares},
     }  # fmt: skip
     return grid_of(facts.assign(problem=found.problem.array, kind=found.kind.array), headings)
