@@ -18,7 +18,7 @@ _INNER: Final = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), 1e-12)
 
 
 def cvxpy_loop(discretization: Discretization, tolerance: float) -> dict[str, Any]:
-    """Solve with Clarabel and report as `measure` does; for problems without plates driven by force."""
+    """Solve with Clarabel and report as `task.loop` does; for problems without plates driven by force."""
     qvi, scales = discretization.qvi, discretization.scales
     z, m_N, m_T, iterations = _iterated(qvi, tolerance)
     certificate = certify(qvi, z, m_N, m_T, np.zeros(qvi.p), tolerance)

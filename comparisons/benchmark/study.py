@@ -4,11 +4,12 @@ Every case has a process of its own: its peak memory is that of one problem, and
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, get_args
 
 from comparisons.benchmark.reference import CONVERGED_FRICTION
 from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
 from comparisons.lab.study import Study
+from qvi_contact.discretization.families import ElementName
 from qvi_contact.errors import InputError
 from solvers.factorisation import resolve
 from solvers.factorisation.choice import CHOICES, SHARED
@@ -28,7 +29,7 @@ GRADED_RUNS: Final = 20
 STATES: Final = {0.02: "sticks", 0.3: "opens and slips", 0.45: "close to its limit"}
 """What a wall does under a load from the side, by that load over the wall's weight."""
 
-ELEMENTS: Final = ("bfs", "hct")
+ELEMENTS: Final = get_args(ElementName)
 """Of walls."""
 
 

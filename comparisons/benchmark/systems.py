@@ -8,19 +8,19 @@ solves together lose the least, Σ log(time of the way taken / time of the faste
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
+from comparisons.benchmark.study import ELEMENTS
 from comparisons.benchmark.wall import wall
 from qvi_contact import ContactProblem, discretize
+from qvi_contact.discretization.families import ElementName
 from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import Status, solve_qvi
 from solvers.factorisation.choice import operations
 
 Made: TypeAlias = Callable[[], ContactProblem]
-Element: TypeAlias = Literal["bfs", "hct"]
-ELEMENTS: Final[tuple[Element, ...]] = ("bfs", "hct")
 
 
 def _plate(cells: tuple[int, int]) -> Made:
@@ -35,7 +35,7 @@ def _masonry(courses: int, blocks: int) -> Made:
     return lambda: masonry_wall(courses, blocks, ())
 
 
-PROBLEMS: Final[dict[str, tuple[Element, Made]]] = {
+PROBLEMS: Final[dict[str, tuple[ElementName, Made]]] = {
     **{f"plate {n} × {n}": ("bfs", _plate((n, n))) for n in (64, 96, 128)},
     **{f"layer {8 * n} × {n}": ("bfs", _plate((8 * n, n))) for n in (16, 24)},
     **{f"wall {n} × {n}, {element}": (element, _wall(n)) for element in ELEMENTS for n in (4, 5, 6, 7)},
@@ -77,7 +77,7 @@ def measured(names: Sequence[str], repeat: int) -> Iterator[Pair]:
         yield Pair(name, qvi.n, interface, dense / sparse, *np.min(times, axis=0).tolist())
 
 
-def _seconds(problem: ContactProblem, element: Element, system: str) -> float:
+def _seconds(problem: ContactProblem, element: ElementName, system: str) -> float:
     """CPU seconds of a solve with nothing prepared; not a number if it is not solved."""
     qvi = discretize(problem, element=element).qvi
     began = time.process_time()
