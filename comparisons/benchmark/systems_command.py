@@ -1,6 +1,5 @@
 """The command `systems`."""
 
-import json
 from typing import TYPE_CHECKING
 
 import click
@@ -32,6 +31,7 @@ def systems(only: tuple[str, ...], repeat: int, as_json: bool) -> None:
     from dataclasses import asdict
 
     from comparisons.benchmark.systems import PROBLEMS, crossover, measured
+    from comparisons.lab.reported import print_json
     from qvi_contact.errors import InputError
     from solvers.factorisation.threads import limited_blas
 
@@ -49,7 +49,7 @@ def systems(only: tuple[str, ...], repeat: int, as_json: bool) -> None:
     factor = crossover(pairs)
     if as_json:
         document = {"schema": "qvi-contact/systems/1", "pairs": [asdict(pair) for pair in pairs], "factor": factor}
-        click.echo(json.dumps(document, indent=2))
+        print_json(document)
     else:
         click.echo(f"dense systems pay up to the quotient {factor:.2f} of the counted operations")
 
