@@ -76,7 +76,7 @@ _ONE_START = 300  # iterations of one start
 _LAST = (Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
 SYSTEMS: Final = ("auto", "dense", "sparse")
 _FORMS: Final[dict[SystemName, str]] = {"dense": "condensed", "sparse": "full"}  # of the result
-_SETTLED = 1e-7  # slack residual from which on friction has its own share, see `InteriorPoint.settle`
+_FITTED = 1e-7  # slack residual from which on friction has its own share, see `InteriorPoint.settle`
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
 
@@ -250,11 +250,11 @@ def _begin_near(run: _Run) -> bool | None:
     start = run.options.initial
     if not (isinstance(start, Start) and start.fits(run.qvi)):
         return None
-    interior, elsewhere = run.interior, run.interior.point
+    interior, usual = run.interior, run.interior.point.y
     start_near(interior, run.problem.restricted(run.space.coordinates(start.z)), start)
     run.warm = all(_step_of(run) >= enough for enough in _FAR_ENOUGH)
     if not run.warm:
-        interior.start_at(elsewhere.y)
+        interior.start_at(usual)
     return run.warm
 
 
@@ -356,7 +356,7 @@ def _prepare(run: _Run, measures: Measures) -> None:
     """
     run.force, run.last_gap = measures.force, measures.gap
     problem, interior = run.problem, run.interior
-    if run.path is None and measures.slack <= _SETTLED:
+    if run.path is None and measures.slack <= _FITTED:
         interior.settle()
     if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
         interior.sharpen()
