@@ -36,8 +36,9 @@ def errors_under_slip(element: Element, quick: bool) -> Iterator[Row]:
     so, 4 times on equal cells.
     """
     for friction in (0.2,) if quick else (0.05, 0.1, 0.2):
-        adaptive = [_against_truth(element, problem) for problem in _chain(element, friction, 3 if quick else 6)]
-        equal = [_against_truth(element, compressed_plate(friction, (n, n))) for n in ((2,) if quick else (2, 4, 8))]
+        adaptive = [_against_truth(element, result) for result in _chain(element, friction, 3 if quick else 6)]
+        plates = [compressed_plate(friction, (n, n)) for n in ((2,) if quick else (2, 4, 8))]
+        equal = [_against_truth(element, element.solve(plate)) for plate in plates]
         for name, found, most in (("adaptive meshes", adaptive, 2.0), ("equal cells", equal, 4.0)):
             ratios, proof = [ratio for ratio, _ in found], both(*(proof for _, proof in found))
             where = f"{_ERROR}, μ = {friction:g}, {name}"
@@ -45,19 +46,19 @@ def errors_under_slip(element: Element, quick: bool) -> Iterator[Row]:
             yield at_most(f"largest {where}", max(ratios), most, 0.0, Kind.METHODS, _TRUTH, proof)
 
 
-def _chain(element: Element, friction: float, count: int) -> Iterator[ContactProblem]:
+def _chain(element: Element, friction: float, count: int) -> Iterator[ContactResult]:
     """The plate on meshes bisected where the bound says so."""
-    problem = element.posed(compressed_plate(friction, (1, 1)))
+    result = element.solve(compressed_plate(friction, (1, 1)))
     for _ in range(count):
-        assert isinstance(problem.mesh, TriangleMesh)
-        problem = replace(problem, mesh=problem.mesh.refined(bulk(_slip(element.solve(problem)).cells)))
-        yield problem
+        mesh = result.problem.mesh
+        assert isinstance(mesh, TriangleMesh)
+        result = element.solve(replace(result.problem, mesh=mesh.refined(bulk(_slip(result).cells))))
+        yield result
 
 
-def _against_truth(element: Element, problem: ContactProblem) -> tuple[float, Proof]:
+def _against_truth(element: Element, result: ContactResult) -> tuple[float, Proof]:
     """The bound over the true error, and what certifies it."""
-    result, fine = element.solve(problem), replace(element, degree=_FINE).solve(problem)
-    bounds = _slip(result)
+    fine, bounds = replace(element, degree=_FINE).solve(result.problem), _slip(result)
     return bounds.error / energy_apart(result, fine), both(certified(result, fine), _guaranteed(bounds))
 
 
@@ -67,9 +68,9 @@ def bad_stresses_under_slip(element: Element, quick: bool) -> Iterator[Row]:
 
     None of their errors may be above its bound, with the displacement of the solution beside all of them.
     """
-    *_, problem = _chain(element, 0.2, 2)
-    result, fine = element.solve(problem), replace(element, degree=_FINE).solve(problem)
-    weaker = [element.solve(_with_friction(problem, friction)).solution.z for friction in _WEAKER]
+    *_, result = _chain(element, 0.2, 2)
+    fine = replace(element, degree=_FINE).solve(result.problem)
+    weaker = [element.solve(_with_friction(result.problem, friction)).solution.z for friction in _WEAKER]
     companion, random = result.bracket.companion, np.random.default_rng(1)
     assert companion is not None
     ratios = []
