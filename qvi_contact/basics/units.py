@@ -13,7 +13,7 @@ _FORCES: Final = {
 }  # fmt: skip
 """Forces a unit of thickness by the units of stress and length, where their product has a name."""
 
-_NUMBER: Final = re.compile(r"(?<=\d )\[(length|stress)\]")
+_NUMBER: Final = re.compile(r"(?<=\d )\[(length|stress|stress × length)\]")
 """What stands behind a number in a sentence whose author does not know the user's units."""
 
 
@@ -79,8 +79,8 @@ class Units:
 
     def _called(self, dimension: str) -> str:
         """The name of a dimension's unit; empty where it was not given."""
-        name: str = getattr(self, dimension)
-        return "" if name == dimension else name
+        names = {"length": self.length, "stress": self.stress, "stress × length": self.engineering_force}
+        return "" if {self.length, self.stress} & {"length", "stress"} & set(dimension.split()) else names[dimension]
 
     def _times_length(self, otherwise: str) -> str:
         force = _FORCES.get((self.stress, self.length))

@@ -388,6 +388,84 @@ def bracket(
     return 0 if found is not None and result.status == "solved" and math.isfinite(found.gap) else 1
 
 
+@group.command(short_help="Look for other solutions of the same problem.")
+@_FILE
+@_ELEMENT
+@_DEGREE
+@_ROWS
+@click.option("--tolerance", type=float, help="Accuracy that certificates must confirm.  [default: 1e-8]")
+@_TIME_LIMIT
+@_VERBOSE
+@_JSON
+@_PLOT
+@_VTK
+@_NPZ
+@_SAVE_JSON
+def branches(
+    file: str,
+    element: str | None,
+    degree: int | None,
+    contact_rows: str | None,
+    tolerance: float | None,
+    time_limit: float | None,
+    verbose: bool,
+    as_json: bool,
+    plot: str | None,
+    vtk: str | None,
+    npz: str | None,
+    save_json: str | None,
+) -> int:
+    """Solve the problem in FILE and look for other solutions of it, which large friction may have.
+
+    Friction is followed to its value from smaller and larger ones. That takes about as long as ten to thirty solves,
+    and up to a hundred. If several certified solutions are found, a displacement model on the same mesh is solved too.
+    The table lists the solutions by how far their strains are from those of that model, the nearest first. Files that
+    are written hold the first one. If no other solution is found, there may still be one.
+
+    \b
+    Exit status: 0 solved, whatever the number of solutions
+                 1 not solved: the message gives the reason
+                 2 something is wrong with the input
+
+    \b
+    Examples:
+        qvi-contact branches examples/ssnv128.toml --time-limit 60
+        qvi-contact branches examples/ssnv128.toml --element bfs --npz nearest.npz
+    """  # noqa: D301
+    import numpy as np
+
+    from qvi_contact.bracket import other_solutions
+    from qvi_contact.command.branches_line import document, lines
+    from qvi_contact.command.report import heading_lines
+    from qvi_contact.command.solve_line import solving
+    from qvi_contact.command.targets import checked_targets
+    from qvi_contact.files.problem_file import load_problem
+    from qvi_contact.solution.solver import solve as solve_one
+    from solvers.basics.watch import watched
+
+    targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json)
+    problem_file = load_problem(file)
+    _refuse_history(problem_file, "a search for other solutions")
+    given = _given(
+        element=element, degree=degree, contact_rows=contact_rows, tolerance=tolerance, time_limit=time_limit
+    )
+    with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
+        options = _options(problem_file, given)
+        limit, title = options.pop("time_limit", None), problem_file.title or "branches"
+        with solving(title, 2, verbose=verbose) as advance, watched(limit):
+            result = solve_one(problem_file.problem, **options, verbose=verbose)
+            advance("solved; friction is followed from other values")
+            found = other_solutions(result) if result.status == "solved" else None
+        told = {"title": problem_file.title, **document(result, found, problem_file.units)}
+        complete = _write(problem_file, None, result if found is None else found.preferred, targets, told, str)
+    if as_json:
+        click.echo(_json(told))
+    else:
+        for line in (*heading_lines(problem_file), *lines(result, found, problem_file.units)):
+            click.echo(line)
+    return 2 if not complete else 0 if result.status == "solved" else 1
+
+
 @group.command(short_help="Refine the mesh until a number is accurate.")
 @_FILE
 @click.option("--target", type=float, help="Largest relative error.  [default: 1e-3]")

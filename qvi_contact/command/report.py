@@ -58,7 +58,7 @@ def history_lines(history: History, times: Sequence[float], units: Units) -> Ite
     def first(number: int, step: ContactResult) -> list[str]:
         return [str(number + 1), f"{times[number]:.6g}", str(step.status)]
 
-    yield from _contact_tables(history.steps, ["step", "t", "status"], first, least, units)
+    yield from contact_tables(history.steps, ["step", "t", "status"], first, least, units)
     lost = shown(float(history.dissipated.sum()), least.energy)
     yield f"energy lost in friction: {lost} {units.engineering_energy}"
     yield from _remark_lines(history.steps, units)
@@ -77,12 +77,12 @@ def sweep_lines(
         return [f"{values[number]:.6g}", str(step.status), str(step.iterations)]
 
     headings = [swept.get(parameter, parameter), "status", "iterations"]
-    yield from _contact_tables(steps, headings, first, least, units)
+    yield from contact_tables(steps, headings, first, least, units)
     yield from _remark_lines(steps, units)
     yield message
 
 
-def _contact_tables(
+def contact_tables(
     steps: Sequence[ContactResult],
     headings: Sequence[str],
     first: Callable[[int, ContactResult], list[str]],

@@ -102,3 +102,5 @@ def test_sentences_carry_the_unit():
     nameless = summary(result)["remarks"]
     assert any("[stress]" in sentence for sentence in nameless)  # what the user has not named keeps its dimension
     assert UNITS.filled("[stress] of 'a' is 2 [stress], 3 [length]") == "[stress] of 'a' is 2 MPa, 3 mm"
+    assert UNITS.filled("from 2 to 3 [stress × length] on 'a'") == "from 2 to 3 N/mm on 'a'"
+    assert Units(stress="MPa").filled("2 [stress × length]") == "2 [stress × length]"
