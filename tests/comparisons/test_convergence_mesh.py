@@ -4,7 +4,6 @@ import json
 import sys
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from pandas import DataFrame, concat
 
 from comparisons.cli import group
 from comparisons.convergence import command
+from comparisons.convergence.declared import among, factors_of
 from comparisons.convergence.mesh import figures, study, task
 from comparisons.convergence.mesh.corner import exponent
 from comparisons.convergence.mesh.data import meshes_of
@@ -24,11 +24,12 @@ from comparisons.convergence.mesh.tractions import Tractions, difference, size
 from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
 from comparisons.convergence.orders import fitted_order, reached, successive_orders
 from comparisons.lab.report import findings_of, write_report
-from comparisons.lab.study import Study, read_csv, read_study, run_study
+from comparisons.lab.study import Study, run_study
 from qvi_contact import refine, solve
 from qvi_contact.basics import terminal
 from qvi_contact.plots.style import has_matplotlib
 from qvi_contact.refinement import lines as line_refinement
+from tests.comparisons.convergence_parts import committed_rows, committed_text, rows_of
 
 NAN = float("nan")
 GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
@@ -251,25 +252,18 @@ CHOSEN = [
 ]  # fmt: skip
 
 
-COMMITTED = Path(task.__file__).parents[2] / "reports" / "convergence"
-
-
 @pytest.fixture(scope="module")
 def committed():
     """The committed rows."""
-    return read_csv(COMMITTED / "convergence-mesh.csv.gz")
+    return committed_rows("mesh")
 
 
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
     """Rows of a small part of the study, through the runner."""
-    names = ("problem", "sequence", "size", "model")
-    factors = {name: tuple(dict.fromkeys(case[k] for case in CHOSEN)) for k, name in enumerate(names)}
-    small = Study("small", 1, "comparisons.convergence.mesh.task:run", factors,
-                  keep=lambda values: tuple(values[name] for name in names) in CHOSEN)  # fmt: skip
-    path = tmp_path_factory.mktemp("mesh") / "mesh.sqlite"
-    assert run_study(small, path, progress=False).complete
-    return read_study(path).rows
+    cases = [dict(zip(("problem", "sequence", "size", "model"), case, strict=True)) for case in CHOSEN]
+    small = Study("small", 1, study.TASK, factors_of(cases), keep=among(cases))
+    return rows_of(small, tmp_path_factory.mktemp("mesh") / "mesh.sqlite")
 
 
 class TestRun:
@@ -420,7 +414,7 @@ class TestCommitted:
 
     def test_the_committed_report_is_that_of_the_committed_rows(self, committed, monkeypatch):
         monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
-        assert report(committed).text == (COMMITTED / "convergence-mesh.md").read_text(encoding="utf-8")
+        assert report(committed).text == committed_text("mesh")
 
 
 def test_a_reference_of_the_same_models_proves_nothing(rows):

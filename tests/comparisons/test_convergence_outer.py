@@ -1,7 +1,6 @@
 """Convergence of the outer loop: rates of known sequences, problems with a known contraction, study and report."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,12 +24,11 @@ from comparisons.convergence.outer.study import study, study_of
 from comparisons.convergence.outer.task import run
 from comparisons.convergence.rates import first_lasting, growth_order, rate_of
 from comparisons.lab.report import write_report
-from comparisons.lab.study import DONE, read_csv, read_study, run_study
+from comparisons.lab.study import DONE
 from qvi_contact.plots import has_matplotlib
 from solvers import solve_qvi
 from solvers.uniqueness import uniqueness_bound
-
-COMMITTED = Path(figures.__file__).parents[2] / "reports" / "convergence"
+from tests.comparisons.convergence_parts import committed_rows, committed_text, rows_of
 
 TINY = {("contacts", 0): (0.5, 2.0), ("plate", 2): (0.1,), ("plate", 3): (0.1,), ("three", 0): (2.0,)}
 
@@ -171,9 +169,8 @@ def test_studies_have_names_of_their_own():
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
     """Rows of a tiny study."""
-    path = tmp_path_factory.mktemp("outer") / "tiny.sqlite"
-    assert run_study(study_of("tiny", TINY, ("plain", "Anderson", "condensed")), path, progress=False).complete
-    return read_study(path).rows
+    small = study_of("tiny", TINY, ("plain", "Anderson", "condensed"))
+    return rows_of(small, tmp_path_factory.mktemp("outer") / "tiny.sqlite")
 
 
 def found(rows):
@@ -262,7 +259,7 @@ class TestReport:
         assert made["farthest"] == pytest.approx(4.0)
 
     def test_numbers_of_the_findings(self):
-        values = found(read_csv(COMMITTED / "convergence-outer.csv.gz"))
+        values = found(committed_rows("outer"))
         expected = {
             "limit": 200, "least": 9, "most": 23, "low": 0.05, "high": 4.0, "sure": 14, "sure_solved": 14,
             "beyond": 43, "beyond_solved": 32, "mesh_runs": 42, "above": 19, "lucky": 0, "below": 209, "stuck": 4,
@@ -278,8 +275,7 @@ class TestReport:
 
     def test_the_committed_report_is_that_of_the_committed_rows(self, monkeypatch):
         monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
-        committed = (COMMITTED / "convergence-outer.md").read_text(encoding="utf-8")
-        assert report(read_csv(COMMITTED / "convergence-outer.csv.gz")).text == committed
+        assert report(committed_rows("outer")).text == committed_text("outer")
 
     def test_the_task_tells_theory_and_time(self):
         case = {"problem": "contacts", "cells": 0, "friction": 1.0, "loop": "plain", "start": None}

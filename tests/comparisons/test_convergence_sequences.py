@@ -1,23 +1,20 @@
 """Sequences on one factorisation: the task, the numbers of the findings, the committed report."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from comparisons.convergence.sequences import report as reports
 from comparisons.convergence.sequences.measures import runs_of, values_of
 from comparisons.convergence.sequences.problems import CHAINS
+from comparisons.convergence.sequences.report import report
 from comparisons.convergence.sequences.task import EVERY, WAYS, run
-from comparisons.lab.study import read_csv
-
-COMMITTED = Path(reports.__file__).parents[2] / "reports" / "convergence"
+from tests.comparisons.convergence_parts import committed_rows, committed_text
 
 
 @pytest.fixture(scope="module", name="rows")
 def _rows():
-    return read_csv(COMMITTED / "convergence-sequences.csv.gz")
+    return committed_rows("sequences")
 
 
 @pytest.mark.parametrize("sequence", ["cycle", "friction"])
@@ -52,8 +49,7 @@ def test_numbers_of_the_findings(rows):
 
 
 def test_the_committed_report_is_that_of_the_committed_rows(rows):
-    committed = (COMMITTED / "convergence-sequences.md").read_text(encoding="utf-8")
-    assert reports.report(rows).text == committed
+    assert report(rows).text == committed_text("sequences")
 
 
 def test_values_of_a_sequence_end_where_it_is_said():

@@ -1,7 +1,6 @@
 """The iteration of Uzawa: limits of its steps beside theory, the paper's run, study and report."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,12 +11,11 @@ from comparisons.convergence.uzawa.measures import growth, paper_runs, runs_of, 
 from comparisons.convergence.uzawa.report import report
 from comparisons.convergence.uzawa.study import Extent, study, study_of
 from comparisons.lab.report import write_report
-from comparisons.lab.study import DONE, read_csv, read_study, run_study
+from comparisons.lab.study import DONE
 from comparisons.paper.reference import load
 from qvi_contact.plots import has_matplotlib
 from solvers import solve_qvi
-
-COMMITTED = Path(task.__file__).parents[2] / "reports" / "convergence"
+from tests.comparisons.convergence_parts import committed_rows, committed_text, rows_of
 
 TINY = Extent(
     friction=(0.1,), map_cells=(2,), limit_cells=(), mesh_cells=(), steps=(0.5, 2.0), normal_steps=(0.5,),
@@ -122,9 +120,7 @@ def test_study_has_all_parts():
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
     """Rows of a tiny study."""
-    path = tmp_path_factory.mktemp("uzawa") / "tiny.sqlite"
-    assert run_study(study_of("tiny", TINY), path, progress=False).complete
-    return read_study(path).rows
+    return rows_of(study_of("tiny", TINY), tmp_path_factory.mktemp("uzawa") / "tiny.sqlite")
 
 
 def made(row, run, place, **result):
@@ -253,7 +249,7 @@ class TestReport:
         assert report(rows, quick=True) == report(rows[::-1], quick=True)
 
     def test_numbers_of_the_findings(self):
-        values = found(read_csv(COMMITTED / "convergence-uzawa.csv.gz"))
+        values = found(committed_rows("uzawa"))
         assert values["worst"]["error"] == pytest.approx(0.0033, abs=5e-5)
         assert values["tractions"] == pytest.approx(0.057, abs=5e-4)
         expected = {
@@ -269,5 +265,4 @@ class TestReport:
 
     def test_the_committed_report_is_that_of_the_committed_rows(self, monkeypatch):
         monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
-        committed = (COMMITTED / "convergence-uzawa.md").read_text(encoding="utf-8")
-        assert report(read_csv(COMMITTED / "convergence-uzawa.csv.gz")).text == committed
+        assert report(committed_rows("uzawa")).text == committed_text("uzawa")
