@@ -15,14 +15,14 @@ from comparisons.convergence.declared import among, factors_of
 from comparisons.convergence.mesh import figures, study, task
 from comparisons.convergence.mesh.corner import exponent
 from comparisons.convergence.mesh.data import meshes_of
-from comparisons.convergence.mesh.errors import Overview, advantage, cost, orders_of
+from comparisons.convergence.mesh.errors import Overview
 from comparisons.convergence.mesh.measures import spacing, values_of
+from comparisons.convergence.mesh.orders import advantage, cost, fitted_order, orders_of, successive_orders
 from comparisons.convergence.mesh.problems import FORCE, PROBLEMS, TRACTIONS, Expected, towards
 from comparisons.convergence.mesh.report import report
 from comparisons.convergence.mesh.tables import failures, tables_of
 from comparisons.convergence.mesh.tractions import Tractions, difference, size
 from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
-from comparisons.convergence.orders import fitted_order, reached, successive_orders
 from comparisons.lab.report import findings_of, write_report
 from comparisons.lab.study import Study, run_study
 from qvi_contact import refine, solve
@@ -64,11 +64,6 @@ class TestOrders:
         assert successive_orders(h, [1.0, NAN, 0.1, 0.05]) == pytest.approx([NAN, NAN, NAN, 1.0], nan_ok=True)
         assert np.isnan(fitted_order(h, [1.0, NAN, 0.1, NAN]))
         assert fitted_order(h, [1.0, 0.5, 0.25, NAN]) == pytest.approx(1.0)
-
-    def test_an_error_that_is_small_by_chance_is_not_reached(self):
-        assert reached([10, 20, 30, 40], [1e-3, 1e-6, 1e-4, 1e-5], 2e-4) == 20
-        assert reached([10, 20, 30, 40], [1e-3, 1e-6, 1e-4, 1e-5], 2e-5) == 40
-        assert np.isnan(reached([40, 30, 20, 10], [1e-5, 1e-4, 1e-6, 1e-3], 1e-6))
 
 
 class TestTractions:
@@ -220,7 +215,8 @@ def test_two_meshes_of_the_same_size_have_no_order():
 def test_costs_are_those_of_lasting_errors():
     found = made_up([1e-2, 1e-5, 1e-3, 1e-4])
     assert (cost(found, 1e-3), cost(found, 1e-4)) == (256, 4096)
-    assert np.isnan([cost(found, 1e-5), cost(made_up([]), 1.0)]).all()
+    assert cost(made_up([1e-3, 1e-6, 1e-4, 1e-5]), 2e-5) == 4096  # what is small by chance does not count
+    assert np.isnan([cost(found, 1e-5), cost(found[::-1], 1e-5), cost(made_up([]), 1.0)]).all()
 
 
 class TestAdvantage:
@@ -283,8 +279,8 @@ class TestRun:
 
     def test_brackets_enclose_the_settled_energy(self, rows):
         found = Overview(meshes_of(rows))
-        meshes = found.brackets(PROBLEMS["plate 1"], "uniform")
-        assert meshes["size"].tolist() == [4, 8]
+        meshes = found.brackets(PROBLEMS["plate 1"])
+        assert meshes["size"].tolist() == [4, 8, 110, 110]
         assert (meshes.lower < 0.10718383).all()
         assert (meshes.upper > 0.10718383).all()
         for record in (row.result["meshes"][0] for row in rows if row.case["model"] == "bracket"):
@@ -438,6 +434,14 @@ def test_an_end_is_not_judged_by_itself(rows):
 def test_costs_are_known_to_the_spacing_of_meshes(rows):
     assert spacing(Overview(meshes_of(rows))) == pytest.approx(4.0)
     assert tables_of(Overview(meshes_of([])))["costs"].rows == []
+
+
+def test_a_force_without_a_reference_has_no_costs(rows):
+    """As where a time limit ended the solves that it would come from."""
+    found = Overview(meshes_of([row for row in rows if row.case["problem"] == "plate 1"]))
+    del found.references["plate 1"][FORCE]
+    assert (values_of(found)["judged"], values_of(found)["spacing"]) == (0, None)
+    assert {cell for row in tables_of(found)["costs"].rows for cell in row[2:]} == {""}
 
 
 def test_a_reference_makes_errors_below_it_meaningless(rows):

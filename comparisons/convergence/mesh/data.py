@@ -1,20 +1,52 @@
-"""Stored rows as a frame of meshes."""
+"""Stored rows as a frame of meshes, and the parts of it that are compared."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.convergence.mesh.problems import PROBLEMS
+from comparisons.convergence.mesh.problems import PROBLEMS, Problem
+from comparisons.convergence.mesh.study import APART, BRACKET, EQUILIBRIUM, UNIFORM
 from comparisons.convergence.mesh.tractions import Tractions
 from comparisons.lab.study import DONE, Row
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-SOLVED: Final = "solved"
-
 _CASE: Final = ("problem", "sequence", "model", "size")
 _NUMBERS: Final = ("force", "energy", "unknowns", "h", "seconds", "lower", "upper", "gap", "strain")
 _OTHERS: Final = ("status", "message", "solved", "cells", "tractions", "ends", "bracketed", "guaranteed", "reasons")
+
+
+@dataclass(frozen=True, eq=False)
+class Meshes:
+    """A study's meshes, see `meshes_of`."""
+
+    meshes: "DataFrame"
+
+    @cached_property
+    def problems(self) -> list[Problem]:
+        """Those with a solved mesh of equal cells."""
+        found = [PROBLEMS[name] for name in self.meshes.problem.unique()]
+        return [problem for problem in found if len(self.of(problem, UNIFORM))]
+
+    @cached_property
+    def _parts(self) -> "dict[Any, DataFrame]":
+        return dict(iter(self.meshes[self.meshes.solved].groupby(["problem", "sequence", "model"])))
+
+    def of(self, problem: Problem, sequence: str, model: str = "") -> "DataFrame":
+        """The solved meshes of a sequence; the model is the one that has the stresses if none is asked for."""
+        wanted = model or (BRACKET if sequence == APART else EQUILIBRIUM)
+        return self._parts.get((problem.name, sequence, wanted), self.meshes[:0])
+
+    @cached_property
+    def bounded(self) -> "DataFrame":
+        """Meshes with both bounds."""
+        return self.meshes[self.meshes.solved & self.meshes.gap.notna()]
+
+    def brackets(self, problem: Problem) -> "DataFrame":
+        """Meshes of a problem with guaranteed bounds."""
+        return self.bounded[(self.bounded.problem == problem.name) & self.bounded.guaranteed]
 
 
 def meshes_of(rows: Sequence[Row]) -> "DataFrame":
@@ -42,7 +74,7 @@ def _lines(row: Row) -> Iterator[dict[str, Any]]:
 def _derived(case: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     nx, ny = record.get("cells") or (0, 0)
     return {
-        "solved": record["status"] == SOLVED, "force": record.get(PROBLEMS[case["problem"]].force),
+        "solved": record["status"] == "solved", "force": record.get(PROBLEMS[case["problem"]].force),
         "cells": f"{nx} × {ny}" if nx else f"size {case['size']}", "h": (nx * ny) ** -0.5 if nx else None,
         "tractions": Tractions.of_record(record) if "lines" in record else None, "bracketed": "guaranteed" in record,
         "guaranteed": record.get("guaranteed", False),

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
-from comparisons.convergence.mesh.problems import ENERGY, FORCE, PROBLEMS, TRACTIONS, Problem
-from comparisons.convergence.mesh.references import Reference, end_of, error_of
+from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
+from comparisons.convergence.mesh.references import Reference, end_of, errors_of
 from comparisons.convergence.mesh.study import APART, COMPANION, GOAL, GRADED, UNIFORM
 from comparisons.convergence.mesh.tractions import Field
 from comparisons.lab.report.drawing import drawn, grid, legend_below
@@ -83,7 +83,7 @@ def _draw_curve(axes: Axes, sequence: str, points: DataFrame) -> None:
 
 def _draw_displacements(axes: Axes, meshes: DataFrame, measure: str, known: Reference) -> None:
     """Errors of the displacement model on equal cells."""
-    errors = np.array([error_of(mesh, measure, known) for mesh in meshes.itertuples()])
+    errors = errors_of(meshes, measure, known)
     shown = errors > 0.0
     if shown.any():
         axes.plot(meshes.unknowns[shown], errors[shown], color=VERMILLION, linestyle=(0, (1, 1)), linewidth=0.9,
@@ -200,10 +200,11 @@ def _gaps(overview: Overview) -> Drawing:
         _logarithmic(axes)
         axes.set_xscale("log", base=2)
         axes.minorticks_off()
+        found = overview.bounded[overview.bounded.sequence == sequence]
         for number, name in enumerate(overview.meshes.problem.unique()):
             look = {"color": colours[number % len(colours)], "marker": markers[number % len(markers)], "label": name}
             for guaranteed in (True, False):
-                meshes = overview.brackets(PROBLEMS[name], sequence, guaranteed)
+                meshes = found[(found.problem == name) & (found.guaranteed == guaranteed)]
                 shown = meshes[meshes.gap / meshes.strain > 1e-12]
                 if len(shown):
                     line, face = ("-", look["color"]) if guaranteed else (":", "white")

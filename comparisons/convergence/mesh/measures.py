@@ -4,10 +4,11 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from comparisons.convergence.mesh.errors import EXPECTED, NAMES, Overview, advantage, cost, ends_among, slug
+from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
+from comparisons.convergence.mesh.orders import EXPECTED, advantage, cost
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
 from comparisons.convergence.mesh.references import FLOOR
-from comparisons.convergence.mesh.study import APART, BRACKET, GRADED, STRICT, UNIFORM
+from comparisons.convergence.mesh.study import BRACKET, STRICT, UNIFORM
 from comparisons.lab.report.numbers import span
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def values_of(overview: Overview) -> dict[str, Any]:
         "target": TARGET, "problems": [_problem(overview, problem) for problem in overview.problems],
         "solves": len(meshes), "certified": int(meshes.solved.sum()), "brackets": len(tried),
         "open": int(tried.gap.isna().sum()), "change_at": largest or None, "change": changes.get(largest),
-        "exact": [problem.title for problem in overview.problems if overview.is_exact(problem)],
+        "exact": [problem.title for problem in overview.exact],
         "spacing": spacing(overview), **_of_costs(overview), **_of_orders(overview), **_of_brackets(overview),
     }  # fmt: skip
 
@@ -79,7 +80,7 @@ def _of_costs(overview: Overview) -> dict[str, Any]:
     """Unknowns for one error of the force: of the best meshes, and how many times more equal cells take."""
     judged = [
         force_curves(overview, problem) for problem in overview.problems
-        if not overview.is_exact(problem) and overview.references[problem.name][FORCE].least <= TARGET
+        if problem not in overview.exact and overview.least(problem) <= TARGET
     ]  # fmt: skip
     costs = [{sequence: cost(points, TARGET) for sequence, points in curves.items()} for curves in judged]
     best = [min((value for name, value in each.items() if name != UNIFORM and value == value), default=None)
@@ -113,10 +114,7 @@ def _of_brackets(overview: Overview) -> dict[str, Any]:
 
 def enclosing(overview: Overview, problem: Problem) -> Iterator[Enclosing]:
     """The guaranteed brackets of a problem, if it has some and a reference."""
-    from pandas import concat
-
-    known = overview.references[problem.name].get(ENERGY)
-    meshes = concat([overview.brackets(problem, sequence) for sequence in (UNIFORM, GRADED, APART)])
+    known, meshes = overview.references[problem.name].get(ENERGY), overview.brackets(problem)
     if known is None or meshes.empty:
         return
     slack = known.uncertainty + _ROUNDING * known.unit
@@ -129,7 +127,7 @@ def enclosing(overview: Overview, problem: Problem) -> Iterator[Enclosing]:
 def side_of(overview: Overview, problem: Problem, model: str = "") -> str | None:
     """On which side of the reference the forces on equal cells are; None if on both, or within its uncertainty."""
     known = overview.references[problem.name].get(FORCE)
-    if known is None or overview.is_exact(problem):
+    if known is None or problem in overview.exact:
         return None
     forces = overview.of(problem, UNIFORM, model).force
     off = forces[(forces - known.value).abs() > known.uncertainty + FLOOR * known.unit]
@@ -144,7 +142,7 @@ def changes_of(overview: Overview) -> dict[str, tuple[str, float]]:
         strict, plain = overview.of(problem, UNIFORM, STRICT), overview.of(problem, UNIFORM)
         same = strict.merge(plain[["size", "force"]], on="size", suffixes=("", "_plain"))
         finest = same[same["size"] == strict["size"].max()]
-        if len(finest) and not overview.is_exact(problem):
+        if len(finest) and problem not in overview.exact:
             mesh, before = finest.iloc[0], abs(finest.force_plain.iloc[0])
             found[problem.name] = (f"{mesh.cells} cells", (abs(mesh.force) - before) / before)
     return found

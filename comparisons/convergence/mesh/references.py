@@ -5,12 +5,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from comparisons.convergence.mesh.data import Meshes
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
-from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, EQUILIBRIUM, REFERENCE, SEQUENCES, UNIFORM
-from comparisons.convergence.mesh.tractions import Field, Tractions, difference, size
+from comparisons.convergence.mesh.study import COMPANION, EQUILIBRIUM, REFERENCE, SEQUENCES, UNIFORM
+from comparisons.convergence.mesh.tractions import difference, size
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
+    from pandas import DataFrame, Series
 
 FLOOR: Final = 1e-8
 """Relative errors that the accuracy asked of the solves leaves."""
@@ -35,18 +38,10 @@ class Reference:
         return max(self.uncertainty / self.unit, FLOOR)
 
 
-def solved(meshes: "DataFrame", problem: Problem, sequence: str, model: str = "") -> "DataFrame":
-    """The solved meshes of a sequence; the model is the one that has the stresses if none is asked for."""
-    wanted = model or (BRACKET if sequence == APART else EQUILIBRIUM)
-    alike = (meshes.problem == problem.name) & (meshes.sequence == sequence) & (meshes.model == wanted)
-    return meshes[alike & meshes.solved]
-
-
-def references_of(meshes: "DataFrame", problem: Problem) -> dict[str, Reference]:
+def references_of(meshes: Meshes, problem: Problem) -> dict[str, Reference]:
     """Measure → what it is compared with: force, energy, tractions, ends of zones."""
     found = {measure: list(_numbers(meshes, problem, measure)) for measure in (FORCE, ENERGY)}
-    found[TRACTIONS] = list(_fields(meshes, problem))
-    found |= _ends(meshes[(meshes.problem == problem.name) & meshes.solved & meshes.tractions.notna()], problem)
+    found |= {TRACTIONS: list(_fields(meshes, problem)), **_ends(meshes, problem)}
     return {
         measure: min(candidates, key=lambda each: each.uncertainty / each.unit)
         for measure, candidates in found.items()
@@ -54,18 +49,18 @@ def references_of(meshes: "DataFrame", problem: Problem) -> dict[str, Reference]
     }
 
 
-def _numbers(meshes: "DataFrame", problem: Problem, measure: str) -> Iterator[Reference]:
+def _numbers(meshes: Meshes, problem: Problem, measure: str) -> Iterator[Reference]:
     """What is known, else the mean of both models on the finest adaptive mesh, and the middle of the closest bounds."""
     if measure in problem.known:
         known = problem.known[measure]
         yield Reference(known.value, known.uncertainty, abs(known.value), known.source)
         return
-    both = [solved(meshes, problem, REFERENCE, model) for model in (EQUILIBRIUM, COMPANION)]
+    both = [meshes.of(problem, REFERENCE, model) for model in (EQUILIBRIUM, COMPANION)]
     if all(map(len, both)):
         one, other = (float(each[measure].iloc[-1]) for each in both)
         source = f"stresses and displacements on {both[0].cells.iloc[-1]} adaptive cells; ± their difference"
         yield Reference((one + other) / 2.0, abs(one - other), abs(one + other) / 2.0, source, REFERENCE)
-    closed = meshes[(meshes.problem == problem.name) & meshes.solved & meshes.guaranteed & meshes.gap.notna()]
+    closed = meshes.brackets(problem)
     if measure == ENERGY and len(closed):
         best = closed.loc[closed.gap.idxmin()]
         value = (best.lower + best.upper) / 2.0
@@ -73,43 +68,45 @@ def _numbers(meshes: "DataFrame", problem: Problem, measure: str) -> Iterator[Re
         yield Reference(value, abs(best.gap) / 2.0, abs(value), source, best.sequence)
 
 
-def _fields(meshes: "DataFrame", problem: Problem) -> Iterator[Reference]:
+def _fields(meshes: Meshes, problem: Problem) -> Iterator[Reference]:
     """Exact tractions, else those of the finest meshes, uncertain by their distance to the mesh before."""
     if problem.tractions is not None:
-        lines = solved(meshes, problem, UNIFORM).tractions.iloc[-1].lines
+        lines = meshes.of(problem, UNIFORM).tractions.iloc[-1].lines
         yield Reference(problem.tractions, 0.0, size(problem.tractions, lines), "closed form")
         return
     for sequence in (REFERENCE, UNIFORM):
-        finest = solved(meshes, problem, sequence).tail(2)
+        finest = meshes.of(problem, sequence).tail(2)
         if len(finest) == 2:
             before, last = finest.tractions
             source = f"{finest.cells.iloc[-1]} cells ({sequence}); ± the distance to the mesh before"
             yield Reference(last, difference(last, before), size(last, last.lines), source)
 
 
-def _ends(shown: "DataFrame", problem: Problem) -> dict[str, list[Reference]]:
+def _ends(meshes: Meshes, problem: Problem) -> dict[str, list[Reference]]:
     """Kind of an end of a zone → what is known, or what each mesh that has a coarser one before it says."""
-    length = max((float(each.lines[-1] - each.lines[0]) for each in shown.tractions), default=1.0)
+    finest = meshes.of(problem, UNIFORM).iloc[-1]
+    length = float(np.ptp(finest.tractions.lines))
     found = {
         kind: [Reference(known.value, known.uncertainty, length, known.source)]
         for kind, known in problem.known.items()
         if kind not in (FORCE, ENERGY)
     }
-    for kind in _kinds(solved(shown, problem, UNIFORM)):
-        found.setdefault(kind, list(_candidates(shown, problem, kind, length)))
+    for kind in dict.fromkeys(end["kind"] for end in finest.ends):  # on coarse meshes single edges may seem to be zones
+        if end_of(finest.ends, kind):
+            found.setdefault(kind, list(_candidates(meshes, problem, kind, length)))
     return found
 
 
-def _candidates(shown: "DataFrame", problem: Problem, kind: str, length: float) -> Iterator[Reference]:
+def _candidates(meshes: Meshes, problem: Problem, kind: str, length: float) -> Iterator[Reference]:
     """What the meshes say of an end, and how uncertain that is.
 
     The middle of the root and the extrapolated end, uncertain by what is not known on the mesh and by twice the
     distance to the mesh before: ends converge slowly, with an order of about ½ to 1.
     """
     for sequence in SEQUENCES:
-        meshes = solved(shown, problem, sequence)
-        ends = [end_of(each, kind) for each in meshes.ends]
-        seen = [(cells, end) for cells, end in zip(meshes.cells, ends, strict=True) if end is not None]
+        found = meshes.of(problem, sequence)
+        ends = [end_of(each, kind) for each in found.ends]
+        seen = [(cells, end) for cells, end in zip(found.cells, ends, strict=True) if end is not None]
         for (_, before), (cells, end) in pairwise(seen):
             middle = _middle(end)
             least = uncertainty(end) + 2.0 * abs(middle - _middle(before))
@@ -121,12 +118,6 @@ def _middle(end: Mapping[str, Any]) -> float:
     """Between the root and the extrapolated end."""
     other = end["position"] if end["extrapolated"] is None else end["extrapolated"]
     return float(end["position"] + other) / 2.0
-
-
-def _kinds(equal: "DataFrame") -> list[str]:
-    """The ends that the finest mesh of equal cells shows: on coarse ones single edges may seem to be zones."""
-    ends = equal.ends.iloc[-1] if len(equal) else []
-    return [kind for kind in dict.fromkeys(end["kind"] for end in ends) if end_of(ends, kind)]
 
 
 def uncertainty(end: Mapping[str, Any]) -> float:
@@ -141,13 +132,15 @@ def end_of(ends: Any, kind: str) -> Mapping[str, Any] | None:
     return found[0] if len(found) == 1 else None
 
 
-def error_of(mesh: Any, measure: str, known: Reference) -> float:
-    """Relative error of a line of the frame of meshes, NaN where the mesh has no such value."""
-    if measure == TRACTIONS:
-        own: Tractions | None = mesh.tractions
-        field: Field = known.value
-        return float("nan") if own is None else difference(own, field) / known.unit
+def errors_of(meshes: "DataFrame", measure: str, known: Reference) -> "Series":
+    """Relative errors of meshes, NaN where one has no such value."""
+    from pandas import Series
+
     if measure in (FORCE, ENERGY):
-        return float(abs(getattr(mesh, measure) - known.value) / known.unit)
-    end = end_of(mesh.ends, measure)
-    return float("nan") if end is None else float(abs(end["position"] - known.value) / known.unit)
+        return (meshes[measure] - known.value).abs() / known.unit
+    if measure == TRACTIONS:
+        off = [np.nan if own is None else difference(own, known.value) for own in meshes.tractions]
+    else:
+        ends = (end_of(each, measure) for each in meshes.ends)
+        off = [np.nan if end is None else abs(end["position"] - known.value) for end in ends]
+    return Series(off, meshes.index, dtype=float) / known.unit

@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 from comparisons.convergence.mesh.data import meshes_of
-from comparisons.convergence.mesh.errors import FLAT, SAME, STEADY, Overview
+from comparisons.convergence.mesh.errors import Overview
 from comparisons.convergence.mesh.figures import figures
 from comparisons.convergence.mesh.measures import values_of
+from comparisons.convergence.mesh.orders import FLAT, SAME, STEADY
 from comparisons.convergence.mesh.study import MODELS, SEQUENCES
 from comparisons.convergence.mesh.tables import tables_of
 from comparisons.convergence.mesh.task import STRICT, TOLERANCE

@@ -4,8 +4,9 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.convergence.mesh.errors import NAMES, Overview, advantage, cost, ends_among, slug
+from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
 from comparisons.convergence.mesh.measures import CLOSED, changes_of, enclosing, force_curves, side_of
+from comparisons.convergence.mesh.orders import advantage, cost
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
 from comparisons.convergence.mesh.references import end_of
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GRADED, STRICT, UNIFORM
@@ -44,7 +45,7 @@ def _grid(lines: "Iterator[dict[str, str]]") -> Grid:
 def _costs(overview: Overview) -> Iterator[dict[str, str]]:
     """Unknowns needed for given errors of the force."""
     for problem in overview.problems:
-        curves, least = force_curves(overview, problem), overview.references[problem.name][FORCE].least
+        curves, least = force_curves(overview, problem), overview.least(problem)
         for target in TARGETS:
             told = {
                 f"unknowns, {NAMES[sequence]}": "" if target < least or points.empty else _cost(points, target)
@@ -65,8 +66,7 @@ def _cost(points: "DataFrame", target: float) -> str:
 
 def _orders(overview: Overview) -> Grid:
     """Observed beside expected orders."""
-    exact = [problem.name for problem in overview.problems if overview.is_exact(problem)]
-    shown = overview.orders[~overview.orders.problem.isin(exact)]
+    shown = overview.orders[~overview.orders.problem.isin([problem.name for problem in overview.exact])]
     headings: Columns = {
         "problem": "problem", "measure": "measure", "sequence": ("meshes", NAMES.__getitem__),
         "last": ("observed, last two", _ORDER), "fitted": ("observed, last three", _ORDER),
