@@ -17,7 +17,7 @@ from click import shell_completion as completion
 from pydantic import TypeAdapter
 
 from comparisons.cli import group as comparisons
-from comparisons.lab.study.outcome import DONE, FAILURES
+from comparisons.lab.worker.outcome import DONE, FAILURES
 from qvi_contact import RefinementStatus
 from qvi_contact.cli import group as qvi_contact
 from qvi_contact.files import problem_document

@@ -4,7 +4,6 @@ import os
 import platform
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
@@ -35,6 +34,8 @@ def machine() -> dict[str, Any]:
 
 def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
     """Package → version, None of those that are not installed; by default what may matter for a time."""
+    from importlib.metadata import PackageNotFoundError, version  # as long to load as all else of a worker process
+
     found: dict[str, str | None] = dict.fromkeys(packages)
     for package in packages:
         with suppress(PackageNotFoundError):

@@ -24,8 +24,8 @@ from comparisons.lab.study import Outcome, frame_of, largest_of, read_csv, read_
 from comparisons.lab.study import store as stores
 from comparisons.lab.study.declaration import case_key
 from comparisons.lab.study.differences import differences
-from comparisons.lab.study.plain import canonical, plain
 from comparisons.lab.study.rows import finite_json
+from comparisons.lab.worker.plain import canonical, plain
 from qvi_contact import InputError
 from qvi_contact.basics import database
 from tests.comparisons.study_demo import ENVIRONMENT, SMALL

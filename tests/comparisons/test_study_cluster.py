@@ -124,7 +124,7 @@ def hurried(monkeypatch):
 
 def children(mark):
     """Numbers of the cluster's worker processes that do cases."""
-    return [pid for pid, line in marked(mark).items() if "study.child" in line]
+    return [pid for pid, line in marked(mark).items() if "worker.child" in line]
 
 
 class TestRows:
@@ -183,7 +183,7 @@ class TestLosses:
 
     def test_lost_worker(self, running, tmp_path):
         """Tried again on another one, once; a run waits while there is none, and takes those that come later."""
-        study = Study("losses", 1, "tests.comparisons.study_demo:losing", {"times": (1, 2)}, packages=())
+        study = Study("losses", 1, "tests.comparisons.study_tasks:losing", {"times": (1, 2)}, packages=())
         with ThreadPoolExecutor() as threads:
             run = threads.submit(run_study, study, tmp_path / "a", dask=running.address, progress=False)
             assert eventually(lambda: running.lost() == 2)

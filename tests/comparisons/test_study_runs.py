@@ -15,11 +15,12 @@ from uuid import uuid4
 
 import pytest
 
-from comparisons.lab.study import FAILURES, limits, options, read_study, run_study
+from comparisons.lab.study import FAILURES, options, read_study, run_study
 from comparisons.lab.study import store as stores
 from comparisons.lab.study.children import Child, Crew, Terms
-from comparisons.lab.study.outcome import REFUSED
 from comparisons.lab.study.progress import rate, study_progress
+from comparisons.lab.worker import limits
+from comparisons.lab.worker.outcome import REFUSED
 from qvi_contact import InputError
 from qvi_contact.basics import database, terminal
 from tests.comparisons.study_demo import DEMO, SMALL, main, ways
@@ -61,7 +62,7 @@ class TestDemo:
                 assert (row.status, row.reason) == ("crashed", "exit status 3: no message")
             else:
                 assert row.status == "error"
-                assert row.reason.startswith(f"ValueError: no method for {values['mesh']} (study_demo.py, line ")
+                assert row.reason.startswith(f"ValueError: no method for {values['mesh']} (study_tasks.py, line ")
 
     def test_rows_tell_what_they_were_made_with(self, uninterrupted):
         for row in uninterrupted:
@@ -92,7 +93,7 @@ def failures(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(MARK, mark)
         run = run_study(ways(), path, workers=2, timeout=1.0, memory=1000, threads=3)
-    alive = [line for line in marked(mark).values() if "study.child" in line or "sleep" in line]
+    alive = [line for line in marked(mark).values() if "worker.child" in line or "sleep" in line]
     assert run.complete
     return {row.case["way"]: row for row in read_study(path).rows}, alive
 
@@ -105,11 +106,11 @@ class TestFailures:
         [
             ("hold", "timeout", "more than 1 s"),
             ("wait", "timeout", "more than 1 s"),
-            ("allocate", "memory", "MemoryError (study_demo.py, line"),
+            ("allocate", "memory", "MemoryError (study_tasks.py, line"),
             ("exit", "crashed", "exit status 0: no message"),
             ("fault", "crashed", "signal 11 (Segmentation fault): before the fault"),
-            ("raise", "error", "ZeroDivisionError: integer division or modulo by zero (study_demo.py, line"),
-            ("leave", "error", "SystemExit: left (study_demo.py, line"),
+            ("raise", "error", "ZeroDivisionError: integer division or modulo by zero (study_tasks.py, line"),
+            ("leave", "error", "SystemExit: left (study_tasks.py, line"),
             ("function", "error", "TypeError: result.found[0].f is of type function, not a plain value"),
             ("number", "error", "TypeError: the task returned float, not a mapping"),
             ("cyclic", "error", "RecursionError: "),
@@ -148,8 +149,8 @@ class TestFailures:
         ("task", "word"),
         [
             ("tests.no_such_module:f", "ModuleNotFoundError: No module named 'tests.no_such_module'"),
-            ("tests.comparisons.study_demo:nothing", "AttributeError"),
-            ("tests.comparisons.study_demo:DEMO", "TypeError: DEMO is of type Study"),
+            ("tests.comparisons.study_tasks:nothing", "AttributeError"),
+            ("tests.comparisons.study_tasks:WAYS", "TypeError: WAYS is of type dict"),
         ],
     )
     def test_a_task_that_cannot_be_loaded_ends_the_study(self, tmp_path, task, word):
@@ -161,7 +162,7 @@ class TestFailures:
     @pytest.mark.parametrize("memory", [1, 10])
     def test_too_little_memory_for_the_task_ends_the_study(self, tmp_path, memory):
         with pytest.raises(
-            InputError, match=r"is too little .MiB. to load tests.comparisons.study_demo:failing"
+            InputError, match=r"is too little .MiB. to load tests.comparisons.study_tasks:failing"
         ) as caught:
             run_study(ways("plain"), tmp_path / "a", memory=memory)
         assert (caught.value.field, caught.value.value) == ("memory", memory)
@@ -267,7 +268,7 @@ class TestEnds:
     def test_a_worker_killed_from_outside_is_replaced(self, command, tmp_path):
         process = command("--way", "wait", "--way", "plain")
         assert eventually(lambda: any("sleep" in line for line in marked(process.mark).values()))
-        (child,) = (pid for pid, line in marked(process.mark).items() if "study.child" in line)
+        (child,) = (pid for pid, line in marked(process.mark).items() if "worker.child" in line)
         os.kill(child, signal.SIGKILL)
         assert process.communicate(timeout=60) == ("2 of 2\n", "")
         first, second = read_study(tmp_path / "a").rows
@@ -281,7 +282,7 @@ class TestLimits:
     @pytest.mark.skipif(os.name != "posix", reason="needs process groups")
     def test_a_thread_looks_for_the_parent(self):
         inner = (
-            "import os, sys, time\nfrom comparisons.lab.study import limits\n"
+            "import os, sys, time\nfrom comparisons.lab.worker import limits\n"
             "limits.KERNEL = False\nlimits._LOOK = 0.02\n"
             "with limits.ends_with_parent(sys.stdin.buffer):\n    print(os.getpid(), flush=True)\n    time.sleep(1000)"
         )
@@ -298,7 +299,7 @@ class TestLimits:
 
     def test_a_worker_is_used_again_but_not_after_a_long_rest(self):
         """It ends by itself after twice that time, and a case must not arrive at that moment."""
-        with closing(Child(Terms("tests.comparisons.study_demo:failing", ()))) as child:
+        with closing(Child(Terms("tests.comparisons.study_tasks:failing", ()))) as child:
             first, again = (child.run({"way": "plain"}).result["pid"] for _ in range(2))
             child._used -= limits.IDLE / 2.0
             other = child.run({"way": "plain"}).result["pid"]
@@ -316,7 +317,7 @@ class TestLimits:
         """Each thread has its own process; afterwards there is none, and nobody gets a new one."""
         mark = uuid4().hex
         monkeypatch.setenv(MARK, mark)
-        crew = Crew(Terms("tests.comparisons.study_demo:failing", ()))
+        crew = Crew(Terms("tests.comparisons.study_tasks:failing", ()))
         with ThreadPoolExecutor(1) as threads:
             busy = threads.submit(crew.run, {"way": "hold"})
             pids = {crew.run({"way": "plain"}).result["pid"] for _ in range(2)}
@@ -334,7 +335,7 @@ class TestLimits:
         code = (
             "import os, signal\nfrom comparisons.lab.study.children import Child, Terms\n"
             "signal.signal(signal.SIGPIPE, signal.SIG_DFL)\n"
-            "child = Child(Terms('tests.comparisons.study_demo:failing', ()))\n"
+            "child = Child(Terms('tests.comparisons.study_tasks:failing', ()))\n"
             "assert child.run({'way': 'plain'}).status == 'done'\n"
             "os.kill(child._process.pid, signal.SIGKILL)\n"
             "os.waitid(os.P_PID, child._process.pid, os.WEXITED | os.WNOWAIT)\n"
@@ -347,7 +348,7 @@ class TestLimits:
         assert done.stdout == "(None, False) done\nFalse set()\n"
 
     def test_nobody_is_ended_while_a_look_may_free_its_number(self):
-        with closing(Child(Terms("tests.comparisons.study_demo:failing", ()))) as child:
+        with closing(Child(Terms("tests.comparisons.study_tasks:failing", ()))) as child:
             child.run({"way": "plain"})
             looks, poll = [], child._process.poll
             child._process.poll = lambda: looks.append(child._lock.locked()) or poll()
@@ -357,8 +358,8 @@ class TestLimits:
 
     @pytest.mark.skipif(os.name != "posix", reason="needs process groups")
     def test_a_worker_without_work_ends(self):
-        code = "import sys\nfrom comparisons.lab.study import child, limits\nlimits.IDLE = 0.1\nchild.main()"
-        order = b'{"task": "tests.comparisons.study_demo:failing", "packages": [], "memory": null}\n'
+        code = "import sys\nfrom comparisons.lab.worker import child, limits\nlimits.IDLE = 0.1\nchild.main()"
+        order = b'{"task": "tests.comparisons.study_tasks:failing", "packages": [], "memory": null}\n'
         with subprocess.Popen(
             [sys.executable, "-c", code],
             cwd=ROOT,

@@ -11,10 +11,10 @@ An interrupted study goes on where it stopped. Whatever happens to a case is a r
 
 from comparisons.lab.study.declaration import Case, Study
 from comparisons.lab.study.options import RunOptions, study_options
-from comparisons.lab.study.outcome import DONE, FAILURES, Outcome
 from comparisons.lab.study.rows import Row, StoredStudy, frame_of, largest_of, read_csv, write_csv
 from comparisons.lab.study.runner import StudyRun, run_study
 from comparisons.lab.study.store import read_study
+from comparisons.lab.worker.outcome import DONE, FAILURES, Outcome
 
 __all__ = [
     "DONE",

@@ -14,8 +14,8 @@ from pathlib import Path
 from threading import Event, Lock, Timer, get_ident
 from typing import IO, Any, Final
 
-from comparisons.lab.study.limits import IDLE
-from comparisons.lab.study.outcome import CRAMPED, CRASHED, MEMORY, REFUSED, TIMEOUT, Outcome, names_shortage, one_line
+from comparisons.lab.worker.limits import IDLE
+from comparisons.lab.worker.outcome import CRAMPED, CRASHED, MEMORY, REFUSED, TIMEOUT, Outcome, names_shortage, one_line
 
 LIMITING: Final = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Environment variables with the number of threads, read by libraries when they are loaded."""
@@ -153,7 +153,7 @@ class Child:
 
     def _popen(self) -> "subprocess.Popen[bytes]":
         """The process, with the end of a pipe to which nothing is ever written: it is closed when this one ends."""
-        words, ends = [sys.executable, "-m", "comparisons.lab.study.child"], []
+        words, ends = [sys.executable, "-m", "comparisons.lab.worker.child"], []
         if os.name == "posix":
             end, self._lifeline = os.pipe()
             words, ends = [*words, str(end)], [end]

@@ -18,8 +18,8 @@ from uuid import uuid4
 
 from comparisons.lab.study.children import Crew, Terms
 from comparisons.lab.study.declaration import Case
-from comparisons.lab.study.outcome import CRASHED, Outcome, one_line
 from comparisons.lab.study.pool import Done
+from comparisons.lab.worker.outcome import CRASHED, Outcome, one_line
 from qvi_contact.basics.cluster import connected
 from qvi_contact.errors import InputError
 

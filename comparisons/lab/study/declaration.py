@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from comparisons.lab.machine import PACKAGES
-from comparisons.lab.study.plain import canonical, plain
+from comparisons.lab.worker.plain import canonical, plain
 from qvi_contact.errors import InputError
 
 Values = Mapping[str, Any]

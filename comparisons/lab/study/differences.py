@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from comparisons.lab.study.plain import canonical
+from comparisons.lab.worker.plain import canonical
 
 _SHOWN: Final = 3
 """Values of a factor that are told; more are counted."""

@@ -6,7 +6,7 @@ from contextlib import closing
 
 from comparisons.lab.study.children import Crew, Terms
 from comparisons.lab.study.declaration import Case
-from comparisons.lab.study.outcome import Outcome
+from comparisons.lab.worker.outcome import Outcome
 
 Done = tuple[Case, Outcome]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.lab.study.outcome import DONE
+from comparisons.lab.worker.outcome import DONE
 from qvi_contact.basics.writing import replacing
 
 if TYPE_CHECKING:

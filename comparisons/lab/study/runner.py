@@ -10,9 +10,9 @@ from pathlib import Path
 from comparisons.lab.study import cluster, pool
 from comparisons.lab.study.children import Terms
 from comparisons.lab.study.declaration import Case, Study
-from comparisons.lab.study.outcome import CRAMPED, REFUSED, Outcome
 from comparisons.lab.study.progress import study_progress
 from comparisons.lab.study.store import finished_keys, writing
+from comparisons.lab.worker.outcome import CRAMPED, REFUSED, Outcome
 from qvi_contact.basics.cluster import check
 from qvi_contact.errors import InputError
 

@@ -14,9 +14,9 @@ from typing import Any, Final
 
 from comparisons.lab.study.declaration import Case, Study, same_study
 from comparisons.lab.study.differences import differences
-from comparisons.lab.study.outcome import Outcome
-from comparisons.lab.study.plain import canonical
 from comparisons.lab.study.rows import Row, StoredStudy
+from comparisons.lab.worker.outcome import Outcome
+from comparisons.lab.worker.plain import canonical
 from qvi_contact.basics.database import Database
 from qvi_contact.errors import InputError
 

@@ -1,6 +1,6 @@
 """A worker process: cases as lines of JSON on standard input, outcomes as lines of JSON on standard output.
 
-    python -m comparisons.lab.study.child [END]
+    python -m comparisons.lab.worker.child [END]
 
 Started by `children`, not by hand. The first line names the task and the memory limit, the first answer is the
 environment, or why the task cannot be loaded. What libraries print goes to standard error.
@@ -20,8 +20,8 @@ from importlib import import_module
 from typing import IO, Any
 
 from comparisons.lab.machine import load_average, machine, versions
-from comparisons.lab.study.limits import end_group, ends_with_parent, limit_memory, next_line
-from comparisons.lab.study.outcome import of_exception, of_return
+from comparisons.lab.worker.limits import end_group, ends_with_parent, limit_memory, next_line
+from comparisons.lab.worker.outcome import of_exception, of_return
 
 Task = Callable[[dict[str, Any]], Any]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from comparisons.lab.study.plain import canonical, plain
+from comparisons.lab.worker.plain import canonical, plain
 
 DONE: Final = "done"
 ERROR: Final = "error"
