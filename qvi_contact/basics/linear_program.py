@@ -2,8 +2,6 @@
 
 from typing import Any, Final, Literal, TypeAlias
 
-from scipy.optimize import linprog
-
 from qvi_contact.basics.checks import FloatArray
 from solvers.basics.watch import left
 
@@ -24,6 +22,8 @@ def solved(cost: FloatArray, **program: Any) -> Any:
 
     By the simplex method where it is not, and where that fails; without presolve where presolve spoils it.
     """
+    from scipy.optimize import linprog  # slow to import, and few problems need it
+
     large = program["A_ub"].shape[0] > _LARGE
     for method, presolve in (*[_INTERIOR] * large, *_SIMPLEX):
         options: Any = {**_OPTIONS, "time_limit": min(_LONGEST, left()), "presolve": presolve}

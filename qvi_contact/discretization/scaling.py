@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.basics.shown import Rounding
@@ -209,6 +208,8 @@ def _forced_along(bounds: list[_Bounds], axis: int) -> float:
 
 def _least_miss(bounds: list[_Bounds]) -> float:
     """2 min over c of the largest violation of lower ≤ d·c ≤ upper [length], a linear program in (c, violation)."""
+    from scipy.optimize import linprog  # slow to import, and only edges aslant need it
+
     rows, limits = [], []
     for each in bounds:
         for sign, values, bounded in (

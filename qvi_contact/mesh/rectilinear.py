@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import ndimage
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, one_of, positive_number
 from qvi_contact.errors import InputError
@@ -256,9 +255,10 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
     @cached_property
     def hole_edges(self) -> BoolArray:
         """Which boundary edges bound a hole rather than the outside, shape (edges,)."""
-        empty = np.pad(~self.active, 1, constant_values=True)
-        label, _ = ndimage.label(empty)
         boundary = self.boundary
+        if self.active.all():
+            return np.zeros(len(boundary), dtype=bool)
+        label, _ = _pieces(np.pad(~self.active, 1, constant_values=True))
         step = boundary.sign.astype(np.int64)
         row = boundary.row + 1 + np.where(boundary.axis == HORIZONTAL, step, 0)
         column = boundary.column + 1 + np.where(boundary.axis == VERTICAL, step, 0)
@@ -548,6 +548,14 @@ def _holding(lines: FloatArray, others: FloatArray) -> IntArray:
     return np.searchsorted(lines, (others[1:] + others[:-1]) / 2.0) - 1
 
 
+def _pieces(cells: BoolArray) -> tuple[IntArray, int]:
+    """The number of the piece that each of these cells belongs to, 0 of the others, and how many pieces there are."""
+    from scipy import ndimage  # most meshes are whole rectangles, and do without it
+
+    number, count = ndimage.label(cells)
+    return np.asarray(number, dtype=np.int64), count
+
+
 def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
     remedy = f"give a boolean array of shape (ny, nx) = {shape}"
     try:
@@ -558,7 +566,7 @@ def _checked_mask(mask: ArrayLike | None, shape: tuple[int, int]) -> BoolArray:
         raise InputError("RectilinearMesh.active", mask, remedy)
     if not active.any():
         raise InputError("RectilinearMesh.active", mask, "at least one cell must belong to the body")
-    if ndimage.label(active)[1] != 1:
+    if not active.all() and _pieces(active)[1] != 1:
         raise InputError("RectilinearMesh.active", mask, "the body must be one piece joined by whole edges")
     corners = active[1:, 1:] & active[:-1, :-1] & ~active[1:, :-1] & ~active[:-1, 1:]
     corners |= ~active[1:, 1:] & ~active[:-1, :-1] & active[1:, :-1] & active[:-1, 1:]

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from qvi_contact import (
     Contact,
@@ -373,7 +374,7 @@ def test_the_linear_program_gets_what_is_left(monkeypatch):
         given.append(options["time_limit"])
         return SimpleNamespace(status=1)
 
-    monkeypatch.setattr(linear_program, "linprog", too_slow)
+    monkeypatch.setattr(optimize, "linprog", too_slow)
     problem = dragged(RectilinearMesh.rectangle((2, 2)), 10.0, 1.0, Contact("bottom", 0.5))
     for seconds in (None, 20.0):
         with pytest.raises(SolveError, match="time limit"):
@@ -385,7 +386,7 @@ def test_the_linear_program_gets_what_is_left(monkeypatch):
 def test_large_programs_take_the_interior_point_method_first(monkeypatch):
     """With the simplex method behind it; both find the same bound."""
     problem = masonry_wall(3, 3, ())
-    expected, given, true_linprog = limit_load(problem, ["wind"]), [], linear_program.linprog
+    expected, given, true_linprog = limit_load(problem, ["wind"]), [], optimize.linprog
 
     def recorded(*arguments, method, **program):
         given.append(method)
@@ -393,7 +394,7 @@ def test_large_programs_take_the_interior_point_method_first(monkeypatch):
             return SimpleNamespace(status=4)
         return true_linprog(*arguments, method=method, **program)
 
-    monkeypatch.setattr(linear_program, "linprog", recorded)
+    monkeypatch.setattr(optimize, "linprog", recorded)
     monkeypatch.setattr(linear_program, "_LARGE", 10)
     found = limit_load(problem, ["wind"])
     assert given[0] == "highs-ipm"
