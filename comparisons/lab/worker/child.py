@@ -50,6 +50,7 @@ def _serve(commands: IO[bytes], answers: IO[bytes], lifeline: IO[bytes] | None) 
         with ends_with_parent(pipe):
             limit_memory(order["memory"])
             task = _loaded(order["task"])
+            gc.freeze()  # imported modules stay: to look through them for garbage takes longer than a small case
     except BaseException as error:  # a module may raise anything
         _answer(answers, {"refused": of_exception(error)["reason"]})
         return
