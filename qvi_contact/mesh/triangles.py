@@ -51,6 +51,7 @@ _INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 _DEEPEST: Final = 100
 _NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
+_TOGETHER: Final = 64  # points that are looked for in all triangles at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -537,18 +538,37 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
     def _located(self, points: FloatArray) -> IntArray:
         """The same for points that are finite."""
         count = min(_NEIGHBOURS, len(self.cells))
-        near = np.sort(self._centres.query(points, count)[1].reshape(-1, count), axis=1)
-        found = self._holding(points, near)
-        for missing in np.flatnonzero(found < 0).tolist():  # in or beside long triangles, or outside
-            found[missing] = self._holding(points[[missing]], np.arange(len(self.cells))[None])[0]
+        near = self._centres.query(points, count)[1].reshape(-1, count)
+        found = self._lowest(points, np.repeat(np.arange(len(points)), count), near.ravel())
+        missing = np.flatnonzero(found < 0)  # in or beside long triangles, or outside
+        for start in range(0, len(missing), _TOGETHER):
+            some = missing[start : start + _TOGETHER]
+            found[some] = self._lowest(points[some], *self._in_reach(points[some]))
         return found
 
-    def _holding(self, points: FloatArray, cells: IntArray) -> IntArray:
-        """The first of the triangles (k, c) that holds each point, −1 if none does."""
-        flat = self.reference(cells.ravel(), np.repeat(points, cells.shape[1], axis=0))
-        inside = (flat.min(axis=1) >= _INSIDE).reshape(cells.shape)
-        first = cells[np.arange(len(cells)), np.argmax(inside, axis=1)]
-        return np.where(inside.any(axis=1), first, -1)
+    def _lowest(self, points: FloatArray, point: IntArray, cell: IntArray) -> IntArray:
+        """The triangle of lowest number that holds each point, among pairs (point (l,), triangle (l,)); −1 if none."""
+        held = self._holds(cell, points[point])
+        found = np.full(len(points), len(self.cells))
+        np.minimum.at(found, point[held], cell[held])
+        return np.where(found < len(self.cells), found, -1)
+
+    def _holds(self, cells: IntArray, points: FloatArray) -> BoolArray:
+        """Whether triangles (l,) hold points (l, 2), on their border too."""
+        return np.asarray(self.reference(cells, points).min(axis=1) >= _INSIDE)
+
+    def _in_reach(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+        """Pairs (point (l,), triangle (l,)): all whose triangle may hold the point, by a circle around its centre."""
+        found = cKDTree(points).query_ball_point(self._centres.data, self._reach)
+        cell = np.repeat(np.arange(len(self.cells)), [len(own) for own in found])
+        return np.concatenate([np.zeros(0), *found]).astype(np.int64), cell
+
+    @cached_property
+    def _reach(self) -> FloatArray:
+        """Radii (m,) of circles at the centres that hold the triangles; arcs stay within half a length of ends."""
+        corners = np.hypot(*np.moveaxis(self.corners - self.corners.mean(axis=1)[:, None], -1, 0)).max(axis=1)
+        lengths = self._edge_lengths * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
+        return np.asarray((1.0 + 1e-6) * (corners + lengths[self.topology.of_cells].max(axis=1) / 2.0))
 
     def around(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Points (k, 2) [length] and the triangles that hold them, as pairs of numbers (point (l,), triangle (l,)).
@@ -556,14 +576,12 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         A point on an edge or in a vertex is in a pair with every triangle there, one outside the body in none.
         """
         first = self.locate(points)
-        pairs: set[tuple[int, int]] = set()
-        for point, cell in enumerate(first.tolist()):
-            if cell >= 0:
-                near = self._neighbours[cell]
-                at = np.broadcast_to(points[point], (len(near), 2))
-                pairs |= {(point, int(c)) for c in near[self.reference(near, at).min(axis=1) >= _INSIDE]}
-        found = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
-        return found[:, 0], found[:, 1]
+        inside = np.flatnonzero(first >= 0)
+        near = [self._neighbours[cell] for cell in first[inside].tolist()]
+        point = np.repeat(inside, [len(own) for own in near])
+        cell = np.concatenate([np.zeros(0, dtype=np.int64), *near])
+        held = self._holds(cell, points[point])
+        return point[held], cell[held]
 
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
@@ -659,10 +677,9 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     def _touching(self, points: FloatArray) -> BoolArray:
         """Triangles (m,) that hold any of the points (k, 2), on their border too."""
-        every, found = np.arange(len(self.cells)), np.zeros(len(self.cells), dtype=bool)
-        for point in points:
-            at = np.broadcast_to(point, (len(every), 2))
-            found |= self.reference(every, at).min(axis=1) >= _INSIDE
+        found = np.zeros(len(self.cells), dtype=bool)
+        point, cell = self._in_reach(points)
+        found[cell[self._holds(cell, points[point])]] = True
         return found
 
 
