@@ -7,7 +7,7 @@ import pytest
 
 from comparisons.convergence import command
 from comparisons.lab.study import Outcome, pool, read_csv, read_study, run_study
-from comparisons.lab.study.outcome import of_return
+from comparisons.lab.worker.outcome import of_return
 
 COMMITTED = Path(command.__file__).parents[1] / "reports" / "convergence"
 
