@@ -6,7 +6,9 @@ from typing import Any, Final
 from comparisons.convergence.bodies import body
 from solvers import QVISolution, solve_qvi
 
-_REPEATS: Final = 3
+REPEATS: Final = 3
+"""How often a solve is timed, if it is quick."""
+
 _BUDGET: Final = 0.5  # seconds after which no further repetition begins
 
 
@@ -18,7 +20,7 @@ def timed(place: tuple[str, int, float], **options: Any) -> tuple[QVISolution, l
         began = time.perf_counter()
         solution = solve_qvi(qvi, **options)
         seconds.append(time.perf_counter() - began)
-        if len(seconds) == _REPEATS or sum(seconds) > _BUDGET:
+        if len(seconds) == REPEATS or sum(seconds) > _BUDGET:
             return solution, seconds
 
 

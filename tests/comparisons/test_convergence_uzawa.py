@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pandas.testing import assert_frame_equal
 
 from comparisons.convergence.bodies import SLIDING_LIMIT, reference
 from comparisons.convergence.uzawa import figures, task
@@ -15,7 +16,7 @@ from comparisons.lab.study import DONE
 from comparisons.paper.reference import load
 from qvi_contact.plots import has_matplotlib
 from solvers import solve_qvi
-from tests.comparisons.convergence_parts import committed_rows, committed_text, rows_of
+from tests.comparisons.convergence_parts import committed_text, made_again, rows_of
 
 TINY = Extent(
     friction=(0.1,), map_cells=(2,), limit_cells=(), mesh_cells=(), steps=(0.5, 2.0), normal_steps=(0.5,),
@@ -119,8 +120,10 @@ def test_study_has_all_parts():
 
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory):
-    """Rows of a tiny study."""
-    return rows_of(study_of("tiny", TINY), tmp_path_factory.mktemp("uzawa") / "tiny.sqlite")
+    """Rows of a tiny study, of fewer iterations."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(task, "ITERATIONS", 500)
+        return rows_of(study_of("tiny", TINY), tmp_path_factory.mktemp("uzawa") / "tiny.sqlite")
 
 
 def made(row, run, place, **result):
@@ -150,9 +153,10 @@ class TestNumbers:
         runs = [made(row, "paper", ["plate", 2, mu], needed={"1e-04": 100}, **values) for mu in (0.1, 0.2)]
         runs += [made(row, "paper", ["plate", 2, 0.3], needed={"1e-04": 1}, **(values | {"linearised": 0.0}))]
         runs += [self.mapped(row, 0.1, 50), self.mapped(row, 0.1, 80, 0.5), self.mapped(row, 0.2, 4)]
-        assert found(runs)["quickest"] == "4 to 50"
-        assert (found(runs)["factors"], found(runs)["shares"], found(runs)["powers"]) == ("2 to 25", "25 %", "0.21")
-        assert (found(runs)["sliding"], found(runs)["frictions"], found(runs)["needed"]) == (2, 3, "100")
+        told = found(runs)
+        assert told["quickest"] == "4 to 50"
+        assert (told["factors"], told["shares"], told["powers"]) == ("2 to 25", "25 %", "0.21")
+        assert (told["sliding"], told["frictions"], told["needed"]) == (2, 3, "100")
         assert found(runs[:3])["quickest"] == "none"
 
     def meshes(self, row, counts, conditions):
@@ -168,7 +172,8 @@ class TestNumbers:
         (line,) = growth(runs_of(rows)).itertuples()
         assert line.growth == pytest.approx(2.0)
         assert line.most == 40
-        assert (found(rows)["slow"], found(rows)["meshes"]) == (5, 5)
+        told = found(rows)
+        assert (told["slow"], told["meshes"]) == (5, 5)
         assert growth(runs_of(rows[:3])).order[0] == pytest.approx(1.0)
         assert growth(runs_of(rows[:2])).order[0] is None
         assert np.isnan(growth(runs_of(self.meshes(row, [None], [1.0]))).most[0])
@@ -219,9 +224,15 @@ class TestNumbers:
         dead = [
             replace(row, status="timeout", result={}, certificate=None) if row.case["target"] else row for row in rows
         ]
-        assert found(dead)["failed"] == 5
-        assert found(dead)["targets"]["condensed"] == (0, 0)
+        told = found(dead)
+        assert (told["failed"], told["targets"]["condensed"]) == (5, (0, 0))
         assert "5 runs ended without a result" in report(dead).text
+
+
+@pytest.fixture(scope="module")
+def committed():
+    """The report of the committed rows and its numbers."""
+    return made_again("uzawa")
 
 
 class TestReport:
@@ -244,12 +255,13 @@ class TestReport:
         assert len(written) == (8 if has_matplotlib() else 2)
         assert all("convergence-uzawa-quick" in path.name for path in written)
 
-    @pytest.mark.usefixtures("outlined")
-    def test_it_is_the_same_whatever_the_order_of_rows(self, rows):
+    def test_it_is_the_same_whatever_the_order_of_rows(self, rows, monkeypatch):
+        assert_frame_equal(runs_of(rows), runs_of(rows[::-1]))  # of which pictures are made
+        monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
         assert report(rows, quick=True) == report(rows[::-1], quick=True)
 
-    def test_numbers_of_the_findings(self):
-        values = found(committed_rows("uzawa"))
+    def test_numbers_of_the_findings(self, committed):
+        _, values = committed
         assert values["worst"]["error"] == pytest.approx(0.0033, abs=5e-5)
         assert values["tractions"] == pytest.approx(0.057, abs=5e-4)
         expected = {
@@ -263,6 +275,6 @@ class TestReport:
             "fixed point, SOCP": (20, 20), "condensed": (20, 20),
         }  # fmt: skip
 
-    def test_the_committed_report_is_that_of_the_committed_rows(self, monkeypatch):
-        monkeypatch.setattr(figures, "drawn", lambda *_: "drawn")
-        assert report(committed_rows("uzawa")).text == committed_text("uzawa")
+    def test_the_committed_report_is_that_of_the_committed_rows(self, committed):
+        text, _ = committed
+        assert text == committed_text("uzawa")
