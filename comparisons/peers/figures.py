@@ -1,7 +1,7 @@
 """Pictures of a run: errors against costs, and bounds against the mesh."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -44,50 +44,29 @@ COSTS: Final = (
 
 
 def figures(runs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, str]:
-    """Name → picture; empty where matplotlib is not installed.
+    """Name → picture; empty where matplotlib is not installed."""
+    return {name: drawn(name, draw) for name, draw in plots_of(runs, known).items()}
 
-    For each μ at which P/2 is known, and some error, those of errors against costs; for each with brackets, of these;
-    for each with guaranteed bounds, of intervals beside the forces of all codes.
+
+def plots_of(runs: "DataFrame", known: Mapping[float, Reference]) -> "dict[str, Callable[[], Figure]]":
+    """Name of a picture → what draws it.
+
+    For each μ at which P/2 is known, and some error, those of errors against costs: the best that each code has over
+    all its models and meshes, and all, a panel for each kind of grading and a curve for each model. For each with
+    brackets, what these say on each mesh; for each with guaranteed bounds, intervals beside the forces of all codes.
     """
-    found = {}
+    found: dict[str, Callable[[], Figure]] = {}
     for friction, here in by_friction(runs):
         name, value = slug(friction), known.get(friction)
         for cost in COSTS if here.error.notna().any() else ():
-            found[f"best-{cost.name}-{name}"] = _best(here, cost, name)
-            found[f"error-{cost.name}-{name}"] = _errors(here, cost, name)
-        if any((each.solved & each.width.notna()).any() for _, each in by_family(here)):
-            found[f"bounds-{name}"] = _bounds(here, value, name)
-        if value is not None and has_bounds(here):
-            draw = partial(_beside_others, known=value)
-            found[f"intervals-{name}"] = drawn(f"intervals-{name}", partial(_panels, [("", here)], draw))
+            found[f"best-{cost.name}-{name}"] = partial(_panels, [("", here)], partial(_fronts, cost=cost))
+            found[f"error-{cost.name}-{name}"] = partial(_panels, by_grading(here), partial(_error_curves, cost=cost))
+        families = by_family(here)
+        if any((each.solved & each.width.notna()).any() for _, each in families):
+            found[f"bounds-{name}"] = partial(_panels, families, partial(_bounds, known=value), shared=False)
+        if value is not None and here.bounded.any():
+            found[f"intervals-{name}"] = partial(_panels, [("", here)], partial(_beside_others, known=value))
     return found
-
-
-def _best(here: "DataFrame", cost: Cost, name: str) -> str:
-    """The best that each code has for its cost, over all its models and meshes."""
-    return drawn(f"best-{cost.name}-{name}", partial(_panels, [("", here)], partial(_fronts, cost=cost)))
-
-
-def _errors(here: "DataFrame", cost: Cost, name: str) -> str:
-    """Errors of P/2 at one μ against a cost: a panel for each kind of grading, a curve for each model."""
-    return drawn(f"error-{cost.name}-{name}", partial(_panels, by_grading(here), partial(_error_curves, cost=cost)))
-
-
-def _bounds(here: "DataFrame", known: Reference | None, name: str) -> str:
-    """What brackets say on each mesh: intervals of P/2 and the codes' values, or an indicator."""
-
-    def draw(axes: "Axes", runs: "DataFrame") -> None:
-        if known is not None and has_bounds(runs):
-            _intervals(axes, runs, known)
-        else:
-            _indicators(axes, runs)
-
-    return drawn(f"bounds-{name}", partial(_panels, by_family(here), draw, shared=False))
-
-
-def has_bounds(runs: "DataFrame") -> bool:
-    """Whether P has guaranteed bounds somewhere."""
-    return bool((runs.solved & runs.low.notna()).any())
 
 
 def by_grading(runs: "DataFrame") -> Panels:
@@ -125,8 +104,6 @@ def _finish(axes: "Axes", title: str) -> None:
 
 def _fronts(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
     """For each code its costs in ascending order, where the error falls."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
     known = runs[runs.error.notna()]
     for code, about in CODES.items():
         here = known[(known.code == code) & (known[cost.column] > 0.0)]
@@ -135,18 +112,13 @@ def _fronts(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
         if len(front):
             axes.plot(front[cost.column], front.height, color=about.colour, marker=about.marker, linewidth=1.2,
                       markersize=5, label=about.name)  # fmt: skip
-    _label_closely(axes, known[cost.column])
-    axes.set_xlabel(cost.label)
-    axes.set_ylabel("relative error of P/2 [-]")
+    _error_axes(axes, known, cost)
 
 
 def _error_curves(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
     """A curve for each model that has an error, and the band in which errors mean nothing."""
     from matplotlib.ticker import NullFormatter
 
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.xaxis.set_minor_formatter(NullFormatter())
     shown, floor = runs.assign(height=heights(runs)), runs.floor.iloc[0]
     shown = shown[shown.height.notna() & (shown[cost.column] > 0.0)]
     for name, here in shown.groupby("model", sort=False):
@@ -156,27 +128,43 @@ def _error_curves(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
                   markersize=6, linewidth=1.2, label=label)  # fmt: skip
     least, most = min(shown.height, default=floor), max(shown.height, default=floor)
     if least < 10.0 * floor:
-        axes.axhspan(floor / 10.0, floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
+        _band(axes, floor / 10.0, floor)
         least = _MARGIN * floor / 10.0
     axes.set_ylim(least / _MARGIN, _MARGIN * most)
-    _label_closely(axes, shown[cost.column])
+    _error_axes(axes, shown, cost)
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _error_axes(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
+    """Errors against a cost, both logarithmic; labels at 1, 2 and 5 times powers of ten where others were few."""
+    from matplotlib.ticker import LogLocator, StrMethodFormatter
+
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    costs = runs[cost.column]
+    if len(costs) and max(costs) < _NARROW * min(costs):
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.set_xlabel(cost.label)
     axes.set_ylabel("relative error of P/2 [-]")
 
 
-def _label_closely(axes: "Axes", costs: "Sequence[float]") -> None:
-    """Labels at 1, 2 and 5 times powers of ten where there would be few others."""
-    from matplotlib.ticker import LogLocator, StrMethodFormatter
-
-    if len(costs) and max(costs) < _NARROW * min(costs):
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+def _band(axes: "Axes", low: float, high: float) -> None:
+    axes.axhspan(low, high, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
 
 
 def heights(runs: "DataFrame") -> Any:
     """Errors, and half the distances of guaranteed bounds; what is not resolved is inside the band."""
-    value = runs.error.fillna(runs.width.where(runs.solved & runs.low.notna()))
+    value = runs.error.fillna(runs.width.where(runs.bounded))
     return value.where(value.isna() | (value > runs.floor), _UNRESOLVED * runs.floor)
+
+
+def _bounds(axes: "Axes", runs: "DataFrame", known: Reference | None) -> None:
+    """What brackets say on each mesh: intervals of P/2 and the codes' values, or an indicator."""
+    if known is not None and runs.bounded.any():
+        _intervals(axes, runs, known)
+    else:
+        _indicators(axes, runs)
 
 
 def _intervals(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
@@ -184,8 +172,8 @@ def _intervals(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
     cells = sorted(set(runs.number))
     place = {each: float(number) for number, each in enumerate(cells)}
     axes.set_yscale("symlog", linthresh=known.floor)
-    axes.axhspan(-known.floor, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
-    for run in runs[runs.solved & runs.low.notna()].itertuples():
+    _band(axes, -known.floor, known.floor)
+    for run in runs[runs.bounded].itertuples():
         low, high = (end / known.value - 1.0 for end in (run.lower, run.upper))
         axes.bar(place[run.number] - 0.36, high - low, 0.14, low, color=_BAR, edgecolor=NAMED[run.model].colour,
                  label=f"{_label(run.model)}: guaranteed")  # fmt: skip
@@ -204,13 +192,13 @@ def _beside_others(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
     """Guaranteed intervals, each narrower than those of fewer unknowns, and the forces of all models of all codes."""
     axes.set_xscale("log")
     axes.set_yscale("symlog", linthresh=known.floor)
-    axes.axhspan(-known.floor, known.floor, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
+    _band(axes, -known.floor, known.floor)
     for code in (*OTHERS, TRIANGLES):
         about, here = CODES[code], runs[(runs.code == code) & runs.solved]
         if len(here):
             axes.plot(here.unknowns, here.half_force / known.value - 1.0, color=about.colour, marker=about.marker,
                       linestyle="none", markersize=4, markerfacecolor="none", label=about.name)  # fmt: skip
-    sure = runs[runs.solved & runs.low.notna()].sort_values("unknowns")
+    sure = runs[runs.bounded].sort_values("unknowns")
     sure = sure[sure.width < sure.width.cummin().shift(fill_value=math.inf)]
     ends = [sure.low / known.value - 1.0, sure.high / known.value - 1.0]
     axes.vlines(sure.unknowns, *ends, color=CODES[BRACKET].colour, linewidth=3, alpha=0.6, label="guaranteed interval")
@@ -228,7 +216,7 @@ def _difference_axis(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
 
 def limits(runs: "DataFrame", known: Reference) -> tuple[float, float]:
     """Bottom and top of a picture of intervals: all bars and marks are between them, and so is the grey band."""
-    sure = runs[runs.solved & runs.low.notna()]
+    sure = runs[runs.bounded]
     ends = [*sure.lower, *sure.upper, *runs.half_force[runs.solved].dropna()]
     heights = [end / known.value - 1.0 for end in ends]
     return _MARGIN * min(-known.floor, *heights), _MARGIN * max(known.floor, *heights)

@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+import numpy as np
+
 from comparisons.lab.ratios import spread
 from comparisons.lab.report.numbers import listing, scientific, seconds, significant, span
 from comparisons.lab.study import DONE, Row
@@ -69,14 +71,14 @@ def runs_of(rows: Sequence[Row]) -> "DataFrame":
     value. So lasting is the largest error of the model on this and all finer meshes that are solved; confirmed says
     whether there is a finer one.
     """
-    from pandas import DataFrame, to_numeric
+    from pandas import DataFrame, factorize, to_numeric
 
     runs = DataFrame([_run(row) for row in sorted(rows, key=lambda row: row.position)])
     for name in (*NUMBERS, *BOUNDS, "seconds", "spread", "low", "high"):
         runs[name] = to_numeric(runs[name]).replace([math.inf, -math.inf], math.nan)
     runs["solved"] = runs.status == SOLVED
-    frictions = {friction: place for place, friction in enumerate(runs.friction.unique())}
-    runs["first"] = runs.friction.map(frictions)
+    runs["bounded"] = runs.solved & runs.low.notna()
+    runs["first"] = factorize(runs.friction)[0]
     runs = runs.sort_values(["first", "order", "number"], kind="stable", ignore_index=True)
     return _with_errors(runs, known_of(runs))
 
@@ -89,8 +91,9 @@ def _run(row: Row) -> dict[str, Any]:
     run = {
         "friction": row.case["friction"], "model": model.name, "code": model.code, "mesh": model.mesh, "number": number,
         "label": model.family.label(number), "run": f"{model.name}, {model.family.label(number)}",
-        "toward": model.family.to_transition, "order": list(NAMED).index(model.name), "status": result["status"],
-        "message": result["message"], **{name: result.get(name) for name in NUMBERS}, **times,
+        "toward": model.family.to_transition, "order": list(NAMED).index(model.name),
+        "rank": list(CODES).index(model.code), "status": result["status"], "message": result["message"],
+        **{name: result.get(name) for name in NUMBERS}, **times,
         "seconds": min(whole, default=None), "spread": spread(whole), "version": result.get("version"),
         **dict.fromkeys((*BOUNDS, "kind", "low", "high")), "guaranteed": False,
     }  # fmt: skip
@@ -114,54 +117,48 @@ def _bounds(result: Any) -> dict[str, Any]:
 
 def guaranteed(runs: "DataFrame") -> "DataFrame":
     """The brackets that bound P/2, the narrowest first."""
-    sure = runs[runs.solved & runs.low.notna()]
+    sure = runs[runs.bounded]
     return sure.assign(gap=sure.high - sure.low).sort_values("gap", kind="stable")
 
 
 def intervals_of(runs: "DataFrame") -> "DataFrame":
     """The narrowest guaranteed interval of P/2 at each μ that has one.
 
-    The columns are friction, low, high, run, unknowns, seconds, and for each code of `OTHERS` how many of its solved
-    forces are outside, as "5 of 88".
+    The columns are those of the runs, and for each code of `OTHERS` how many of its solved forces are outside, as
+    "5 of 88".
     """
     from pandas import DataFrame
 
     lines = []
-    for friction, here in by_friction(runs):
+    for _, here in by_friction(runs):
         sure = guaranteed(here)
         if sure.empty or contradictory(here):
             continue
         best = sure.iloc[0]
-        line = {name: best[name] for name in ("low", "high", "run", "unknowns", "seconds")}
-        for key in OTHERS:
-            forces = here[(here.code == key) & here.solved].half_force
-            line[key] = f"{int((~forces.between(best.low, best.high)).sum())} of {len(forces)}"
-        lines.append({"friction": friction, **line})
-    return DataFrame(lines, columns=["friction", "low", "high", "run", "unknowns", "seconds", *OTHERS])
+        forces = {key: here[(here.code == key) & here.solved].half_force for key in OTHERS}
+        outside = {key: int((~each.between(best.low, best.high)).sum()) for key, each in forces.items()}
+        lines.append({**best, **{key: f"{outside[key]} of {len(each)}" for key, each in forces.items()}})
+    return DataFrame(lines, columns=[*runs, *OTHERS])
 
 
 def beside_of(here: "DataFrame") -> "DataFrame":
     """The guaranteed intervals at one μ beside other codes, in the order of the study.
 
-    The columns are run, unknowns, seconds, low, high, and for each code of `OTHERS` the best of its forces with no more
-    unknowns than the interval, that with the smallest error, NaN if there is none, and whether it is inside.
+    The columns are those of the runs, and for each code of `OTHERS` the best of its forces with no more unknowns than
+    the interval, that with the smallest error, NaN if there is none.
     """
-    from pandas import DataFrame
-
-    lines = []
-    for run in here[here.solved & here.low.notna()].itertuples():
-        line = {name: getattr(run, name) for name in ("run", "unknowns", "seconds", "low", "high")}
-        for key in OTHERS:
-            small = here[(here.code == key) & here.solved & (here.unknowns <= run.unknowns)]
-            value = math.nan if small.error.isna().all() else float(small.loc[small.error.idxmin()].half_force)
-            line[key] = (value, bool(run.low <= value <= run.high))
-        lines.append(line)
-    return DataFrame(lines, columns=["run", "unknowns", "seconds", "low", "high", *OTHERS])
+    beside = here[here.bounded]
+    for key in OTHERS:
+        forces = here[(here.code == key) & here.solved].sort_values("unknowns", kind="stable")
+        best = forces[forces.error < forces.error.cummin().shift(fill_value=math.inf)]
+        places = best.unknowns.searchsorted(beside.unknowns, side="right")  # 0 where all have more
+        beside = beside.assign(**{key: np.append(math.nan, best.half_force)[places]})
+    return beside
 
 
 def contradictory(runs: "DataFrame") -> bool:
     """Whether no value of P/2 is inside all guaranteed bounds of these runs at one μ, so that some are wrong."""
-    sure = guaranteed(runs)
+    sure = runs[runs.bounded]
     return bool(sure.low.max() > sure.high.min())
 
 
@@ -211,17 +208,17 @@ def costs_of(runs: "DataFrame") -> "DataFrame":
     unknowns, sure (the quickest is confirmed) and sure_smallest; time_ratio and unknowns_ratio are over triangles. Runs
     that a finer mesh confirms come before all others.
     """
-    from pandas import DataFrame
+    from pandas import concat
 
-    lines = []
-    for friction, here in by_friction(runs):
-        reach = here.lasting + here.floor
-        for target in TARGETS:
-            for code in CODES:
-                found = here[(here.code == code) & (reach <= target)]
-                if len(found):
-                    lines.append({"friction": friction, "target": target, "code": code, **_cheapest(found)})
-    costs = DataFrame(lines, columns=["friction", "target", "code", *_CHEAPEST])
+    key = ["friction", "target", "code"]
+    reach = runs.lasting + runs.floor
+    found = concat([runs[reach <= target].assign(target=target) for target in TARGETS])
+    quick = found.sort_values(["confirmed", "seconds"], ascending=[False, True]).drop_duplicates(key)
+    small = found.sort_values(["confirmed", "unknowns", "seconds"], ascending=[False, True, True]).drop_duplicates(key)
+    quick = quick.sort_values(["first", "target", "rank"], ascending=[True, False, True])
+    quick = quick.rename(columns={"run": "quickest", "confirmed": "sure"})[[*key, "quickest", "seconds", "sure"]]
+    small = small.rename(columns={"run": "smallest", "confirmed": "sure_smallest"})
+    costs = quick.merge(small[[*key, "smallest", "unknowns", "sure_smallest"]], on=key)
     own = costs[costs.code == TRIANGLES][["friction", "target", "seconds", "unknowns"]]
     costs = costs.merge(own, on=["friction", "target"], how="left", suffixes=("", "_own"))
     return costs.assign(
@@ -229,45 +226,24 @@ def costs_of(runs: "DataFrame") -> "DataFrame":
     )
 
 
-_CHEAPEST: Final = ("quickest", "seconds", "sure", "smallest", "unknowns", "sure_smallest")
-
-
-def _cheapest(found: "DataFrame") -> dict[str, Any]:
-    quick = found.sort_values(["confirmed", "seconds"], ascending=[False, True], kind="stable").iloc[0]
-    small = found.sort_values(["confirmed", "unknowns", "seconds"], ascending=[False, True, True], kind="stable").iloc[
-        0
-    ]
-    values = (quick.run, quick.seconds, quick.confirmed, small.run, small.unknowns, small.confirmed)
-    return dict(zip(_CHEAPEST, values, strict=True))
-
-
 def compared_of(costs: "DataFrame") -> "DataFrame":
     """Triangles beside the best of the other codes: a line for each μ and target that both reach.
 
     The quickest other code (code, seconds) and the one with the fewest unknowns (smallest_code, unknowns) may be two.
     """
-    from pandas import DataFrame
-
+    key = ["friction", "target"]
     others = costs[costs.code.isin(OTHERS) & costs.seconds_own.notna()]
-    lines = []
-    for (friction, target), found in others.groupby(["friction", "target"], sort=False):
-        quick, small = found.loc[found.seconds.idxmin()], found.loc[found.unknowns.idxmin()]
-        lines.append({
-            "friction": friction, "target": target, "own": quick.seconds_own, "seconds": quick.seconds,
-            "code": CODES[quick.code].name, "time_ratio": quick.time_ratio, "own_unknowns": small.unknowns_own,
-            "unknowns": small.unknowns, "smallest_code": CODES[small.code].name, "unknowns_ratio": small.unknowns_ratio,
-        })  # fmt: skip
-    names = ("friction", "target", "own", "seconds", "code", "time_ratio", "own_unknowns", "unknowns", "smallest_code",
-             "unknowns_ratio")  # fmt: skip
-    return DataFrame(lines, columns=list(names))
+    small = others.sort_values("unknowns", kind="stable").drop_duplicates(key).rename(columns={"code": "smallest_code"})
+    quick = others.sort_values("seconds", kind="stable").drop_duplicates(key).sort_index()
+    return quick[[*key, "seconds_own", "seconds", "code", "time_ratio"]].merge(
+        small[[*key, "unknowns_own", "unknowns", "smallest_code", "unknowns_ratio"]], on=key
+    )
 
 
 def least_of(runs: "DataFrame") -> "DataFrame":
     """The run of each code at each μ with the smallest lasting error that a finer mesh confirms."""
-    sure = runs[runs.confirmed & runs.lasting.notna()]
-    least = sure.loc[sure.groupby(["first", "code"], sort=False).lasting.idxmin()]
-    order = {key: n for n, key in enumerate(CODES)}
-    return least.sort_values(["first", "code"], key=lambda found: found.map(order) if found.name == "code" else found)
+    sure = runs[runs.confirmed & runs.lasting.notna()].sort_values("lasting", kind="stable")
+    return sure.drop_duplicates(["first", "code"]).sort_values(["first", "rank"])
 
 
 def at_most(error: float, floor: float) -> float:
@@ -285,9 +261,9 @@ def missing(runs: "DataFrame") -> list[str]:
     return [key for key in CODES if key not in set(runs.code)]
 
 
-def values_of(runs: "DataFrame") -> dict[str, Any]:
-    """The numbers of the report's sentences."""
-    compared, least = compared_of(costs_of(runs)), least_of(runs)
+def values_of(runs: "DataFrame", costs: "DataFrame") -> dict[str, Any]:
+    """The numbers of the report's sentences, with what errors cost, see `costs_of`."""
+    compared, least = compared_of(costs), least_of(runs)
     rectangles, triangles = (least[least.code == code] for code in (EQUILIBRIUM, TRIANGLES))
     reached = [at_most(run.lasting, run.floor) for run in triangles.itertuples()]
     failed = runs[~runs.solved]
@@ -303,6 +279,7 @@ def values_of(runs: "DataFrame") -> dict[str, Any]:
         "runs": len(runs), "solved": int(runs.solved.sum()),
         "failing": listing([f"{number} of {CODES[code].name}" for code, number in failed.code.value_counts().items()]),
         "missing": missing(runs),
+        "chance": sorted({*costs[~costs.sure].quickest, *costs[~costs.sure_smallest].smallest}),
     }  # fmt: skip
 
 
@@ -312,10 +289,11 @@ def _compared(compared: "DataFrame", target: float) -> dict[str, Any] | None:
     if found.empty:
         return None
     return {
-        "target": target, "own": span(found.own, seconds), "ratios": span(found.time_ratio, _factor),
-        "unknowns": span(found.unknowns_ratio, _factor),
+        "target": target, "own": span(found.seconds_own, seconds), "ratios": span(found.time_ratio, factor),
+        "unknowns": span(found.unknowns_ratio, factor),
     }  # fmt: skip
 
 
-def _factor(value: float) -> str:
+def factor(value: float) -> str:
+    """How many times as much."""
     return significant(value, 2)

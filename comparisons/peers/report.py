@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 from comparisons.lab.report import Document, environment_grids, findings_of, render
 from comparisons.lab.study import Row
 from comparisons.peers.codes.equilibrium import ONE_SENSE
-from comparisons.peers.figures import figures, has_bounds
+from comparisons.peers.figures import figures
 from comparisons.peers.measures import (
     BOUNDS,
     NUMBERS,
@@ -36,24 +36,21 @@ def report(rows: Sequence[Row]) -> Document:
     runs = runs_of(rows)
     known, costs = known_of(runs), costs_of(runs)
     pictures = figures(runs, known)
-    chance = {*costs[~costs.sure.astype(bool)].quickest, *costs[~costs.sure_smallest.astype(bool)].smallest}
     values = {
-        **values_of(runs), "command": command_of(rows), "resolution": RESOLUTION, "chance": sorted(chance),
-        "codes": {key: CODES[key] for key in CODES},
-        "places": [_place(friction, here, known, pictures) for friction, here in by_friction(runs)],
+        **values_of(runs, costs), "command": _command(runs, rows[0].case["repetitions"]), "resolution": RESOLUTION,
+        "codes": CODES, "places": [_place(friction, here, known, pictures) for friction, here in by_friction(runs)],
     }  # fmt: skip
-    tables, settings = tables_of(runs, known), [*settings_of(runs, known), *environment_grids(rows)]
+    tables, settings = tables_of(runs, costs, known), [*settings_of(runs, known), *environment_grids(rows)]
     return render("comparisons.peers", "peers", values, tables, pictures, settings)
 
 
-def command_of(rows: Sequence[Row]) -> str:
+def _command(runs: "DataFrame", repetitions: int) -> str:
     """The command that measures the same, without the place of its files and of other Pythons."""
-    runs = runs_of(rows)
     counted = runs.mesh.isin([name for name, family in FAMILIES.items() if family.counted])
     words = ["python -m comparisons peers --friction", *(f"{friction:g}" for friction in runs.friction.unique())]
     words += ["--cells", *map(str, sorted(set(runs.number[counted])))] if counted.any() else []
     words += [f"--levels {max(runs.number[~counted]) + 1}"] if not counted.all() else []
-    return " ".join([*words, f"--repeat {rows[0].case['repetitions']}"])
+    return " ".join([*words, f"--repeat {repetitions}"])
 
 
 def _place(
@@ -62,7 +59,7 @@ def _place(
     """What there is to be said of one μ."""
     name = slug(friction)
     return {
-        "friction": friction, "name": name, "known": known.get(friction), "bounded": has_bounds(here),
+        "friction": friction, "name": name, "known": known.get(friction), "bounded": bool(here.bounded.any()),
         "errors": f"best-time-{name}" in pictures, "brackets": f"bounds-{name}" in pictures,
         "doubtful": contradictory(here),
         "intervals": f"intervals-{name}" in pictures, "slips": ONE_SENSE in set(here.kind),

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
-from comparisons.lab.report.numbers import NOTHING, listing, memory, percent, scientific, seconds, significant
+from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, memory, percent, scientific, seconds
 from comparisons.lab.tables import Grid, grid_of
 from comparisons.peers.codes.equilibrium import ONE_SENSE
 from comparisons.peers.measures import (
@@ -14,7 +14,7 @@ from comparisons.peers.measures import (
     beside_of,
     by_friction,
     compared_of,
-    costs_of,
+    factor,
     intervals_of,
     least_of,
     missing,
@@ -35,135 +35,94 @@ KINDS: Final = {
 }
 """Name of a `BracketKind`, or `ONE_SENSE` → what is bracketed."""
 
-
-def count(value: float) -> str:
-    """A number of unknowns."""
-    return NOTHING if value != value else str(int(value))
+_OTHERS: Final = {key: CODES[key].name for key in OTHERS}
+_COLUMNS: Final[Mapping[str, Mapping[str, str]]] = {
+    "compared": {
+        "friction": "μ", "target": "error", "seconds_own": "triangles", "seconds": "other code", "code": "which",
+        "time_ratio": "times as long", "unknowns_own": "unknowns of triangles", "unknowns": "of the other code",
+        "smallest_code": "which", "unknowns_ratio": "times as many",
+    },
+    "costs": {
+        "target": "error", "code": "code", "seconds": "time", "time_ratio": "over triangles", "quickest": "by",
+        "unknowns": "fewest unknowns", "unknowns_ratio": "over triangles", "smallest": "by",
+    },
+    "least": {
+        "friction": "μ", "code": "code", "shown": "smallest error", "unknowns": "unknowns", "seconds": "time",
+        "run": "by",
+    },
+    "intervals": {
+        "friction": "μ", "low": "P/2 from [N/mm]", "high": "to [N/mm]", "half": "half width", "unknowns": "unknowns",
+        "seconds": "time", "run": "by", **{key: f"{name} outside" for key, name in _OTHERS.items()},
+    },
+    "beside": {
+        "run": "interval", "unknowns": "unknowns", "seconds": "time", "low": "P/2 from [N/mm]", "high": "to [N/mm]",
+        "half": "half width", **_OTHERS,
+    },
+    "brackets": {
+        "model": "bracket", "label": "mesh", "unknowns": "unknowns", "status": "status", "lower": "lower P/2 [N/mm]",
+        "upper": "upper P/2 [N/mm]", "width": "half width", "strain_error": "stress error", "sure": "guaranteed",
+        "seconds": "time", "spread": "spread", "peak": "memory", "kind": "of",
+    },
+    "rows": {
+        "model": "model", "label": "mesh", "unknowns": "unknowns", "status": "status", "half_force": "P/2 [N/mm]",
+        "shown": "error", "setup": "set-up", "seconds": "time", "spread": "spread", "peak": "memory",
+        "residual": "residual",
+    },
+    "failures": {"model": "model", "friction": "μ", "label": "mesh", "status": "status", "message": "message"},
+}  # fmt: skip
+"""Kind of table → its columns and their headings."""
 
 
 def force(value: float) -> str:
     """P/2 [N/mm], to the digits that are resolved."""
-    return NOTHING if value != value else f"{value:.7f}"
+    return fixed(".7f")(value)
 
 
-def _factor(value: float) -> str:
-    return significant(value, 2)
+def _code(key: str) -> str:
+    return CODES[key].name
 
 
-_COSTS: Final[Mapping[str, Callable[[Any], str]]] = {
-    "friction": "{:g}".format, "target": lambda value: scientific(value, 1), "own": seconds, "seconds": seconds,
-    "time_ratio": _factor, "own_unknowns": count, "unknowns": count, "unknowns_ratio": _factor,
+def _first(value: float) -> str:
+    return scientific(value, 1)
+
+
+_FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
+    "friction": "{:g}".format, "target": _first, "code": _code, "smallest_code": _code, "seconds_own": seconds,
+    "seconds": seconds, "setup": lambda times: seconds(min(times, default=None)), "time_ratio": factor,
+    "unknowns_own": count, "unknowns": count, "unknowns_ratio": factor, "half_force": force, "spread": percent,
+    "peak": memory, "residual": _first, "low": force, "high": force, "lower": force, "upper": force, "half": scientific,
+    "width": scientific, "strain_error": scientific, "sure": lambda sure: "yes" if sure else "no",
+    "kind": lambda kind: KINDS.get(kind, NOTHING), "message": lambda text: text or NOTHING,
 }  # fmt: skip
-_RUNS: Final[Mapping[str, Callable[[Any], str]]] = {
-    "unknowns": count, "half_force": force, "first_setup": seconds, "seconds": seconds, "spread": percent,
-    "peak": memory, "residual": lambda value: scientific(value, 1), "low": force, "high": force, "lower": force,
-    "upper": force, "width": scientific, "strain_error": scientific,
-}  # fmt: skip
 
 
-def tables_of(runs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, Grid]:
-    """The tables by name."""
-    costs = costs_of(runs)
+def tables_of(runs: "DataFrame", costs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, Grid]:
+    """The tables by name; `costs` is that of `costs_of`."""
+    shown = runs.assign(
+        shown=list(map(_error, runs.error, runs.floor)), half=0.5 * (runs.high - runs.low) / runs.low,
+        sure=runs.guaranteed & runs.solved, lower=runs.lower.where(runs.guaranteed),
+        upper=runs.upper.where(runs.guaranteed),
+    )  # fmt: skip
+    least = least_of(shown)
     tables = {
-        "costs": _compared_table(compared_of(costs)), "least": _least_table(least_of(runs)),
-        "intervals": _intervals_table(runs), "failures": _failures_table(runs[~runs.solved]),
-        "missing": _missing_table(missing(runs)),
+        "costs": _grid("compared", compared_of(costs)),
+        "least": _grid("least", least.assign(shown=list(map(_error, least.lasting, least.floor)))),
+        "intervals": _grid("intervals", intervals_of(shown)), "failures": _grid("failures", shown[~shown.solved]),
+        "missing": Grid("", ("code", "how to get it"), [(_code(key), CODES[key].remedy) for key in missing(runs)]),
         "reported": _reported_table(runs, known.get(CONVERGED_FRICTION)),
     }  # fmt: skip
-    for friction, here in by_friction(runs):
+    for friction, here in by_friction(shown):
         name, bracket = slug(friction), here.code == BRACKET
-        tables[f"costs-{name}"] = _costs_table(costs[costs.friction == friction])
-        if len(beside := beside_of(here)):
-            tables[f"beside-{name}"] = _beside_table(beside)
-        tables[f"brackets-{name}"] = _brackets_table(here[bracket])
-        tables[f"rows-{name}"] = _rows_table(here[~bracket])
+        tables[f"costs-{name}"] = _grid("costs", costs[costs.friction == friction])
+        if here.bounded.any():
+            tables[f"beside-{name}"] = _grid("beside", _told(beside_of(here)))
+        tables[f"brackets-{name}"] = _grid("brackets", here[bracket])
+        tables[f"rows-{name}"] = _grid("rows", here[~bracket])
     return tables
 
 
-def _compared_table(compared: "DataFrame") -> Grid:
-    headings = {
-        "friction": "μ", "target": "error", "own": "triangles", "seconds": "other code", "code": "which",
-        "time_ratio": "times as long", "own_unknowns": "unknowns of triangles", "unknowns": "of the other code",
-        "smallest_code": "which", "unknowns_ratio": "times as many",
-    }  # fmt: skip
-    return grid_of(compared, headings, _COSTS)
-
-
-def _costs_table(costs: "DataFrame") -> Grid:
-    shown = costs.assign(name=[CODES[code].name for code in costs.code])
-    headings = {
-        "target": "error", "name": "code", "seconds": "time", "time_ratio": "over triangles", "quickest": "by",
-        "unknowns": "fewest unknowns", "unknowns_ratio": "over triangles", "smallest": "by",
-    }  # fmt: skip
-    return grid_of(shown, headings, _COSTS)
-
-
-def _least_table(least: "DataFrame") -> Grid:
-    shown = least.assign(
-        name=[CODES[code].name for code in least.code],
-        shown=[_error(run.lasting, run.floor) for run in least.itertuples()],
-    )
-    headings = {
-        "friction": "μ", "name": "code", "shown": "smallest error", "unknowns": "unknowns", "seconds": "time",
-        "run": "by",
-    }  # fmt: skip
-    return grid_of(shown, headings, {**_RUNS, "friction": "{:g}".format})
-
-
-def _rows_table(here: "DataFrame") -> Grid:
-    shown = here.assign(
-        first_setup=[min(times, default=None) for times in here.setup],
-        shown=[_error(run.error, run.floor) for run in here.itertuples()],
-    )
-    headings = {
-        "model": "model", "label": "mesh", "unknowns": "unknowns", "status": "status", "half_force": "P/2 [N/mm]",
-        "shown": "error", "first_setup": "set-up", "seconds": "time", "spread": "spread", "peak": "memory",
-        "residual": "residual",
-    }  # fmt: skip
-    return grid_of(shown, headings, _RUNS)
-
-
-def _intervals_table(runs: "DataFrame") -> Grid:
-    """The narrowest guaranteed interval of each μ, and how many forces of other codes are not in it."""
-    found = intervals_of(runs)
-    shown = found.assign(half=0.5 * (found.high - found.low) / found.low)
-    outside = {key: f"{CODES[key].name} outside" for key in OTHERS}
-    headings = {
-        "friction": "μ", "low": "P/2 from [N/mm]", "high": "to [N/mm]", "half": "half width", "unknowns": "unknowns",
-        "seconds": "time", "run": "by", **outside,
-    }  # fmt: skip
-    return grid_of(shown, headings, {**_RUNS, "friction": "{:g}".format, "half": scientific})
-
-
-def _beside_table(beside: "DataFrame") -> Grid:
-    """Each guaranteed interval, and what the other codes say with no more unknowns."""
-    names = {key: CODES[key].name for key in OTHERS}
-    shown = beside.assign(half=0.5 * (beside.high - beside.low) / beside.low)
-    shown = shown.assign(**{key: [_told(*each) for each in beside[key]] for key in names})
-    headings = {
-        "run": "interval", "unknowns": "unknowns", "seconds": "time", "low": "P/2 from [N/mm]", "high": "to [N/mm]",
-        "half": "half width", **names,
-    }  # fmt: skip
-    return grid_of(shown, headings, {**_RUNS, "half": scientific})
-
-
-def _told(value: float, inside: bool) -> str:
-    """A force of another code, and that it is wrong if it is."""
-    return force(value) + ("" if inside or value != value else ", outside")
-
-
-def _brackets_table(here: "DataFrame") -> Grid:
-    sure = here.guaranteed & here.solved
-    shown = here.assign(
-        sure=["yes" if each else "no" for each in sure], what=[KINDS.get(kind, NOTHING) for kind in here.kind],
-        lower=here.lower.where(here.guaranteed), upper=here.upper.where(here.guaranteed),
-    )  # fmt: skip
-    headings = {
-        "model": "bracket", "label": "mesh", "unknowns": "unknowns", "status": "status", "lower": "lower P/2 [N/mm]",
-        "upper": "upper P/2 [N/mm]", "width": "half width", "strain_error": "stress error", "sure": "guaranteed",
-        "seconds": "time", "spread": "spread", "peak": "memory", "what": "of",
-    }  # fmt: skip
-    return grid_of(shown, headings, _RUNS)
+def _grid(kind: str, frame: "DataFrame") -> Grid:
+    return grid_of(frame, _COLUMNS[kind], _FORMS)
 
 
 def _error(error: float, floor: float) -> str:
@@ -171,13 +130,11 @@ def _error(error: float, floor: float) -> str:
     return f"{'' if error != error or error > floor else '≤ '}{scientific(at_most(error, floor))}"
 
 
-def _failures_table(failed: "DataFrame") -> Grid:
-    headings = {"model": "model", "friction": "μ", "label": "mesh", "status": "status", "message": "message"}
-    return grid_of(failed, headings, {"friction": "{:g}".format, "message": lambda text: text or NOTHING})
-
-
-def _missing_table(keys: list[str]) -> Grid:
-    return Grid("", ("code", "how to get it"), [(CODES[key].name, CODES[key].remedy) for key in keys])
+def _told(beside: "DataFrame") -> "DataFrame":
+    """Forces of other codes in words, and that they are outside the interval if they are."""
+    wrong = {key: (beside[key] < beside.low) | (beside[key] > beside.high) for key in OTHERS}
+    return beside.assign(**{key: beside[key].map(force) + wrong[key].map({True: ", outside", False: ""})
+                            for key in OTHERS})  # fmt: skip
 
 
 def _reported_table(runs: "DataFrame", known: Reference | None) -> Grid:
