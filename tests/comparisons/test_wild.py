@@ -26,15 +26,21 @@ from tests.effort import EFFORT, examples
 
 pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # the study of that element
 
-STRENUOUS = {"gaps": (1, 4), "units": (4, 5), "everything": (2,), "incompressible": (0,), "poisson": (4,)}
-"""Problems of the sample that take seconds each: the study has them, and a suite of more effort."""
+STRENUOUS = {
+    "thin": (3,), "gaps": (1, 4), "units": (4, 5), "friction": (2,), "everything": (2,), "incompressible": (0,),
+    "poisson": (4,),
+}  # fmt: skip
+"""Problems of the sample that take half a second and more each: the study has them, and a suite of more effort."""
+
+WANTED = {"nonsense": (REFUSED,), "idle": (SOLVED, REFUSED)}
+"""What becomes of the problems of a family; of all others see `TestSample`."""
 
 COMMITTED = Path(task.__file__).parents[1] / "reports" / "wild"
 
 SAMPLE = [
     (family, number)
     for family in FAMILIES
-    for number in range(examples(5))
+    for number in range(examples(4))
     if EFFORT > 1.0 or number not in STRENUOUS.get(family, ())
 ]
 
@@ -54,16 +60,17 @@ class TestGenerator:
 
     @pytest.mark.parametrize("family", [name for name in FAMILIES if name != "nonsense"])
     def test_makes_the_same_problem_again_and_others_of_other_numbers(self, family):
-        first = [described(family, number) for number in range(8)]
-        assert first == [described(family, number) for number in range(8)]
-        assert len(set(first)) == 8
+        first = [described(family, number) for number in range(5)]
+        assert first == [described(family, number) for number in range(5)]
+        assert len(set(first)) == 5
 
     def test_dice_do_not_depend_on_versions(self):
         dice = Dice("thin", 3)
         assert [dice.whole(0, 999) for _ in range(4)] == [74, 198, 372, 275]
 
     def test_families_are_as_wild_as_they_say(self):
-        problems = {family: made(family, range(60)) for family in ("thin", "units", "friction", "idle")}
+        numbers = {"thin": 36, "units": 12, "friction": 10, "idle": 20}
+        problems = {family: made(family, range(each)) for family, each in numbers.items()}
         aspects = [np.ptp(each.mesh.y) / np.ptp(each.mesh.x) for each in problems["thin"]]
         assert min(aspects) < 3e-3
         assert max(aspects) > 300.0
@@ -96,13 +103,8 @@ class TestSample:
     def test_ends_in_an_answer_that_is_true_or_in_one_of_our_own_words(self, family, number, monkeypatch):
         monkeypatch.setattr(task, "_solvable", lambda _: {})
         found = solve_case({"family": family, "number": number})
-        wanted = (REFUSED,) if family == "nonsense" else (SOLVED, INFEASIBLE, OPEN, REFUSED)
-        assert found["outcome"] in wanted, found
+        assert found["outcome"] in WANTED.get(family, (SOLVED, INFEASIBLE, OPEN, REFUSED)), found
         assert found["warnings"] == []
-
-    def test_bodies_at_rest_are_all_solved(self):
-        outcomes = {solve_case({"family": "idle", "number": number})["outcome"] for number in range(8, 15)}
-        assert outcomes <= {SOLVED, REFUSED}
 
 
 def test_two_certified_answers_of_a_generated_body_are_said():
@@ -191,7 +193,7 @@ class TestEnumeration:
     """States gone through."""
 
     def test_of_a_plate(self):
-        assert enumerated(discretize(compressed_plate(0.2, (2, 2))).qvi, 20.0) == EXISTS
+        assert enumerated(discretize(compressed_plate(0.2, (2, 1))).qvi, 20.0) == EXISTS
 
     def test_of_a_block_dragged_beyond_its_limit(self):
         free = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
@@ -239,9 +241,8 @@ class TestCommitted:
         }  # fmt: skip
         assert {name: values[name] for name in expected} == expected
 
-    def test_the_committed_report_is_that_of_the_committed_rows(self, rows):
-        assert report(rows).text == (COMMITTED / "wild.md").read_text(encoding="utf-8")
-        assert report(rows[::-1]).text == report(rows).text
+    def test_the_committed_report_is_that_of_the_committed_rows_in_any_order(self, rows):
+        assert report(rows[::-1]).text == (COMMITTED / "wild.md").read_text(encoding="utf-8")
 
     def test_what_must_not_happen_is_in_the_numbers_and_in_the_table(self, rows):
         one = next(row for row in rows if row.result["outcome"] == "solved")
