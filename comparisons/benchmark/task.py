@@ -90,9 +90,9 @@ def _beside(path: str, own: str, cells: int, count: int, plain: dict[str, list[d
     """How often each back end factorises K beside a path; what would take too long is told in `plain`."""
     if path != GENERAL:
         return {own: count}
-    often = {}
+    often, small = {}, _matrix(_FREE) if cells > _FREE else None
     for backend in available_backends():
-        seconds = 0.0 if cells <= _FREE else predicted(_probed(backend), _FREE**2, cells**2)
+        seconds = 0.0 if small is None else predicted(_probed(small, backend), _FREE**2, cells**2)
         if seconds > TOO_LONG and backend != own:
             message = f"not run: about {seconds:.0f} s expected"
             plain[backend] = [{"status": "skipped", "message": message, "seconds": {}}]
@@ -101,9 +101,9 @@ def _beside(path: str, own: str, cells: int, count: int, plain: dict[str, list[d
     return often
 
 
-def _probed(backend: str) -> float:
-    """Seconds of one plain factorisation of a problem that is not large."""
-    return float(_attempt(partial(_factorised, _matrix(_FREE), backend))["seconds"].get("plain", 0.0))
+def _probed(K: Sparse, backend: str) -> float:
+    """Seconds of one plain factorisation; 0 if it fails."""
+    return float(_attempt(partial(_factorised, K, backend))["seconds"].get("plain", 0.0))
 
 
 def predicted(seconds: float, known: int, wanted: int) -> float:
