@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -120,11 +121,11 @@ def write_csv(path: str | Path, rows: Sequence[Row]) -> None:
 
 
 def read_csv(path: str | Path) -> tuple[Row, ...]:
-    """The rows that `write_csv` wrote."""
+    """The rows that `write_csv` wrote; what stands in several of them, as their machine, is one object."""
     content = Path(path).read_bytes()
     text = (gzip.decompress(content) if Path(path).suffix == ".gz" else content).decode()
-    lines = csv.DictReader(io.StringIO(text, newline=""))
-    return tuple(_row({name: _value(cell) for name, cell in line.items() if cell}) for line in lines)
+    lines, value = csv.DictReader(io.StringIO(text, newline="")), cache(_value)
+    return tuple(_row({name: value(cell) for name, cell in line.items() if cell}) for line in lines)
 
 
 def _cell(value: Any) -> str:
