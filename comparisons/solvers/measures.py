@@ -137,11 +137,6 @@ def shifted_mean(times: "Series[float]", shift: float = SHIFT) -> float:
     return math.exp(np.log(times + shift).mean(skipna=False)) - shift
 
 
-def mean_with_failures(runs: "DataFrame") -> float:
-    """Shifted geometric mean [s] with every failure counted as if it had taken the whole limit; NaN without a limit."""
-    return shifted_mean(runs.time.fillna(runs.limit))
-
-
 def geometric_mean(values: "Series[float]") -> float:
     """exp(mean log v); NaN of no values."""
     return math.exp(np.log(values).mean())

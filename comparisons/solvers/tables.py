@@ -1,6 +1,8 @@
 """The tables of the report."""
 
+from collections import Counter
 from collections.abc import Callable
+from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 from comparisons.lab.report.numbers import NOTHING, count, percent, scientific, seconds, significant
@@ -13,7 +15,6 @@ from comparisons.solvers.measures import (
     by_solver,
     condensed_ratios,
     error_powers,
-    mean_with_failures,
     of_kind,
     paired,
     performance_ratios,
@@ -37,7 +38,7 @@ KINDS: Final = {
 }
 """Kind of task → its name; sequences are warm where the solver can keep something."""
 
-_TRUE_AT: Final = (1.0, 2.0, 10.0)
+_WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # the fastest time
 _LONGEST_LIST: Final = 40
 _UNKNOWN: Final = Backend(NOTHING, {})  # of stored rows
 
@@ -100,8 +101,8 @@ def overview(runs: "DataFrame") -> Grid:
 
 
 def _share(runs: "DataFrame") -> str:
-    """How many of so many runs are certified; nothing of none."""
-    return f"{percent(runs.certified.mean())} of {len(runs)}" if len(runs) else NOTHING
+    """How many of so many runs are certified."""
+    return f"{percent(runs.certified.mean())} of {len(runs)}"
 
 
 def truth(runs: "DataFrame") -> Grid:
@@ -117,23 +118,23 @@ def truth(runs: "DataFrame") -> Grid:
 
 def speeds(chosen: "DataFrame") -> Grid:
     """Shares of the profile, and shifted geometric means, by solver."""
-    names = ("fastest", "within 2 ×", "within 10 ×", "mean time", "mean, failures at the limit")
-    columns: dict[str, list[str]] = {solver: [] for solver in chosen.solver.unique()}
-    for level in LEVELS:
-        at_level = chosen[chosen.level == level]
-        ratios = performance_ratios(at_level)
-        shares = [profile(ratios, at) for at in _TRUE_AT]
-        for solver, cells in columns.items():
-            own = at_level[at_level.solver == solver]
-            cells += [percent(share.get(solver)) for share in shares]
-            cells += [_mean_time(own), seconds(mean_with_failures(own))]
-    headings = ("solver", *(f"{level}: {name}" for level in LEVELS for name in names))
-    return Grid("", headings, [(solver, *cells) for solver, cells in columns.items()])
+    from pandas import concat
+
+    told = concat([_speeds_at(chosen[chosen.level == level]).add_prefix(f"{level}: ") for level in LEVELS], axis=1)
+    return grid_of(told.reindex(chosen.solver.unique()).rename_axis("solver").reset_index(), ["solver", *told])
 
 
-def _mean_time(runs: "DataFrame") -> str:
-    times = runs.time.dropna()
-    return f"{seconds(shifted_mean(times))} ({len(times)})" if len(times) else NOTHING
+def _speeds_at(runs: "DataFrame") -> "DataFrame":
+    """Solver → texts of its shares and means at one level."""
+    from pandas import DataFrame
+
+    ratios, times = performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
+    limited = runs.time.fillna(runs.limit).groupby(runs.solver)
+    return DataFrame({
+        **{name: profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
+        "mean time": times.agg(shifted_mean).map(seconds) + times.size().map(" ({})".format),
+        "mean, failures at the limit": limited.agg(shifted_mean).map(seconds),
+    })  # fmt: skip
 
 
 def errors(runs: "DataFrame") -> Grid:
@@ -158,27 +159,17 @@ def kinds(runs: "DataFrame") -> Grid:
 
 def twins(runs: "DataFrame") -> Grid:
     """Single inner problems with rows given twice, beside the same with each given once."""
+    from pandas import concat
+
     pairs = paired(runs, UNDOUBLED)
-    sides = {
-        name: (each, "" if name == doubled else "_beside")
-        for doubled, each in pairs.groupby("problem", sort=False)
-        for name in (str(doubled), UNDOUBLED[str(doubled)])
-    }
-    rows = [
-        (solver, *(
-            text
-            for each, side in sides.values()
-            for text in _certified_and_lost(each[each.solver == solver], side)
-        ))
-        for solver in pairs.solver.unique()
-    ]  # fmt: skip
-    return Grid("", ("solver", *(f"{name}: {text}" for name in sides for text in ("certified", "no answer"))), rows)
-
-
-def _certified_and_lost(pairs: "DataFrame", side: str) -> tuple[str, str]:
-    """Of the runs on this side of the pairs."""
-    runs = pairs[[f"certified{side}", f"lost{side}"]].set_axis(["certified", "lost"], axis=1)
-    return _share(runs), str(runs.lost.sum()) if len(runs) else NOTHING
+    once = pairs.assign(problem=pairs.twin, certified=pairs.certified_beside, lost=pairs.lost_beside)
+    both = concat([pairs, once])[["solver", "problem", "certified", "lost"]]
+    names = [name for doubled in pairs.problem.unique() for name in (doubled, UNDOUBLED[doubled])]
+    shares = crossed(both, "solver", "problem", _share, names)
+    lost = crossed(both, "solver", "problem", lambda found: str(found.lost.sum()), names)
+    rows = [(solver, *chain(*zip(each, others, strict=True)))
+            for (solver, *each), (_, *others) in zip(shares.rows, lost.rows, strict=True)]  # fmt: skip
+    return Grid("", ("solver", *(f"{name}: {text}" for name in names for text in ("certified", "no answer"))), rows)
 
 
 _RATIOS: Final[Columns] = {
@@ -211,8 +202,8 @@ def infeasible(runs: "DataFrame") -> Grid:
 
 
 def _words(runs: "DataFrame") -> str:
-    counts = runs.status.str.replace("_", " ").value_counts().sort_index()
-    return ", ".join(f"{word} ({number})" for word, number in counts.items())
+    counts = Counter(status.replace("_", " ") for status in runs.status)
+    return ", ".join(f"{word} ({number})" for word, number in sorted(counts.items()))
 
 
 def failures(runs: "DataFrame") -> Grid:

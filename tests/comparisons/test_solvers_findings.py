@@ -120,6 +120,7 @@ class TestRanking:
         assert ranked([*runs, run("a", problem="plate_16")])[0] == ("a", 2, 2, 1.0)
         assert ranked([run("a"), run("b", problem="plate_16")]) == []
 
+    @pytest.mark.usefixtures("outlined")
     def test_no_curve_is_coloured_that_never_rises(self):
         pytest.importorskip("matplotlib")
         picture = figures.figures(frame_of([run("a"), run("b", **FAILED)]))["profiles-inner"]
@@ -187,16 +188,17 @@ class TestTimes:
     """Means of times."""
 
     def test_failures_count_the_limit_in_the_mean_named_so(self):
-        runs = [run(seconds=1.0, limit=30.0), run(problem="plate_4", limit=30.0, **FAILED)]
-        means = [
-            measures.mean_with_failures(frame_of(each))
-            for each in (runs, [run()], [run(), run(problem="plate_4", **FAILED)], [])
-        ]
-        whole = (1.001 * 30.001) ** 0.5 - 0.001
-        assert means == pytest.approx([whole, 1.0, math.nan, math.nan], nan_ok=True)
-        table = tables.speeds(frame_of(runs))
-        cells = dict(zip(table.headings, table.rows[0], strict=True))
-        assert (cells["mid: mean time"], cells["mid: mean, failures at the limit"]) == ("1 s (1)", "5.48 s")
+        limited = run(problem="plate_4", seconds=2.0, limit=30.0, **FAILED)
+        for runs, means in (
+            ([run(limit=30.0), limited], ("1 s (1)", "5.48 s")),  # (1.001 · 30.001)^½ − 0.001
+            ([run()], ("1 s (1)", "1 s")),
+            ([run(), limited | {"limit": None}], ("1 s (1)", "none")),
+            ([limited], ("none", "30 s")),
+        ):
+            table = tables.speeds(frame_of(runs))
+            (cells,) = (dict(zip(table.headings, row, strict=True)) for row in table.rows)
+            assert (cells["mid: mean time"], cells["mid: mean, failures at the limit"]) == means
+        assert tables.speeds(frame_of([])).rows == []
 
     def test_limits_and_options_are_those_of_the_rows(self):
         case = {"solver": "uzawa", "task": "outer", "problem": "plate_8", "form": "condensed", "level": "mid"}
@@ -226,16 +228,22 @@ def rows():
     return read_csv(COMMITTED / "solvers.csv.gz")
 
 
+@pytest.fixture(scope="module")
+def committed(rows):
+    """The same as a frame of runs."""
+    return measures.runs_of(rows)
+
+
 class TestCommitted:
     """The run in `comparisons/reports`."""
 
     def test_the_rows_are_those_of_the_whole_study(self, rows):
         assert [row.key for row in rows] == [case.key for case in declared(tuple(TABLE)).cases]
 
-    def test_numbers_of_the_findings(self, rows):
+    def test_numbers_of_the_findings(self, rows, committed):
         done = [row for row in rows if PROBLEMS[row.case["problem"]].feasible]
         certified = [row for row in done if row.certificate and row.certificate["passed"]]
-        found = numbers_of(measures.runs_of(rows))
+        found = numbers_of(committed)
         assert (found["feasible"], found["certified"]) == (len(done), len(certified)) == (3825, 3207)
         assert found["often"] == [
             "socp:ecos (60 % of 672)", "socp:cvxopt (56 % of 521)", "qp:ecos (55 % of 366)", "qp:highs (14 % of 293)",
@@ -250,12 +258,12 @@ class TestCommitted:
         assert [each["ratio"] for each in found["methods"]] == pytest.approx([1.6, 0.55], abs=0.05)
         assert (found["asked"], len(found["right"]), found["lied"]) == (17, 12, 0)
 
-    def test_untrue_answers_are_those_of_the_rows(self, rows):
+    def test_untrue_answers_are_those_of_the_rows(self, rows, committed):
         told = Counter[str]()
         for row in rows:
             if row.case["task"] != "outer" and PROBLEMS[row.case["problem"]].feasible and row.status == "done":
                 told[row.case["solver"]] += row.result["outcomes"].get(UNTRUE, 0)
-        counts = measures.told_by(measures.runs_of(rows))
+        counts = measures.told_by(committed)
         assert counts[UNTRUE].to_dict() == dict(told)
         assert told.total() == 968
 
@@ -271,7 +279,8 @@ def test_whatever_came_out_there_is_a_report():
     results = ({}, FAILED, LOST, {"certified": False, "outcomes": {GAVE_UP: 1}, "accuracy": 1e-4})
     problems = ("plate_8", "graded_8", "doubled_rows", "pulled_block")
     compared = itertools.cycle((("a",), ("a", "condensed"), ("uzawa",)))
-    for (first, second), solvers in zip(itertools.product(results, results), compared, strict=False):
+    pairs = [*zip(results, results, strict=True), *itertools.pairwise((*results, results[0]))]
+    for (first, second), solvers in zip(pairs, compared, strict=False):
         runs = [
             run(solver, problem=problem, task=task, form=form, **(first if form == "full" else second))
             for solver, problem, task, form in itertools.product(
