@@ -117,7 +117,7 @@ def edge_moments(
     if not callable(field):
         return EdgeMoments(values, 0.0)
     coarse = at(t) @ (bernstein.basis(degree, t) * w[:, None])
-    unseen = at(bernstein.SAMPLES) - fine @ bernstein.gauss_interpolation(second, bernstein.SAMPLES)
+    unseen = at(bernstein.SAMPLES) - fine @ bernstein.to_samples(second)
     return EdgeMoments(values, max(float(np.abs(part).max(initial=0.0)) for part in (coarse - values, unseen)))
 
 

@@ -6,6 +6,7 @@ A polynomial lies between the smallest and the largest of its coefficients, and 
 of a linear function are its values at i/p.
 """
 
+from functools import cache
 from math import comb
 
 import numpy as np
@@ -50,6 +51,14 @@ def gauss_interpolation(count: int, t: FloatArray) -> FloatArray:
     points, weights = gauss_legendre(count)
     at_points, at_t = (legendre.basis(count - 1, part) for part in (points, t))
     return np.asarray((weights[:, None] * at_points * (2.0 * np.arange(count) + 1.0)) @ at_t.T)
+
+
+@cache
+def to_samples(count: int) -> FloatArray:
+    """The same from the `count` Gauss points to `SAMPLES`, shape (count, 99)."""
+    matrix = gauss_interpolation(count, SAMPLES)
+    matrix.flags.writeable = False
+    return matrix
 
 
 def product_integrals(first: int, second: int) -> FloatArray:

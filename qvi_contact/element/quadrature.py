@@ -9,6 +9,7 @@ asked to be followed: what that explains is no reason to halve a part.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -157,7 +158,7 @@ def adapted(function: Function, count: int, points: int = 8, rounding: FloatArra
     whole = _Parts.of(function, every, np.zeros(count), np.ones(count), t)
     samples = function(every, np.tile(bernstein.SAMPLES, (count, 1)))
     size = max(float(np.abs(values).max()) for values in (samples, whole.values))
-    unseen = np.abs(samples - whole.values @ bernstein.gauss_interpolation(points, bernstein.SAMPLES)).max(axis=1)
+    unseen = np.abs(samples - whole.values @ bernstein.to_samples(points)).max(axis=1)
     even = unseen <= whole.allowed(size, rounding)
     divided, error = _divided(function, whole.take(np.flatnonzero(~even)), samples, size, rounding)
     return _quadrature(count, [whole.take(np.flatnonzero(even)), *divided], error)
@@ -169,8 +170,7 @@ def _divided(
     """Parts that follow the function, and the integral of what is left, as a share of one edge."""
     points, edges = waiting.values.shape[1], len(waiting.edge)
     t, w = gauss_legendre(points)
-    to_halves = bernstein.gauss_interpolation(points, np.concatenate([t / 2.0, (1.0 + t) / 2.0]))
-    to_ends = bernstein.gauss_interpolation(points, _ENDS)
+    to_halves, to_ends = _to_parts(points)
     found, left = list[_Parts](), np.zeros(0)
     for _ in range(_DEEPEST):
         if not 0 < len(waiting.edge) <= _MOST * edges:
@@ -186,6 +186,17 @@ def _divided(
         found.append(waiting.take(np.flatnonzero(close)))
         waiting, left = halves.take(np.flatnonzero(np.repeat(~close, 2))), left[~close]
     return [*found, waiting], float(left.sum())
+
+
+@cache
+def _to_parts(points: int) -> tuple[FloatArray, FloatArray]:
+    """From values at the Gauss points of a part to those at the points of its halves, and just inside its ends."""
+    t = gauss_legendre(points)[0]
+    to_halves = bernstein.gauss_interpolation(points, np.concatenate([t / 2.0, (1.0 + t) / 2.0]))
+    to_ends = bernstein.gauss_interpolation(points, _ENDS)
+    for matrix in (to_halves, to_ends):
+        matrix.flags.writeable = False
+    return to_halves, to_ends
 
 
 def _quadrature(count: int, parts: list[_Parts], error: float) -> EdgeQuadrature:

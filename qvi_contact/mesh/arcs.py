@@ -105,6 +105,8 @@ def _from_first(bend: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray
     """∫₀ᵗ cos θ and ∫₀ᵗ sin θ at t (n, q), (n, q) each; t and 0 of straight edges, to the last digit."""
     along, across = np.array(t), np.zeros(t.shape)
     bent = np.flatnonzero(bend.any(axis=1))
+    if not len(bent):
+        return along, across
     nodes, weights = gauss(bend.shape[1] + _MORE)
     at = t[bent]
     between = at[:, :, None] * nodes

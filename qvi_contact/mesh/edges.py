@@ -1,6 +1,6 @@
 """Edges of a mesh of any kind, where contact, loads and supports live."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -51,7 +51,7 @@ class Edges:
 
     def take(self, index: IntArray | BoolArray) -> Self:
         """The edges selected by an index or mask array."""
-        return type(self)(*(getattr(self, field.name)[index] for field in fields(self)))
+        return type(self)(*(getattr(self, name)[index] for name in self.__match_args__))
 
     @cached_property
     def curved(self) -> bool:

@@ -236,7 +236,8 @@ class Differences:
         Φ counts from where it does at that corner.
         """
         values = self.units * u[self.dofs]
-        values[self.across, : 3 * _AFFINE] += (self.beyond @ u).reshape(-1, 3 * _AFFINE)
+        if len(self.across):
+            values[self.across, : 3 * _AFFINE] += (self.beyond @ u).reshape(-1, 3 * _AFFINE)
         affine, w = values[:, :_AFFINE], values[:, _AFFINE:]
         slope = affine[:, 1:]
         for corner in (0, 1):
@@ -249,7 +250,9 @@ class Differences:
         """The transposed map from w (n, k) to degrees of freedom (size,)."""
         values = self.expanded(w[:, None])[:, 0]
         found = np.bincount(self.dofs.ravel(), (self.units * values).ravel(), self.size)
-        return np.asarray(found + self.beyond.T @ values[self.across, : 3 * _AFFINE].ravel(), dtype=np.float64)
+        if len(self.across):
+            found = found + self.beyond.T @ values[self.across, : 3 * _AFFINE].ravel()
+        return np.asarray(found, dtype=np.float64)
 
     def magnitudes(self, sizes: FloatArray) -> FloatArray:
         """`apply` with + for every −: the size (n, k) of the numbers that enter, from sizes (size,)."""

@@ -79,11 +79,15 @@ class Cuts:
 
     def across(self, edges: Edges) -> BoolArray:
         """Which edges have their ends on different branches, shape (n,)."""
+        if not self.paths:
+            return np.zeros(len(edges), dtype=bool)
         return np.asarray(np.diff(self._jumps(self._corners(edges)).indptr) > 0)
 
     @cached_property
     def cells_across(self) -> BoolArray:
         """Which triangles have corners on different branches, shape (cells,)."""
+        if not self.paths:
+            return np.zeros(len(self.mesh.cells), dtype=bool)
         found = np.diff(self._relative.indptr) > 0
         return np.asarray(found.reshape(-1, 3).any(axis=1))
 
@@ -163,6 +167,8 @@ def shortest_cuts(mesh: TriangleMesh) -> tuple[IntArray, ...]:
     left; of several that are alike one is chosen by the numbers of vertices. Lengths are whole numbers: rounding
     chooses nothing.
     """
+    if not mesh.hole_edges.any():
+        return ()
     waiting = np.zeros(len(mesh.vertices), dtype=bool)
     waiting[np.concatenate([mesh.boundary.first[mesh.hole_edges], mesh.boundary.second[mesh.hole_edges]])] = True
     reached = np.zeros(len(mesh.vertices), dtype=bool)

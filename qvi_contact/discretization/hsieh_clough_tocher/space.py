@@ -98,7 +98,8 @@ class TriangleSpace:
             units[:, :9] *= np.repeat(~frames.is_centre[self.mesh.cells], 3, axis=1)
         across = np.flatnonzero(frames.across(self.mesh.cells) | self.cuts.cells_across)
         beyond = frames.beyond(self.mesh.cells[across], self.size)
-        beyond = beyond + self.cuts.beyond(across, self.vertices, self.units)
+        if len(self.cuts):
+            beyond = beyond + self.cuts.beyond(across, self.vertices, self.units)
         return Differences(corners[:, 1:] - corners[:, :1], self.dofs, units, self.size, across, beyond)
 
     @cached_property
