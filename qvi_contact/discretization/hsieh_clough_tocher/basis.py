@@ -202,8 +202,7 @@ class TriangleBasis:
 
     def stress(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """(σ_xx, σ_yy, σ_xy) without φ at such points, shape (k, q, 3)."""
-        table = self.space.element.reference_functions(self.mesh.placed(cells, t), 2)[..., 3:]
-        hessians = _applied(table, coefficients[cells][:, 3:])
+        hessians = self._reference_sums(2, coefficients[cells], cells, t)
         return np.asarray(hessians @ self.space.triangles.stress_maps[cells].swapaxes(1, 2))
 
     def cell_rule(self, degree: int) -> tuple[FloatArray, FloatArray]:
@@ -226,10 +225,24 @@ class TriangleBasis:
     def airy(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
         """Φ at such points, shape (k, q)."""
         chosen, corners = coefficients[cells], self.space.triangles.corners[cells]
-        t = self.mesh.placed(cells, t)
-        affine = chosen[:, :1] + ((t @ corners - corners[:, :1]) @ chosen[:, 1:3, None])[:, :, 0]
-        table = self.space.element.reference_functions(t, 0)[..., 3:]
-        return np.asarray(affine + _applied(table, chosen[:, 3:])[:, :, 0])
+        placed = self.mesh.placed(cells, t)
+        affine = chosen[:, :1] + ((placed @ corners - corners[:, :1]) @ chosen[:, 1:3, None])[:, :, 0]
+        return np.asarray(affine + self._reference_sums(0, chosen, cells, t)[:, :, 0])
+
+    def _reference_sums(self, order: int, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
+        """Φ but for its affine part, or its Hessian, on the reference triangle; (k, q, components).
+
+        Points that all triangles share are the same points of all but those with arcs.
+        """
+        functions, mesh = self.space.element.reference_functions, self.mesh
+        if t.ndim == 3:
+            return _applied(functions(mesh.placed(cells, t), order)[..., 3:], coefficients[:, 3:])
+        found = _applied(functions(t, order)[..., 3:], coefficients[:, 3:])
+        bent = np.flatnonzero(mesh.curved[cells])
+        if len(bent):
+            table = functions(mesh.placed(cells[bent], t), order)[..., 3:]
+            found[bent] = _applied(table, coefficients[bent, 3:])
+        return found
 
     def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
         """Barycentric points (k, 3) that divide the three parts of a triangle, and the corners (c, 3) of the pieces.
