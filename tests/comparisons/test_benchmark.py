@@ -22,8 +22,8 @@ from comparisons.cli import group
 from comparisons.lab.machine import machine
 from comparisons.lab.ratios import growth, spread
 from comparisons.lab.report import write_report
-from comparisons.lab.study import Row, StoredStudy, child, children, options, pool, read_csv
-from comparisons.lab.study.outcome import Outcome
+from comparisons.lab.study import Outcome, Row, StoredStudy, children, options, pool, read_csv
+from comparisons.lab.worker import child
 from qvi_contact import InputError
 from qvi_contact.basics import terminal
 from qvi_contact.plots import has_matplotlib
