@@ -344,7 +344,10 @@ def _sampled(
     for _ in range(2):
         low = discretize(multiples[0], scales=scales, freed=freed.astype(np.int64), **space)
         high = low.following(multiples[1], scales)
-        freed = np.unique(np.concatenate([freed, low.elimination.conflicts, high.elimination.conflicts]))
+        given = freed
+        freed = np.unique(np.concatenate([given, low.elimination.conflicts, high.elimination.conflicts]))
+        if len(freed) == len(given):
+            break
     return low, high
 
 
