@@ -73,14 +73,11 @@ def _opposite(cells: IntArray, edges: Edges) -> IntArray:
 def _imbalance(problem: ContactProblem, forces: _Forces) -> float:
     """The largest of all bodies, from the forces on the first or second side of edges."""
     bodies, largest = Bodies.of(problem), 0.0
-    sides = list(_around(problem, bodies))
+    sides = [(bodies.of_cells[edges.cells[:, side]], *forces(edges, side)) for edges, side in _around(problem, bodies)]
     for body in range(bodies.blocks):
         total, size = np.zeros(3), 0.0
-        for edges, side in sides:
-            own = edges.take(bodies.of_cells[edges.cells[:, side]] == body)
-            if not len(own):
-                continue
-            place, force, normal = forces(own, side)
+        for owner, *values in sides:
+            place, force, normal = (value[owner == body] for value in values)
             arm = (place - bodies.centre[body]) / bodies.size[body]
             total += _resultant(arm, force - _potential(problem, place)[..., None] * normal)
             size += float(np.hypot(*force.sum(axis=1).T).sum())

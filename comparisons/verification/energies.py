@@ -36,7 +36,7 @@ def companion_force(element: Element, quick: bool) -> Iterator[Row]:
         yield relative(quantity, force, SETTLED[friction], 1e-5, Kind.EXTERNAL, SOURCE, proof)
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def companion_without_friction(element: Element, quick: bool) -> Iterator[Row]:
     """Smooth plate: linear displacements are in the space, so that force and both energies are exact."""
     for n in (4,) if quick else (2, 8, 32):
@@ -65,7 +65,7 @@ def energies_of_a_tied_plate(element: Element, quick: bool) -> Iterator[Row]:
         yield at_least(quantity, high, settled, _UNCERTAINTY, Kind.EXTERNAL, source, proof)
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def energies_without_friction(element: Element, quick: bool) -> Iterator[Row]:
     """A block on smooth ground that lifts off on one side: lower ≤ upper energy on every mesh."""
     for n in (4,) if quick else (4, 8, 16, 32):

@@ -62,7 +62,7 @@ def mirror_images(element: Element, quick: bool) -> Iterator[Row]:
     yield from _same(element, _plate(element, down), down, "(x, y) → (x, −y)")
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def quarter_turn(element: Element, quick: bool) -> Iterator[Row]:
     """Turned by 90°: the plate touches a vertical side."""
     del quick
@@ -70,7 +70,7 @@ def quarter_turn(element: Element, quick: bool) -> Iterator[Row]:
     yield from _same(element, _plate(element, turned), turned, "(x, y) → (−y, x)")
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def far_from_the_origin(element: Element, quick: bool) -> Iterator[Row]:
     """The domain shifted by 1e3 of its size."""
     del quick
@@ -87,7 +87,7 @@ def units(element: Element, quick: bool) -> Iterator[Row]:
     yield from _same(element, other, change, "lengths times 1e3, stresses times 1e6")
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def order_of_the_data(element: Element, quick: bool) -> Iterator[Row]:
     """The same conditions listed in the opposite order."""
     del quick
@@ -96,7 +96,7 @@ def order_of_the_data(element: Element, quick: bool) -> Iterator[Row]:
     yield from _same(element, turned, _Change(), "conditions listed backwards")
 
 
-@on(*BOTH)
+@on(*BOTH, few=1)
 def proportional_loads(element: Element, quick: bool) -> Iterator[Row]:
     """A million times more or less compression: Coulomb's law is positively homogeneous."""
     for size in (1e6,) if quick else (1e6, 1e-6):

@@ -22,7 +22,7 @@ _ERROR: Final = {RECTANGLES: 1e-4, TRIANGLES: 2e-5, QUINTIC: 1e-5}
 def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     """Stress elements on one graded mesh, cells shrinking towards the free corner."""
     cells, grading = (_COARSE if quick else _GRADED)[element]
-    for friction, settled in SETTLED.items():
+    for friction, settled in list(SETTLED.items())[:: 2 if quick else 1]:
         result = element.solve(compressed_plate(friction, (cells, cells), grading=grading))
         force, proof = result.contacts["plate"].normal_force, certified(result)
         quantity = f"P/2, μ = {friction:g}, {cells}² cells graded by {grading:g} [{FORCE}]"
@@ -43,7 +43,7 @@ def adaptive_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
 @on(QUINTIC)
 def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
     """P/2 to eight digits: the triangles that `refine` makes for a target of 1e-8, at full stick with a guarantee."""
-    target = 1e-6 if quick else 1e-8
+    target = 1e-5 if quick else 1e-8
     for friction in (1.0,) if quick else tuple(LIMITS):
         limit, uncertainty = LIMITS[friction]
         start = compressed_plate(friction, (2, 2))

@@ -16,31 +16,35 @@ from solvers import solve_qvi
 _TOLERANCE: Final = 1e-9  # of the solves; excess counts against the mean pressure, the certificate against the largest
 EXCESS: Final = 1e-8
 _CONES: Final = ("strict:clarabel", "strict-direct:clarabel")
-_MESHES: Final = {"16² cells graded by 0.8": ((16, 16), 0.8), "16² equal cells": ((16, 16), 1.0)}
+_MESHES: Final = {"16² cells graded by 0.8": (16, 0.8), "16² equal cells": (16, 1.0)}
+_COARSE: Final = {"8² cells graded by 0.8": (8, 0.8)}
+"""Cells a side and grading; the second of quick runs."""
 
 
 @on(RECTANGLES)
 def whole_edges(element: Element, quick: bool) -> Iterator[Row]:
     """σ_T at 1000 points of every edge against μ|σ_N| there, and σ_N against zero, on the paper's plate."""
-    for name, inner, friction in _cases(quick):
-        result = _strict(element, name, inner, friction)
-        yield from _kept(result, f"μ = {friction:g}, {name}, {inner}")
+    for name, mesh in _meshes(quick):
+        for inner in _CONES[1:] if quick else _CONES:
+            for friction in _frictions(quick):
+                result = element.solve(_plate(friction, *mesh), inner=inner, tolerance=_TOLERANCE)
+                yield from _kept(result, f"μ = {friction:g}, {name}, {inner}")
 
 
 @on(TRIANGLES, QUINTIC)
 def whole_edges_by_coefficients(element: Element, quick: bool) -> Iterator[Row]:
     """The same on triangles, where Bernstein coefficients of tractions hold the law on whole edges without cones."""
-    for name, (cells, grading) in list(_MESHES.items())[: 1 if quick else 2]:
-        for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
-            result = element.solve(compressed_plate(friction, cells, grading=grading), tolerance=_TOLERANCE)
+    for name, mesh in _meshes(quick):
+        for friction in _frictions(quick):
+            result = element.solve(_plate(friction, *mesh), tolerance=_TOLERANCE)
             yield from _kept(result, f"μ = {friction:g}, {name}")
 
 
 @on(*BOTH)
 def reported_excess(element: Element, quick: bool) -> Iterator[Row]:
     """What a collocated result says about its own violation between the points, against 1000 points of every edge."""
-    for name, (cells, grading) in list(_MESHES.items())[: 1 if quick else 2]:
-        result = element.solve(compressed_plate(0.1, cells, grading=grading), contact_rows="gauss")
+    for name, mesh in _meshes(quick):
+        result = element.solve(_plate(0.1, *mesh), contact_rows="gauss")
         line = result.contacts["plate"]
         sampled, _ = _sampled(result)
         quantity = "largest |σ_T| − bound between the points [MPa]"
@@ -51,9 +55,9 @@ def reported_excess(element: Element, quick: bool) -> Iterator[Row]:
 @on(RECTANGLES)
 def energy_of_the_smaller_set(element: Element, quick: bool) -> Iterator[Row]:
     """For one fixed bound the strict complementary energy is not below the collocated one: K strict ⊂ K collocated."""
-    for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
-        cells, grading = _MESHES["16² cells graded by 0.8"]
-        qvi = element.solve(compressed_plate(friction, cells, grading=grading)).solution.problem
+    (_, mesh), *_ = _meshes(quick)
+    for friction in _frictions(quick):
+        qvi = element.solve(_plate(friction, *mesh)).solution.problem
         start = solve_qvi(qvi, tolerance=_TOLERANCE)
         bound = qvi.threshold(qvi.pressure(start.z))
         given = qvi.changed(mu=0.0 * qvi.mu, cohesion=bound, cap=np.full(qvi.m, np.inf))
@@ -70,14 +74,15 @@ def energy_of_the_smaller_set(element: Element, quick: bool) -> Iterator[Row]:
 @on(RECTANGLES)
 def two_cone_solvers(element: Element, quick: bool) -> Iterator[Row]:
     """Cones through cvxpy against Clarabel itself, and both against the collocated problem where nothing slips."""
-    name = "16² cells graded by 0.8"
-    for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
-        through, direct = (_strict(element, name, inner, friction) for inner in _CONES)
+    (name, mesh), *_ = _meshes(quick)
+    for friction in _frictions(quick):
+        through, direct = (
+            element.solve(_plate(friction, *mesh), inner=inner, tolerance=_TOLERANCE) for inner in _CONES
+        )
         source, proof = f"cvxpy; {name}", certified(through, direct)
         quantity = f"P/2, μ = {friction:g} [{FORCE}]"
         yield relative(quantity, _force(direct), _force(through), 1e-7, Kind.METHODS, source, proof)
-    stuck = element.solve(compressed_plate(0.5, *_MESHES[name][:1], grading=_MESHES[name][1]))
-    strict = _strict(element, name, _CONES[1], 0.5)
+    stuck, strict = element.solve(_plate(0.5, *mesh)), _strictly(element, _plate(0.5, *mesh))
     source, proof = f"collocated, full stick; {name}", certified(stuck, strict)
     yield relative(f"P/2, μ = 0.5 [{FORCE}]", _force(strict), _force(stuck), 1e-9, Kind.METHODS, source, proof)
 
@@ -86,7 +91,8 @@ def two_cone_solvers(element: Element, quick: bool) -> Iterator[Row]:
 def refinement(element: Element, quick: bool) -> Iterator[Row]:
     """Strict and collocated forces approach each other under refinement."""
     counts = (8, 16) if quick else (8, 16, 32)
-    pairs = [(element.solve(_plate(n), contact_rows="gauss"), _strictly(element, _plate(n))) for n in counts]
+    plates = [_plate(0.1, count) for count in counts]
+    pairs = [(element.solve(plate, contact_rows="gauss"), _strictly(element, plate)) for plate in plates]
     apart = [abs(_force(strict) / _force(loose) - 1.0) for loose, strict in pairs]
     proof = certified(*[result for pair in pairs for result in pair])
     for first, second, n in zip(apart[:-1], apart[1:], counts[1:], strict=True):
@@ -96,40 +102,31 @@ def refinement(element: Element, quick: bool) -> Iterator[Row]:
     yield absolute(quantity, apart[-1], 0.0, 1e-3, Kind.METHODS, "strict against collocated", proof)
 
 
-def _cases(quick: bool) -> Iterator[tuple[str, str, float]]:
-    for name in list(_MESHES)[: 1 if quick else 2]:
-        for inner in _CONES[1:] if quick else _CONES:
-            for friction in (0.1,) if quick else (0.05, 0.1, 0.2):
-                yield name, inner, friction
+def _meshes(quick: bool) -> Iterator[tuple[str, tuple[int, float]]]:
+    yield from (_COARSE if quick else _MESHES).items()
 
 
-def _strict(element: Element, name: str, inner: str, friction: float) -> ContactResult:
-    cells, grading = _MESHES[name]
-    return element.solve(compressed_plate(friction, cells, grading=grading), inner=inner, tolerance=_TOLERANCE)
+def _frictions(quick: bool) -> tuple[float, ...]:
+    return (0.1,) if quick else (0.05, 0.1, 0.2)
 
 
-def _plate(cells: int) -> ContactProblem:
-    return compressed_plate(0.1, (cells, cells))
+def _plate(friction: float, cells: int, grading: float = 1.0) -> ContactProblem:
+    return compressed_plate(friction, (cells, cells), grading=grading)
 
 
 def _strictly(element: Element, problem: ContactProblem) -> ContactResult:
     """With the law on whole edges: by Bernstein coefficients on triangles, by cones on rectangles."""
-    if element.has_triangles:
-        return element.solve(problem, tolerance=_TOLERANCE)
-    return element.solve(problem, inner=_CONES[1], tolerance=_TOLERANCE)
+    options = {} if element.has_triangles else {"inner": _CONES[1]}
+    return element.solve(problem, tolerance=_TOLERANCE, **options)
 
 
 def _kept(result: ContactResult, where: str) -> Iterator[Row]:
     """Rows on the law between the points."""
     excess, pull = (value / mean_pressure(result.contacts["plate"]) for value in _sampled(result))
-    quantity, source, proof = (
-        "largest |σ_T| − bound over the mean pressure",
-        f"|σ_T| ≤ μ|σ_N|; {where}",
-        certified(result),
-    )
-    yield at_most(quantity, excess, 0.0, EXCESS, Kind.ANALYTIC, source, proof)
+    quantity, source = "largest |σ_T| − bound over the mean pressure", f"|σ_T| ≤ μ|σ_N|; {where}"
+    yield at_most(quantity, excess, 0.0, EXCESS, Kind.ANALYTIC, source, certified(result))
     quantity, source = "largest σ_N over the mean pressure", f"σ_N ≤ 0; {where}"
-    yield at_most(quantity, pull, 0.0, EXCESS, Kind.ANALYTIC, source, proof)
+    yield at_most(quantity, pull, 0.0, EXCESS, Kind.ANALYTIC, source, certified(result))
 
 
 def _force(result: ContactResult) -> float:
