@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from comparisons.verification import balance, rollers
-from comparisons.verification.elements import QUINTIC, TRIANGLES, Element, on
+from comparisons.verification.elements import QUINTIC, TRIANGLES, Chapter, Element
 from comparisons.verification.examples import file_problem
 from comparisons.verification.limits import oblique
 from comparisons.verification.measures import mean_pressure
@@ -29,6 +29,8 @@ from qvi_contact.gallery import (
     rings,
 )
 
+PROBLEMS: Final = Chapter()
+
 BALANCE: Final = 1e-12
 """Largest resultant on a body, over the forces on its edges, that is rounding."""
 
@@ -39,40 +41,37 @@ _DEPTH: Final = 20  # how often triangles at a corner are halved
 _NEAR: Final = (1e-5, 1e-3)  # distances from it within which the pressure is a power
 
 
-@on(TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("rings", TRIANGLES, QUINTIC, few=1)
 def lame_rings(element: Element, quick: bool) -> Iterator[Row]:
     """A ring in a ring under outer pressure, without friction (Code_Aster SSNP167): Lamé, and Michell for cos 2θ."""
     result = element.solve(rings(8, 1e5))
     joint, proof = result.contacts["joint"], certified(result)
-    ours, source = mean_pressure(joint), "Lamé"
-    yield relative("mean pressure [Pa]", ours, 9.2592593e6, 1e-6, Kind.ANALYTIC, source, proof)
-    ours, source = _second_harmonic(joint), "Michell"
-    yield relative("amplitude of cos 2θ [Pa]", ours, 1.3571791e5, 1e-4, Kind.ANALYTIC, source, proof)
+    ours = mean_pressure(joint)
+    yield relative("mean pressure [Pa]", ours, 9.2592593e6, 1e-6, "Lamé", proof)
+    ours = _second_harmonic(joint)
+    yield relative("amplitude of cos 2θ [Pa]", ours, 1.3571791e5, 1e-4, "Michell", proof)
     known = 9.2592593e6 + 1.3571791e5 * np.cos(2.0 * _angles(joint))
-    error, quantity = float(np.abs(-joint.normal_stress / known - 1.0).max()), "largest relative error of the pressure"
-    yield absolute(quantity, error, 0.0, 5e-4, Kind.ANALYTIC, "Lamé and Michell, at all points", proof)
+    error = float(np.abs(-joint.normal_stress / known - 1.0).max())
+    yield absolute("largest relative error of the pressure", error, 0.0, 5e-4, "Lamé and Michell, at all points", proof)
     if not quick:
         yield from two_models(result, "joint", 1e-5, 1e-6)
 
 
-@on(TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("press-fit", TRIANGLES, QUINTIC, few=1)
 def fitted_shaft(element: Element, quick: bool) -> Iterator[Row]:
     """A shaft in a hub with an interference: Lamé, with friction as well, which symmetry leaves without work."""
     for friction in (0.0, 0.2):
         result = element.solve(press_fit(8, friction))
         shaft, proof = result.contacts["shaft"], certified(result)
         source = f"Lamé, E δ (b² − a²)/(2 a b²); μ = {friction:g}"
-        yield relative("mean pressure [MPa]", mean_pressure(shaft), 61.8, 1e-5, Kind.ANALYTIC, source, proof)
-        error, quantity = (
-            float(np.abs(shaft.normal_stress / 61.8 + 1.0).max()),
-            "largest relative error of the pressure",
-        )
-        yield absolute(quantity, error, 0.0, 1e-3, Kind.ANALYTIC, f"{source}; at all points", proof)
+        yield relative("mean pressure [MPa]", mean_pressure(shaft), 61.8, 1e-5, source, proof)
+        error = float(np.abs(shaft.normal_stress / 61.8 + 1.0).max())
+        yield absolute("largest relative error of the pressure", error, 0.0, 1e-3, f"{source}; at all points", proof)
         if not quick:
             yield from two_models(result, "shaft", 1e-5, 1e-5)
 
 
-@on(TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("cylinder-in-bore", TRIANGLES, QUINTIC, few=1)
 def bore(element: Element, quick: bool) -> Iterator[Row]:
     """A cylinder in the bore of a large plate, without friction: Persson's closed form."""
     result = element.solve(cylinder_in_bore(6 if quick else 12))
@@ -81,38 +80,38 @@ def bore(element: Element, quick: bool) -> Iterator[Row]:
     for name, low, high in (("0° to 15°", 0.0, 15.0), ("15° to 45°", 15.0, 45.0)):
         ours, known = _means(line, np.deg2rad(low), np.deg2rad(high))
         tolerance = 1e-3 if quick else 2e-4
-        yield relative(f"mean pressure, {name} [MPa]", ours, known, tolerance, Kind.ANALYTIC, source, proof)
+        yield relative(f"mean pressure, {name} [MPa]", ours, known, tolerance, source, proof)
     if element is TRIANGLES and not quick:
         yield from two_models(result, "bore", 1e-3, 1e-3)
 
 
-@on(TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("loaded-pin", TRIANGLES, QUINTIC, few=1)
 def pin(element: Element, quick: bool) -> Iterator[Row]:
     """A pin in the eye of a sheet, pulled (NAFEMS R0094-4): Code_Aster, and NGSolve on the same mesh."""
     for friction, known in list(_BY_NGSOLVE.items())[1 if quick else 0 :]:
         result = element.solve(loaded_pin(4 if quick else 12, friction))
-        proof, ours, source = certified(result), -result.resultant("wall").x, f"balance; μ = {friction:g}"
+        proof, ours = certified(result), -result.resultant("wall").x
         quantity = "force at the clamped end, half of the sheet [N/mm]"
-        yield relative(quantity, ours, 1e4, 1e-9, Kind.ANALYTIC, source, proof)
+        yield relative(quantity, ours, 1e4, 1e-9, f"balance; μ = {friction:g}", proof)
         source = f"NGSolve, displacements of degree 4 on 12 sectors, with multipliers; μ = {friction:g}"
         moved, tolerance = float(result.displacement(50.0, 0.0)[0]), 5e-4 if quick else 1e-4
         quantity = "u_x on the axis at the hole [mm]"
-        yield relative(quantity, moved, known, tolerance, Kind.EXTERNAL, source, proof)
+        yield relative(quantity, moved, known, tolerance, source, proof, Kind.EXTERNAL)
     source = (
         "Code_Aster SSNP156 B, elements of 8 nodes, small strain; 0.73617 with finite strain. A, of 4 nodes, 0.72092"
     )
-    yield relative(quantity, moved, 0.73924, 2e-3, Kind.PUBLISHED, source, proof)
+    yield relative(quantity, moved, 0.73924, 2e-3, source, proof, Kind.PUBLISHED)
     source = (
         "the same; extrapolated to the node. A, of 4 nodes, -136.78. Shear changes its sign at this point, so that "
         "each mesh has another value, and only 5 % are asked for"
     )
     stress = float(result.stress(50.0, 0.0)[0])
-    yield relative("σ_xx on the axis at the hole [MPa]", stress, -160.51, 0.05, Kind.PUBLISHED, source, proof)
+    yield relative("σ_xx on the axis at the hole [MPa]", stress, -160.51, 0.05, source, proof, Kind.PUBLISHED)
     if not quick:
         yield from two_models(result, "pin", 2e-3, 1e-3)
 
 
-@on(TRIANGLES)
+@PROBLEMS.on("corner-rates", TRIANGLES)
 def sticking_corner(element: Element, quick: bool) -> Iterator[Row]:
     """A block that sticks to a large one: σ ~ r^(λ−1) in its corners makes energies converge like h^(2λ)."""
     for friction, name in ((None, "stuck"), (0.0, "without friction"))[: 1 if quick else 2]:
@@ -121,12 +120,12 @@ def sticking_corner(element: Element, quick: bool) -> Iterator[Row]:
         ours = float(np.log2((energies[0] - energies[1]) / (energies[1] - energies[2]))) / 2.0
         source = "Williams' eigenvalue problem; the rate of three uniform meshes"
         known, proof = CORNER_EXPONENTS[friction], certified(*results)
-        yield relative(f"λ from the rate, {name}", ours, known, 0.03 if quick else 0.01, Kind.ANALYTIC, source, proof)
+        yield relative(f"λ from the rate, {name}", ours, known, 0.03 if quick else 0.01, source, proof)
         if not quick:
             yield from two_models(results[-1], "base", 5e-3, 5e-3)
 
 
-@on(TRIANGLES)
+@PROBLEMS.on("sliding-corner", TRIANGLES)
 def sliding_corner(element: Element, quick: bool) -> Iterator[Row]:
     """The same block sliding: the pressure near the leading corner, on triangles halved towards it."""
     for friction in (0.0, 0.5) if quick else (0.0, 0.1, 0.3, 0.5):
@@ -134,12 +133,15 @@ def sliding_corner(element: Element, quick: bool) -> Iterator[Row]:
         ours, known = _exponent(result.contacts["base"]), CORNER_EXPONENTS[friction]
         source = "four digits of the eigenvalue problem; the slope of ln p over ln r"
         proof = certified(result)
-        yield absolute(f"λ from the pressure, μ = {friction:g}", ours, known, 1e-3, Kind.ANALYTIC, source, proof)
+        yield absolute(f"λ from the pressure, μ = {friction:g}", ours, known, 1e-3, source, proof)
         if not quick:
             yield from two_models(result, "base", 1e-2, 1e-2)
 
 
-@on(TRIANGLES)
+PROBLEMS.update(rollers.PROBLEMS)
+
+
+@PROBLEMS.on("conservation", TRIANGLES)
 def conservation(element: Element, quick: bool) -> Iterator[Row]:
     """Every body of these problems: the resultant of its weight and the tractions around it, by both models."""
     for name in _QUICK if quick else _IN_BALANCE:
@@ -147,16 +149,13 @@ def conservation(element: Element, quick: bool) -> Iterator[Row]:
         result = element.solve(problem())
         ours, proof = balance.of_stresses(result), certified(result)
         quantity = f"{name}, stresses: largest force or moment left on a body, over the forces around it"
-        yield absolute(quantity, ours, 0.0, BALANCE, Kind.ANALYTIC, "equilibrium", proof)
+        yield absolute(quantity, ours, 0.0, BALANCE, "equilibrium", proof)
         if name in _BY_STRESSES_ALONE:
             continue
         companion = element.companion(problem(), 2 if quick else None)
         theirs, proof = balance.of_displacements(companion), both(proof, certified_companion(companion))
-        quantity, source = (
-            f"{name}, displacements: the same",
-            "what stresses leave; C ε(v) on the same mesh leaves more",
-        )
-        yield at_least(quantity, theirs, ours, 0.0, Kind.METHODS, source, proof)
+        source = "what stresses leave; C ε(v) on the same mesh leaves more"
+        yield at_least(f"{name}, displacements: the same", theirs, ours, 0.0, source, proof, Kind.METHODS)
 
 
 _IN_BALANCE: Final[dict[str, Callable[[], ContactProblem]]] = {
@@ -212,15 +211,3 @@ def _exponent(line: ContactLine) -> float:
     away = 1.0 - line.x
     near = (away > _NEAR[0]) & (away < _NEAR[1])
     return float(1.0 + np.polyfit(np.log(away[near]), np.log(-line.normal_stress[near]), 1)[0])
-
-
-PROBLEMS: Final = {
-    "rings": lame_rings,
-    "press-fit": fitted_shaft,
-    "cylinder-in-bore": bore,
-    "loaded-pin": pin,
-    "corner-rates": sticking_corner,
-    "sliding-corner": sliding_corner,
-    **rollers.PROBLEMS,
-    "conservation": conservation,
-}

@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE
-from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification import slip
+from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import Proof, both, by_hand, certified
 from comparisons.verification.row import Kind, Row, absolute, at_least, at_most
-from comparisons.verification.slip import bad_stresses_under_slip, bodies_under_slip, errors_under_slip
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -27,6 +27,8 @@ from qvi_contact.bracket import Bounds, Bracket, bracket
 from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem.conditions import Condition
+
+PROBLEMS: Final = Chapter()
 
 _PUSH: Final = 1e-3
 _MESHES: Final = (
@@ -86,7 +88,7 @@ _RATES: Final = {"Tresca": (0.9, "h: a jump of σ_T at the free corner"), "full 
                  "frictionless, curved ground": (1.5, "h^1.5 or better")}  # fmt: skip
 
 
-@on(*BOTH, few=1)
+@PROBLEMS.on("bounds-energy", *BOTH, few=1)
 def energy_brackets(element: Element, quick: bool) -> Iterator[Row]:
     """Energies of an admissible stress and an admissible displacement, on uniform and graded meshes of 2² to 64² cells.
 
@@ -97,14 +99,21 @@ def energy_brackets(element: Element, quick: bool) -> Iterator[Row]:
         found = [element.solve(problem(cells, grading)).bracket for cells, grading in _meshes(element, quick)]
         proof = _guaranteed(*found)
         apart = max((b.lower - b.upper) / b.strain for b in found)
-        yield at_most(f"{name}: lower − upper on each mesh, over the strain energy", apart, 0.0, _ROUNDING,
-                      Kind.ANALYTIC, _SYNGE, proof)  # fmt: skip
+        yield at_most(
+            f"{name}: lower − upper on each mesh, over the strain energy", apart, 0.0, _ROUNDING, _SYNGE, proof
+        )
         crossed = (max(b.lower for b in found) - min(b.upper for b in found)) / found[-1].strain
-        yield at_most(f"{name}: largest lower − smallest upper of all meshes, over the strain energy", crossed, 0.0,
-                      _ROUNDING, Kind.ANALYTIC, _SYNGE, proof)  # fmt: skip
+        yield at_most(
+            f"{name}: largest lower − smallest upper of all meshes, over the strain energy",
+            crossed,
+            0.0,
+            _ROUNDING,
+            _SYNGE,
+            proof,
+        )
 
 
-@on(*BOTH, few=1)
+@PROBLEMS.on("bounds-rates", *BOTH, few=1)
 def rates_of_the_gap(element: Element, quick: bool) -> Iterator[Row]:
     """How fast the bounds close on uniform meshes, between 8² and 32² cells."""
     sizes = (4, 8) if quick else (8, 32)
@@ -112,16 +121,23 @@ def rates_of_the_gap(element: Element, quick: bool) -> Iterator[Row]:
         found = [element.solve(problem(cells, 1.0)).bracket for cells in sizes]
         rate = float(np.log(found[0].gap / found[1].gap) / np.log(sizes[1] / sizes[0]))
         least, source = _RATES_ON_TRIANGLES.get(name, _RATES[name]) if element.has_triangles else _RATES[name]
-        yield at_least(f"{name}: order of the gap in h", rate, least, 0.0, Kind.ANALYTIC, source, _guaranteed(*found))
+        yield at_least(f"{name}: order of the gap in h", rate, least, 0.0, source, _guaranteed(*found))
 
 
-@on(*EVERY, few=1)
-def exact_states_close_the_gap(element: Element, quick: bool) -> Iterator[Row]:  # noqa: ARG001  # all are coarse
-    """States that both models hold exactly: stresses from a bicubic Φ, displacements of degree 2 or 3."""
-    for name, problem, degree in _exact():
-        found = bracket(element.solve(problem), degree=degree)
-        yield absolute(f"{name}: (upper − lower) / strain energy", found.gap / found.strain, 0.0, 1e-10, Kind.ANALYTIC,
-                       "closed form in both spaces", _guaranteed(found))  # fmt: skip
+@PROBLEMS.on("bounds-refined", _CUBIC, TRIANGLES, QUINTIC, few=1)
+def orders_of_refined_bounds(element: Element, quick: bool) -> Iterator[Row]:
+    """How fast guaranteed bounds close by `refine` in the number of unknowns, whatever corners the body has.
+
+    Meshes of the best grading have order p − 1 in the end. While a mesh still grows into corners it may be more.
+    """
+    start, end = (1e-3, 1e-4) if quick else _REFINED[element]
+    for name, (problem, quantity, least) in list(_CORNERED.items())[: 1 if quick else None]:
+        outcome = refine(problem(), None, end, quantity, **element.options)
+        rounds = [each for each in outcome.rounds if each.estimate <= start]
+        order = np.log(rounds[0].estimate / outcome.estimate) / np.log(rounds[-1].unknowns / rounds[0].unknowns)
+        quantity = f"{name}: order of the bound in unknowns, {start:.0e} to {end:.0e}"
+        proof = both(certified(outcome.result), by_hand(outcome.guaranteed, "a guaranteed bound"))
+        yield at_least(quantity, float(order), least[element], 0.0, f"p = {element.degree}", proof)
 
 
 def _exact() -> Iterator[tuple[str, ContactProblem, int]]:
@@ -141,7 +157,22 @@ def _exact() -> Iterator[tuple[str, ContactProblem, int]]:
     yield "SSNV128 without friction", ssnv128((4, 3), friction=0.0), 2
 
 
-@on(*BOTH, few=1)
+@PROBLEMS.on("bounds-exact", *EVERY, few=1)
+def exact_states_close_the_gap(element: Element, quick: bool) -> Iterator[Row]:  # noqa: ARG001  # all are coarse
+    """States that both models hold exactly: stresses from a bicubic Φ, displacements of degree 2 or 3."""
+    for name, problem, degree in _exact():
+        found = bracket(element.solve(problem), degree=degree)
+        yield absolute(
+            f"{name}: (upper − lower) / strain energy",
+            found.gap / found.strain,
+            0.0,
+            1e-10,
+            "closed form in both spaces",
+            _guaranteed(found),
+        )
+
+
+@PROBLEMS.on("bounds-force", *BOTH, few=1)
 def force_between_bounds(element: Element, quick: bool) -> Iterator[Row]:
     """Guaranteed bounds of P/2 at full stick enclose the settled value of displacement codes, and close on it."""
     for cells, grading in _FORCES[element][: 1 if quick else None]:
@@ -149,31 +180,30 @@ def force_between_bounds(element: Element, quick: bool) -> Iterator[Row]:
         force, proof = found.forces["plate.normal_force"], _guaranteed(found)
         limit, uncertainty = LIMITS[1.0]
         mesh = f"{cells}² cells graded by {grading:g}"
-        yield at_most(f"lower bound of P/2, {mesh} [{FORCE}]", force.lower, limit, uncertainty,
-                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
-        yield at_least(f"upper bound of P/2, {mesh} [{FORCE}]", force.upper, limit, uncertainty,
-                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
-        yield at_most(f"distance of the bounds, {mesh}, over P/2", (force.upper - force.lower) / limit, 0.0,
-                      1e-3, Kind.ANALYTIC, "(D21)", proof)  # fmt: skip
+        yield at_most(
+            f"lower bound of P/2, {mesh} [{FORCE}]",
+            force.lower,
+            limit,
+            uncertainty,
+            LIMITS_SOURCE,
+            proof,
+            Kind.EXTERNAL,
+        )
+        yield at_least(
+            f"upper bound of P/2, {mesh} [{FORCE}]",
+            force.upper,
+            limit,
+            uncertainty,
+            LIMITS_SOURCE,
+            proof,
+            Kind.EXTERNAL,
+        )
+        yield at_most(
+            f"distance of the bounds, {mesh}, over P/2", (force.upper - force.lower) / limit, 0.0, 1e-3, "(D21)", proof
+        )
 
 
-@on(_CUBIC, TRIANGLES, QUINTIC, few=1)
-def orders_of_refined_bounds(element: Element, quick: bool) -> Iterator[Row]:
-    """How fast guaranteed bounds close by `refine` in the number of unknowns, whatever corners the body has.
-
-    Meshes of the best grading have order p − 1 in the end. While a mesh still grows into corners it may be more.
-    """
-    start, end = (1e-3, 1e-4) if quick else _REFINED[element]
-    for name, (problem, quantity, least) in list(_CORNERED.items())[: 1 if quick else None]:
-        outcome = refine(problem(), None, end, quantity, **element.options)
-        rounds = [each for each in outcome.rounds if each.estimate <= start]
-        order = np.log(rounds[0].estimate / outcome.estimate) / np.log(rounds[-1].unknowns / rounds[0].unknowns)
-        quantity, source = f"{name}: order of the bound in unknowns, {start:.0e} to {end:.0e}", f"p = {element.degree}"
-        proof = both(certified(outcome.result), by_hand(outcome.guaranteed, "a guaranteed bound"))
-        yield at_least(quantity, float(order), least[element], 0.0, Kind.ANALYTIC, source, proof)
-
-
-@on(QUINTIC)
+@PROBLEMS.on("bounds-slip", QUINTIC)
 def forces_under_slip(element: Element, quick: bool) -> Iterator[Row]:
     """The paper's plate with slip, refined until guaranteed bounds of its force are within 1e-6 of it.
 
@@ -188,15 +218,42 @@ def forces_under_slip(element: Element, quick: bool) -> Iterator[Row]:
         bounds = outcome.result.bracket.slip
         force = Bounds(-np.inf, np.inf) if bounds is None else bounds.forces["plate.normal_force"]
         where = f"μ = {friction:g}"
-        yield at_most(f"{where}: lower bound of P/2 [{FORCE}]", force.lower, limit, uncertainty,
-                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
-        yield at_least(f"{where}: upper bound of P/2 [{FORCE}]", force.upper, limit, uncertainty,
-                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
+        yield at_most(
+            f"{where}: lower bound of P/2 [{FORCE}]",
+            force.lower,
+            limit,
+            uncertainty,
+            LIMITS_SOURCE,
+            proof,
+            Kind.EXTERNAL,
+        )
+        yield at_least(
+            f"{where}: upper bound of P/2 [{FORCE}]",
+            force.upper,
+            limit,
+            uncertainty,
+            LIMITS_SOURCE,
+            proof,
+            Kind.EXTERNAL,
+        )
         beyond = max(abs(each.value / limit - 1.0) - each.estimate for each in outcome.rounds if each.guaranteed)
-        yield at_most(f"{where}: largest error − bound of all meshes, over P/2", beyond, 0.0, uncertainty / limit,
-                       Kind.EXTERNAL, LIMITS_SOURCE, proof)  # fmt: skip
-        yield at_most(f"{where}: unknowns for a guaranteed error of {target:g}", float(outcome.rounds[-1].unknowns),
-                       5000.0, 0.0, Kind.ANALYTIC, "what it may take", proof)  # fmt: skip
+        yield at_most(
+            f"{where}: largest error − bound of all meshes, over P/2",
+            beyond,
+            0.0,
+            uncertainty / limit,
+            LIMITS_SOURCE,
+            proof,
+            Kind.EXTERNAL,
+        )
+        yield at_most(
+            f"{where}: unknowns for a guaranteed error of {target:g}",
+            float(outcome.rounds[-1].unknowns),
+            5000.0,
+            0.0,
+            "what it may take",
+            proof,
+        )
 
 
 def _trapezoid() -> ContactProblem:
@@ -242,14 +299,4 @@ def _guaranteed(*brackets: Bracket) -> Proof:
     return both(certified(*results), by_hand(not reasons, reasons or "guaranteed bracket"))
 
 
-PROBLEMS: Final = {
-    "bounds-energy": energy_brackets,
-    "bounds-rates": rates_of_the_gap,
-    "bounds-refined": orders_of_refined_bounds,
-    "bounds-exact": exact_states_close_the_gap,
-    "bounds-force": force_between_bounds,
-    "bounds-slip": forces_under_slip,
-    "bounds-slip-errors": errors_under_slip,
-    "bounds-slip-bad": bad_stresses_under_slip,
-    "bounds-slip-bodies": bodies_under_slip,
-}
+PROBLEMS.update(slip.PROBLEMS)

@@ -76,19 +76,31 @@ OnElement = Callable[[Element, bool], Iterator[Row]]
 """A problem that yields its rows for one element."""
 
 
-def on(*elements: Element, few: int = 2) -> Callable[[OnElement], Problem]:
-    """Make a problem of the manual run on each of these elements in turn; its rows name them.
+class Chapter(dict[str, Problem]):
+    """Name of a problem → the problem, in the order in which a chapter of the manual defines them."""
 
-    Quick runs take the last `few` of the first two.
-    """
+    def named(self, name: str) -> Callable[[Problem], Problem]:
+        """Make a problem one of this chapter."""
 
-    def problem(rows: OnElement) -> Problem:
-        @wraps(rows)
-        def on_each(quick: bool) -> Iterator[Row]:
-            for element in elements[:2][-few:] if quick else elements:
-                for row in rows(element, quick):
-                    yield replace(row, element=element.name)
+        def known(problem: Problem) -> Problem:
+            self[name] = problem
+            return problem
 
-        return on_each
+        return known
 
-    return problem
+    def on(self, name: str, *elements: Element, few: int = 2) -> Callable[[OnElement], Problem]:
+        """Make a problem one of this chapter that runs on each of these elements in turn; its rows name them.
+
+        Quick runs take the last `few` of the first two.
+        """
+
+        def problem(rows: OnElement) -> Problem:
+            @wraps(rows)
+            def on_each(quick: bool) -> Iterator[Row]:
+                for element in elements[:2][-few:] if quick else elements:
+                    for row in rows(element, quick):
+                        yield replace(row, element=element.name)
+
+            return self.named(name)(on_each)
+
+        return problem

@@ -10,13 +10,15 @@ from typing import Final
 import numpy as np
 
 from comparisons.settled import SETTLED, SOURCE
-from comparisons.verification.elements import BOTH, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.elements import BOTH, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import ENERGY, FORCE
 from comparisons.verification.proof import Proof, both, certified, certified_companion
 from comparisons.verification.row import Kind, Row, at_least, at_most, relative
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Traction
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Condition
+
+PROBLEMS: Final = Chapter()
 
 _MESHES: Final = {RECTANGLES: ((64, 64), 0.93, 2), TRIANGLES: ((16, 16), 0.75, 4)}
 _DISPLACEMENT: Final = 1e-3
@@ -25,7 +27,7 @@ _STRICT: Final = "strict-direct:clarabel"
 _GAP: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
 
 
-@on(*BOTH, few=1)
+@PROBLEMS.on("companion-force", *BOTH, few=1)
 def companion_force(element: Element, quick: bool) -> Iterator[Row]:
     """Force of the plate by displacements on one graded mesh: biquadratic on rectangles, of degree 4 on triangles."""
     cells, grading, degree = _MESHES[element]
@@ -33,25 +35,25 @@ def companion_force(element: Element, quick: bool) -> Iterator[Row]:
         companion = element.companion(compressed_plate(friction, cells, grading=grading), degree)
         force, proof = companion.contacts["plate"].normal_force, certified_companion(companion)
         quantity = f"P/2, μ = {friction:g}, {cells[0]}² cells graded by {grading:g} [{FORCE}]"
-        yield relative(quantity, force, SETTLED[friction], 1e-5, Kind.EXTERNAL, SOURCE, proof)
+        yield relative(quantity, force, SETTLED[friction], 1e-5, SOURCE, proof, Kind.EXTERNAL)
 
 
-@on(*BOTH, few=1)
+@PROBLEMS.on("companion-without-friction", *BOTH, few=1)
 def companion_without_friction(element: Element, quick: bool) -> Iterator[Row]:
     """Smooth plate: linear displacements are in the space, so that force and both energies are exact."""
     for n in (4,) if quick else (2, 8, 32):
         problem = _plate((n, n), _GAP)
         companion, result = element.companion(problem), element.solve(problem)
         proof = both(certified(result), certified_companion(companion, guaranteed=True))
-        source, force = f"E U; {n}² cells", companion.contacts["plate"].normal_force
-        yield relative(f"P/2 by displacements [{FORCE}]", force, 209.0, 1e-9, Kind.ANALYTIC, source, proof)
+        force = companion.contacts["plate"].normal_force
+        yield relative(f"P/2 by displacements [{FORCE}]", force, 209.0, 1e-9, f"E U; {n}² cells", proof)
         exact, source = 209.0 * _DISPLACEMENT / 2.0, f"E U²/2; {n}² cells"
-        yield relative(f"upper energy [{ENERGY}]", companion.energy, exact, 1e-10, Kind.ANALYTIC, source, proof)
+        yield relative(f"upper energy [{ENERGY}]", companion.energy, exact, 1e-10, source, proof)
         lower = -result.energies.complementary
-        yield relative(f"lower energy [{ENERGY}]", lower, exact, 1e-10, Kind.ANALYTIC, source, proof)
+        yield relative(f"lower energy [{ENERGY}]", lower, exact, 1e-10, source, proof)
 
 
-@on(*BOTH)
+@PROBLEMS.on("energies-tied", *BOTH)
 def energies_of_a_tied_plate(element: Element, quick: bool) -> Iterator[Row]:
     """Plate that sticks: the exact energy, and with it P/2 = 2 E/U, lies between those of the two models."""
     for n in (4, 8) if quick else (2, 4, 8, 16, 32, 64):
@@ -59,13 +61,11 @@ def energies_of_a_tied_plate(element: Element, quick: bool) -> Iterator[Row]:
         yield _ordered(lower, upper, f"{n}² cells", proof)
         low, high, settled = 2e3 * lower, 2e3 * upper, SETTLED[1.0]
         source = f"{SOURCE}; {n}² cells"
-        quantity = f"P/2 from below [{FORCE}]"
-        yield at_most(quantity, low, settled, _UNCERTAINTY, Kind.EXTERNAL, source, proof)
-        quantity = f"P/2 from above [{FORCE}]"
-        yield at_least(quantity, high, settled, _UNCERTAINTY, Kind.EXTERNAL, source, proof)
+        yield at_most(f"P/2 from below [{FORCE}]", low, settled, _UNCERTAINTY, source, proof, Kind.EXTERNAL)
+        yield at_least(f"P/2 from above [{FORCE}]", high, settled, _UNCERTAINTY, source, proof, Kind.EXTERNAL)
 
 
-@on(*BOTH, few=1)
+@PROBLEMS.on("energies-without-friction", *BOTH, few=1)
 def energies_without_friction(element: Element, quick: bool) -> Iterator[Row]:
     """A block on smooth ground that lifts off on one side: lower ≤ upper energy on every mesh."""
     for n in (4,) if quick else (4, 8, 16, 32):
@@ -73,7 +73,7 @@ def energies_without_friction(element: Element, quick: bool) -> Iterator[Row]:
         yield _ordered(lower, upper, f"{n}² cells", proof)
 
 
-@on(*BOTH)
+@PROBLEMS.on("energies-tresca", *BOTH)
 def energies_under_a_given_bound(element: Element, quick: bool) -> Iterator[Row]:
     """Tresca's law: the bound is given, and lower ≤ upper energy on every mesh."""
     for n in (4,) if quick else (4, 8, 16, 32):
@@ -95,7 +95,7 @@ def _energies(element: Element, problem: ContactProblem) -> tuple[float, float, 
 
 def _ordered(lower: float, upper: float, source: str, proof: Proof) -> Row:
     quantity, source = "lower energy −J*(τ) [stress length²]", f"−J*(τ) ≤ J(v) of the displacement model; {source}"
-    return at_most(quantity, lower, upper, 1e-12 * abs(upper), Kind.ANALYTIC, source, proof)
+    return at_most(quantity, lower, upper, 1e-12 * abs(upper), source, proof)
 
 
 def _plate(cells: tuple[int, int], contact: Contact) -> ContactProblem:
@@ -113,12 +113,3 @@ def _tilted(cells: tuple[int, int]) -> ContactProblem:
         Traction("right", x=0.0, y=0.0),
     ]
     return ContactProblem(RectilinearMesh.rectangle(cells, 2.0, 1.0), Material(1e4, 0.3), conditions)
-
-
-PROBLEMS: Final = {
-    "companion-force": companion_force,
-    "companion-without-friction": companion_without_friction,
-    "energies-tied": energies_of_a_tied_plate,
-    "energies-without-friction": energies_without_friction,
-    "energies-tresca": energies_under_a_given_bound,
-}

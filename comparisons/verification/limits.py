@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Element, on
+from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Chapter, Element
 from comparisons.verification.proof import bounded, by_hand, certified, infeasible
-from comparisons.verification.row import Kind, Row, absolute, at_most, relative, word
+from comparisons.verification.row import Row, absolute, at_most, relative, word
 from comparisons.verification.two_models import two_models
 from qvi_contact import (
     Contact,
@@ -25,6 +25,8 @@ from qvi_contact import (
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.conditions import Condition
 
+PROBLEMS: Final = Chapter()
+
 _STEEL: Final = Material(1000.0, 0.3)
 _MESHES: Final = {
     "6 × 4 cells": RectilinearMesh.rectangle((6, 4), 2.0, 1.0),
@@ -34,23 +36,22 @@ _MESHES: Final = {
 _PRESSURE, _SHEAR, _FRICTION = 10.0, 2.0, 0.3
 
 
-@on(*BOTH, few=1)
+@PROBLEMS.on("dragged-block", *BOTH, few=1)
 def dragged_block(element: Element, quick: bool) -> Iterator[Row]:
     """A block under pressure p dragged by uniform shear T: carried up to the factor μp/T, and not beyond."""
     for name, mesh in list(_MESHES.items())[: 1 if quick else 3]:
         base = Contact("bottom", _FRICTION, name="base")
         limit = element.limit_load(_dragged(mesh, _SHEAR, base), ["shear"])
-        source = f"μp/T; {name}"
-        yield relative("limit load factor", limit.lower, 1.5, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+        yield relative("limit load factor", limit.lower, 1.5, 1e-6, f"μp/T; {name}", bounded(limit))
         below, above = (element.solve(_dragged(mesh, share * 3.0, base)) for share in (0.99, 1.01))
-        quantity, exact, source = "T at 0.99 of the limit [stress length]", -0.99 * 6.0, f"−0.99 μ p w, balance; {name}"
+        exact, source = -0.99 * 6.0, f"−0.99 μ p w, balance; {name}"
         force, proof = below.contacts["base"].tangential_force, certified(below)
-        yield relative(quantity, force, exact, 1e-8, Kind.ANALYTIC, source, proof)
-        quantity, source = "status at 1.01 of the limit", f"T > μp; {name}"
-        yield word(quantity, above.status.value, "infeasible", Kind.ANALYTIC, source, infeasible(above))
+        yield relative("T at 0.99 of the limit [stress length]", force, exact, 1e-8, source, proof)
+        source = f"T > μp; {name}"
+        yield word("status at 1.01 of the limit", above.status.value, "infeasible", source, infeasible(above))
 
 
-@on(*BOTH, few=1)
+@PROBLEMS.on("other-laws", *BOTH, few=1)
 def other_laws(element: Element, quick: bool) -> Iterator[Row]:
     """The same block with cohesion, a cap and Tresca's law: the factor is the bound of shear over T."""
     mesh = _MESHES["6 × 4 cells" if quick else "5 × 5 cells graded by 0.5"]
@@ -61,13 +62,12 @@ def other_laws(element: Element, quick: bool) -> Iterator[Row]:
     }
     for source, (law, exact) in laws.items():
         limit = element.limit_load(_dragged(mesh, 1.0, law), ["shear"])
-        yield relative("limit load factor", limit.lower, exact, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+        yield relative("limit load factor", limit.lower, exact, 1e-6, source, bounded(limit))
 
 
-@on(*BOTH)
-def uplift(element: Element, quick: bool) -> Iterator[Row]:
+@PROBLEMS.on("uplift", *BOTH)
+def uplift(element: Element, _: bool) -> Iterator[Row]:
     """Gravity dam: a block of weight W, pushed by H, with water of uplift U in its base. It slides at μ (W − U) / H."""
-    del quick
     weight, push, lift = 12.0, 1.5, 4.5
     mesh = RectilinearMesh.rectangle((6, 2), 3.0, 1.0)
     water = Contact("bottom", 0.4, pore_pressure=Expression("3 * (1 - x / 3)"), name="base")
@@ -75,47 +75,57 @@ def uplift(element: Element, quick: bool) -> Iterator[Row]:
     conditions = [*sides, Traction("top", 0.0, 0.0), water]
     dam = ContactProblem(mesh, _STEEL, conditions, body_potential=Expression("4 * y"))
     limit, exact = element.limit_load(dam, ["lake"]), 0.4 * (weight - lift) / push
-    yield relative("factor of sliding", limit.lower, exact, 1e-6, Kind.ANALYTIC, "μ (W − U) / H", bounded(limit))
+    yield relative("factor of sliding", limit.lower, exact, 1e-6, "μ (W − U) / H", bounded(limit))
     result = element.solve(dam)
-    force, source, proof = result.contacts["base"].effective_normal_force, "W − U, balance", certified(result)
-    yield relative("effective N [stress length]", force, weight - lift, 1e-8, Kind.ANALYTIC, source, proof)
+    force, proof = result.contacts["base"].effective_normal_force, certified(result)
+    yield relative("effective N [stress length]", force, weight - lift, 1e-8, "W − U, balance", proof)
 
 
-@on(*BOTH, few=1)
-def tension(element: Element, quick: bool) -> Iterator[Row]:
+@PROBLEMS.on("near-the-limit", *BOTH)
+def monotonic_resistance(element: Element, quick: bool) -> Iterator[Row]:
+    """Just below the limit the base still carries what balance asks for, and the friction law holds."""
+    for share in (0.999,) if quick else (0.9, 0.999, 0.99999):
+        result = element.solve(_dragged(_MESHES["6 × 4 cells"], 3.0 * share, Contact("bottom", _FRICTION, name="base")))
+        base, proof = result.contacts["base"], certified(result)
+        excess = float((np.abs(base.tangential_stress) - base.friction_bound).max()) / _PRESSURE
+        source = f"|σ_T| ≤ μ|σ_N| at the Gauss points, {share:g} of the limit"
+        yield at_most("largest |σ_T| − bound over p", excess, 0.0, 1e-7, source, proof)
+        source = f"p w, balance, {share:g} of the limit"
+        yield absolute("N [stress length]", base.normal_force, 20.0, 1e-8, source, proof)
+
+
+@PROBLEMS.on("tension", *BOTH, few=1)
+def tension(element: Element, _: bool) -> Iterator[Row]:
     """Tension on top: lifted when it equals the weight, and infeasible without weight."""
-    del quick
     mesh = _MESHES["6 × 4 cells"]
     heavy = _lifted(mesh, 7.0)
     limit = element.limit_load(heavy, ["crane"])
-    source = "ρ g h over the tension"
-    yield relative("limit load factor", limit.lower, 7.0, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+    yield relative("limit load factor", limit.lower, 7.0, 1e-6, "ρ g h over the tension", bounded(limit))
     light = element.solve(_lifted(mesh, 0.0))
     source = "∫σ_N ds > 0 contradicts σ_N ≤ 0"
-    yield word("status under tension", light.status.value, "infeasible", Kind.ANALYTIC, source, infeasible(light))
+    yield word("status under tension", light.status.value, "infeasible", source, infeasible(light))
     result, weight = element.solve(heavy), (7.0 - 1.0) * 2.0
     source, force = "(ρ g h − t) w, balance", result.contacts["floor"].normal_force
-    yield relative("N below the limit [stress length]", force, weight, 1e-9, Kind.ANALYTIC, source, certified(result))
+    yield relative("N below the limit [stress length]", force, weight, 1e-9, source, certified(result))
 
 
-@on(*BOTH)
+@PROBLEMS.on("tipping", *BOTH)
 def tipping(element: Element, quick: bool) -> Iterator[Row]:
     """A tall block pushed sideways on its top tips at the factor p w²/(2 h H), which a mesh reaches from below."""
     exact = 4.0 / 2.0 / 3.0
     for cells in (8,) if quick else (8, 16):
         mesh = RectilinearMesh.rectangle((cells, 4), 1.0, 3.0)
         limit = element.limit_load(_tall(mesh), ["push"])
-        source = f"p w²/(2 h H), {cells} × 4 cells"
-        yield at_most("limit load factor", limit.lower, exact, 1e-9, Kind.ANALYTIC, source, bounded(limit))
+        yield at_most("limit load factor", limit.lower, exact, 1e-9, f"p w²/(2 h H), {cells} × 4 cells", bounded(limit))
         p = element.degree  # the pressure may grow as t^(p − 2) over the last edge: N acts 1/p of it inside
         reached = exact * (1.0 - 2.0 / (p * cells))
         source = f"p w (w/2 − w/({p} · {cells}))/(h H), {cells} × 4 cells: pressure on the last edge of degree {p - 2}"
-        yield relative("limit load factor", limit.lower, reached, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+        yield relative("limit load factor", limit.lower, reached, 1e-6, source, bounded(limit))
         source = f"p w²/(2 h H), {cells} × 4 cells; rigid block about its edge"
-        yield relative("limit of the body", limit.upper, exact, 1e-9, Kind.ANALYTIC, source, bounded(limit))
+        yield relative("limit of the body", limit.upper, exact, 1e-9, source, bounded(limit))
 
 
-@on(TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("tipping-wall", TRIANGLES, QUINTIC, few=1)
 def tipping_wall(element: Element, quick: bool) -> Iterator[Row]:
     """A wall 1 × 4 of the weight W = 25 under wind tips at H = W w/h, on triangles bisected towards its toe."""
     for bisections in (8,) if quick else (1, 8, 16):
@@ -123,15 +133,14 @@ def tipping_wall(element: Element, quick: bool) -> Iterator[Row]:
         limit = element.limit_load(_wall(mesh), ["wind"])
         least = float(mesh.edges("bottom").length.min())
         source = f"W w/h; {bisections} bisections at the toe"
-        quantity = "limit load of the body"
-        yield relative(quantity, limit.upper, 6.25, 1e-9, Kind.ANALYTIC, f"{source}, rigid block", bounded(limit))
-        yield at_most("limit load of the mesh", limit.lower, 6.25, 1e-9, Kind.ANALYTIC, source, bounded(limit))
+        yield relative("limit load of the body", limit.upper, 6.25, 1e-9, f"{source}, rigid block", bounded(limit))
+        yield at_most("limit load of the mesh", limit.lower, 6.25, 1e-9, source, bounded(limit))
         reached = 6.25 * (1.0 - 2.0 * least / element.degree)
         source = f"W (w − 2 e)/h, e: 1/{element.degree} of the last edge; {bisections} bisections"
-        yield relative("limit load of the mesh", limit.lower, reached, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+        yield relative("limit load of the mesh", limit.lower, reached, 1e-6, source, bounded(limit))
 
 
-@on(TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("wedge", TRIANGLES, QUINTIC, few=1)
 def wedge(element: Element, quick: bool) -> Iterator[Row]:
     """A block of weight G on a plane that rises by tan α = 0.1, pushed uphill: F/G = (tan α + μ)/(1 − μ tan α)."""
     for friction in (0.2,) if quick else (0.0, 0.1, 0.2, 0.3):
@@ -141,38 +150,37 @@ def wedge(element: Element, quick: bool) -> Iterator[Row]:
             ("F/G that the mesh carries", limit.lower, 1e-6),
             ("F/G that the body carries", limit.upper, 1e-9),
         ):
-            yield relative(quantity, ours, exact, tolerance, Kind.ANALYTIC, source, bounded(limit))
+            yield relative(quantity, ours, exact, tolerance, source, bounded(limit))
     push = 0.99 * slope_factor(0.2)
     result = element.solve(on_a_slope(0.2, push))
     plane, proof, source = result.contacts["bottom"], certified(result), "balance; 0.99 of F, μ = 0.2"
     slant = math.hypot(1.0, 0.1)
     normal, shear = (1.0 + 0.1 * push) / slant, (push - 0.1) / slant
-    yield relative("N/G at 0.99 of F", plane.normal_force, normal, 1e-9, Kind.ANALYTIC, source, proof)
-    yield relative("|T|/G at 0.99 of F", abs(plane.tangential_force), shear, 1e-9, Kind.ANALYTIC, source, proof)
+    yield relative("N/G at 0.99 of F", plane.normal_force, normal, 1e-9, source, proof)
+    yield relative("|T|/G at 0.99 of F", abs(plane.tangential_force), shear, 1e-9, source, proof)
     if not quick:
         yield from two_models(result, "bottom", 1e-9, 1e-2)
 
 
-@on(TRIANGLES, QUINTIC, few=1)
+@PROBLEMS.on("oblique-block", TRIANGLES, QUINTIC, few=1)
 def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
     """A block 40 × 20 on a plane tilted by 30°, pressed by 300: a shear of 99 % of μN holds, one of 101 % slides."""
     holds, slides = (element.solve(oblique(share)) for share in (0.99, 1.01))
     plane, proof, source = holds.contacts["plane"], certified(holds), "SSNV503: balance"
-    yield relative("N [N/mm]", plane.normal_force, 12000.0, 1e-8, Kind.ANALYTIC, source, proof)
-    yield relative("|T| at 99 % [N/mm]", abs(plane.tangential_force), 3564.0, 1e-8, Kind.ANALYTIC, source, proof)
+    yield relative("N [N/mm]", plane.normal_force, 12000.0, 1e-8, source, proof)
+    yield relative("|T| at 99 % [N/mm]", abs(plane.tangential_force), 3564.0, 1e-8, source, proof)
     status, proof = slides.status.value, infeasible(slides)
-    yield word("status at 101 %", status, "infeasible", Kind.ANALYTIC, "SSNV503: T > μN", proof)
+    yield word("status at 101 %", status, "infeasible", "SSNV503: T > μN", proof)
     limit = element.limit_load(oblique(0.5), ["drag"])
     for quantity, ours in (("mesh", limit.lower), ("body", limit.upper)):
-        source = "μN over half of it"
-        yield relative(f"factor that the {quantity} carries", ours, 2.0, 1e-6, Kind.ANALYTIC, source, bounded(limit))
+        yield relative(f"factor that the {quantity} carries", ours, 2.0, 1e-6, "μN over half of it", bounded(limit))
     if not quick:
         yield from two_models(holds, "plane", 1e-9, 1e-3)
 
 
-def unbalanced(quick: bool) -> Iterator[Row]:
+@PROBLEMS.named("unbalanced")
+def unbalanced(_: bool) -> Iterator[Row]:
     """Tractions all around that do not balance: refused before anything is solved."""
-    del quick
     mesh = _MESHES["one cell"]
     lengths = {"bottom": 2.0, "left": 1.0, "right": 1.0, "top": 2.0}
     loads = {"bottom": 0.0, "left": 0.0, "right": 0.0, "top": -1.0}
@@ -182,21 +190,8 @@ def unbalanced(quick: bool) -> Iterator[Row]:
         outcome = solve(problem).status.value
     except InputError as error:
         outcome = "refused: out of balance" if "out of balance" in str(error) else str(error)
-    source, proof = "balance of forces", by_hand(resultant != 0.0, f"resultant (0, {resultant:g})")
-    yield word("outcome", outcome, "refused: out of balance", Kind.ANALYTIC, source, proof)
-
-
-@on(*BOTH)
-def monotonic_resistance(element: Element, quick: bool) -> Iterator[Row]:
-    """Just below the limit the base still carries what balance asks for, and the friction law holds."""
-    for share in (0.999,) if quick else (0.9, 0.999, 0.99999):
-        result = element.solve(_dragged(_MESHES["6 × 4 cells"], 3.0 * share, Contact("bottom", _FRICTION, name="base")))
-        base, proof = result.contacts["base"], certified(result)
-        excess = float((np.abs(base.tangential_stress) - base.friction_bound).max()) / _PRESSURE
-        source = f"|σ_T| ≤ μ|σ_N| at the Gauss points, {share:g} of the limit"
-        yield at_most("largest |σ_T| − bound over p", excess, 0.0, 1e-7, Kind.ANALYTIC, source, proof)
-        source = f"p w, balance, {share:g} of the limit"
-        yield absolute("N [stress length]", base.normal_force, 20.0, 1e-8, Kind.ANALYTIC, source, proof)
+    proof = by_hand(resultant != 0.0, f"resultant (0, {resultant:g})")
+    yield word("outcome", outcome, "refused: out of balance", "balance of forces", proof)
 
 
 def _dragged(mesh: RectilinearMesh, shear: float, contact: Contact) -> ContactProblem:
@@ -260,17 +255,3 @@ def _moved(mesh: TriangleMesh, matrix: FloatArray) -> TriangleMesh:
 
 def _parabola(x: FloatArray, y: FloatArray) -> FloatArray:
     return 6.0 * x * (1.0 - x) + 0.0 * y
-
-
-PROBLEMS: Final = {
-    "dragged-block": dragged_block,
-    "other-laws": other_laws,
-    "uplift": uplift,
-    "near-the-limit": monotonic_resistance,
-    "tension": tension,
-    "tipping": tipping,
-    "tipping-wall": tipping_wall,
-    "wedge": wedge,
-    "oblique-block": oblique_block,
-    "unbalanced": unbalanced,
-}

@@ -5,14 +5,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from comparisons.verification.elements import BOTH, QUINTIC, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.elements import BOTH, QUINTIC, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import point_states, runs, stress_error
 from comparisons.verification.proof import Proof, certified
-from comparisons.verification.row import Kind, Row, absolute, relative, word
+from comparisons.verification.row import Row, absolute, relative, word
 from qvi_contact import ContactResult
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.exact import ExactState
 from qvi_contact.gallery import sliding_block, stick_slip_block
+
+PROBLEMS: Final = Chapter()
 
 TOLERANCE: Final = 1e-8
 TOUCHING: Final = 1e-7  # where slip begins from zero at a loaded point, tractions are as accurate as √complementarity
@@ -24,7 +26,7 @@ _MOVED: Final[dict[str, Any]] = {"rotation": 0.03, "lift": -0.05}
 _CELLS: Final = {"4 × 3 cells": ((4, 3), 1.0), "7 × 3 cells": ((7, 3), 1.0), "8 × 4 cells graded by 0.8": ((8, 4), 0.8)}
 
 
-@on(*BOTH)
+@PROBLEMS.on("full-slip", *BOTH)
 def full_slip(element: Element, quick: bool) -> Iterator[Row]:
     """A block that slips on its whole base in uniform stress: pressure p = 100, σ_xy = μp, σ_xx = −20, μ = 0.3."""
     for name, (cells, grading) in list(_CELLS.items())[: 1 if quick else 3]:
@@ -34,7 +36,7 @@ def full_slip(element: Element, quick: bool) -> Iterator[Row]:
             yield from _sliding(result, state, f"{name}, plane {plane}")
 
 
-@on(*BOTH)
+@PROBLEMS.on("stick-slip-on-a-node", *BOTH)
 def transition_on_a_node(element: Element, quick: bool) -> Iterator[Row]:
     """A base that sticks for x < x_t and slips beyond, with curved obstacle, offset and μ(x); x_t on a grid line."""
     cases = {"4 × 3 cells": ((4, 3), 1.0), "16 × 8 cells": ((16, 8), 1.0)}
@@ -45,12 +47,11 @@ def transition_on_a_node(element: Element, quick: bool) -> Iterator[Row]:
         base, proof = result.contacts["base"], certified(result)
         error = float(np.abs(base.slip - _exact_slip(base.x, 1.0)).max()) / _SLIP
         source = f"u_T − w = −A (x − x_t)², {_FORMULA}; x_t = 1, {name}"
-        quantity = "largest error of the slip over the largest slip"
-        yield absolute(quantity, error, 0.0, 1e-6, Kind.ANALYTIC, source, proof)
-        yield word("states along the base", runs(point_states(base)), "stick, slip", Kind.ANALYTIC, source, proof)
+        yield absolute("largest error of the slip over the largest slip", error, 0.0, 1e-6, source, proof)
+        yield word("states along the base", runs(point_states(base)), "stick, slip", source, proof)
 
 
-@on(*BOTH)
+@PROBLEMS.on("stick-slip-in-an-element", *BOTH)
 def transition_in_an_element(element: Element, quick: bool) -> Iterator[Row]:
     """The same with x_t inside an element: stresses stay exact on any mesh."""
     for name, (cells, grading) in list(_CELLS.items())[: 1 if quick else 3]:
@@ -60,7 +61,7 @@ def transition_in_an_element(element: Element, quick: bool) -> Iterator[Row]:
             yield from _sticking(result, state, f"x_t = {transition:g}, {name}", TOUCHING)
 
 
-@on(TRIANGLES, QUINTIC)
+@PROBLEMS.on("stick-slip-quadratic", TRIANGLES, QUINTIC)
 def quadratic_pressure(element: Element, quick: bool) -> Iterator[Row]:
     """The same under a pressure that is quadratic along the base: triangles contain that stress and its slip too."""
     for name, (cells, grading) in list(_CELLS.items())[: 1 if quick else 3]:
@@ -68,13 +69,12 @@ def quadratic_pressure(element: Element, quick: bool) -> Iterator[Row]:
         result = element.solve(problem, tolerance=1e-9)
         base, proof = result.contacts["base"], certified(result)
         source = f"{_FORMULA}; x_t = {_INSIDE:g}, {name}"
-        yield absolute(_STRESS, stress_error(result, state), 0.0, TOUCHING, Kind.ANALYTIC, source, proof)
+        yield absolute(_STRESS, stress_error(result, state), 0.0, TOUCHING, source, proof)
         error = float(np.abs(base.slip - _exact_slip(base.x, _INSIDE)).max()) / _SLIP
-        quantity = "largest error of the slip over the largest slip"
-        yield absolute(quantity, error, 0.0, 1e-6, Kind.ANALYTIC, source, proof)
+        yield absolute("largest error of the slip over the largest slip", error, 0.0, 1e-6, source, proof)
 
 
-@on(RECTANGLES)
+@PROBLEMS.on("rates", RECTANGLES)
 def observed_rates(element: Element, quick: bool) -> Iterator[Row]:
     """Orders of convergence in h on rectangles: slip h^2.5 in L², h² in the maximum; σ, σ_N h² if that is quadratic.
 
@@ -83,35 +83,34 @@ def observed_rates(element: Element, quick: bool) -> Iterator[Row]:
     cells = (5, 9) if quick else (9, 17, 33)
     source = "approximation by the trace spaces, see tests/qvi_contact/test_stick_slip.py; last two meshes"
     exact, proof = _rate(element, cells, 0.0)
-    yield absolute("order of the slip in L²", float(exact[2]), 2.5, 0.05, Kind.ANALYTIC, source, proof)
-    yield absolute("order of the slip in the maximum", float(exact[3]), 2.0, 0.05, Kind.ANALYTIC, source, proof)
+    yield absolute("order of the slip in L²", float(exact[2]), 2.5, 0.05, source, proof)
+    yield absolute("order of the slip in the maximum", float(exact[3]), 2.0, 0.05, source, proof)
     curved, proof = _rate(element, cells, _DROP)
-    yield absolute("order of σ in L², quadratic pressure", float(curved[0]), 2.0, 0.05, Kind.ANALYTIC, source, proof)
-    yield absolute("order of σ_N in L², quadratic pressure", float(curved[1]), 2.0, 0.05, Kind.ANALYTIC, source, proof)
+    yield absolute("order of σ in L², quadratic pressure", float(curved[0]), 2.0, 0.05, source, proof)
+    yield absolute("order of σ_N in L², quadratic pressure", float(curved[1]), 2.0, 0.05, source, proof)
 
 
 def _sliding(result: ContactResult, state: ExactState, where: str) -> Iterator[Row]:
     base, proof = result.contacts["base"], certified(result)
     source = f"docstring of gallery.sliding_block; {where}"
-    yield absolute(_STRESS, stress_error(result, state), 0.0, TOLERANCE, Kind.ANALYTIC, source, proof)
+    yield absolute(_STRESS, stress_error(result, state), 0.0, TOLERANCE, source, proof)
     normal, tangential = base.normal_force, base.tangential_force
-    yield relative("N [stress length]", normal, 200.0, TOLERANCE, Kind.ANALYTIC, f"p a; {where}", proof)
-    yield relative("T [stress length]", tangential, -60.0, TOLERANCE, Kind.ANALYTIC, f"−μ p a; {where}", proof)
+    yield relative("N [stress length]", normal, 200.0, TOLERANCE, f"p a; {where}", proof)
+    yield relative("T [stress length]", tangential, -60.0, TOLERANCE, f"−μ p a; {where}", proof)
     exact = state.displacement(base.x, base.y)[0]
     error = float(np.abs(base.slip - exact).max() / np.abs(exact).max())
     quantity = "largest error of the slip over the largest slip"
-    yield absolute(quantity, error, 0.0, TOLERANCE, Kind.ANALYTIC, f"U₀ + ε_xx (x − a); {where}", proof)
-    yield word("states along the base", runs(point_states(base)), "slip", Kind.ANALYTIC, source, proof)
+    yield absolute(quantity, error, 0.0, TOLERANCE, f"U₀ + ε_xx (x − a); {where}", proof)
+    yield word("states along the base", runs(point_states(base)), "slip", source, proof)
 
 
 def _sticking(result: ContactResult, state: ExactState, where: str, tolerance: float = TOLERANCE) -> Iterator[Row]:
     base, proof = result.contacts["base"], certified(result)
     error = stress_error(result, state)
-    yield absolute(_STRESS, error, 0.0, tolerance, Kind.ANALYTIC, f"Φ = −p x²/2 + a x³ y; {where}", proof)
+    yield absolute(_STRESS, error, 0.0, tolerance, f"Φ = −p x²/2 + a x³ y; {where}", proof)
     normal, tangential = base.normal_force, base.tangential_force
-    yield relative("N [stress length]", normal, 200.0, TOLERANCE, Kind.ANALYTIC, f"∫ p dx; {where}", proof)
-    source = f"∫ 3a x² dx; {where}"
-    yield relative("T [stress length]", tangential, 20.0, tolerance, Kind.ANALYTIC, source, proof)
+    yield relative("N [stress length]", normal, 200.0, TOLERANCE, f"∫ p dx; {where}", proof)
+    yield relative("T [stress length]", tangential, 20.0, tolerance, f"∫ 3a x² dx; {where}", proof)
 
 
 def _exact_slip(x: FloatArray, transition: float) -> FloatArray:
@@ -135,12 +134,3 @@ def _errors(element: Element, cells: int, drop: float) -> tuple[FloatArray, Cont
     slip = base.slip - _exact_slip(base.x, 1.0)
     norms = [float(np.sqrt(base.weights @ line**2)) for line in (pressure, slip)]
     return np.array([max(body, 1e-300), max(norms[0], 1e-300), norms[1], float(np.abs(slip).max())]), result
-
-
-PROBLEMS: Final = {
-    "full-slip": full_slip,
-    "stick-slip-on-a-node": transition_on_a_node,
-    "stick-slip-in-an-element": transition_in_an_element,
-    "stick-slip-quadratic": quadratic_pressure,
-    "rates": observed_rates,
-}

@@ -6,10 +6,13 @@ from typing import Any, Final
 import numpy as np
 from scipy.sparse import csc_array
 
+from comparisons.verification.elements import Chapter
 from comparisons.verification.proof import by_hand, certified_algebra
-from comparisons.verification.row import Kind, Row, absolute, word
+from comparisons.verification.row import Row, absolute, word
 from qvi_contact.basics.checks import FloatArray
 from solvers import Certificate, FrictionQVI, certify, solve_qvi
+
+PROBLEMS: Final = Chapter()
 
 _W: Final = np.array([[1.0, 0.8], [0.8, 1.0]])
 _Q: Final = np.array([1.0, 2.1])
@@ -27,17 +30,17 @@ _METHODS: Final[dict[str, dict[str, Any]]] = {
 }
 
 
-def all_three(quick: bool) -> Iterator[Row]:
+@PROBLEMS.named("three-states")
+def all_three(_: bool) -> Iterator[Row]:
     """The certificate passes for each of the three states by hand."""
-    del quick
     for name, r in STATES.items():
         certificate = _certificate(np.array(r))
         source = f"{name}: u = W r + q, W = [[1, .8], [.8, 1]], q = (1, 2.1), μ = 2"
         proof = by_hand(certificate.passed, "certificate")
-        quantity = f"accuracy of the certificate, {name}"
-        yield absolute(quantity, certificate.accuracy, 0.0, 1e-12, Kind.ANALYTIC, source, proof)
+        yield absolute(f"accuracy of the certificate, {name}", certificate.accuracy, 0.0, 1e-12, source, proof)
 
 
+@PROBLEMS.named("nothing-else")
 def nothing_else(quick: bool) -> Iterator[Row]:
     """Points between and beside them obey no contact law, and the certificate fails."""
     states = {name: np.array(r) for name, r in STATES.items()}
@@ -51,9 +54,10 @@ def nothing_else(quick: bool) -> Iterator[Row]:
         violation = _violation(r)
         proof = by_hand(violation > 1e-6, f"law violated by {violation:.0e}")
         outcome = "passes" if _certificate(r).passed else "fails"
-        yield word(f"certificate, {name}", outcome, "fails", Kind.ANALYTIC, "contact law by hand", proof)
+        yield word(f"certificate, {name}", outcome, "fails", "contact law by hand", proof)
 
 
+@PROBLEMS.named("three-methods")
 def methods(quick: bool) -> Iterator[Row]:
     """Every method returns one of the three and certifies it; none claims that it is the only one."""
     names = list(_METHODS)[:2] if quick else list(_METHODS)
@@ -61,9 +65,9 @@ def methods(quick: bool) -> Iterator[Row]:
         solution = solve_qvi(_problem(), tolerance=1e-9, **_METHODS[name])
         distances = {state: float(np.abs(solution.z - np.array(r)).max()) for state, r in STATES.items()}
         nearest = min(distances, key=distances.__getitem__)
-        source, proof = f"{name}: the nearest is {nearest}", certified_algebra(solution)
+        proof = certified_algebra(solution)
         quantity = "distance to the nearest of the three"
-        yield absolute(quantity, distances[nearest], 0.0, 1e-7, Kind.ANALYTIC, source, proof)
+        yield absolute(quantity, distances[nearest], 0.0, 1e-7, f"{name}: the nearest is {nearest}", proof)
 
 
 def _problem() -> FrictionQVI:
@@ -84,6 +88,3 @@ def _violation(r: FloatArray) -> float:
     (gap, slip), (p, t) = _W @ r + _Q, r
     free = max(_MU * p - abs(t), 0.0)
     return float(max(-p, -gap, abs(p * gap), abs(t) - _MU * p, min(free, abs(slip)), t * slip))
-
-
-PROBLEMS: Final = {"three-states": all_three, "nothing-else": nothing_else, "three-methods": methods}

@@ -6,18 +6,21 @@ from typing import Final
 
 from comparisons.paper.reference import Reference, load
 from comparisons.paper.study import SHRINKING, half_force, largest_principal_stress
-from comparisons.verification.elements import BOTH, RECTANGLES, Element, on
+from comparisons.verification.elements import BOTH, RECTANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE, mean_pressure, traction_difference
 from comparisons.verification.proof import Proof, certified
 from comparisons.verification.row import Kind, Row, absolute, relative
 from qvi_contact import ContactResult, Discretization, solve
 from qvi_contact.gallery import compressed_plate
 
+PROBLEMS: Final = Chapter()
+
 _PAPER = "Więckowski (1992), Mech. Teoret. Stos."
 _HALF_DIGIT = 0.005  # half a unit of the last printed digit
 _INNERS = ("direct:clarabel", "qp:clarabel", "socp:clarabel")
 
 
+@PROBLEMS.named("table-1")
 def printed_forces(quick: bool) -> Iterator[Row]:
     """Table 1: P/2 after the paper's 30 Uzawa iterations, to every printed digit."""
     reference = load()
@@ -25,9 +28,10 @@ def printed_forces(quick: bool) -> Iterator[Row]:
         ours = half_force(_uzawa(friction))
         source = f"{_PAPER}, Table 1; half a unit of the last digit"
         quantity = f"P/2 after {reference.iterations} iterations, μ = {friction:.2f} [{FORCE}]"
-        yield absolute(quantity, ours, printed, _HALF_DIGIT, Kind.PUBLISHED, source, _limit(friction))
+        yield absolute(quantity, ours, printed, _HALF_DIGIT, source, _limit(friction), Kind.PUBLISHED)
 
 
+@PROBLEMS.named("figures-2-to-5")
 def printed_stresses(quick: bool) -> Iterator[Row]:
     """Figures 2-5: largest principal stress after 30 iterations, to every printed digit."""
     reference = load()
@@ -35,10 +39,10 @@ def printed_stresses(quick: bool) -> Iterator[Row]:
         ours = largest_principal_stress(_uzawa(friction))
         source = f"{_PAPER}, Fig. {number}; half a unit of the last digit"
         quantity = f"largest |principal stress| after {reference.iterations} iterations, μ = {friction:.1f} [MPa]"
-        yield absolute(quantity, ours, printed, _HALF_DIGIT, Kind.PUBLISHED, source, _limit(friction))
+        yield absolute(quantity, ours, printed, _HALF_DIGIT, source, _limit(friction), Kind.PUBLISHED)
 
 
-@on(*BOTH)
+@PROBLEMS.on("plate-methods", *BOTH)
 def methods_on_the_paper_mesh(element: Element, quick: bool) -> Iterator[Row]:
     """The solution on the paper's four cells by methods that share no iteration, against the condensed one."""
     reference = load()
@@ -49,24 +53,22 @@ def methods_on_the_paper_mesh(element: Element, quick: bool) -> Iterator[Row]:
             source = f"{name}; ours: condensed interior point"
             force = half_force(other)
             quantity = f"P/2, μ = {friction:g} [{FORCE}]"
-            yield relative(quantity, half_force(condensed), force, 1e-7, Kind.METHODS, source, proof)
+            yield relative(quantity, half_force(condensed), force, 1e-7, source, proof, Kind.METHODS)
             plate = other.contacts["plate"]
             difference = traction_difference(condensed.contacts["plate"], plate, mean_pressure(plate))
             quantity = f"largest difference of tractions over the mean pressure, μ = {friction:g}"
-            yield absolute(quantity, difference, 0.0, 1e-5, Kind.METHODS, source, proof)
+            yield absolute(quantity, difference, 0.0, 1e-5, source, proof, Kind.METHODS)
 
 
-@on(*BOTH)
-def without_friction(element: Element, quick: bool) -> Iterator[Row]:
+@PROBLEMS.on("plate-without-friction", *BOTH)
+def without_friction(element: Element, _: bool) -> Iterator[Row]:
     """μ = 0: the stress is uniform and P/2 = E U."""
-    del quick
     reference = load()
     result = solve(_problem(reference, 0.0, element))
     exact, source = reference.exact_without_friction, f"P/2 = E U; {_PAPER}, section 5"
-    yield relative(f"P/2 [{FORCE}]", half_force(result), exact, 1e-9, Kind.ANALYTIC, source, certified(result))
+    yield relative(f"P/2 [{FORCE}]", half_force(result), exact, 1e-9, source, certified(result))
     largest = largest_principal_stress(result)
-    source = "|σ_yy| = E U / height"
-    yield relative("largest |principal stress| [MPa]", largest, exact, 1e-9, Kind.ANALYTIC, source, certified(result))
+    yield relative("largest |principal stress| [MPa]", largest, exact, 1e-9, "|σ_yy| = E U / height", certified(result))
 
 
 def _problem(reference: Reference, friction: float, element: Element = RECTANGLES) -> Discretization:
@@ -107,11 +109,3 @@ def _others(
     yield "Uzawa (4.1)-(4.4), converged", _converged_uzawa(friction, element)
     for inner in _INNERS[:2] if quick else _INNERS:
         yield f"fixed point, {inner}", solve(_problem(reference, friction, element), inner=inner)
-
-
-PROBLEMS: Final = {
-    "table-1": printed_forces,
-    "figures-2-to-5": printed_stresses,
-    "plate-methods": methods_on_the_paper_mesh,
-    "plate-without-friction": without_friction,
-}

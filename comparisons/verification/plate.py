@@ -5,12 +5,14 @@ from dataclasses import replace
 from typing import Final
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE
-from comparisons.verification.elements import EVERY, QUINTIC, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.elements import EVERY, QUINTIC, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import certified
 from comparisons.verification.row import Kind, Row, at_least, at_most, relative, word
 from qvi_contact import Contact, ContactProblem, refine
 from qvi_contact.gallery import compressed_plate
+
+PROBLEMS: Final = Chapter()
 
 _GRADED: Final = {RECTANGLES: (48, 0.86), TRIANGLES: (16, 0.8), QUINTIC: (16, 0.8)}
 _COARSE: Final = {**_GRADED, RECTANGLES: (32, 0.8)}
@@ -18,7 +20,7 @@ _ERROR: Final = {RECTANGLES: 1e-4, TRIANGLES: 2e-5, QUINTIC: 1e-5}
 """Cells a side and grading of the meshes, and the error that they leave."""
 
 
-@on(*EVERY, few=1)
+@PROBLEMS.on("plate-graded", *EVERY, few=1)
 def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     """Stress elements on one graded mesh, cells shrinking towards the free corner."""
     cells, grading = (_COARSE if quick else _GRADED)[element]
@@ -26,10 +28,10 @@ def graded_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
         result = element.solve(compressed_plate(friction, (cells, cells), grading=grading))
         force, proof = result.contacts["plate"].normal_force, certified(result)
         quantity = f"P/2, μ = {friction:g}, {cells}² cells graded by {grading:g} [{FORCE}]"
-        yield relative(quantity, force, settled, _ERROR[element], Kind.EXTERNAL, SOURCE, proof)
+        yield relative(quantity, force, settled, _ERROR[element], SOURCE, proof, Kind.EXTERNAL)
 
 
-@on(RECTANGLES, QUINTIC, few=1)
+@PROBLEMS.on("plate-refined", RECTANGLES, QUINTIC, few=1)
 def adaptive_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
     """Stress elements on the mesh that `refine` makes for P/2 with a target of 1e-6."""
     for friction in (0.25,) if quick else SETTLED:
@@ -37,10 +39,10 @@ def adaptive_equilibrium_model(element: Element, quick: bool) -> Iterator[Row]:
         refined = refine(start, None, target=1e-6, quantity="plate.normal_force", **element.options)
         quantity = f"P/2, μ = {friction:g}, refined [{FORCE}]"
         settled, proof = SETTLED[friction], certified(refined.result)
-        yield relative(quantity, refined.value, settled, 3e-6, Kind.EXTERNAL, SOURCE, proof)
+        yield relative(quantity, refined.value, settled, 3e-6, SOURCE, proof, Kind.EXTERNAL)
 
 
-@on(QUINTIC)
+@PROBLEMS.on("plate-limits", QUINTIC)
 def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
     """P/2 to eight digits: the triangles that `refine` makes for a target of 1e-8, at full stick with a guarantee."""
     target = 1e-5 if quick else 1e-8
@@ -50,19 +52,19 @@ def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
         refined = refine(start, None, target=target, quantity="plate.normal_force", **element.options)
         source, proof = f"{LIMITS_SOURCE}; ± {uncertainty:.0e}", certified(refined.result)
         quantity = f"P/2, μ = {friction:g}, refined to {target:.0e} [{FORCE}]"
-        yield relative(quantity, refined.value, limit, 3.0 * target, Kind.EXTERNAL, source, proof)
+        yield relative(quantity, refined.value, limit, 3.0 * target, source, proof, Kind.EXTERNAL)
         outcome = "a bound" if refined.guaranteed else "an estimate"
         known = "a bound" if friction == 1.0 else "an estimate"
-        quantity, source = f"the error of P/2 at μ = {friction:g} is", "only where all sticks is there a bound"
-        yield word(quantity, outcome, known, Kind.ANALYTIC, source, proof)
+        source = "only where all sticks is there a bound"
+        yield word(f"the error of P/2 at μ = {friction:g} is", outcome, known, source, proof)
         if not refined.guaranteed:
             quantity, source = f"{{}} estimate over error in a round, μ = {friction:g}", LIMITS_SOURCE
             ratios = [each.estimate / abs(each.value / limit - 1.0) for each in refined.rounds]
-            yield at_least(quantity.format("least"), min(ratios), 1.0 / 3.0, 0.0, Kind.EXTERNAL, source, proof)
-            yield at_most(quantity.format("largest"), max(ratios), 3.0, 0.0, Kind.EXTERNAL, source, proof)
+            yield at_least(quantity.format("least"), min(ratios), 1.0 / 3.0, 0.0, source, proof, Kind.EXTERNAL)
+            yield at_most(quantity.format("largest"), max(ratios), 3.0, 0.0, source, proof, Kind.EXTERNAL)
 
 
-@on(*EVERY, few=1)
+@PROBLEMS.on("plate-between", *EVERY, few=1)
 def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
     """Friction makes the plate stiffer than smooth, at most as stiff as one that sticks: E U ≤ P ≤ P_tied."""
     count, grading = (_COARSE if quick else _GRADED)[element]
@@ -73,9 +75,9 @@ def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
         force, proof = result.contacts["plate"].normal_force, certified(result, tied)
         source = "from J(u) ≤ J(v) and P U = 2 J(u) − ∫s|u_T|"
         quantity = f"P/2, μ = {friction:g} [{FORCE}]"
-        yield at_least(quantity, force, 209.0, 1e-7, Kind.ANALYTIC, f"E U; {source}", proof)
+        yield at_least(quantity, force, 209.0, 1e-7, f"E U; {source}", proof)
         glued = tied.contacts["plate"].normal_force
-        yield at_most(quantity, force, glued, 1e-7, Kind.ANALYTIC, f"P_tied on the same mesh; {source}", proof)
+        yield at_most(quantity, force, glued, 1e-7, f"P_tied on the same mesh; {source}", proof)
 
 
 def _tied(cells: tuple[int, int], grading: float) -> ContactProblem:
@@ -83,11 +85,3 @@ def _tied(cells: tuple[int, int], grading: float) -> ContactProblem:
     rough = compressed_plate(1.0, cells, grading=grading)
     glued = Contact.tied("top", gap=-1e-3, name="plate")
     return replace(rough, conditions=[*[c for c in rough.conditions if not isinstance(c, Contact)], glued])
-
-
-PROBLEMS: Final = {
-    "plate-graded": graded_equilibrium_model,
-    "plate-refined": adaptive_equilibrium_model,
-    "plate-limits": limits_of_the_force,
-    "plate-between": between_slip_and_stick,
-}

@@ -90,34 +90,38 @@ class Row:
 
 
 def relative(
-    quantity: str, ours: float, reference: float, tolerance: float, kind: Kind, source: str, proof: Proof
+    quantity: str, ours: float, known: float, tolerance: float, source: str, proof: Proof, kind: Kind = Kind.ANALYTIC
 ) -> Row:
-    """Compare with a reference other than zero: error |ours − reference| / |reference|."""
-    error = float(abs(ours - reference) / abs(reference))
-    return Row(quantity, float(reference), float(ours), kind, source, error, RELATIVE, tolerance, proof)
+    """Compare with a reference other than zero: error |ours − known| / |known|."""
+    error = float(abs(ours - known) / abs(known))
+    return Row(quantity, float(known), float(ours), kind, source, error, RELATIVE, tolerance, proof)
 
 
 def absolute(
-    quantity: str, ours: float, reference: float, tolerance: float, kind: Kind, source: str, proof: Proof
+    quantity: str, ours: float, known: float, tolerance: float, source: str, proof: Proof, kind: Kind = Kind.ANALYTIC
 ) -> Row:
-    """Compare in the unit of the quantity: error |ours − reference|."""
-    error = float(abs(ours - reference))
-    return Row(quantity, float(reference), float(ours), kind, source, error, ABSOLUTE, tolerance, proof)
+    """Compare in the unit of the quantity: error |ours − known|."""
+    error = float(abs(ours - known))
+    return Row(quantity, float(known), float(ours), kind, source, error, ABSOLUTE, tolerance, proof)
 
 
-def at_most(quantity: str, ours: float, limit: float, tolerance: float, kind: Kind, source: str, proof: Proof) -> Row:
+def at_most(
+    quantity: str, ours: float, limit: float, tolerance: float, source: str, proof: Proof, kind: Kind = Kind.ANALYTIC
+) -> Row:
     """An inequality ours ≤ limit: error max(ours − limit, 0), in the unit of the quantity."""
     error = float(np.maximum(ours - limit, 0.0))  # a NaN stays one
     return Row(quantity, float(limit), float(ours), kind, source, error, EXCESS, tolerance, proof)
 
 
-def at_least(quantity: str, ours: float, limit: float, tolerance: float, kind: Kind, source: str, proof: Proof) -> Row:
+def at_least(
+    quantity: str, ours: float, limit: float, tolerance: float, source: str, proof: Proof, kind: Kind = Kind.ANALYTIC
+) -> Row:
     """An inequality ours ≥ limit: error max(limit − ours, 0), in the unit of the quantity."""
     error = float(np.maximum(limit - ours, 0.0))  # a NaN stays one
     return Row(quantity, float(limit), float(ours), kind, source, error, SHORTFALL, tolerance, proof)
 
 
-def word(quantity: str, ours: str, expected: str, kind: Kind, source: str, proof: Proof) -> Row:
+def word(quantity: str, ours: str, expected: str, source: str, proof: Proof, kind: Kind = Kind.ANALYTIC) -> Row:
     """Compare words: error 0 if they are equal, else infinity."""
     error = 0.0 if ours == expected else float("inf")
     return Row(quantity, expected, ours, kind, source, error, EQUAL, 0.0, proof)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.verification.elements import TRIANGLES, Element, on
+from comparisons.verification.elements import TRIANGLES, Chapter, Element
 from comparisons.verification.measures import energy_apart, halved
 from comparisons.verification.proof import Proof, both, by_hand, certified
 from comparisons.verification.row import Kind, Row, at_least, at_most, word
@@ -19,6 +19,8 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.refinement.doerfler import bulk
 
+PROBLEMS: Final = Chapter()
+
 _FINE: Final = 8
 """Degree of the triangles whose stress stands for the exact one, on the same mesh."""
 
@@ -29,7 +31,7 @@ _WEAKER: Final = (0.02, 0.1, 0.18)
 _BELOW: Final = "T2: no stress is farther away than its bound"
 
 
-@on(TRIANGLES)
+@PROBLEMS.on("bounds-slip-errors", TRIANGLES)
 def errors_under_slip(element: Element, quick: bool) -> Iterator[Row]:
     """The paper's plate: bounds of the stress error in the energy norm beside the true error.
 
@@ -43,8 +45,8 @@ def errors_under_slip(element: Element, quick: bool) -> Iterator[Row]:
         for name, found, most in (("adaptive meshes", adaptive, 2.0), ("equal cells", equal, 4.0)):
             ratios, proof = [ratio for ratio, _ in found], both(*(proof for _, proof in found))
             where = f"{_ERROR}, μ = {friction:g}, {name}"
-            yield at_least(f"least {where}", min(ratios), 1.0, 0.0, Kind.METHODS, _TRUTH, proof)
-            yield at_most(f"largest {where}", max(ratios), most, 0.0, Kind.METHODS, _TRUTH, proof)
+            yield at_least(f"least {where}", min(ratios), 1.0, 0.0, _TRUTH, proof, Kind.METHODS)
+            yield at_most(f"largest {where}", max(ratios), most, 0.0, _TRUTH, proof, Kind.METHODS)
 
 
 def _chain(element: Element, friction: float, count: int) -> Iterator[ContactResult]:
@@ -63,7 +65,7 @@ def _against_truth(element: Element, result: ContactResult) -> tuple[float, Proo
     return bounds.error / energy_apart(result, fine), both(certified(result, fine), _guaranteed(bounds))
 
 
-@on(TRIANGLES)
+@PROBLEMS.on("bounds-slip-bad", TRIANGLES)
 def bad_stresses_under_slip(element: Element, quick: bool) -> Iterator[Row]:
     """Admissible stresses between the solution and those of less friction, disturbed at random.
 
@@ -81,7 +83,7 @@ def bad_stresses_under_slip(element: Element, quick: bool) -> Iterator[Row]:
         ratios.append(np.nan if isinstance(found, str) else found.error / energy_apart(stress, fine))
     proof = both(certified(result, fine), _guaranteed(_slip(result)))
     quantity = f"least {_ERROR} of {len(ratios)} bad stresses"
-    yield at_least(quantity, float(np.min(ratios)), 1.0, 0.0, Kind.METHODS, f"{_BELOW}; {_TRUTH}", proof)
+    yield at_least(quantity, float(np.min(ratios)), 1.0, 0.0, f"{_BELOW}; {_TRUTH}", proof, Kind.METHODS)
 
 
 def _disturbed(result: ContactResult, weaker: FloatArray, random: np.random.Generator) -> ContactResult:
@@ -106,7 +108,7 @@ def _with_friction(problem: ContactProblem, friction: float) -> ContactProblem:
     return replace(problem, conditions=conditions)
 
 
-@on(TRIANGLES)
+@PROBLEMS.on("bounds-slip-bodies", TRIANGLES)
 def bodies_under_slip(element: Element, quick: bool) -> Iterator[Row]:
     """Other bodies that slip in one sense: forces known from elsewhere must be inside their bounds.
 
@@ -117,14 +119,14 @@ def bodies_under_slip(element: Element, quick: bool) -> Iterator[Row]:
     for friction, kind in ((0.3, "guaranteed"), (1.0, "estimated")):
         result = element.solve(ssnv128(cells, friction=friction))
         name, known = f"SSNV128, μ = {friction:g}", (2.0e6, 1e-9, Kind.ANALYTIC, "p a, balance in y")
-        yield word(f"{name}: the bounds are", _slip(result).kind, kind, Kind.ANALYTIC, _PROVED, certified(result))
+        yield word(f"{name}: the bounds are", _slip(result).kind, kind, _PROVED, certified(result))
         yield from _inside(f"{name}: N [N/m]", result, "base.normal_force", *known)
     for name, (body, kind) in list(_BODIES.items())[: 1 if quick else None]:
         problem = body()
         problem = problem if quick else replace(problem, mesh=halved(problem.mesh))
         result = element.solve(problem)
         moved = solve_companion(replace(problem, mesh=halved(problem.mesh)), degree=4)
-        yield word(f"{name}: the bounds are", _slip(result).kind, kind, Kind.ANALYTIC, _PROVED, certified(result))
+        yield word(f"{name}: the bounds are", _slip(result).kind, kind, _PROVED, certified(result))
         (contact,) = moved.contacts
         for force in ("normal_force", "tangential_force"):
             known = getattr(moved.contacts[contact], force), 1e-3, Kind.METHODS, "displacement elements, finer mesh"
@@ -150,8 +152,8 @@ def _inside(
     """A force of another source between the bounds of a result."""
     bounds, proof = _slip(result).forces[name], certified(result)
     allowed = tolerance * abs(known)
-    yield at_most(f"{quantity}, lower bound", bounds.lower, known, allowed, kind, source, proof)
-    yield at_least(f"{quantity}, upper bound", bounds.upper, known, allowed, kind, source, proof)
+    yield at_most(f"{quantity}, lower bound", bounds.lower, known, allowed, source, proof, kind)
+    yield at_least(f"{quantity}, upper bound", bounds.upper, known, allowed, source, proof, kind)
 
 
 def _slip(result: ContactResult) -> SlipBounds:

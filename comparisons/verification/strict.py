@@ -5,13 +5,15 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.verification.elements import BOTH, QUINTIC, RECTANGLES, TRIANGLES, Element, on
+from comparisons.verification.elements import BOTH, QUINTIC, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE, between_points, mean_pressure
 from comparisons.verification.proof import both, certified, certified_algebra
 from comparisons.verification.row import Kind, Row, absolute, at_most, relative
 from qvi_contact import ContactProblem, ContactResult
 from qvi_contact.gallery import compressed_plate
 from solvers import solve_qvi
+
+PROBLEMS: Final = Chapter()
 
 _TOLERANCE: Final = 1e-9  # of the solves; excess counts against the mean pressure, the certificate against the largest
 EXCESS: Final = 1e-8
@@ -21,7 +23,7 @@ _COARSE: Final = {"8² cells graded by 0.8": (8, 0.8)}
 """Cells a side and grading; the second of quick runs."""
 
 
-@on(RECTANGLES)
+@PROBLEMS.on("whole-edges", RECTANGLES)
 def whole_edges(element: Element, quick: bool) -> Iterator[Row]:
     """σ_T at 1000 points of every edge against μ|σ_N| there, and σ_N against zero, on the paper's plate."""
     for name, mesh in _meshes(quick):
@@ -31,7 +33,7 @@ def whole_edges(element: Element, quick: bool) -> Iterator[Row]:
                 yield from _kept(result, f"μ = {friction:g}, {name}, {inner}")
 
 
-@on(TRIANGLES, QUINTIC)
+@PROBLEMS.on("whole-edges-triangles", TRIANGLES, QUINTIC)
 def whole_edges_by_coefficients(element: Element, quick: bool) -> Iterator[Row]:
     """The same on triangles, where Bernstein coefficients of tractions hold the law on whole edges without cones."""
     for name, mesh in _meshes(quick):
@@ -40,7 +42,7 @@ def whole_edges_by_coefficients(element: Element, quick: bool) -> Iterator[Row]:
             yield from _kept(result, f"μ = {friction:g}, {name}")
 
 
-@on(*BOTH)
+@PROBLEMS.on("reported-excess", *BOTH)
 def reported_excess(element: Element, quick: bool) -> Iterator[Row]:
     """What a collocated result says about its own violation between the points, against 1000 points of every edge."""
     for name, mesh in _meshes(quick):
@@ -49,10 +51,10 @@ def reported_excess(element: Element, quick: bool) -> Iterator[Row]:
         sampled, _ = _sampled(result)
         quantity = "largest |σ_T| − bound between the points [MPa]"
         source, proof = f"polynomials through the points of each edge, sampled; {name}", certified(result)
-        yield relative(quantity, line.excess_between_points, sampled, 1e-4, Kind.ANALYTIC, source, proof)
+        yield relative(quantity, line.excess_between_points, sampled, 1e-4, source, proof)
 
 
-@on(RECTANGLES)
+@PROBLEMS.on("strict-energy", RECTANGLES)
 def energy_of_the_smaller_set(element: Element, quick: bool) -> Iterator[Row]:
     """For one fixed bound the strict complementary energy is not below the collocated one: K strict ⊂ K collocated."""
     (_, mesh), *_ = _meshes(quick)
@@ -66,12 +68,12 @@ def energy_of_the_smaller_set(element: Element, quick: bool) -> Iterator[Row]:
         energies = [float(0.5 * s.z @ (given.K @ s.z) - given.f @ s.z) for s in (loose, strict)]
         scale = abs(energies[0])
         proof = both(certified_algebra(start), certified_algebra(loose), certified_algebra(strict))
-        quantity, source = "collocated less strict energy over their size", f"K strict ⊂ K collocated; μ = {friction:g}"
+        source = f"K strict ⊂ K collocated; μ = {friction:g}"
         difference = (energies[0] - energies[1]) / scale
-        yield at_most(quantity, difference, 0.0, 1e-9, Kind.ANALYTIC, source, proof)
+        yield at_most("collocated less strict energy over their size", difference, 0.0, 1e-9, source, proof)
 
 
-@on(RECTANGLES)
+@PROBLEMS.on("strict-solvers", RECTANGLES)
 def two_cone_solvers(element: Element, quick: bool) -> Iterator[Row]:
     """Cones through cvxpy against Clarabel itself, and both against the collocated problem where nothing slips."""
     (name, mesh), *_ = _meshes(quick)
@@ -79,15 +81,15 @@ def two_cone_solvers(element: Element, quick: bool) -> Iterator[Row]:
         through, direct = (
             element.solve(_plate(friction, *mesh), inner=inner, tolerance=_TOLERANCE) for inner in _CONES
         )
-        source, proof = f"cvxpy; {name}", certified(through, direct)
+        proof = certified(through, direct)
         quantity = f"P/2, μ = {friction:g} [{FORCE}]"
-        yield relative(quantity, _force(direct), _force(through), 1e-7, Kind.METHODS, source, proof)
+        yield relative(quantity, _force(direct), _force(through), 1e-7, f"cvxpy; {name}", proof, Kind.METHODS)
     stuck, strict = element.solve(_plate(0.5, *mesh)), _strictly(element, _plate(0.5, *mesh))
     source, proof = f"collocated, full stick; {name}", certified(stuck, strict)
-    yield relative(f"P/2, μ = 0.5 [{FORCE}]", _force(strict), _force(stuck), 1e-9, Kind.METHODS, source, proof)
+    yield relative(f"P/2, μ = 0.5 [{FORCE}]", _force(strict), _force(stuck), 1e-9, source, proof, Kind.METHODS)
 
 
-@on(*BOTH, few=1)
+@PROBLEMS.on("strict-refinement", *BOTH, few=1)
 def refinement(element: Element, quick: bool) -> Iterator[Row]:
     """Strict and collocated forces approach each other under refinement."""
     counts = (8, 16) if quick else (8, 16, 32)
@@ -96,10 +98,10 @@ def refinement(element: Element, quick: bool) -> Iterator[Row]:
     apart = [abs(_force(strict) / _force(loose) - 1.0) for loose, strict in pairs]
     proof = certified(*[result for pair in pairs for result in pair])
     for first, second, n in zip(apart[:-1], apart[1:], counts[1:], strict=True):
-        quantity, source = f"difference of P on {n}² cells over that on {n // 2}²", "both tend to the same limit"
-        yield at_most(quantity, second / first, 1.0, 0.0, Kind.METHODS, source, proof)
+        quantity = f"difference of P on {n}² cells over that on {n // 2}²"
+        yield at_most(quantity, second / first, 1.0, 0.0, "both tend to the same limit", proof, Kind.METHODS)
     quantity = f"difference of P on {counts[-1]}² cells"
-    yield absolute(quantity, apart[-1], 0.0, 1e-3, Kind.METHODS, "strict against collocated", proof)
+    yield absolute(quantity, apart[-1], 0.0, 1e-3, "strict against collocated", proof, Kind.METHODS)
 
 
 def _meshes(quick: bool) -> Iterator[tuple[str, tuple[int, float]]]:
@@ -123,10 +125,9 @@ def _strictly(element: Element, problem: ContactProblem) -> ContactResult:
 def _kept(result: ContactResult, where: str) -> Iterator[Row]:
     """Rows on the law between the points."""
     excess, pull = (value / mean_pressure(result.contacts["plate"]) for value in _sampled(result))
-    quantity, source = "largest |σ_T| − bound over the mean pressure", f"|σ_T| ≤ μ|σ_N|; {where}"
-    yield at_most(quantity, excess, 0.0, EXCESS, Kind.ANALYTIC, source, certified(result))
-    quantity, source = "largest σ_N over the mean pressure", f"σ_N ≤ 0; {where}"
-    yield at_most(quantity, pull, 0.0, EXCESS, Kind.ANALYTIC, source, certified(result))
+    source = f"|σ_T| ≤ μ|σ_N|; {where}"
+    yield at_most("largest |σ_T| − bound over the mean pressure", excess, 0.0, EXCESS, source, certified(result))
+    yield at_most("largest σ_N over the mean pressure", pull, 0.0, EXCESS, f"σ_N ≤ 0; {where}", certified(result))
 
 
 def _force(result: ContactResult) -> float:
@@ -141,13 +142,3 @@ def _sampled(result: ContactResult) -> tuple[float, float]:
     friction = line.friction.reshape(-1, count)[:, :1]
     excess = np.abs(tangential) - friction * np.abs(normal)
     return float(max(excess.max(), 0.0)), float(max(normal.max(), 0.0))
-
-
-PROBLEMS: Final = {
-    "whole-edges": whole_edges,
-    "whole-edges-triangles": whole_edges_by_coefficients,
-    "reported-excess": reported_excess,
-    "strict-energy": energy_of_the_smaller_set,
-    "strict-solvers": two_cone_solvers,
-    "strict-refinement": refinement,
-}

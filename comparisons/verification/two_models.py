@@ -14,9 +14,9 @@ def two_models(result: ContactResult, contact: str, tolerance: float, apart: flo
     companion = solve_companion(result.problem)
     proof, theirs = both(certified(result), certified_companion(companion)), companion.contacts[contact]
     ours, source = mean_pressure(result.contacts[contact]), "displacement model on the same mesh"
-    yield relative("mean pressure, both models", ours, mean_pressure(theirs), tolerance, Kind.METHODS, source, proof)
+    yield relative("mean pressure, both models", ours, mean_pressure(theirs), tolerance, source, proof, Kind.METHODS)
     found = result.bracket
     width, source = (found.upper - found.lower) / found.strain, f"bracket for {found.kind.value}"
-    yield at_most("gap of the energies over the strain energy", width, apart, 0.0, Kind.METHODS, source, proof)
+    yield at_most("gap of the energies over the strain energy", width, apart, 0.0, source, proof, Kind.METHODS)
     if found.guaranteed:
-        yield at_least("the same, upper not below lower", width, 0.0, 1e-9, Kind.ANALYTIC, source, proof)
+        yield at_least("the same, upper not below lower", width, 0.0, 1e-9, source, proof)

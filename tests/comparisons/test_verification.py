@@ -294,7 +294,7 @@ def test_the_committed_manual_has_all_problems_and_passed():
 
 @pytest.mark.usefixtures("outlined")
 def test_a_row_without_certificate_fails_in_the_files():
-    row = absolute("a", 1.0, 1.0, 1.0, Kind.ANALYTIC, "s", replace(PASSING.proof, passed=False))
+    row = absolute("a", 1.0, 1.0, 1.0, "s", replace(PASSING.proof, passed=False))
     document = json.loads(json.dumps(DOCUMENT))
     document["chapters"][0]["problems"][0]["rows"] = [study.as_record(row)]
     assert markdown_rows(report(document, {}).text)[0][-1] == "FAILED"

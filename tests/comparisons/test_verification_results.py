@@ -8,7 +8,7 @@ from comparisons.verification.figures import conservation
 from comparisons.verification.pictures import PICTURES
 from comparisons.verification.proof import Proof
 from comparisons.verification.results import RESULTS, figure
-from comparisons.verification.row import Kind, absolute, crash
+from comparisons.verification.row import absolute, crash
 from comparisons.verification.study import as_record
 
 PAIRS = {
@@ -61,7 +61,7 @@ def test_balance_is_drawn_of_the_rows():
     """Rounding far to the left of errors; without rows nothing breaks."""
     proof = Proof(passed=True, text="by hand")
     rows = [
-        absolute(f"dam, {model}: the same", value, 0.0, 1.0, Kind.ANALYTIC, "equilibrium", proof)
+        absolute(f"dam, {model}: the same", value, 0.0, 1.0, "equilibrium", proof)
         for model, value in (("stresses", 1e-16), ("displacements", 1e-3))
     ]
     for chosen, places in ((rows, [[1e-16], [1e-3]]), ([crash("conservation", "no")], [[], []])):

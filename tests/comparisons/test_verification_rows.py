@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from comparisons.verification import tables
-from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, on
+from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Chapter
 from comparisons.verification.measures import between_points, edge_states, point_states, runs, value_at, zone_ends
 from comparisons.verification.not_unique import STATES, _violation
 from comparisons.verification.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
-from comparisons.verification.row import Kind, absolute, at_least, at_most, relative, word
+from comparisons.verification.row import absolute, at_least, at_most, relative, word
 from comparisons.verification.study import as_record
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Symmetry, Traction, TriangleMesh, solve
 from qvi_contact.companion import solve_companion
@@ -22,7 +22,7 @@ from qvi_contact.solution.limit import LimitLoad
 from solvers import Status
 
 PROOF = Proof(passed=True, text="by hand")
-REST = (Kind.ANALYTIC, "source", PROOF)
+REST = ("source", PROOF)
 finite = st.floats(-1e6, 1e6, allow_subnormal=False)
 
 
@@ -193,10 +193,13 @@ class TestElements:
 
     @staticmethod
     def names(quick):
-        @on(RECTANGLES, TRIANGLES, QUINTIC)
+        chapter = Chapter()
+
+        @chapter.on("degree", RECTANGLES, TRIANGLES, QUINTIC)
         def problem(element, _):
             yield absolute("degree", element.degree, 3.0, 1.0, *REST)
 
+        assert chapter == {"degree": problem}
         return [as_record(row)["element"] for row in problem(quick)]
 
     def test_rows_name_them(self):
