@@ -33,6 +33,15 @@ from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem.conditions import Condition
 from solvers import FrictionQVI, QVISolution, solve_qvi
 
+PLACE: Final = ["problem", "cells", "friction"]
+"""What names a problem that is ready to be solved, see `body`."""
+
+NAMES: Final = {
+    "contacts": "8 contacts", "half open": "8 contacts, half open", "sliding": "8 contacts, sliding",
+    "block": "dragged block", "ssnv128": "SSNV128", "three": "1 contact",
+}  # fmt: skip
+"""Problem → what it is called in texts, if that is another word."""
+
 POINTS: Final = 8
 """Points of the problems without a mesh, but for "three"."""
 

@@ -1,24 +1,22 @@
 """Studies whose cases are listed, as the product of factors that a study is declared by."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from comparisons.lab.study import Study
 
 Case = Mapping[str, Any]
 
 
-def factors_of(cases: Sequence[Case]) -> dict[str, tuple[Any, ...]]:
-    """Factor → its values in the cases, each once, in the order they are met; all cases have the same factors.
+def listed(name: str, version: int, task: str, cases: Sequence[Case]) -> Study:
+    """The study of just these cases, all with the same factors.
 
-    A value may be a tuple, which a study keeps as a list.
+    Values of a factor stand in the order they are met. One may be a tuple, which a study keeps as a list.
     """
-    return {name: tuple(dict.fromkeys(case[name] for case in cases)) for name in cases[0]}
-
-
-def among(cases: Sequence[Case]) -> Callable[[Case], bool]:
-    """The predicate `Study.keep` that leaves just these cases of the product of `factors_of`."""
     names = tuple(cases[0])
     kept = {_key(case, names) for case in cases}
-    return lambda case: _key(case, names) in kept
+    factors = {factor: tuple(dict.fromkeys(case[factor] for case in cases)) for factor in names}
+    return Study(name, version, task, factors, keep=lambda case: _key(case, names) in kept)
 
 
 def _key(case: Case, names: tuple[str, ...]) -> tuple[Any, ...]:

@@ -1,10 +1,14 @@
-"""Solves of the studies of loops: how long they take, and what rows keep of how they ended."""
+"""Solves of the studies of loops: how long they take, what rows keep of how they ended, and frames of these rows."""
 
 import time
-from typing import Any, Final
+from statistics import median
+from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.convergence.bodies import body
+from comparisons.convergence.bodies import NAMES, body
 from solvers import QVISolution, solve_qvi
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 REPEATS: Final = 3
 """How often a solve is timed, if it is quick."""
@@ -36,3 +40,10 @@ def plain_certificate(solution: QVISolution) -> dict[str, Any]:
     """Whether it passed at the tolerance asked for, the accuracy it confirms, and the measure that decides it."""
     found = solution.certificate
     return {"passed": found.passed, "tolerance": found.tolerance, "accuracy": found.accuracy, "worst": found.worst}
+
+
+def in_words(runs: "DataFrame") -> "DataFrame":
+    """The runs with the median of their times, and name and body: the problem, and with its mesh, in words."""
+    names = runs.problem.replace(NAMES)
+    bodies = names + [f", {cells}²" if cells else "" for cells in runs.cells]
+    return runs.assign(seconds=runs.seconds.map(median, na_action="ignore"), name=names, body=bodies)

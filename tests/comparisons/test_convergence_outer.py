@@ -8,6 +8,7 @@ from pandas.testing import assert_frame_equal
 
 from comparisons.convergence.bodies import (
     COUPLINGS,
+    PLACE,
     POINTS,
     body,
     contacts,
@@ -15,13 +16,12 @@ from comparisons.convergence.bodies import (
     exact_contraction,
     reference,
 )  # fmt: skip
-from comparisons.convergence.declared import among, factors_of
+from comparisons.convergence.declared import listed
 from comparisons.convergence.linearised import linearised
 from comparisons.convergence.outer import figures
-from comparisons.convergence.outer.loops import LOOPS
-from comparisons.convergence.outer.measures import mesh_groups, runs_of, solution_found, tables_of, values_of
+from comparisons.convergence.outer.measures import on_meshes, runs_of, solution_found, tables_of, values_of
 from comparisons.convergence.outer.report import report
-from comparisons.convergence.outer.study import study, study_of
+from comparisons.convergence.outer.study import LOOPS, study, study_of
 from comparisons.convergence.outer.task import run
 from comparisons.convergence.rates import first_lasting, growth_order, rate_of
 from comparisons.lab.report import write_report
@@ -154,11 +154,10 @@ class TestProblems:
 
 
 def test_listed_cases_are_the_study():
-    listed = [{"a": 1, "b": (1, 2)}, {"a": 2, "b": None}, {"a": 2, "b": (3, 4)}]
-    assert factors_of(listed) == {"a": (1, 2), "b": ((1, 2), None, (3, 4))}
-    keep = among(listed)
-    assert keep({"a": 1, "b": [1, 2], "repeat": 0})
-    assert not keep({"a": 1, "b": [3, 4]})
+    cases = [{"a": 1, "b": (1, 2)}, {"a": 2, "b": None}, {"a": 2, "b": (3, 4)}]
+    found = listed("listed", 1, "package.module:function", cases)
+    assert found.factors == {"a": (1, 2), "b": ([1, 2], None, [3, 4])}
+    assert [(case.values["a"], case.values["b"]) for case in found.cases] == [(1, [1, 2]), (2, None), (2, [3, 4])]
 
 
 def test_studies_have_names_of_their_own():
@@ -243,9 +242,8 @@ class TestReport:
         assert same["starts"] == {"open": len(several), "slip": 0, "stick": 0}
 
     def test_meshes_of_the_same_friction_are_compared(self, rows):
-        groups = mesh_groups(runs_of(rows))
-        assert list(groups) == [("plate", 0.1)]
-        assert groups["plate", 0.1].cells.tolist() == [2, 3]
+        meshes = on_meshes(runs_of(rows))
+        assert meshes[PLACE].to_numpy().tolist() == [["plate", 2, 0.1], ["plate", 3, 0.1]]
 
     def test_the_spread_from_mesh_to_mesh(self, rows):
         plates = [row for row in rows if row.case["problem"] == "plate" and row.case["loop"] == "plain"]

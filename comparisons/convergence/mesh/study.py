@@ -1,9 +1,9 @@
 """The cases: which problems on which sequences of meshes, by which models."""
 
 from collections.abc import Iterator
+from operator import itemgetter
 from typing import Final
 
-from comparisons.convergence.declared import among, factors_of
 from comparisons.convergence.mesh.problems import PROBLEMS
 from comparisons.lab.study import Study
 
@@ -52,13 +52,13 @@ def study(quick: bool) -> Study:
     The factor "size" is the number of cells along the contact, or, of chains of adaptive meshes, the largest number of
     unknowns.
     """
-    cases = [dict(zip(("problem", "sequence", "size", "model"), case, strict=True)) for case in _cases(quick)]
-    order = {"problem": list(PROBLEMS), "sequence": list(SEQUENCES), "model": list(MODELS)}
+    cases = set(_cases(quick))
     factors = {
-        name: tuple(sorted(values, key=order[name].index if name in order else None))
-        for name, values in factors_of(cases).items()
-    }
-    return Study("mesh (quick)" if quick else "mesh", VERSION, TASK, factors, keep=among(cases))
+        "problem": tuple(_QUICK if quick else PROBLEMS), "sequence": tuple(SEQUENCES),
+        "size": tuple(sorted({size for _, _, size, _ in cases})), "model": tuple(MODELS),
+    }  # fmt: skip
+    keep = itemgetter(*factors)
+    return Study("mesh (quick)" if quick else "mesh", VERSION, TASK, factors, keep=lambda case: keep(case) in cases)
 
 
 Case = tuple[str, str, int, str]

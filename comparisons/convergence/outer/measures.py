@@ -3,10 +3,11 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from statistics import median
 from typing import TYPE_CHECKING, Any, Final
 
-from comparisons.convergence.outer.loops import CONDENSED, LOOPS, PLAIN
+from comparisons.convergence.bodies import PLACE
+from comparisons.convergence.outer.study import CONDENSED, LOOPS, PLAIN
+from comparisons.convergence.solves import in_words
 from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
 from comparisons.lab.study import Row, frame_of, largest_of
 from comparisons.lab.tables import Grid, grid_of
@@ -14,15 +15,8 @@ from comparisons.lab.tables import Grid, grid_of
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
-NAMES: Final = {
-    "contacts": "8 contacts", "plate": "plate", "block": "dragged block", "ssnv128": "SSNV128", "three": "1 contact",
-}  # fmt: skip
-"""Problem → what it is called in texts."""
-
 SOLUTIONS: Final = {"open": 0.0, "slip": 5.0 / 3.0, "stick": 17.0 / 9.0}
 """The three solutions of the problem that has them: state → pressure r_N; by hand, see `bodies`."""
-
-PLACE: Final = ["problem", "cells", "friction"]
 
 _NUMBERS: Final = (
     "start", "iterations", "factor", "low", "high", "linearised", "exact", "sharper", "kappa", "normal", "slipping",
@@ -70,14 +64,11 @@ _HEADINGS: Final = {
 def runs_of(rows: Sequence[Row]) -> "DataFrame":
     """One line a run, by problem, mesh, μ and loop.
 
-    The columns are those of `frame_of`, with seconds their median, and name and body (problem, and with its mesh, in
-    words), solved, falling (stopped while its residuals fell), steps (iterations if solved), rate (contraction if the
-    loop converges), ratio (time over that of the condensed method where both solve the problem), bound μγ and root μ√κ.
+    The columns are those of `frame_of` and `in_words`, and solved, falling (stopped while its residuals fell), steps
+    (iterations if solved), rate (contraction if the loop converges), ratio (time over that of the condensed method
+    where both solve the problem), bound μγ and root μ√κ.
     """
-    runs = frame_of(rows, _NUMBERS, ("seconds", "residuals", "course"))
-    runs["seconds"] = runs.seconds.map(median, na_action="ignore")
-    runs["name"] = runs.problem.replace(NAMES)
-    runs["body"] = runs["name"] + [f", {cells}²" if cells else "" for cells in runs.cells]
+    runs = in_words(frame_of(rows, _NUMBERS, ("seconds", "residuals", "course")))
     runs["solved"] = runs.status == "solved"
     runs["steps"] = runs.iterations.where(runs.solved)
     runs["rate"] = runs.factor.where(runs.course == "converges")
@@ -104,10 +95,15 @@ def main_bodies(runs: "DataFrame") -> list[str]:
     return found
 
 
-def mesh_groups(runs: "DataFrame") -> dict[tuple[str, float], "DataFrame"]:
-    """(Problem, μ) → runs of the plain loop on at least two meshes, by mesh."""
-    plain = single(runs)[single(runs).loop == PLAIN].sort_values("cells")
-    return {place: found for place, found in plain.groupby(["problem", "friction"]) if len(found) > 1}
+def on_meshes(runs: "DataFrame") -> "DataFrame":
+    """Runs of the plain loop at the μ that it has on at least two meshes of a problem, by problem, μ and mesh."""
+    plain = single(runs)[single(runs).loop == PLAIN].sort_values(["problem", "friction", "cells"])
+    return plain[plain.groupby(["problem", "friction"]).cells.transform("size") > 1]
+
+
+def by_loop(runs: "DataFrame") -> list[tuple[str, "DataFrame"]]:
+    """Loops that were run, in their order."""
+    return [(loop, found) for loop in LOOPS if len(found := runs[runs.loop == loop])]
 
 
 def values_of(runs: "DataFrame") -> dict[str, Any]:
@@ -118,16 +114,11 @@ def values_of(runs: "DataFrame") -> dict[str, Any]:
     ratios = found[(found.loop != CONDENSED) & (found.cells > 0)].ratio.dropna()
     return {
         "limit": None if stopped.empty else int(stopped.max()), "missing": int((~runs.has).sum()),
-        "counts": {loop: (int(each.solved.sum()), len(each)) for loop, each in _by_loop(found)},
+        "counts": {loop: (int(each.solved.sum()), len(each)) for loop, each in by_loop(found)},
         "least": direct.steps.min(), "most": direct.steps.max(), "low": found.friction.min(),
         "high": found.friction.max(), "worst": largest_of(ratios, runs), **_of_contraction(found), **_of_bound(found),
         **_of_starts(runs[runs.problem == "three"]),
     }  # fmt: skip
-
-
-def _by_loop(runs: "DataFrame") -> list[tuple[str, "DataFrame"]]:
-    """Loops that were run, in their order."""
-    return [(loop, found) for loop in LOOPS if len(found := runs[runs.loop == loop])]
 
 
 def _of_contraction(found: "DataFrame") -> dict[str, Any]:
@@ -178,12 +169,10 @@ def solution_found(run: Any) -> str:
 
 def tables_of(runs: "DataFrame") -> dict[str, Grid]:
     """The tables by name."""
-    from pandas import concat
-
-    found, groups = single(runs), list(mesh_groups(runs).values())
+    found, meshes = single(runs), on_meshes(runs)
     frames = {
         "loops": _loops(found), "limits": _limits(found), "contraction": _contraction(found[found.loop == PLAIN]),
-        "spread": _spread(groups), "meshes": concat(groups) if groups else runs[:0], "runs": found,
+        "spread": _spread(meshes), "meshes": meshes, "runs": found,
     }  # fmt: skip
     tables = {name: grid_of(frame, _HEADINGS[name], _FORMS) for name, frame in frames.items()}
     return {**tables, "solutions": _solutions_table(runs[runs.problem == "three"])}
@@ -195,7 +184,7 @@ def _loops(found: "DataFrame") -> "DataFrame":
 
     plain = found[found.loop == PLAIN].set_index(PLACE)[["steps", "solved"]].add_suffix("_plain")
     lines = []
-    for loop, runs in _by_loop(found):
+    for loop, runs in by_loop(found):
         beside = runs.set_index(PLACE).join(plain)
         hard = beside[beside.solved_plain == False]  # noqa: E712 - not where there is no plain run
         times = runs[runs.cells > 0].ratio.dropna()
@@ -232,14 +221,14 @@ def _contraction(plain: "DataFrame") -> "DataFrame":
     )  # fmt: skip
 
 
-def _spread(groups: "Sequence[DataFrame]") -> "DataFrame":
+def _spread(meshes: "DataFrame") -> "DataFrame":
     """How much the contraction of the plain loop changes from mesh to mesh."""
     from pandas import DataFrame
 
     lines = [
         {"name": runs["name"].iloc[0], "friction": runs.friction.iloc[0], "share": _share(runs.rate.notna()),
          "smallest": runs.rate.min(), "largest": runs.rate.max(), "spread": runs.rate.max() / runs.rate.min()}
-        for runs in groups
+        for _, runs in meshes.groupby(["problem", "friction"])
     ]  # fmt: skip
     return DataFrame(lines)
 
@@ -252,7 +241,7 @@ def _solutions_table(several: "DataFrame") -> Grid:
     """Which of three solutions each loop finds."""
     starts = sorted(several.start.dropna().unique())
     rows = []
-    for loop, found in _by_loop(several):
+    for loop, found in by_loop(several):
         ends = {run.start: solution_found(run) for run in found.itertuples()}
         only = next(iter(ends.values())) if found.start.isna().all() else NOTHING
         rows.append((loop, *(ends.get(start, only) for start in starts)))

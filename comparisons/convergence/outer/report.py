@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from comparisons.convergence.outer.figures import figures
-from comparisons.convergence.outer.loops import INNER, LOOPS, MAX_ITERATIONS, PATIENCE, TOLERANCE
 from comparisons.convergence.outer.measures import runs_of, tables_of, values_of
+from comparisons.convergence.outer.study import INNER, LOOPS, MAX_ITERATIONS, PATIENCE, TOLERANCE
 from comparisons.lab.report import Document, environment_grids, render
 from comparisons.lab.study import Row
 from comparisons.lab.tables import Grid

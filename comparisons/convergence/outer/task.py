@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.convergence.bodies import Reference, exact_contraction, reference
-from comparisons.convergence.outer.loops import LOOPS, TOLERANCE, Loop
+from comparisons.convergence.outer.study import LOOPS, TOLERANCE, Loop
 from comparisons.convergence.rates import rate_of
 from comparisons.convergence.solves import ending, timed
 from solvers.uniqueness import uniqueness_bound

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from comparisons.convergence.sequences.problems import CHAINS
+from comparisons.convergence.sequences.study import CHAINS
 from comparisons.convergence.sequences.task import EVERY, WAYS
 from comparisons.lab.report.numbers import scientific, significant
 from comparisons.lab.study import DONE, Row

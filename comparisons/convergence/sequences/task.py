@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final
 
-from comparisons.convergence.sequences.problems import CHAINS, Chain
+from comparisons.convergence.sequences.study import CHAINS, Chain
 from qvi_contact import ContactResult, solve, solve_history, solve_sweep
 from qvi_contact.discretization.families import ElementName
 

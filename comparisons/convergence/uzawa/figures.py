@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from comparisons.convergence.uzawa.measures import SOON, of, searches_of
-from comparisons.convergence.uzawa.methods import METHODS
+from comparisons.convergence.uzawa.study import METHODS
 from comparisons.lab.report.drawing import (
     LOOKS,
     drawn,

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from statistics import median
 from typing import TYPE_CHECKING, Any, Final
 
+from comparisons.convergence.bodies import PLACE
 from comparisons.convergence.rates import growth_order
-from comparisons.convergence.uzawa.methods import METHODS
-from comparisons.convergence.uzawa.study import HALF
+from comparisons.convergence.solves import in_words
+from comparisons.convergence.uzawa.study import HALF, METHODS
 from comparisons.convergence.uzawa.task import TARGETS
 from comparisons.lab.report.numbers import (
     NOTHING,
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 SOON: Final = "to 1e-04"
 """Iterations until the normal force is within 1e-4 for good."""
 
-PLACE: Final = ["problem", "cells", "friction"]
-
 _NUMBERS: Final = (
     "tangential", "normal", "target", "omega_T", "omega_N", "limit_T", "limit_N", "slipping_T", "open_N", "linearised",
     "condition", "open", "points", "force", "iterations", "settles", "last_error", "last_change", "largest", "smallest",
@@ -41,15 +39,14 @@ _NUMBERS: Final = (
 
 _TARGETS: Final = tuple(f"to {target:.0e}" for target in TARGETS)
 
-_NAMES: Final = {"half open": "8 contacts, half open", "sliding": "8 contacts, sliding", "ssnv128": "SSNV128"}
 _LAST_DIGIT: Final = 0.00501  # of P/2: half of the last digit printed, and rounding
 
 
 def runs_of(rows: Sequence[Row]) -> "DataFrame":
     """One line a run, by problem, mesh and μ.
 
-    The columns are those of `frame_of`, with the place as problem, cells (0 without a mesh), friction, and where (the
-    three in words), seconds the median, and "to 1e-02" and so on, iterations to that error for good.
+    The columns are those of `frame_of` and `in_words`, the place as problem, cells (0 without a mesh), friction, and
+    where (the three in words), and "to 1e-02" and so on, iterations to that error for good.
     """
     from pandas import to_numeric
 
@@ -57,11 +54,10 @@ def runs_of(rows: Sequence[Row]) -> "DataFrame":
     for place, name in enumerate(PLACE):
         runs[name] = runs.place.str[place]
     runs["friction"] = runs.friction.astype(float)
-    body = runs.problem.replace(_NAMES) + [f", {cells}²" if cells else "" for cells in runs.cells]
-    runs["where"] = body + runs.friction.map(", μ = {:g}".format)
+    runs = in_words(runs)
+    runs["where"] = runs.body + runs.friction.map(", μ = {:g}".format)
     for name in _TARGETS:
         runs[name] = to_numeric(runs.needed.str.get(name.removeprefix("to ")))
-    runs["seconds"] = runs.seconds.map(median, na_action="ignore")
     return runs.sort_values(PLACE, kind="stable", ignore_index=True)
 
 

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from comparisons.convergence.uzawa.figures import figures
 from comparisons.convergence.uzawa.measures import runs_of, settings_of, tables_of, values_of
-from comparisons.convergence.uzawa.methods import MOST
-from comparisons.convergence.uzawa.study import HALF
+from comparisons.convergence.uzawa.study import HALF, MOST
 from comparisons.convergence.uzawa.task import ITERATIONS, LONG, NEAR, SEARCHED, STILL
 from comparisons.lab.report import Document, environment_grids, render
 from comparisons.lab.study import Row

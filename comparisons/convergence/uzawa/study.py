@@ -1,14 +1,46 @@
 """The study: runs with steps on a grid, limits, meshes, the paper's own run, and other methods at equal accuracy."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from comparisons.convergence.declared import among, factors_of
-from comparisons.convergence.uzawa.methods import METHODS
+from comparisons.convergence.declared import listed
 from comparisons.lab.study import Study
 from comparisons.paper.reference import load
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+
+MOST: Final = 20_000
+"""Iterations of Uzawa at most."""
+
+SHRINKING: Final = 100.0
+"""Iterations in which a shrinking step halves at first; it goes down like 1/(1 + i / k0)."""
+
+
+class Method(NamedTuple):
+    """A method: options of `solve_qvi`, and how it is drawn."""
+
+    options: Mapping[str, Any]
+    colour: str
+    marker: str
+    line: Any
+
+    @property
+    def is_uzawa(self) -> bool:
+        """Whether it takes steps."""
+        return bool(self.options["method"] == "uzawa")
+
+
+_DECAY: Final = {"step_decay": SHRINKING, "decay": "harmonic"}
+
+METHODS: Final[Mapping[str, Method]] = {
+    "Uzawa": Method({"method": "uzawa", "max_iterations": MOST}, VERMILLION, "o", "-"),
+    "Uzawa, shrinking step": Method({"method": "uzawa", "max_iterations": MOST, **_DECAY}, ORANGE, "^", "--"),
+    "fixed point, QP": Method({"method": "fixed-point", "inner": "qp:clarabel"}, BLUE, "s", "-."),
+    "fixed point, SOCP": Method({"method": "fixed-point", "inner": "socp:clarabel"}, GREEN, "D", ":"),
+    "condensed": Method({"method": "condensed"}, GREY, "*", (0, (5, 1))),
+}
+"""Name → method, in the order of tables and legends."""
 
 VERSION: Final = 2
 """To be raised when the task computes something else."""
@@ -88,8 +120,7 @@ def study(quick: bool) -> Study:
 
 def study_of(name: str, extent: Extent) -> Study:
     """The study of this extent."""
-    cases = list(_cases(extent))
-    return Study(name, VERSION, TASK, factors_of(cases), keep=among(cases))
+    return listed(name, VERSION, TASK, list(_cases(extent)))
 
 
 def _cases(extent: Extent) -> Iterator[dict[str, Any]]:

@@ -18,7 +18,7 @@ from comparisons.convergence.bodies import Reference, reference
 from comparisons.convergence.linearised import Linearised
 from comparisons.convergence.rates import first_lasting
 from comparisons.convergence.solves import ending, plain_certificate, timed
-from comparisons.convergence.uzawa.methods import METHODS
+from comparisons.convergence.uzawa.study import METHODS
 from comparisons.paper.reference import load
 from solvers import QVISolution, solve_qvi
 
