@@ -64,8 +64,7 @@ def _errors(overview: Overview, problem: Problem) -> Drawing:
         bottom = min(least, *(error for error in positive if error == error), np.inf) / 3.0
         axes.axhspan(bottom, least, color=GREY, alpha=0.2, linewidth=0)
         axes.set_ylim(bottom=bottom)
-        axes.set_xlabel("unknowns [-]")
-        axes.set_ylabel(f"relative error of the {measure} [-]")
+        axes.set(xlabel="unknowns [-]", ylabel=f"relative error of the {measure} [-]")
     legend_below(figure)
     return figure
 
@@ -112,42 +111,34 @@ def _tractions(overview: Overview, problem: Problem) -> Drawing:
     figure = new_figure(2.3 * _SIDE, 3.3)
     panels = figure.subplots(1, 2)
     meshes, known = _three(overview.of(problem, UNIFORM)), overview.references[problem.name][TRACTIONS].value
-    curves: list[tuple[str, Field, FloatArray]] = [
-        (f"{cells} cells", field, field.lines) for cells, field in zip(meshes.cells, meshes.tractions, strict=True)
-    ]
-    lines = curves[0][2]
-    curves.append(("reference", known, getattr(known, "lines", np.linspace(lines[0], lines[-1], 200))))
-    for (label, field, places), (colour, line) in zip(
-        curves, (*_KINDS[: len(curves) - 1], ("black", "-")), strict=True
-    ):
-        s, edges = _samples(places)
-        for axes, values, marks in zip(panels, field(s), field(edges), strict=True):
-            axes.plot(s.T.ravel("F"), values.ravel(), color=colour, linestyle=line, linewidth=1.0, label=label)
-            if label != "reference":
-                axes.plot(edges.ravel(), marks.ravel(), color=colour, linestyle="", marker=".", markersize=2.5)
+    for (cells, field), (colour, line) in zip(zip(meshes.cells, meshes.tractions, strict=True), _KINDS, strict=False):
+        edges = _draw_tractions(panels, field, field.lines, f"{cells} cells", color=colour, linestyle=line)
+        for axes, marks in zip(panels, field(edges), strict=True):
+            axes.plot(edges.ravel(), marks.ravel(), color=colour, linestyle="", marker=".", markersize=2.5)
+    first, last = meshes.tractions.iloc[0].lines[[0, -1]]
+    lines = getattr(known, "lines", np.linspace(first, last, 200))
+    _draw_tractions(panels, known, lines, "reference", color="black", linestyle="-")
     stress, length = problem.units
-    evenly = curves[-1][1](np.linspace(lines[0], lines[-1], _EVENLY)[1:-1])
+    evenly = known(np.linspace(first, last, _EVENLY)[1:-1])
     for axes, symbol, values in zip(panels, ("σ_N", "σ_T"), evenly, strict=True):
-        axes.set_ylim(*_view(values))
-        axes.set_xlabel(f"x [{length}]")
-        axes.set_ylabel(f"{symbol} [{stress}]")
+        axes.set(ylim=_view(values), xlabel=f"x [{length}]", ylabel=f"{symbol} [{stress}]")
     legend_below(figure)
     return figure
 
 
+def _draw_tractions(panels: Any, field: Field, lines: FloatArray, label: str, **look: Any) -> FloatArray:
+    """σ_N and σ_T in a panel each; returns the places of the ends of all edges, all but (e, 2)."""
+    s = lines[:-1, None] + np.diff(lines)[:, None] * np.linspace(1e-9, 1.0 - 1e-9, 9)
+    for axes, values in zip(panels, field(s), strict=True):
+        axes.plot(s.ravel(), values.ravel(), linewidth=1.0, label=label, **look)
+    return s[:, [0, -1]]
+
+
 def _view(values: FloatArray) -> tuple[float, float]:
     """A range that shows all but the highest peaks: 1 % of the contact."""
-    low, high = (float(np.quantile(values, share)) for share in (0.01, 0.99))
-    low, high = min(low, 0.0), max(high, 0.0)
+    low, high = min(np.quantile(values, 0.01), 0.0), max(np.quantile(values, 0.99), 0.0)
     margin = 0.25 * (high - low) or 1.0
-    return low - margin, high + margin
-
-
-def _samples(lines: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points inside every interval, ends all but included (e, 9), and the two ends alone (e, 2)."""
-    t = np.linspace(1e-9, 1.0 - 1e-9, 9)
-    points = lines[:-1, None] + np.diff(lines)[:, None] * t
-    return points, points[:, [0, -1]]
+    return float(low - margin), float(high + margin)
 
 
 def _ends(overview: Overview, problem: Problem) -> Drawing:
@@ -161,8 +152,7 @@ def _ends(overview: Overview, problem: Problem) -> Drawing:
         _draw_place(axes, known[kind])
         for sequence in NAMES:
             _draw_ends(axes, overview.of(problem, sequence), kind, sequence)
-        axes.set_xlabel("h [-]")
-        axes.set_ylabel(f"{kind} at x [{problem.units[1]}]")
+        axes.set(xlabel="h [-]", ylabel=f"{kind} at x [{problem.units[1]}]")
     legend_below(figure)
     return figure
 
@@ -178,12 +168,12 @@ def _draw_ends(axes: Axes, meshes: DataFrame, kind: str, sequence: str) -> None:
     found = [(h, end) for h, end in zip(meshes.h, ends, strict=True) if end is not None]
     if not found:
         return
-    h = [each for each, _ in found]
-    y = np.array([end["position"] for _, end in found])
-    bars = [y - [end["low"] for _, end in found], [end["high"] for _, end in found] - y]
+    h, shown = zip(*found, strict=True)
+    y, low, high = (np.array([end[name] for end in shown]) for name in ("position", "low", "high"))
+    bars = [y - low, high - y]
     axes.errorbar(h, y, np.maximum(bars, 0.0), color=colour, marker=marker, markersize=4.5, linestyle=line,
                   linewidth=0.9, elinewidth=0.7, capsize=2, label=NAMES[sequence])  # fmt: skip
-    span = np.ptp(y) + max(end["high"] - end["low"] for _, end in found)
+    span = np.ptp(y) + (high - low).max()
     others = [(size, end["extrapolated"]) for size, end in found if end["extrapolated"] is not None]
     near = [(size, other) for size, other in others if y.min() - span <= other <= y.max() + span]
     if near:
@@ -193,8 +183,7 @@ def _draw_ends(axes: Axes, meshes: DataFrame, kind: str, sequence: str) -> None:
 
 def _gaps(overview: Overview) -> Drawing:
     """Gap of the brackets against the size of the mesh."""
-    colours = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, GREY)
-    markers = "os^vDPX*<>"
+    colours, markers = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, GREY), "os^vDPX*<>"
     figure = new_figure(3.0 * _SIDE, 3.9)
     for axes, sequence in zip(figure.subplots(1, 3, sharey=True), (UNIFORM, GRADED, APART), strict=True):
         _logarithmic(axes)
@@ -218,7 +207,6 @@ def _gaps(overview: Overview) -> Drawing:
 
 
 def _logarithmic(axes: Axes) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     axes.minorticks_off()
     grid(axes)

@@ -55,7 +55,8 @@ class Problem:
     force : "normal_force" or "tangential_force", the one that is not given by balance alone
     units : of stress and length
     uniform : number of cells along the contact → the problem on equal cells
-    graded : the same with cells that shrink towards the places where stresses are singular; None if there are none
+    lines : number of cells along the contact → grid lines x, y of cells that shrink towards the places where stresses
+        are singular; None if there are none
     start : cells along the contact where adaptive meshes start
     known : force, energy (−J*, the complementary energy with the sign of the potential energy) or the kind of a zone's
         end → value
@@ -70,11 +71,16 @@ class Problem:
     force: str
     units: tuple[str, str]
     uniform: Callable[[int], ContactProblem]
-    graded: Callable[[int], ContactProblem] | None
+    lines: Callable[[int], tuple[FloatArray, FloatArray]] | None
     start: int = 4
     known: Mapping[str, Known] = field(default_factory=dict)
     tractions: Field | None = None
     expected: Mapping[str, Expected] = field(default_factory=dict)
+
+    def graded(self, cells: int) -> ContactProblem:
+        """The problem on `lines`."""
+        assert self.lines is not None
+        return self.uniform(2).on_lines(*self.lines(cells))
 
 
 def towards(start: float, stop: float, cells: int, power: float) -> FloatArray:
@@ -90,22 +96,17 @@ def _around(start: float, place: float, stop: float, cells: int, power: float) -
     return np.concatenate([towards(start, place, left, power), right[1:]])
 
 
-def _plate(friction: float, cells: int) -> ContactProblem:
-    return compressed_plate(friction, (cells, cells))
-
-
-def _graded_plate(friction: float, cells: int) -> ContactProblem:
+def _towards_corner(cells: int) -> tuple[FloatArray, FloatArray]:
     lines = towards(0.0, 1.0, cells, 3.0)
-    return compressed_plate(friction).on_lines(lines, lines)
+    return lines, lines
 
 
-def _square(cells: int) -> ContactProblem:
-    return ssnv128((cells, cells))
+def _square_lines(cells: int) -> tuple[FloatArray, FloatArray]:
+    return _around(0.0, 3.28e-3, 0.04, cells, 2.0), 0.04 - towards(0.0, 0.04, cells, 2.0)[::-1]
 
 
-def _graded_square(cells: int) -> ContactProblem:
-    x = _around(0.0, 3.28e-3, 0.04, cells, 2.0)
-    return ssnv128().on_lines(x, 0.04 - towards(0.0, 0.04, cells, 2.0)[::-1])
+def _punch_lines(end: float, cells: int) -> tuple[FloatArray, FloatArray]:
+    return _around(0.0, end, _WIDTH, cells, 2.0), towards(0.0, _HEIGHT, cells // 2, 2.0)
 
 
 def punch(friction: float, cells: int) -> ContactProblem:
@@ -126,11 +127,6 @@ def punch(friction: float, cells: int) -> ContactProblem:
     )
     sides: list[Condition] = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)]
     return ContactProblem(mesh, Material(2.1e5, 0.3, "strain"), [*sides, contact])
-
-
-def _graded_punch(friction: float, end: float, cells: int) -> ContactProblem:
-    x = _around(0.0, end, _WIDTH, cells, 2.0)
-    return punch(friction, 2).on_lines(x, towards(0.0, _HEIGHT, cells // 2, 2.0))
 
 
 def _block(cells: int) -> ContactProblem:
@@ -175,11 +171,8 @@ def _load(problem: ContactProblem, state: ExactState, places: FloatArray) -> flo
     return side + float((weights * (gap * stress[1] - offset * stress[2])).sum())
 
 
-_ROOT_LIKE: Final = {
-    "force": Expected(3.0, "pressure ~ √r where contact ends"),
-    "energy": Expected(3.0, "pressure ~ √r where contact ends"),
-    "tractions": Expected(1.0, "pressure ~ √r where contact ends"),
-}
+_ROOT: Final = "pressure ~ √r where contact ends"
+_ROOT_LIKE: Final = {FORCE: Expected(3.0, _ROOT), ENERGY: Expected(3.0, _ROOT), TRACTIONS: Expected(1.0, _ROOT)}
 _SMOOTH: Final = {"tractions": Expected(2.0, "linear σ_N for a quadratic one")}
 
 
@@ -199,17 +192,13 @@ def _corner(friction: float) -> dict[str, Expected]:
     return {"force": work, "energy": work, "tractions": Expected(power - 0.5, reason)}
 
 
-def _plates() -> list[Problem]:
-    found = []
-    for friction in (0.0, 0.05, 0.1, 0.15, 0.2, 1.0):
-        uniform, graded = partial(_plate, friction), partial(_graded_plate, friction)
-        what = {0.0: " (frictionless)", 1.0: " (sticks everywhere)"}.get(friction, "")
-        known, expected = _known_plate(friction), _corner(friction)
-        found.append(
-            Problem(f"plate {friction:g}", f"The plate, μ = {friction:g}{what}", "plate", "normal_force",
-                    ("MPa", "length"), uniform, graded, known=known, expected=expected)
-        )  # fmt: skip
-    return found
+def _plate(friction: float) -> Problem:
+    what = {0.0: " (frictionless)", 1.0: " (sticks everywhere)"}.get(friction, "")
+    return Problem(
+        f"plate {friction:g}", f"The plate, μ = {friction:g}{what}", "plate", "normal_force", ("MPa", "length"),
+        lambda cells: compressed_plate(friction, (cells, cells)), _towards_corner, known=_known_plate(friction),
+        expected=_corner(friction),
+    )  # fmt: skip
 
 
 def _known_plate(friction: float) -> dict[str, Known]:
@@ -232,13 +221,13 @@ def _all() -> dict[str, Problem]:
         "stick begins": Known(2.984e-2, 1e-5, model),
     }
     found = [
-        *_plates(),
-        Problem("ssnv128", "SSNV128: opens, slips and sticks", "base", "tangential_force", ("Pa", "m"), _square,
-                _graded_square, 8, base),
+        *map(_plate, (0.0, 0.05, 0.1, 0.15, 0.2, 1.0)),
+        Problem("ssnv128", "SSNV128: opens, slips and sticks", "base", "tangential_force", ("Pa", "m"),
+                lambda cells: ssnv128((cells, cells)), _square_lines, 8, base),
         Problem("punch smooth", "Parabolic punch, frictionless: closed and open", "punch", "normal_force",
-                ("MPa", "mm"), partial(punch, 0.0), partial(_graded_punch, 0.0, 0.985), 8, expected=_ROOT_LIKE),
+                ("MPa", "mm"), partial(punch, 0.0), partial(_punch_lines, 0.985), 8, expected=_ROOT_LIKE),
         Problem("punch rough", "Parabolic punch, μ = 0.3: sticks, slips and opens", "punch", "normal_force",
-                ("MPa", "mm"), partial(punch, 0.3), partial(_graded_punch, 0.3, 0.97), 8),
+                ("MPa", "mm"), partial(punch, 0.3), partial(_punch_lines, 0.97), 8),
         Problem("block", "Block with an exact solution: sticks and slips", "base", "tangential_force",
                 ("MPa", "length"), _block, None, 4, block, tractions, _SMOOTH),
     ]  # fmt: skip

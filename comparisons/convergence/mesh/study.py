@@ -75,7 +75,7 @@ def _meshes(name: str, quick: bool) -> Iterator[Case]:
     problem = PROBLEMS[name]
     finest = 32 if quick else 128 if name.startswith(("punch", "block")) else 256
     sizes = [size for size in (4, 8, 16, 32, 64, 128, 256) if problem.start <= size <= finest]
-    for sequence in (UNIFORM, GRADED) if problem.graded else (UNIFORM,):
+    for sequence in (UNIFORM, GRADED) if problem.lines else (UNIFORM,):
         for size in sizes:
             if sequence == UNIFORM or size <= _BRACKET_CELLS:
                 yield name, sequence, size, EQUILIBRIUM

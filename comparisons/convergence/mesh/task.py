@@ -48,9 +48,8 @@ def _records(problem: Problem, sequence: str, size: int, model: str) -> Iterator
         records, finest = _refined(problem, size, "energy")
         yield from _last_two(records) if model == "equilibrium" else [_displacements(problem, finest)]
     else:
-        make = problem.uniform if sequence == "uniform" else problem.graded
-        assert make is not None
-        yield _on_one_mesh(problem, make(size), model)
+        stated = problem.uniform(size) if sequence == "uniform" else problem.graded(size)
+        yield _on_one_mesh(problem, stated, model)
 
 
 def _on_one_mesh(problem: Problem, stated: ContactProblem, model: str) -> Record:
