@@ -148,6 +148,18 @@ class Reference:
     solution: QVISolution
     linearised: Linearised | None
 
+    @property
+    def local(self) -> Linearised:
+        """The loops linearised, or an `ArithmeticError` that says why they are not."""
+        if self.linearised is None:
+            raise ArithmeticError(f"no reference: {self.solution.message}")
+        return self.linearised
+
+    @property
+    def resultant(self) -> float:
+        """Of σ_N, dimensionless."""
+        return self.body.qvi.resultant(self.solution.z)
+
 
 @lru_cache(maxsize=8)
 def reference(problem: str, cells: int, friction: float) -> Reference:

@@ -24,6 +24,7 @@ With all points with friction in place of S the limit is smaller, and holds for 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -100,6 +101,11 @@ class Linearised:
         chosen = np.ones_like(self.open) if everywhere else self.open
         m = len(self.threshold)
         return _step_limit(self.compliance[:m, :m][np.ix_(chosen, chosen)]) if chosen.any() else None
+
+    @cached_property
+    def limits(self) -> tuple[float | None, float | None]:
+        """Limits of ω_T and ω_N over all points."""
+        return self.tangential_limit(everywhere=True), self.normal_limit(everywhere=True)
 
     def condition(self) -> float | None:
         """λ_max / λ_min of Θ^(−1/2) Ĉ_SS Θ^(−1/2), eigenvalues of dependent rows left out; None if nothing slips."""

@@ -28,7 +28,7 @@ _LOOK: Final = {
 """Colour, marker, line of each sequence."""
 
 _EVENLY: Final = 401  # points of a contact
-_KINDS: Final = ((GREY, ":"), (ORANGE, "--"), (BLUE, "-"), (VERMILLION, "-."), (GREEN, "--"), (SKY, "-"))
+_KINDS: Final = ((GREY, ":"), (ORANGE, "--"), (BLUE, "-"))  # of meshes in pictures of tractions
 _SIDE: Final = 3.4  # inch, of a panel
 
 
@@ -111,7 +111,7 @@ def _tractions(overview: Overview, problem: Problem) -> Drawing:
     figure = new_figure(2.3 * _SIDE, 3.3)
     panels = figure.subplots(1, 2)
     meshes, known = _three(overview.of(problem, UNIFORM)), overview.references[problem.name][TRACTIONS].value
-    for (cells, field), (colour, line) in zip(zip(meshes.cells, meshes.tractions, strict=True), _KINDS, strict=False):
+    for cells, field, (colour, line) in zip(meshes.cells, meshes.tractions, _KINDS, strict=False):
         edges = _draw_tractions(panels, field, field.lines, f"{cells} cells", color=colour, linestyle=line)
         for axes, marks in zip(panels, field(edges), strict=True):
             axes.plot(edges.ravel(), marks.ravel(), color=colour, linestyle="", marker=".", markersize=2.5)

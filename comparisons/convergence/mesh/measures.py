@@ -1,21 +1,25 @@
 """The numbers of the report's sentences."""
 
-from collections.abc import Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
 from comparisons.convergence.mesh.orders import EXPECTED, advantage, cost
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
 from comparisons.convergence.mesh.references import FLOOR
-from comparisons.convergence.mesh.study import BRACKET, STRICT, UNIFORM
+from comparisons.convergence.mesh.study import BRACKET, COMPANION, STRICT, UNIFORM
 from comparisons.lab.report.numbers import span
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+TARGETS: Final = (1e-3, 1e-4, 1e-5)
+"""Relative errors of the force whose cost is told."""
+
 TARGET: Final = 1e-4
-"""Relative error of the force whose cost is told in a sentence."""
+"""That of which a sentence tells."""
 
 CLOSED: Final = 1e-12
 """A smaller relative gap or change is rounding."""
@@ -23,31 +27,16 @@ CLOSED: Final = 1e-12
 _ROUNDING: Final = 1e-9  # relative: bounds beside a reference without uncertainty
 
 
-class Enclosing(NamedTuple):
-    """Guaranteed brackets of a problem beside its reference: how many, how many enclose it, and the closest.
-
-    Of that the cells with their sequence, and the relative gap; `own`: the reference comes from the same models, which
-    proves nothing.
-    """
-
-    number: int
-    inside: int
-    on: str
-    gap: float
-    own: bool
-
-
 def values_of(overview: Overview) -> dict[str, Any]:
     """Name → number."""
-    meshes = overview.meshes
+    meshes, models = overview.meshes, models_of(overview)
     tried = meshes[meshes.solved & (meshes.model == BRACKET)]
-    changes = {name: abs(change) for name, (_, change) in changes_of(overview).items()}
-    largest = max(changes, key=lambda name: changes[name], default="")
+    changes = models.set_index("problem").change.abs().dropna()
     return {
         "target": TARGET, "problems": [_problem(overview, problem) for problem in overview.problems],
         "solves": len(meshes), "certified": int(meshes.solved.sum()), "brackets": len(tried),
-        "open": int(tried.gap.isna().sum()), "change_at": largest or None, "change": changes.get(largest),
-        "exact": [problem.title for problem in overview.exact],
+        "open": int(tried.gap.isna().sum()), "change_at": changes.idxmax() if len(changes) else None,
+        "change": changes.max(), "exact": [problem.title for problem in overview.exact],
         "spacing": spacing(overview), **_of_costs(overview), **_of_orders(overview), **_of_brackets(overview),
     }  # fmt: skip
 
@@ -71,23 +60,33 @@ def spacing(overview: Overview) -> float | None:
     return max(found, default=None)
 
 
-def force_curves(overview: Overview, problem: Problem) -> "dict[str, DataFrame]":
-    """Sequence → errors of the force."""
-    return {sequence: overview.curve(problem, FORCE, sequence) for sequence in NAMES}
+def costs_of(overview: Overview) -> "DataFrame":
+    """One line a problem and target: unknowns for this error of the force by sequence, see `cost`, and `advantage`.
+
+    All are NaN where the target is below what the reference can tell.
+    """
+    from pandas import DataFrame
+
+    lines = []
+    for problem in overview.problems:
+        curves = {sequence: overview.curve(problem, FORCE, sequence) for sequence in NAMES}
+        for target in TARGETS:
+            line: dict[str, Any] = {"problem": problem.name, "target": target}
+            if target >= overview.least(problem):
+                low, high = advantage(curves, target)
+                line |= {"low": low, "high": high, **{name: cost(points, target) for name, points in curves.items()}}
+            lines.append(line)
+    return DataFrame(lines, columns=["problem", "target", *NAMES, "low", "high"])
 
 
 def _of_costs(overview: Overview) -> dict[str, Any]:
     """Unknowns for one error of the force: of the best meshes, and how many times more equal cells take."""
-    judged = [
-        force_curves(overview, problem) for problem in overview.problems
-        if problem not in overview.exact and overview.least(problem) <= TARGET
-    ]  # fmt: skip
-    costs = [{sequence: cost(points, TARGET) for sequence, points in curves.items()} for curves in judged]
-    best = [min((value for name, value in each.items() if name != UNIFORM and value == value), default=None)
-            for each in costs]  # fmt: skip
+    costs, exact = costs_of(overview), [problem.name for problem in overview.exact]
+    judged = costs[(costs.target == TARGET) & costs[UNIFORM].notna() & ~costs.problem.isin(exact)]
+    others = judged[[sequence for sequence in NAMES if sequence != UNIFORM]]
     return {
-        "judged": len(judged), "best": span(best), "missed": sum(each[UNIFORM] != each[UNIFORM] for each in costs),
-        "saved": span([end for curves in judged for end in advantage(curves, TARGET)]),
+        "judged": len(judged), "best": span(others.min(axis=1)), "missed": int((judged[UNIFORM] == np.inf).sum()),
+        "saved": span([*judged.low, *judged.high]),
     }  # fmt: skip
 
 
@@ -103,28 +102,60 @@ def _of_orders(overview: Overview) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def brackets_of(overview: Overview) -> "DataFrame":
+    """One line a problem that has guaranteed brackets of the energy and a reference.
+
+    The columns are problem, number (of brackets), inside (how many enclose the reference), own (whether that comes from
+    the same models, which proves nothing), and of the closest bracket gap (relative) and on (cells and sequence).
+    """
+    from pandas import DataFrame
+
+    lines = []
+    for problem in overview.problems:
+        known, meshes = overview.references[problem.name].get(ENERGY), overview.brackets(problem)
+        if known is None or meshes.empty:
+            continue
+        slack = known.uncertainty + _ROUNDING * known.unit
+        inside = (meshes.lower <= known.value + slack) & (meshes.upper >= known.value - slack)
+        best = meshes.loc[meshes.gap.idxmin()]
+        gap, on = max(best.gap, 0.0) / known.unit, f"{best.cells} cells, {NAMES[best.sequence]}"
+        lines.append((problem.name, len(meshes), int(inside.sum()), bool(known.sequence), gap, on))
+    return DataFrame(lines, columns=["problem", "number", "inside", "own", "gap", "on"]).astype({"own": bool})
+
+
 def _of_brackets(overview: Overview) -> dict[str, Any]:
     """Guaranteed brackets beside references from elsewhere."""
-    found = [each for problem in overview.problems for each in enclosing(overview, problem) if not each.own]
+    found = brackets_of(overview)
+    found = found[~found.own]
     return {
-        "guaranteed": sum(each.number for each in found), "inside": sum(each.inside for each in found),
-        "closest": min((each.gap for each in found if each.gap >= CLOSED), default=None),
+        "guaranteed": int(found.number.sum()), "inside": int(found.inside.sum()),
+        "closest": found.gap[found.gap >= CLOSED].min(),
     }  # fmt: skip
 
 
-def enclosing(overview: Overview, problem: Problem) -> Iterator[Enclosing]:
-    """The guaranteed brackets of a problem, if it has some and a reference."""
-    known, meshes = overview.references[problem.name].get(ENERGY), overview.brackets(problem)
-    if known is None or meshes.empty:
-        return
-    slack = known.uncertainty + _ROUNDING * known.unit
-    inside = (meshes.lower <= known.value + slack) & (meshes.upper >= known.value - slack)
-    best = meshes.loc[meshes.gap.idxmin()]
-    on = f"{best.cells} cells, {NAMES[best.sequence]}"
-    yield Enclosing(len(meshes), int(inside.sum()), on, max(best.gap, 0.0) / known.unit, bool(known.sequence))
+def models_of(overview: Overview) -> "DataFrame":
+    """One line a problem: the sides of the reference that forces by stresses and displacements are on, and two models.
+
+    The change is what the law on whole edges makes of the force, relative, on the finest equal mesh with both models;
+    "on" tells its cells.
+    """
+    from pandas import DataFrame
+
+    lines = []
+    for problem in overview.problems:
+        strict, plain = overview.of(problem, UNIFORM, STRICT), overview.of(problem, UNIFORM)
+        same = strict.merge(plain[["size", "force"]], on="size", suffixes=("", "_plain"))
+        change, on = np.nan, ""
+        finest = same[same["size"] == strict["size"].max()]
+        if len(finest) and problem not in overview.exact:
+            mesh, before = finest.iloc[0], abs(finest.force_plain.iloc[0])
+            change, on = (abs(mesh.force) - before) / before, f"{mesh.cells} cells"
+        sides = _side_of(overview, problem), _side_of(overview, problem, COMPANION)
+        lines.append((problem.name, *sides, change, on))
+    return DataFrame(lines, columns=["problem", "stresses", "displacements", "change", "on"])
 
 
-def side_of(overview: Overview, problem: Problem, model: str = "") -> str | None:
+def _side_of(overview: Overview, problem: Problem, model: str = "") -> str | None:
     """On which side of the reference the forces on equal cells are; None if on both, or within its uncertainty."""
     known = overview.references[problem.name].get(FORCE)
     if known is None or problem in overview.exact:
@@ -133,16 +164,3 @@ def side_of(overview: Overview, problem: Problem, model: str = "") -> str | None
     off = forces[(forces - known.value).abs() > known.uncertainty + FLOOR * known.unit]
     signs = set(off.abs() > abs(known.value))
     return {True: "too large", False: "too small"}[signs.pop()] if len(signs) == 1 else None
-
-
-def changes_of(overview: Overview) -> dict[str, tuple[str, float]]:
-    """Problem → cells, and what the law on whole edges changes in the force, on the finest equal mesh with both."""
-    found = {}
-    for problem in overview.problems:
-        strict, plain = overview.of(problem, UNIFORM, STRICT), overview.of(problem, UNIFORM)
-        same = strict.merge(plain[["size", "force"]], on="size", suffixes=("", "_plain"))
-        finest = same[same["size"] == strict["size"].max()]
-        if len(finest) and problem not in overview.exact:
-            mesh, before = finest.iloc[0], abs(finest.force_plain.iloc[0])
-            found[problem.name] = (f"{mesh.cells} cells", (abs(mesh.force) - before) / before)
-    return found

@@ -85,12 +85,12 @@ def _verdict(orders: "Series", fitted: float, expected: float) -> str:
 
 
 def cost(points: "DataFrame", target: float) -> float:
-    """The least number of unknowns from which on all errors stay within the target; NaN if even the last one does not.
+    """The least number of unknowns from which on all errors stay within the target.
 
-    An error that a finer mesh does not confirm is small by chance and does not count. One that means nothing counts as
-    the reference's uncertainty.
+    NaN without errors, infinite if even the last one does not. An error that a finer mesh does not confirm is small by
+    chance and does not count. One that means nothing counts as the reference's uncertainty.
     """
-    found = float("nan")
+    found = float("inf") if len(points) else float("nan")
     for unknowns, error in sorted(zip(points.unknowns, points.error, strict=True), reverse=True):
         if error > target:
             break
@@ -103,20 +103,19 @@ def advantage(curves: Mapping[str, "DataFrame"], target: float) -> tuple[float, 
 
     At least and at most; the second is NaN where that is not known, both where nothing can be said.
     """
-    nothing = float("nan")
+    nothing, uniform = float("nan"), curves[UNIFORM]
     costs = {sequence: cost(points, target) for sequence, points in curves.items()}
-    others = {sequence: value for sequence, value in costs.items() if sequence != UNIFORM and value == value}
-    uniform = curves[UNIFORM]
+    others = {sequence: value for sequence, value in costs.items() if sequence != UNIFORM and value < np.inf}
     if uniform.empty or not others:
         return nothing, nothing
     best, needed = min(others.values()), costs[UNIFORM]
-    if needed != needed:
+    if needed == np.inf:
         return float(uniform.unknowns.max()) / best, nothing
     before = _before(uniform, needed)
     if not before > best:
         return nothing, nothing
     least = [_before(curves[sequence], value) for sequence, value in others.items()]
-    return before / best, nothing if any(value != value for value in least) else needed / min(least)
+    return before / best, nothing if np.isnan(least).any() else needed / min(least)
 
 
 def _before(points: "DataFrame", unknowns: float) -> float:

@@ -1,23 +1,16 @@
 """The tables of the report."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
-from comparisons.convergence.mesh.measures import CLOSED, changes_of, enclosing, force_curves, side_of
-from comparisons.convergence.mesh.orders import advantage, cost
+from comparisons.convergence.mesh.measures import CLOSED, brackets_of, costs_of, models_of
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
 from comparisons.convergence.mesh.references import end_of
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GRADED, STRICT, UNIFORM
 from comparisons.lab.report.numbers import NOTHING, fixed, scientific, seconds, significant
 from comparisons.lab.tables import Columns, Form, Grid, grid_of
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
-TARGETS: Final = (1e-3, 1e-4, 1e-5)
-"""Relative errors of the force whose cost is told."""
 
 
 def _known(form: Form) -> Form:
@@ -31,9 +24,12 @@ _ORDER: Final = _known(lambda order: f"{round(order, 2) + 0.0:.2f}")
 
 def tables_of(overview: Overview) -> dict[str, Grid]:
     """The tables by name."""
-    found = {name: _grid(table(overview)) for name, table in _TABLES.items()}
-    meshes = {f"meshes-{slug(problem)}": _meshes(overview, problem) for problem in overview.problems}
-    return {**found, "orders": _orders(overview), "failures": failures(overview), **meshes}
+    return {
+        "costs": _costs(overview), "brackets": grid_of(brackets_of(overview), _BRACKETS),
+        "models": grid_of(models_of(overview), _MODELS), "zones": _grid(_zones(overview)),
+        "references": _grid(_references(overview)), "orders": _orders(overview), "failures": failures(overview),
+        **{f"meshes-{slug(problem)}": _meshes(overview, problem) for problem in overview.problems},
+    }  # fmt: skip
 
 
 def _grid(lines: "Iterator[dict[str, str]]") -> Grid:
@@ -42,26 +38,27 @@ def _grid(lines: "Iterator[dict[str, str]]") -> Grid:
     return Grid("", tuple(rows[0]) if rows else (), [tuple(row.values()) for row in rows])
 
 
-def _costs(overview: Overview) -> Iterator[dict[str, str]]:
+def _costs(overview: Overview) -> Grid:
     """Unknowns needed for given errors of the force."""
-    for problem in overview.problems:
-        curves, least = force_curves(overview, problem), overview.least(problem)
-        for target in TARGETS:
-            told = {
-                f"unknowns, {NAMES[sequence]}": "" if target < least or points.empty else _cost(points, target)
-                for sequence, points in curves.items()
-            }
-            low, high = advantage(curves, target) if target >= least else (float("nan"),) * 2
-            known = significant(low, 2) if high != high else f"{significant(low, 2)} to {significant(high, 2)}"
-            yield {
-                "problem": problem.name, "relative error of the force": scientific(target, 1), **told,
-                "equal cells over the best of the others": "" if low != low else "> " * (high != high) + known,
-            }  # fmt: skip
+    costs = costs_of(overview)
+    headings: Columns = {
+        "problem": "problem", "target": ("relative error of the force", partial(scientific, digits=1)),
+        **{sequence: (f"unknowns, {name}", _known(_cost)) for sequence, name in NAMES.items()},
+        "times": "equal cells over the best of the others",
+    }  # fmt: skip
+    return grid_of(costs.assign(times=list(map(_times, costs.low, costs.high))), headings)
 
 
-def _cost(points: "DataFrame", target: float) -> str:
-    found = cost(points, target)
-    return "not reached" if found != found else f"{found:.0f}"
+def _cost(unknowns: float) -> str:
+    return "not reached" if unknowns == float("inf") else f"{unknowns:.0f}"
+
+
+def _times(low: float, high: float) -> str:
+    """A number that is known as well as an `advantage` is."""
+    if low != low:
+        return ""
+    least = significant(low, 2)
+    return f"> {least}" if high != high else f"{least} to {significant(high, 2)}"
 
 
 def _orders(overview: Overview) -> Grid:
@@ -75,29 +72,26 @@ def _orders(overview: Overview) -> Grid:
     return grid_of(shown, headings)
 
 
-def _brackets(overview: Overview) -> Iterator[dict[str, str]]:
-    """Whether guaranteed bounds enclose the reference, and how close they get."""
-    for problem in overview.problems:
-        for found in enclosing(overview, problem):
-            yield {
-                "problem": problem.name, "guaranteed brackets": str(found.number),
-                "enclose the reference": str(found.inside),
-                "which is from": "these models" if found.own else "elsewhere",
-                "closest, relative gap": "closed" if found.gap < CLOSED else scientific(found.gap), "on": found.on,
-            }  # fmt: skip
+def _gap(gap: float) -> str:
+    return "closed" if gap < CLOSED else scientific(gap)
 
 
-def _models(overview: Overview) -> Iterator[dict[str, str]]:
-    """On which side of the reference both models are, and what the law on whole edges changes."""
-    changes = changes_of(overview)
-    for problem in overview.problems:
-        cells, change = changes.get(problem.name, ("", float("nan")))
-        yield {
-            "problem": problem.name, "force by stresses": side_of(overview, problem) or NOTHING,
-            "force by displacements": side_of(overview, problem, COMPANION) or NOTHING,
-            "law on whole edges changes the force by": "0" if abs(change) < CLOSED else _known(scientific)(change),
-            "on": cells,
-        }  # fmt: skip
+def _change(change: float) -> str:
+    return "0" if abs(change) < CLOSED else scientific(change)
+
+
+_BRACKETS: Final[Columns] = {
+    "problem": "problem", "number": "guaranteed brackets", "inside": "enclose the reference",
+    "own": ("which is from", {True: "these models", False: "elsewhere"}.__getitem__),
+    "gap": ("closest, relative gap", _gap), "on": "on",
+}  # fmt: skip
+"""Whether guaranteed bounds enclose the reference, and how close they get."""
+
+_MODELS: Final[Columns] = {
+    "problem": "problem", "stresses": "force by stresses", "displacements": "force by displacements",
+    "change": ("law on whole edges changes the force by", _known(_change)), "on": "on",
+}  # fmt: skip
+"""On which side of the reference both models are, and what the law on whole edges changes."""
 
 
 def _zones(overview: Overview) -> Iterator[dict[str, str]]:
@@ -130,11 +124,6 @@ def _references(overview: Overview) -> Iterator[dict[str, str]]:
                 "value": "a function" if measure == TRACTIONS else significant(known.value, 9),
                 "relative uncertainty": scientific(known.uncertainty / known.unit), "source": known.source,
             }  # fmt: skip
-
-
-_TABLES: Final[Mapping[str, Callable[[Overview], Iterator[dict[str, str]]]]] = {
-    "costs": _costs, "brackets": _brackets, "models": _models, "zones": _zones, "references": _references,
-}  # fmt: skip
 
 
 def _meshes(overview: Overview, problem: Problem) -> Grid:

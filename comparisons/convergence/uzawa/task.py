@@ -15,7 +15,6 @@ from typing import Any, Final
 import numpy as np
 
 from comparisons.convergence.bodies import Reference, reference
-from comparisons.convergence.linearised import Linearised
 from comparisons.convergence.rates import first_lasting
 from comparisons.convergence.solves import ending, plain_certificate, timed
 from comparisons.convergence.uzawa.study import METHODS
@@ -66,36 +65,25 @@ def run(case: Mapping[str, Any]) -> Record:
 
 def _limits(known: Reference) -> Record:
     """Limits of the steps by theory, in the problem's units."""
-    local, unit = _local(known), known.body
+    local, unit = known.local, known.body
     compliance = unit.displacement / unit.stress
+    limit_T, limit_N = local.limits
     return {
-        "limit_T": _times(local.tangential_limit(everywhere=True), unit.displacement),
+        "limit_T": _times(limit_T, unit.displacement),
         "slipping_T": _times(local.tangential_limit(), unit.displacement),
-        "limit_N": _times(local.normal_limit(everywhere=True), compliance),
-        "open_N": _times(local.normal_limit(), compliance),
+        "limit_N": _times(limit_N, compliance), "open_N": _times(local.normal_limit(), compliance),
         "condition": local.condition(), "slipping": int(local.slipping.sum()), "open": int(local.open.sum()),
-        "points": len(local.open), "force": unit.force * abs(_resultant(known)),
+        "points": len(local.open), "force": unit.force * abs(known.resultant),
     }  # fmt: skip
-
-
-def _local(known: Reference) -> Linearised:
-    if known.linearised is None:
-        raise ArithmeticError(f"no reference: {known.solution.message}")
-    return known.linearised
 
 
 def _times(value: float | None, unit: float) -> float | None:
     return None if value is None else value * unit
 
 
-def _resultant(known: Reference) -> float:
-    return known.body.qvi.resultant(known.solution.z)
-
-
 def _steps(known: Reference, tangential: float, normal: float) -> tuple[float, float]:
     """(ω_T, ω_N), dimensionless, from shares of the limits."""
-    local = _local(known)
-    limit_T, limit_N = local.tangential_limit(everywhere=True), local.normal_limit(everywhere=True)
+    limit_T, limit_N = known.local.limits
     if not limit_T or limit_N is None:
         raise ArithmeticError("no point has a bound above zero: there is no limit that a step could be a share of")
     return tangential * limit_T, normal * limit_N
@@ -110,7 +98,7 @@ def _march(known: Reference, omega_T: float, omega_N: float, iterations: int, **
 def _course(known: Reference, solution: QVISolution) -> Record:
     """What a run of a given number of iterations did."""
     numbers = [entry.number for entry in solution.history]
-    errors = np.array([abs(entry.normal_resultant / _resultant(known) - 1.0) for entry in solution.history])
+    errors = np.array([abs(entry.normal_resultant / known.resultant - 1.0) for entry in solution.history])
     changes = np.array([entry.residual for entry in solution.history])
     last = np.array(numbers) > 0.75 * numbers[-1]
     error, change = float(errors[last].max()), float(np.median(changes[last]))
@@ -126,7 +114,7 @@ def _given(known: Reference, omega_T: float, omega_N: float) -> Record:
     unit = known.body
     return {
         "omega_T": omega_T * unit.displacement, "omega_N": omega_N * unit.displacement / unit.stress,
-        "linearised": _local(known).uzawa_contraction(omega_T, omega_N),
+        "linearised": known.local.uzawa_contraction(omega_T, omega_N),
     }  # fmt: skip
 
 
@@ -158,7 +146,7 @@ def _limit(case: Mapping[str, Any], known: Reference) -> Record:
     low, high = SEARCHED
     largest, smallest = (high, None) if settles(high) else (None, low) if not settles(low) else _bisected(settles)
     found, steps = trials[smallest if largest is None else largest]
-    foreseen = _foreseen(lambda share: _local(known).uzawa_contraction(*steps_of(share)))
+    foreseen = _foreseen(lambda share: known.local.uzawa_contraction(*steps_of(share)))
     return {**found, **_given(known, *steps), "largest": largest, "smallest": smallest, "foreseen": foreseen}
 
 
@@ -187,22 +175,21 @@ def _paper(case: Mapping[str, Any], known: Reference) -> Record:
     and the relative error of P/2 after each iteration ("errors").
     """
     paper = load()
-    omega_T, omega_N = paper.omega_T / known.body.displacement, _local(known).normal_limit(everywhere=True) or 1.0
-    steps = (omega_T, omega_N / 2.0)
+    steps = (paper.omega_T / known.body.displacement, (known.local.limits[1] or 1.0) / 2.0)
     after, as_printed = (_march(known, *steps, paper.iterations, rule=rule) for rule in ("accumulating", "printed"))
     long = _march(known, *steps, ITERATIONS)
     qvi, unit = known.body.qvi, known.body.force
     exact = np.concatenate([qvi.normal(known.solution.z), qvi.tangential(known.solution.z)])
     found = np.concatenate([qvi.normal(after.z), qvi.tangential(after.z)])
-    mean = abs(_resultant(known)) / float(qvi.W.sum())
+    mean = abs(known.resultant) / float(qvi.W.sum())
     bonded = qvi.resultant(qvi.bonded)
     return {
         **_course(known, long), **_given(known, *steps),
         "printed": paper.table[case["place"][2]],
         "after": -unit * qvi.resultant(after.z), "after_printed_rule": -unit * qvi.resultant(as_printed.z),
-        "before": abs(bonded / _resultant(known) - 1.0),
+        "before": abs(bonded / known.resultant - 1.0),
         "tractions": float(np.abs(found - exact).max()) / mean,
-        "errors": [abs(entry.normal_resultant / _resultant(known) - 1.0) for entry in long.history[:_SHOWN]],
+        "errors": [abs(entry.normal_resultant / known.resultant - 1.0) for entry in long.history[:_SHOWN]],
         "after_certificate": plain_certificate(after),
     }  # fmt: skip
 
@@ -220,13 +207,12 @@ def _accuracy(case: Mapping[str, Any], known: Reference) -> Record:
         options |= {"omega_T": steps[0], "omega_N": steps[1]}
         given = _given(known, *steps)
     solution, seconds = timed(case["place"], tolerance=case["target"], **options)
-    error = abs(solution.problem.resultant(solution.z) / _resultant(known) - 1.0)
+    error = abs(solution.problem.resultant(solution.z) / known.resultant - 1.0)
     return {**ending(solution), **given, "seconds": seconds, "last_error": error}
 
 
 def _half_steps(known: Reference) -> tuple[float, float]:
-    local = _local(known)
-    limit_T, limit_N = local.tangential_limit(everywhere=True), local.normal_limit(everywhere=True)
+    limit_T, limit_N = known.local.limits
     return limit_T / 2.0 if limit_T else load().omega_T / known.body.displacement, (limit_N or 2.0) / 2.0
 
 
