@@ -1,10 +1,8 @@
 """Studies on a Dask cluster: a real one, of a scheduler and two workers, each a process of its own."""
 
-import json
-import os
+import multiprocessing
 import signal
 import socket
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -16,74 +14,63 @@ import pytest
 from comparisons.lab.study import Study, read_study, run_study
 from qvi_contact import InputError
 from qvi_contact.basics import cluster
+from tests.comparisons import study_dask
 from tests.comparisons.study_demo import DEMO, SMALL, ways
 from tests.comparisons.study_processes import MARK, ROOT, commands, comparable, eventually, marked, rows_in
 
 pytest.importorskip("distributed")
 
 
-UNWATCHED = {
-    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
-    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "60s",
-    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "10s",
-}
-"""What Dask would measure of itself all the time."""
+@pytest.fixture(scope="module")
+def forks():
+    """Where processes come from that find Dask loaded, which takes most of the time they need to start."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["distributed"])
+    return context
 
 
 class Cluster:
     """A scheduler and its workers."""
 
-    def __init__(self, folder, workers=2, path=ROOT):
-        self.mark = str(folder)
-        self.path = path
-        self.file = folder / "scheduler.json"
-        self.log = open(folder / "log", "wb")  # noqa: SIM115 - closed with the cluster
-        self.processes = [self._start("scheduler", "--port", "0", "--host", "127.0.0.1", "--no-dashboard")]
-        assert eventually(self._is_told), self.tell()
+    def __init__(self, forks, folder, workers=2, path=ROOT):
+        self.mark, self.path = str(folder), str(path)
+        self._forks, self._folder, self.processes = forks, str(folder), []
+        told, tells = forks.Pipe(duplex=False)
+        with told, tells:
+            self._start(study_dask.scheduler, tells)
+            assert told.poll(60.0), self.tell()
+            self.address = told.recv()
         for _ in range(workers):
             self.add_worker()
 
-    def _is_told(self):
-        """Whether the scheduler has written its address, all of it."""
-        try:
-            self.address = json.loads(self.file.read_text(encoding="utf-8"))["address"]
-        except (OSError, ValueError):
-            return False
-        return True
-
-    def _start(self, what, *options):
-        words = [sys.executable, "-m", "dask", what, "--scheduler-file", str(self.file), *options]
-        environment = {
-            **os.environ, **UNWATCHED, "PYTHONPATH": str(self.path), MARK: self.mark, "DEMO_SECONDS": "0.04",
-            "DEMO_FOLDER": str(self.file.parent),
-        }  # fmt: skip
-        return subprocess.Popen(
-            words, stdout=self.log, stderr=self.log, env=environment, cwd=self.file.parent, start_new_session=True
-        )
+    def _start(self, what, *arguments):
+        environment = {MARK: self.mark, "DEMO_SECONDS": "0.04", "DEMO_FOLDER": self._folder}
+        words = (self._folder, environment, self.path, *arguments)
+        process = self._forks.Process(target=what, args=words, daemon=True)
+        process.start()
+        self.processes.append(process)
 
     def add_worker(self):
-        options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"]
-        self.processes.append(self._start("worker", *options))
+        self._start(study_dask.worker, self.address)
 
     def lost(self):
         """How many of its processes were killed."""
-        return sum(process.poll() == -signal.SIGKILL for process in self.processes)
+        return sum(process.exitcode == -signal.SIGKILL for process in self.processes)
 
     def tell(self):
-        return Path(self.log.name).read_text(encoding="utf-8", errors="replace")
+        return (Path(self._folder) / "log").read_text(encoding="utf-8", errors="replace")
 
     def close(self):
         for process in self.processes:
             process.kill()
-            process.wait()
-        self.log.close()
+            process.join()
         assert eventually(lambda: not marked(self.mark)), marked(self.mark)
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory):
+def running(forks, tmp_path_factory):
     """One cluster for all tests; the last ones that use it take its workers away, and in the end its scheduler."""
-    found = Cluster(tmp_path_factory.mktemp("cluster"))
+    found = Cluster(forks, tmp_path_factory.mktemp("cluster"))
     yield found
     found.close()
 
@@ -97,12 +84,12 @@ def local(tmp_path_factory):
 
 
 @pytest.fixture
-def started(tmp_path):
+def started(forks, tmp_path):
     """Start a cluster for one test."""
     clusters = []
 
     def start(**options):
-        clusters.append(Cluster(tmp_path, **options))
+        clusters.append(Cluster(forks, tmp_path, **options))
         return clusters[-1]
 
     yield start
