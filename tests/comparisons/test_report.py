@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from io import StringIO
 
@@ -186,7 +187,7 @@ def test_contents_lead_to_the_sections_behind_the_findings(page):
 
 def test_findings_are_those_of_the_template_with_numbers(report):
     assert findings_of(report.text) == ["Clarabel takes 12.3 ms.", "Nobody lies."]
-    assert findings_of(sample(fastest=None).text)[0] == "Clarabel takes none."
+    assert findings_of(sample(undrawn, fastest=None).text)[0] == "Clarabel takes none."
     assert findings_of("# Nothing\n\n1. Not a finding.\n") == []
 
 
@@ -220,7 +221,7 @@ def test_a_folder_that_cannot_be_written_is_bad_input(report, tmp_path):
 
 
 def test_files_are_replaced_whole_or_not_at_all(report, folder, tmp_path, monkeypatch):
-    write_report(sample(limits=["Earlier."]), tmp_path)
+    write_report(replace(report, text="Earlier."), tmp_path)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     monkeypatch.setattr("pathlib.Path.replace", _full)
     with pytest.raises(InputError, match="No space left"):
@@ -330,7 +331,7 @@ class TestOrder:
         small, large = sorted((first, second))
         assert number_in(numbers.percent(small, digits)) <= number_in(numbers.percent(large, digits)) + 1e-12
 
-    @given(st.text(max_size=12))
+    @given(st.text("0123456789.,eE+-−<>≤~ %µsminhKMGTiB∞²½٣f/:_abé\ud800", max_size=12))
     def test_a_key_is_read_like_its_cell(self, cell):
         key = sort_key(cell)
         assert (key is None) == (position(cell)[0] == 1)

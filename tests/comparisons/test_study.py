@@ -229,6 +229,12 @@ with store.writing(Path({str(tmp_path / "a")!r}), SMALL):
         assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "a.lock"]
 
 
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """A row that comes from a store."""
+    return read_study(filled(tmp_path_factory.mktemp("study") / "a", count=1)).rows[0]
+
+
 class TestExport:
     """Rows for others."""
 
@@ -275,13 +281,12 @@ class TestExport:
     ), max_size=4), st.sampled_from(["a.csv", "a.csv.gz"]))  # fmt: skip
     @example({"a": "\r"}, "a.csv")
     @settings(max_examples=40, derandomize=True)
-    def test_rows_come_back_from_csv(self, tmp_path_factory, result, name):
+    def test_rows_come_back_from_csv(self, tmp_path_factory, stored, result, name):
         """Whatever a result is, also a text that reads like a number or like nothing."""
         path = tmp_path_factory.mktemp("rows")
-        row = read_study(filled(path / "a")).rows[0]
         rows = (
-            replace(row, result=result),
-            replace(row, position=1, certificate=None, reason="1e3", result={"n": "null"}),
+            replace(stored, result=result),
+            replace(stored, position=1, certificate=None, reason="1e3", result={"n": "null"}),
         )
         write_csv(path / name, rows)
         assert read_csv(path / name) == rows
