@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from comparisons.lab.report.drawing import drawn, grid
 from comparisons.peers.measures import OTHERS, Reference, by_friction, slug
 from comparisons.peers.meshes import FAMILIES
-from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED, TRIANGLES
-from qvi_contact.plots import GREY
-from qvi_contact.plots.style import new_figure
+from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED, TRIANGLES, Code, Model
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots.style import PURPLE, SKY, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +24,12 @@ _BESIDE: Final = 0.075  # of a mesh's place, between two marks of the picture of
 _MARGIN: Final = 2.0  # factor between the outermost marks and the frame
 _UNRESOLVED: Final = 1.0 / 3.0  # of what is resolved: the height of all marks in the grey band
 _NARROW: Final = 30.0  # largest over smallest cost, below which powers of ten are too few to label an axis
+
+COLOURS: Final[Mapping[str, str]] = {
+    "black": "#000000", "blue": BLUE, "green": GREEN, "orange": ORANGE, "purple": PURPLE, "sky": SKY,
+    "vermillion": VERMILLION,
+}  # fmt: skip
+"""What models and codes call their colours → the colours that all can tell apart."""
 
 Panels = list[tuple[str, Any]]
 """Title of each panel of a picture, and the runs in it."""
@@ -110,8 +116,7 @@ def _fronts(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
         here = here.assign(height=here.lasting.clip(lower=here.floor)).sort_values([cost.column, "height"])
         front = here[here.height < here.height.cummin().shift(fill_value=math.inf)]
         if len(front):
-            axes.plot(front[cost.column], front.height, color=about.colour, marker=about.marker, linewidth=1.2,
-                      markersize=5, label=about.name)  # fmt: skip
+            axes.plot(front[cost.column], front.height, **_look(about), linewidth=1.2, markersize=5, label=about.name)
     _error_axes(axes, known, cost)
 
 
@@ -124,8 +129,8 @@ def _error_curves(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
     for name, here in shown.groupby("model", sort=False):
         model = NAMED[str(name)]
         label = _label(model.name) + (": guaranteed" if model.code == BRACKET else "")
-        axes.plot(here[cost.column], here.height, color=model.colour, marker=model.marker, linestyle=model.line,
-                  markersize=6, linewidth=1.2, label=label)  # fmt: skip
+        axes.plot(here[cost.column], here.height, **_look(model), linestyle=model.line, markersize=6, linewidth=1.2,
+                  label=label)  # fmt: skip
     least, most = min(shown.height, default=floor), max(shown.height, default=floor)
     if least < 10.0 * floor:
         _band(axes, floor / 10.0, floor)
@@ -153,6 +158,11 @@ def _band(axes: "Axes", low: float, high: float) -> None:
     axes.axhspan(low, high, color=GREY, alpha=0.2, linewidth=0, label="not resolved")
 
 
+def _look(of: Code | Model) -> dict[str, Any]:
+    """Colour and marker of a curve."""
+    return {"color": COLOURS[of.colour], "marker": of.marker}
+
+
 def heights(runs: "DataFrame") -> Any:
     """Errors, and half the distances of guaranteed bounds; what is not resolved is inside the band."""
     value = runs.error.fillna(runs.width.where(runs.bounded))
@@ -175,14 +185,13 @@ def _intervals(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
     _band(axes, -known.floor, known.floor)
     for run in runs[runs.bounded].itertuples():
         low, high = (end / known.value - 1.0 for end in (run.lower, run.upper))
-        axes.bar(place[run.number] - 0.36, high - low, 0.14, low, color=_BAR, edgecolor=NAMED[run.model].colour,
-                 label=f"{_label(run.model)}: guaranteed")  # fmt: skip
+        axes.bar(place[run.number] - 0.36, high - low, 0.14, low, color=_BAR,
+                 edgecolor=COLOURS[NAMED[run.model].colour], label=f"{_label(run.model)}: guaranteed")  # fmt: skip
     others = runs[(runs.code != BRACKET) & runs.solved & runs.half_force.notna()]
     for number, (name, here) in enumerate(others.groupby("model", sort=False)):
         model = NAMED[str(name)]
         axes.plot([place[each] - 0.22 + _BESIDE * number for each in here.number], here.half_force / known.value - 1.0,
-                  color=model.colour, marker=model.marker, linestyle="none", markersize=5,
-                  label=_label(model.name))  # fmt: skip
+                  **_look(model), linestyle="none", markersize=5, label=_label(model.name))  # fmt: skip
     _mesh_axis(axes, runs)
     _difference_axis(axes, runs, known)
     _name_once(axes)
@@ -196,12 +205,12 @@ def _beside_others(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
     for code in (*OTHERS, TRIANGLES):
         about, here = CODES[code], runs[(runs.code == code) & runs.solved]
         if len(here):
-            axes.plot(here.unknowns, here.half_force / known.value - 1.0, color=about.colour, marker=about.marker,
-                      linestyle="none", markersize=4, markerfacecolor="none", label=about.name)  # fmt: skip
+            axes.plot(here.unknowns, here.half_force / known.value - 1.0, **_look(about), linestyle="none",
+                      markersize=4, markerfacecolor="none", label=about.name)  # fmt: skip
     sure = runs[runs.bounded].sort_values("unknowns")
     sure = sure[sure.width < sure.width.cummin().shift(fill_value=math.inf)]
     ends = [sure.low / known.value - 1.0, sure.high / known.value - 1.0]
-    axes.vlines(sure.unknowns, *ends, color=CODES[BRACKET].colour, linewidth=3, alpha=0.6, label="guaranteed interval")
+    axes.vlines(sure.unknowns, *ends, color=COLOURS["black"], linewidth=3, alpha=0.6, label="guaranteed interval")
     axes.set_xlabel(COSTS[0].label)
     _difference_axis(axes, runs[runs.code.isin((*OTHERS, TRIANGLES, BRACKET))], known)
 
@@ -238,7 +247,7 @@ def _indicators(axes: "Axes", runs: "DataFrame") -> None:
         height = here.width if model.code == BRACKET else here.error.clip(lower=here.floor)
         if model.code in (BRACKET, EQUILIBRIUM) and height.notna().any():
             label = f"{_label(model.name)}: {'indicator' if model.code == BRACKET else 'error of P/2'}"
-            axes.plot([cells.index(each) for each in here.number], height, color=model.colour, marker=model.marker,
+            axes.plot([cells.index(each) for each in here.number], height, **_look(model),
                       linestyle=model.line, markersize=6, linewidth=1.2, label=label)  # fmt: skip
     _mesh_axis(axes, runs)
     axes.set_ylabel("relative [-]")

@@ -92,7 +92,7 @@ def by_code(document):
 
 
 def nitsche(friction, number, order=2, variant="symmetric", mesh="uniform"):
-    return ngsolve_nitsche.build(measure.plate(friction, mesh, number), order, variant).solve()
+    return ngsolve_nitsche.build(measure.plate(friction, mesh, number), order, variant)()
 
 
 def refused(capfd, *arguments):
@@ -159,7 +159,7 @@ class TestNitsche:
 
     def test_each_solve_starts_from_zero(self):
         plate = ngsolve_nitsche.build(measure.plate(0.2, "uniform", 4))
-        assert plate.solve() == plate.solve()
+        assert plate() == plate()
 
 
 @cache
@@ -205,13 +205,13 @@ class TestOwnModels:
 
     @pytest.mark.parametrize("degree", [2, 3])
     def test_the_companion_is_above_and_its_unknowns_are_those_of_the_same_elements(self, degree):
-        found = companion.build(measure.plate(1.0, "graded", 4), degree).solve()
+        found = companion.build(measure.plate(1.0, "graded", 4), degree)()
         assert found["status"] == "solved"
         assert SETTLED[1.0] < found["half_force"] < {2: 214.41, 3: 214.38}[degree]
         assert found["unknowns"] == 2 * (4 * degree + 1) ** 2 - 2 * (4 * degree + 1)
 
     def test_the_bracket_of_a_plate_that_sticks_bounds_the_force(self):
-        found = equilibrium.build(measure.plate(1.0, "graded", 4), bracket=2).solve()
+        found = equilibrium.build(measure.plate(1.0, "graded", 4), bracket=2)()
         assert (found["status"], found["half_force"], found["guaranteed"]) == ("solved", None, True)
         assert (found["kind"], found["unknowns"]) == (BracketKind.STICKING.name, 64 + 2 * 9**2)
         assert found["lower"] < SETTLED[1.0] < found["upper"]
@@ -219,7 +219,7 @@ class TestOwnModels:
         assert found["width"] == pytest.approx(half_width, rel=1e-9)
 
     def test_the_bracket_of_a_plate_that_slips_is_an_indicator(self):
-        found = equilibrium.build(measure.plate(0.2, "graded", 4), bracket=2).solve()
+        found = equilibrium.build(measure.plate(0.2, "graded", 4), bracket=2)()
         assert (found["status"], found["guaranteed"]) == ("solved", False)
         assert (found["lower"], found["upper"], found["kind"]) == (None, None, BracketKind.GIVEN_BOUND.name)
         expected = bracket(solve(compressed_plate(0.2, (4, 4), grading=0.6), element="bfs"))
@@ -227,7 +227,7 @@ class TestOwnModels:
         assert 0.0 < found["width"] < 1e-3
 
     def test_the_bracket_on_triangles_bounds_the_force_under_slip(self):
-        found = equilibrium.build(measure.plate(0.1, "bisected", 0), degree=4, bracket=4).solve()
+        found = equilibrium.build(measure.plate(0.1, "bisected", 0), degree=4, bracket=4)()
         assert (found["status"], found["guaranteed"], found["kind"]) == ("solved", True, equilibrium.ONE_SENSE)
         assert found["lower"] < LIMIT[0.1] < found["upper"]
         assert found["width"] == pytest.approx((found["upper"] - found["lower"]) / (found["upper"] + found["lower"]))
@@ -237,7 +237,7 @@ class TestOwnModels:
 
     @pytest.mark.parametrize(("number", "width"), [(0, 10.0**-2.5), (1, 1e-3)])
     def test_adaptive_meshes_give_bounds_as_close_as_their_number_asks_for(self, number, width):
-        found = equilibrium.build(measure.plate(0.05, "adaptive", number), degree=5, adaptive=True).solve()
+        found = equilibrium.build(measure.plate(0.05, "adaptive", number), degree=5, adaptive=True)()
         assert (found["status"], found["guaranteed"]) == ("solved", True)
         assert found["lower"] < LIMIT[0.05] < found["upper"]
         assert 0.0 < found["width"] <= width
@@ -257,7 +257,7 @@ class TestOwnModels:
             lower, upper, gap, relative_error, reasons = -float("inf"), 1.0, float("inf"), float("inf"), ("No stress.",)
 
         monkeypatch.setattr(qvi_contact.bracket, "bracket", lambda *_, **__: Found)
-        found = equilibrium.build(measure.plate(1.0, "uniform", 2), bracket=2).solve()
+        found = equilibrium.build(measure.plate(1.0, "uniform", 2), bracket=2)()
         assert (found["status"], found["message"]) == ("no bounds", "No stress.")
 
 
@@ -284,12 +284,12 @@ class TestRun:
 
     def test_the_bracket_is_between_rectangles_and_the_companion(self, by_code):
         bounds = by_code[models.BRACKET]["bounds"]
-        lower = equilibrium.build(measure.plate(1.0, "graded", 8)).solve()
+        lower = equilibrium.build(measure.plate(1.0, "graded", 8))()
         assert (lower["status"], lower["unknowns"]) == ("solved", 256)
         assert bounds["lower"] == pytest.approx(lower["half_force"], rel=1e-10)
         expected = solve(compressed_plate(1.0, cells=(8, 8), grading=0.6), element="bfs").contacts["plate"].normal_force
         assert lower["half_force"] == pytest.approx(expected, rel=1e-10)
-        upper = companion.build(measure.plate(1.0, "graded", 8), 3).solve()["half_force"]
+        upper = companion.build(measure.plate(1.0, "graded", 8), 3)()["half_force"]
         assert bounds["upper"] == pytest.approx(upper, rel=1e-8)
         assert bounds["guaranteed"]
 
@@ -791,7 +791,7 @@ class TestMeshes:
         assert max(near.max(), lengths[-1]) < lengths.max() / 4.0
 
     def test_a_triangle_mesh_is_solved_as_the_package_solves_it(self):
-        found = equilibrium.build(measure.plate(0.2, "cut squares", 2), degree=3).solve()
+        found = equilibrium.build(measure.plate(0.2, "cut squares", 2), degree=3)()
         expected = solve(compressed_plate(0.2).triangulated(), degree=3)
         assert found["status"] == "solved"
         assert found["half_force"] == pytest.approx(expected.contacts["plate"].normal_force, rel=1e-10)

@@ -33,7 +33,7 @@ def test_plain_data_are_the_gallerys_pin():
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 def test_triangles_move_as_far_as_ngsolve_says(friction):
     """Half a thousandth on four edges in a quarter; the force is carried to rounding."""
-    found = own_pin.build(plain_pin(friction, 4), degree=4).solve()
+    found = own_pin.build(plain_pin(friction, 4), degree=4)()
     assert found["moved"] == pytest.approx(MOVED[friction], rel=5e-4)
     assert found["carried"] == pytest.approx(1e4, rel=1e-9)
 

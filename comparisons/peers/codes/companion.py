@@ -3,6 +3,8 @@
 The package is loaded by `build`, not before.
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -10,35 +12,23 @@ if TYPE_CHECKING:
 
 MODULE: Final = "qvi_contact"
 
-TOLERANCE: Final = 1e-8
-"""That the certificate of the contact forces must confirm."""
 
-
-def build(case: dict[str, Any], degree: int = 2) -> "CompanionPlate":
-    """The plate of a case (see `measure.plate`), ready to be solved."""
+def build(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:
+    """What solves the plate of a case (see `measure.plate`): it assembles and factorises each time."""
     from comparisons.peers.codes.equilibrium import problem
 
-    return CompanionPlate(problem(case), degree)
+    return partial(_solved, problem(case), degree)
 
 
-class CompanionPlate:
-    """A problem; `solve` assembles and factorises each time."""
+def _solved(problem: "ContactProblem", degree: int) -> dict[str, Any]:
+    """As `solve_companion` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
+    from comparisons.peers.codes.equilibrium import TOLERANCE, ended
+    from qvi_contact.companion import solve_companion
 
-    def __init__(self, problem: "ContactProblem", degree: int) -> None:
-        self._problem = problem
-        self._degree = degree
-
-    def solve(self) -> dict[str, Any]:
-        """As `solve_companion` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
-        from qvi_contact.companion import solve_companion
-
-        found = solve_companion(self._problem, degree=self._degree, tolerance=TOLERANCE)
-        held = sum(self._degree * (len(lines) - 1) + 1 for lines in (self._problem.grid.x, self._problem.grid.y))
-        return {
-            "status": found.status.value,
-            "message": "" if found.certificate.passed else found.message,
-            "half_force": float(found.contacts["plate"].normal_force) if found.has_state else None,
-            "unknowns": int(found.space.size) - held,  # of the two lines of symmetry
-            "iterations": 0 if found.solution is None else int(found.solution.iterations),
-            "residual": float(found.certificate.accuracy),
-        }
+    found = solve_companion(problem, degree=degree, tolerance=TOLERANCE)
+    held = sum(degree * (len(lines) - 1) + 1 for lines in (problem.grid.x, problem.grid.y))  # of the lines of symmetry
+    return ended(
+        found, half_force=float(found.contacts["plate"].normal_force) if found.has_state else None,
+        unknowns=int(found.space.size) - held,
+        iterations=0 if found.solution is None else int(found.solution.iterations),
+    )  # fmt: skip

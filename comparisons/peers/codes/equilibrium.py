@@ -5,7 +5,8 @@ degree of displacements also the bracket: bounds of the energy, and of P where i
 too. The package is loaded by `build`, not before.
 """
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -25,16 +26,16 @@ ONE_SENSE: Final = "ONE_SENSE"
 
 def build(
     case: dict[str, Any], degree: int | None = None, bracket: int | None = None, *, adaptive: bool = False
-) -> "EquilibriumPlate | AdaptivePlate":
-    """The plate of a case (see `measure.plate`), ready to be solved.
+) -> Callable[[], dict[str, Any]]:
+    """What solves the plate of a case (see `measure.plate`): it discretises, factorises and certifies each time.
 
     `degree` is that of the stress function on triangles, `bracket` that of the displacements it is bracketed with;
     `adaptive` plates are refined from the mesh of the case on.
     """
     posed = problem(case)
     if adaptive:
-        return AdaptivePlate(posed, degree, 10.0 ** -(2.5 + 0.5 * case["number"]))
-    return EquilibriumPlate(posed, "hct" if case["lines"] is None else "bfs", degree, bracket)
+        return partial(_refined, posed, degree, 10.0 ** -(2.5 + 0.5 * case["number"]))
+    return partial(_solved, posed, "hct" if case["lines"] is None else "bfs", degree, bracket)
 
 
 def problem(case: dict[str, Any]) -> "ContactProblem":
@@ -56,62 +57,41 @@ def _plate(friction: float) -> "ContactProblem":
     return compressed_plate(friction)
 
 
-class EquilibriumPlate:
-    """A problem; `solve` discretises, factorises and certifies each time."""
+def _solved(
+    posed: "ContactProblem", element: "ElementName", degree: int | None, displacements: int | None
+) -> dict[str, Any]:
+    """As `qvi_contact.solve` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
+    from qvi_contact import solve
 
-    def __init__(
-        self, posed: "ContactProblem", element: "ElementName", degree: int | None, bracket: int | None
-    ) -> None:
-        self._problem = posed
-        self._element = element
-        self._degree = degree
-        self._bracket = bracket
+    options: dict[str, Any] = {"method": "condensed", "tolerance": TOLERANCE, "threads": 1}
+    result = solve(posed, element=element, degree=degree, **options)
+    answer = ended(
+        result, half_force=-result.resultant("plate").y if result.has_state else None,
+        unknowns=int(result.solution.problem.n), iterations=int(result.iterations),
+    )  # fmt: skip
+    if displacements is None or not result.has_state:
+        return answer
+    from qvi_contact.bracket import bracket
 
-    def solve(self) -> dict[str, Any]:
-        """As `qvi_contact.solve` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
-        from qvi_contact import solve
-
-        options: dict[str, Any] = {"method": "condensed", "tolerance": TOLERANCE, "threads": 1}
-        result = solve(self._problem, element=self._element, degree=self._degree, **options)
-        answer: dict[str, Any] = {
-            "status": result.status.value,
-            "message": "" if result.certificate.passed else result.message,
-            "half_force": -result.resultant("plate").y if result.has_state else None,
-            "unknowns": int(result.solution.problem.n),
-            "iterations": int(result.iterations),
-            "residual": float(result.certificate.accuracy),
-        }
-        if self._bracket is None or not result.has_state:
-            return answer
-        from qvi_contact.bracket import bracket
-
-        found = bracket(result, degree=self._bracket, tolerance=TOLERANCE)
-        return {**answer, **_bounds(found, answer["unknowns"])}
+    found = bracket(result, degree=displacements, tolerance=TOLERANCE)
+    return {**answer, **_bounds(found, answer["unknowns"])}
 
 
-class AdaptivePlate:
-    """A problem whose mesh is bisected until the bounds of P/2 are within a target; each `solve` begins anew."""
+def _refined(posed: "ContactProblem", degree: int | None, target: float) -> dict[str, Any]:
+    """As `qvi_contact.refine` does it with a guarantee: the bounds of P/2 on the first mesh that has them so close."""
+    from qvi_contact import refine
 
-    def __init__(self, posed: "ContactProblem", degree: int | None, target: float) -> None:
-        self._problem = posed
-        self._degree = degree
-        self._target = target
+    options: dict[str, Any] = {"element": "hct", "degree": degree, "tolerance": TOLERANCE, "threads": 1}
+    outcome = refine(posed, None, target, "plate.normal_force", guaranteed=True, **options)
+    result = outcome.result
+    bounds = _bounds(result.bracket, int(result.solution.problem.n))
+    return {**ended(result, iterations=len(outcome.rounds)), **bounds}
 
-    def solve(self) -> dict[str, Any]:
-        """As `qvi_contact.refine` does it with a guarantee: the bounds on the last mesh, after all rounds."""
-        from qvi_contact import refine
 
-        options: dict[str, Any] = {"element": "hct", "degree": self._degree, "tolerance": TOLERANCE, "threads": 1}
-        quantity = "plate.normal_force"
-        outcome = refine(self._problem, None, self._target, quantity, guaranteed=True, **options)
-        result = outcome.result
-        return {
-            "status": result.status.value,
-            "message": "" if result.certificate.passed else result.message,
-            "iterations": len(outcome.rounds),
-            "residual": float(result.certificate.accuracy),
-            **_bounds(result.bracket, int(result.solution.problem.n)),
-        }
+def ended(found: Any, **numbers: Any) -> dict[str, Any]:
+    """How a solve of this package ended, with these numbers of it, and the certificate's residual."""
+    message = "" if found.certificate.passed else found.message
+    return {"status": found.status.value, "message": message, **numbers, "residual": float(found.certificate.accuracy)}
 
 
 def _bounds(found: "Bracket", unknowns: int) -> dict[str, Any]:

@@ -8,6 +8,7 @@ Source: GetFEM's documentation, "Small sliding contact with friction bricks". No
 so that another Python than the project's may run it (see `process`). GetFEM is loaded by `build`, not before.
 """
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final
 
@@ -23,9 +24,9 @@ _STEPS: Final = 100
 _LEFT, _BOTTOM, _TOP = 1, 2, 3  # regions
 
 
-def build(case: dict[str, Any], degree: int = 2) -> "BrickPlate":
-    """The plate of a case (see `measure.plate`), ready to be solved."""
-    return BrickPlate(case, degree)
+def build(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:
+    """What solves the plate of a case (see `measure.plate`)."""
+    return BrickPlate(case, degree).solve
 
 
 class BrickPlate:

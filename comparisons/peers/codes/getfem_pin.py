@@ -7,6 +7,7 @@ Nothing of this project is imported here, so that another Python than the projec
 `build` that loads GetFEM. Stresses in MPa, lengths in mm.
 """
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final
 
@@ -24,9 +25,9 @@ _STIFF: Final = 10.0  # ρ over E of the sheet by the radius
 _SHEET, _PIN, _HOLE, _LOAD, _SHEET_AXIS, _PIN_AXIS, _WALL = range(1, 8)  # regions
 
 
-def build(case: dict[str, Any], degree: int = 2) -> "PinModel":
-    """The pin of a case (see `comparisons.peers.pin.study.plain_pin`), ready to be solved."""
-    return PinModel(case, degree)
+def build(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:
+    """What solves the pin of a case (see `comparisons.peers.pin.study.plain_pin`)."""
+    return PinModel(case, degree).solve
 
 
 class PinModel:

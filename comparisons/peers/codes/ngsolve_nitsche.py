@@ -18,7 +18,7 @@ Source: Chouly, Fabre, Hild, Mlika, Pousin, Renard, *An overview of recent resul
 problems*, 2017. Stresses in MPa, lengths in units of the plate. NGSolve is loaded by `build`, not before.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Any, Final
 
@@ -43,9 +43,9 @@ _SMALL: Final = 700  # condensed unknowns up to which UMFPACK is the quicker one
 _NEAR: Final = 1e-3  # of the lowest cell below the top: points of quadrature within this distance are on the top
 
 
-def build(case: dict[str, Any], order: int = 2, variant: str = "symmetric") -> "NitschePlate":
-    """The plate of a case (see `measure.plate`), ready to be solved."""
-    return NitschePlate(case, order, VARIANTS[variant])
+def build(case: dict[str, Any], order: int = 2, variant: str = "symmetric") -> Callable[[], dict[str, Any]]:
+    """What solves the plate of a case (see `measure.plate`)."""
+    return NitschePlate(case, order, VARIANTS[variant]).solve
 
 
 class NitschePlate:

@@ -13,6 +13,7 @@ Green and Lagrange with the same law (Saint Venant and Kirchhoff), the contact b
 Stresses in MPa, lengths in mm. NGSolve is loaded by `build`, not before.
 """
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final
 
@@ -28,9 +29,9 @@ _FIRST: Final = 0.1  # mm that the pin is moved by before the first step, so tha
 _STIFF: Final = 10.0  # ρ over E of the sheet by the radius
 
 
-def build(case: dict[str, Any], order: int = 3, finite: bool = False) -> "MultiplierPin":
-    """The pin of a case (see `comparisons.peers.pin.study.plain_pin`), ready to be solved."""
-    return MultiplierPin(case, order, finite)
+def build(case: dict[str, Any], order: int = 3, finite: bool = False) -> Callable[[], dict[str, Any]]:
+    """What solves the pin of a case (see `comparisons.peers.pin.study.plain_pin`)."""
+    return MultiplierPin(case, order, finite).solve
 
 
 class MultiplierPin:

@@ -3,47 +3,42 @@
 The package is loaded by `build`, not before.
 """
 
-from typing import Any, Final
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from qvi_contact import ContactProblem
 
 MODULE: Final = "qvi_contact"
 
-TOLERANCE: Final = 1e-8
-"""That the certificate must confirm."""
+
+def build(case: dict[str, Any], degree: int = 4) -> Callable[[], dict[str, Any]]:
+    """What solves the pin of a case (see `comparisons.peers.pin.study.plain_pin`): it assembles each time."""
+    from qvi_contact.gallery import loaded_pin
+
+    return partial(_solved, loaded_pin(case["sectors"], case["friction"]), degree, case["radius"])
 
 
-def build(case: dict[str, Any], degree: int = 4) -> "EquilibriumPin":
-    """The pin of a case (see `comparisons.peers.pin.study.plain_pin`), ready to be solved."""
-    return EquilibriumPin(case, degree)
+def _solved(problem: "ContactProblem", degree: int, radius: float) -> dict[str, Any]:
+    """What `comparisons.peers.pin.study.MEASURED` names, unknowns, the certificate's residual, status."""
+    from comparisons.peers.codes.equilibrium import TOLERANCE, ended
+    from qvi_contact import solve
+
+    found = solve(problem, degree=degree, tolerance=TOLERANCE)
+    posed = found.solution
+    answer = ended(
+        found, unknowns=None if posed is None else int(posed.problem.n),
+        iterations=0 if posed is None else int(posed.iterations),
+    )  # fmt: skip
+    return answer | _measured(found, radius) if found.has_state else answer
 
 
-class EquilibriumPin:
-    """A problem; `solve` assembles and factorises each time."""
-
-    def __init__(self, case: dict[str, Any], degree: int) -> None:
-        from qvi_contact.gallery import loaded_pin
-
-        self._problem, self._degree = loaded_pin(case["sectors"], case["friction"]), degree
-        self._radius, self._traction = case["radius"], case["traction"]
-
-    def solve(self) -> dict[str, Any]:
-        """What `comparisons.peers.pin.study.MEASURED` names, unknowns, the certificate's residual, status."""
-        from qvi_contact import solve
-
-        found = solve(self._problem, degree=self._degree, tolerance=TOLERANCE)
-        answer: dict[str, Any] = {
-            "status": found.status.value,
-            "message": "" if found.certificate.passed else found.message,
-            "unknowns": int(found.solution.problem.n) if found.solution is not None else None,
-            "iterations": int(found.solution.iterations) if found.solution is not None else 0,
-            "residual": float(found.certificate.accuracy),
-        }
-        return answer | self._measured(found) if found.has_state else answer
-
-    def _measured(self, found: Any) -> dict[str, float]:
-        hole = found.contacts["pin"]
-        return {
-            "moved": float(found.displacement(self._radius, 0.0)[0]),
-            "normal": -float(hole.weights @ hole.normal_stress),
-            "shear": -float(hole.weights @ hole.tangential_stress),
-            "carried": -float(found.resultant("wall").x),
-        }
+def _measured(found: Any, radius: float) -> dict[str, float]:
+    hole = found.contacts["pin"]
+    return {
+        "moved": float(found.displacement(radius, 0.0)[0]),
+        "normal": -float(hole.weights @ hole.normal_stress),
+        "shear": -float(hole.weights @ hole.tangential_stress),
+        "carried": -float(found.resultant("wall").x),
+    }

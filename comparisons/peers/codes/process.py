@@ -1,4 +1,4 @@
-"""A plate built and solved several times by one code, in a process of its own: times, and the memory it takes.
+"""A problem built and solved several times by one code, in a process of its own: times, and the memory it takes.
 
     python process.py < order.json
 
@@ -12,6 +12,7 @@ import json
 import os
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -21,18 +22,11 @@ BUDGET: Final = 5.0
 """Seconds after which no further repetition begins."""
 
 
-class Plate(Protocol):
-    """What a code's `build` returns."""
-
-    def solve(self) -> dict[str, Any]:
-        """Solve from zero: status, message, half_force, unknowns, iterations, residual, and what else there is."""
-
-
 class Code(Protocol):
-    """A module with the plate by one code."""
+    """A module with a problem by one code."""
 
-    def build(self, case: dict[str, Any], **options: Any) -> Plate:  # noqa: D102
-        ...
+    def build(self, case: dict[str, Any], **options: Any) -> Callable[[], dict[str, Any]]:
+        """What solves a case, from zero each time: status, message, numbers of the solution, and of the solve."""
 
 
 def main() -> None:
@@ -53,7 +47,7 @@ def repeated(code: Code, case: dict[str, Any], warm_up: dict[str, Any], options:
     Status and message of an exception instead if the code raises one.
     """
     try:
-        code.build(warm_up, **options).solve()
+        code.build(warm_up, **options)()
         return _measured(code, case, options, repetitions)
     except Exception as error:  # a library may raise anything
         return {"status": "error", "message": f"{type(error).__name__}: {error}"}
@@ -69,13 +63,13 @@ def _measured(code: Code, case: dict[str, Any], options: dict[str, Any], repetit
             break
         gc.collect()
         start = time.process_time()  # that of the clock would count what else the machine does
-        plate = code.build(case, **options)
+        solve = code.build(case, **options)
         built = time.process_time()
-        answer = plate.solve()
+        answer = solve()
         ended = time.process_time()
         times["setup"].append(built - start)
         times["solve"].append(ended - built)
-        del plate
+        del solve
         peak = peak_memory() if count == 0 else peak
     return {**answer, **times, "before": before, "peak": peak}
 
