@@ -1,5 +1,6 @@
 """The loaded pin by displacement codes: the same data for every code, and the same displacement."""
 
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 from comparisons.lab.study import read_csv
 from comparisons.peers.codes import own_pin
 from comparisons.peers.pin import report as reports
-from comparisons.peers.pin.study import MODELS, pin_study, plain_pin, run
+from comparisons.peers.pin.study import MODELS, OWN, pin_study, plain_pin, run
 from qvi_contact.errors import InputError
 
 COMMITTED = Path(reports.__file__).parents[2] / "reports" / "peers"
@@ -54,9 +55,24 @@ def test_wrong_values_are_refused(friction, sectors):
         pin_study(friction, sectors, ())
 
 
-def test_the_committed_rows_agree_and_make_the_committed_report():
+@pytest.fixture(scope="module")
+def rows():
+    return read_csv(COMMITTED / "peers-pin.csv.gz")
+
+
+def test_a_run_that_ends_without_numbers_is_shown_and_not_compared(rows):
+    """The one of this package: without it there is nothing to compare with."""
+    late = {"status": "timeout", "reason": "more than 1 s", "result": {}}
+    ended = [replace(row, **late) if row.case["model"] == OWN and row.case["friction"] == 0.1 else row for row in rows]
+    made = reports.report(ended)
+    assert made.text.count("more than 1 s") == 2
+    assert ("At μ = 0 the sheet" in made.text, "At μ = 0.1 the sheet" in made.text) == (True, False)
+    (first, _) = [row for row in reports.document_of(ended, made)["rows"] if row["status"] == "timeout"]
+    assert (first["moved"], first["unknowns"], first["message"]) == (None, None, "more than 1 s")
+
+
+def test_the_committed_rows_agree_and_make_the_committed_report(rows):
     """On twelve edges in a quarter this package and NGSolve of degree 4 differ by a hundred-thousandth."""
-    rows = read_csv(COMMITTED / "peers-pin.csv.gz")
     found = {
         (row.case["model"], row.case["friction"]): row.result["moved"] for row in rows if row.case["sectors"] == 12
     }

@@ -24,13 +24,17 @@ MEASURED: Final[Mapping[str, str]] = {
 }
 """Name of a measured number → what it is: of the sheet, and of the tractions along half of the hole."""
 
+OWN: Final = "triangles, p = 4"
+FINITE: Final = ", finite strain"
+"""Behind the name of a model: what it is with finite strain."""
+
 MODELS: Final[Mapping[str, tuple[str, str, Mapping[str, Any]]]] = {
-    "triangles, p = 4": ("triangles", "own_pin", {"degree": 4}),
+    OWN: ("triangles", "own_pin", {"degree": 4}),
     "NGSolve, p = 3": ("ngsolve", "ngsolve_pin", {"order": 3}),
     "NGSolve, p = 4": ("ngsolve", "ngsolve_pin", {"order": 4}),
     "GetFEM, P2": ("getfem", "getfem_pin", {"degree": 2}),
     "GetFEM, P3": ("getfem", "getfem_pin", {"degree": 3}),
-    "NGSolve, p = 3, finite strain": ("ngsolve", "ngsolve_pin", {"order": 3, "finite": True}),
+    f"NGSolve, p = 3{FINITE}": ("ngsolve", "ngsolve_pin", {"order": 3, "finite": True}),
 }
 """Name → key of `models.CODES`, module, options."""
 
