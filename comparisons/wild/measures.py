@@ -39,7 +39,7 @@ def problems_of(rows: Sequence[Row]) -> "DataFrame":
     problems["trouble"] = problems.outcome.isin(_NEVER)
     problems["slow"] = problems.seconds > LONGEST
     order = problems.family.map(list(FAMILIES).index)
-    return problems.assign(order=order).sort_values(["order", "number"], kind="stable", ignore_index=True)
+    return problems.assign(order=order).sort_values("order", kind="stable", ignore_index=True)
 
 
 def counts_of(problems: "DataFrame") -> dict[str, int]:

@@ -560,14 +560,15 @@ class TestFindings:
         assert intervals_of(runs_of(rows[2:])).empty
 
     def test_beside_an_interval_stands_the_best_force_of_no_more_unknowns(self):
-        rows = [bracketed(214.367, 214.368)]  # 64 unknowns
-        forces = {4: LIMIT[1.0] + 1e-3, 6: LIMIT[1.0] + 5e-4, 8: LIMIT[1.0] + 2e-3, 16: LIMIT[1.0]}
+        rows = [bracketed(214.3, 214.4, cells=7), bracketed(214.367, 214.368)]  # 49 and 64 unknowns
+        forces = {4: LIMIT[1.0] + 1e-3, 6: LIMIT[1.0] + 2e-3, 8: LIMIT[1.0] + 5e-4, 16: LIMIT[1.0]}
         rows += [solution("GetFEM, Q2, uniform", n, force, 0.1, 1.0) for n, force in forces.items()]
-        (found,) = beside_of(runs_of(rows)).itertuples()
-        assert found.getfem == pytest.approx(forces[6])
-        assert np.isnan(found.ngsolve)
-        (cells,) = tabled(*rows)["beside-mu-1"].rows
-        assert cells[-2:] == (NOTHING, f"{forces[6]:.7f}, outside")
+        found = beside_of(runs_of(rows))
+        assert found.getfem.tolist() == pytest.approx([forces[4], forces[8]])
+        assert found.ngsolve.isna().all()
+        wide, narrow = tabled(*rows)["beside-mu-1"].rows
+        assert wide[-2:] == (NOTHING, f"{forces[4]:.7f}")
+        assert narrow[-2:] == (NOTHING, f"{forces[8]:.7f}, outside")
 
     def test_costs_of_one_code_alone_are_not_compared(self):
         values = told(*(solution("GetFEM, Q2, uniform", cells, 214.233, 0.2) for cells in (8, 16)))
