@@ -18,7 +18,7 @@ SHRINKING = 100.0
 REFERENCE_INNER = "direct:clarabel"
 STRICT_INNER = "strict-direct:clarabel"
 TOLERANCE = 1e-8
-PATIENCE = 6
+PATIENCE = 3
 """Outer iterations without progress after which a back end is taken at its word that it can do no better."""
 
 
