@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from comparisons.lab.report import drawing, write_report
+from comparisons.lab.report import drawing, findings_of, write_report
 from comparisons.lab.study import StoredStudy, read_csv, read_study
 from comparisons.solvers import command, study
 from comparisons.solvers.figures import figures
@@ -127,7 +127,9 @@ def test_a_part_of_the_rows_is_said_to_be_one(stored, monkeypatch):
 
 
 def test_no_rows_make_a_report_too(stored, tmp_path):
-    assert write_report(report_of(StoredStudy(stored.declaration, ())), tmp_path)
+    empty = report_of(StoredStudy(stored.declaration, ()))
+    assert len(findings_of(empty.text)) == 4
+    assert write_report(empty, tmp_path)
 
 
 def test_unknown_solvers_are_refused(capfd, tmp_path):
