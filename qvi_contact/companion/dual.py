@@ -227,10 +227,17 @@ def groups(B: sparse.csr_array) -> list[IntArray]:
     """Rows that hang together over columns, two or more of them, in ascending order."""
     if not B.nnz:
         return []
-    group = connected_components(sparse.csr_array(abs(B) @ abs(B).T), directed=False)[1]
+    group = connected_components(_links(B), directed=False)[1][: B.shape[0]]
     order = np.argsort(group, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
     return [part for part in parts if len(part) > 1]
+
+
+def _links(B: sparse.csr_array) -> sparse.csr_array:
+    """The graph that joins each row to the columns where it has entries, columns numbered after rows."""
+    nodes = sum(B.shape)
+    starts = np.concatenate([B.indptr, np.full(B.shape[1], B.nnz)])
+    return sparse.csr_array((np.ones(B.nnz), B.indices + B.shape[0], starts), shape=(nodes, nodes))
 
 
 def _dependent(B: FloatArray, rows: IntArray) -> list[int]:

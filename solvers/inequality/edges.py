@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, eye_array, kron
+from scipy.sparse import csc_array
 
 from solvers.basics.checks import real_array
 from solvers.basics.types import Matrix, Sparse, Vector
@@ -113,7 +113,10 @@ class EdgeRows:
 
     def matrix(self, map_: Matrix, edges: int) -> Sparse:
         """A map of one edge (k, q) applied to each: block diagonal (k e, q e)."""
-        return csc_array(kron(eye_array(edges), map_))
+        k, q = map_.shape
+        rows = k * np.repeat(np.arange(edges), q)[:, None] + np.arange(k)
+        starts = k * np.arange(edges * q + 1)
+        return csc_array((np.tile(map_.T.ravel(), edges), rows.ravel(), starts), (edges * k, edges * q))
 
 
 def affine_basis(t: Vector) -> Matrix:

@@ -58,10 +58,6 @@ class ConeProblem:
     ----------
     qvi : FrictionQVI
         The problem, with `EdgeRows`.
-    N : (2k, n) sparse
-        End values of σ_N on the k unilateral edges.
-    T : three (e, n) sparse
-        Bernstein coefficients of σ_T, number 0, 1 and 2 of each edge.
 
     """
 
@@ -70,16 +66,30 @@ class ConeProblem:
         self._edges = edge_rows(qvi)
         self.count = qvi.m // self._edges.count
         self._unilateral = np.flatnonzero(~bilateral_edges(qvi))
+
+    @cached_property
+    def N(self) -> Sparse:  # noqa: N802
+        """End values of σ_N on the k unilateral edges, rows (2k, n)."""
         rows = (2 * self._unilateral[:, None] + np.arange(2)).ravel()
-        self.N: Sparse = csc_array((self._edges.matrix(self._edges.to_ends, self.count) @ qvi.N)[rows])
-        T = csc_array(self._edges.matrix(self._edges.to_bernstein, self.count) @ qvi.T).tocsr()
-        self.T: tuple[Sparse, Sparse, Sparse] = (csc_array(T[0::3]), csc_array(T[1::3]), csc_array(T[2::3]))
+        return csc_array((self._edges.matrix(self._edges.to_ends, self.count) @ self.qvi.N)[rows])
+
+    @cached_property
+    def T(self) -> tuple[Sparse, Sparse, Sparse]:  # noqa: N802
+        """Bernstein coefficients of σ_T, number 0, 1 and 2 of each edge, three times rows (e, n)."""
+        T = csc_array(self._edges.matrix(self._edges.to_bernstein, self.count) @ self.qvi.T).tocsr()
+        return csc_array(T[0::3]), csc_array(T[1::3]), csc_array(T[2::3])
 
     @cached_property
     def cone_rows(self) -> Sparse:
         """Rows (3e, n) of (τ₀ + τ₂, τ₀ − τ₂, 2τ₁), all first entries, then all second, then all third."""
         first, middle, last = self.T
         return csc_array(vstack([first + last, first - last, 2.0 * middle]))
+
+    @property
+    def without_shear(self) -> BoolVector:
+        """Edges whose σ_T no unknown changes (e,)."""
+        first, middle, last = self.T
+        return _is_empty(abs(first) + abs(middle) + abs(last))
 
     def ends(self, centre: Centre) -> Vector:
         """End values of σ_N at the centre (2k,)."""
@@ -111,9 +121,10 @@ def strict_contradiction(problem: FrictionQVI, threshold: Vector, centre: Centre
     cones = ConeProblem(problem)
     theta, shear, ends = threshold.reshape(-1, 3), cones.shear(centre), cones.ends(centre)
     scale = float(max(np.abs(part).max(initial=0.0) for part in (theta, shear, ends)))
-    fixed = _is_empty(abs(cones.T[0]) + abs(cones.T[1]) + abs(cones.T[2]))
-    excess = np.maximum(largest(shear - theta), largest(-shear - theta))
-    if not ((_is_empty(cones.N) & (ends > _EMPTY_ROW * scale)).any() or (fixed & (excess > _EMPTY_ROW * scale)).any()):
+    pulled = ends > _EMPTY_ROW * scale
+    beyond = np.maximum(largest(shear - theta), largest(-shear - theta)) > _EMPTY_ROW * scale
+    pulled_for_good = pulled.any() and (pulled & _is_empty(cones.N)).any()
+    if not pulled_for_good and not (beyond.any() and (beyond & cones.without_shear).any()):
         return None
     return no_result(problem, Status.INFEASIBLE, "a traction that no unknown can change violates its bound")
 

@@ -123,12 +123,16 @@ def _affine_field(edges: EdgeRows, values: Vector) -> tuple[Matrix, BoolVector]:
     groups = edges.grouped(values)
     ends = edges.ends(values)
     exact = _fits(edges, ends, groups) & (ends >= -_size(groups)[:, None]).all(axis=1)
+    if exact.all():
+        return np.maximum(ends, 0.0), exact
     return np.where(exact[:, None], np.maximum(ends, 0.0), _below(edges, groups)), exact
 
 
 def _quadratic_field(edges: EdgeRows, values: Vector) -> tuple[Matrix, BoolVector]:
     """Bernstein coefficients (e, 3) of a field ≥ 0, and where it is quadratic along the edge."""
     groups = edges.grouped(values)
+    if not groups.any():
+        return np.zeros((len(groups), 3)), np.ones(len(groups), dtype=bool)
     ends, is_affine = _affine_field(edges, values)
     b = edges.bernstein(values)
     b = b + np.maximum(-smallest(b), 0.0)[:, None] * (smallest(b) >= -_size(groups))[:, None]  # rounding below zero

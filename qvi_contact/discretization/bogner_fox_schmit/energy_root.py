@@ -149,7 +149,7 @@ class StressRoot:
         planes = np.zeros((2, 2, ny + 1, nx + 1))
         for rows, block in self._blocks(r):
             self._add_block(rows, block, planes[:, :, rows.start : rows.stop + 1])
-        return np.asarray(self.basis.T @ planes.transpose(2, 3, 0, 1).ravel())
+        return np.asarray(self._transposed @ planes.transpose(2, 3, 0, 1).ravel())
 
     def rounding(self, z: FloatArray) -> float:
         """Size of the error of R z that rounding of z may cause: ε ‖ |R| |z| ‖, ε = 2⁻⁵³.
@@ -231,6 +231,10 @@ class StressRoot:
         coefficients[:, :, self.active] = np.moveaxis(transform @ at_points @ transform.T, 0, -1)
         roots, _ = self._cell_roots()
         return np.stack([(roots[0, 0] + roots[0, 1]) * coefficients, roots[1, 1] * coefficients])
+
+    @cached_property
+    def _transposed(self) -> sparse.csc_array:
+        return self.basis.T
 
     def _blocks(self, r: FloatArray) -> Iterator[tuple[slice, tuple[FloatArray, FloatArray, FloatArray]]]:
         """Rows of cells and the part of r that belongs to them: three components (4, 4 | 4, 4 | 3, 3, rows, nx)."""
