@@ -85,9 +85,9 @@ def test_no_command_shows_the_commands_and_fails():
     assert "Traceback" not in done.stderr
 
 
-def test_methods_as_one_json_document():
-    done = command("methods", "--json")
-    assert (done.returncode, done.stderr) == (0, "")
+def test_methods_as_one_json_document(shell):
+    status, out, err = shell("methods", "--json")
+    assert (status, err) == (0, "")
     factorisations = {
         SHARED: "uniform rectangles of one material", LEVELS: "a few hundred unknowns", **available_backends(),
     }  # fmt: skip
@@ -96,7 +96,7 @@ def test_methods_as_one_json_document():
         "methods": list(METHODS), "inner": list(available()), "strict": strict, "factorisation": factorisations,
     }  # fmt: skip
     assert "strict-direct:clarabel" in strict
-    assert json.loads(done.stdout) == expected
+    assert json.loads(out) == expected
 
 
 def test_methods_as_a_list(shell):
@@ -425,13 +425,13 @@ def test_what_cannot_be_written_costs_nothing_else(shell, plate, tmp_path, monke
 
 
 @pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="no /dev/stdout")
-def test_standard_output_by_its_name(plate, tmp_path):
-    """The document and then the report, in the file that the shell has opened."""
-    both = tmp_path / "both"
-    with both.open("wb") as file:
-        arguments = [sys.executable, "-m", "qvi_contact", "solve", plate, "--save-json", "/dev/stdout"]
-        subprocess.run(arguments, stdout=file, timeout=60, check=True)
-    text = both.read_text(encoding="utf-8")
+def test_standard_output_by_its_name(plate, monkeypatch, capfd):
+    """The document and then the report, in the file that the shell has opened: here that of `capfd`."""
+    monkeypatch.setattr(sys, "argv", ["qvi-contact", "solve", str(plate), "--save-json", "/dev/stdout"])
+    with pytest.raises(SystemExit) as caught:
+        terminal.run(group, "qvi-contact")
+    text, err = capfd.readouterr()
+    assert (caught.value.code, err) == (0, "")
     document, end = json.JSONDecoder().raw_decode(text)
     assert document["solved"] is True
     assert text[end:].strip().startswith("The plate")
@@ -668,10 +668,12 @@ def test_broken_files_end_alike(shell, tmp_path, content):
     assert len(err.splitlines()) == 1
 
 
-def test_a_terminal_without_greek_gets_question_marks():
-    done = subprocess.run(
-        [sys.executable, "-m", "qvi_contact", "check", str(EXAMPLES / "punch.toml")],
-        capture_output=True, timeout=60, check=False, env={**os.environ, "PYTHONIOENCODING": "latin-1"},
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert b"? = 0.3" in done.stdout
+def test_a_terminal_without_greek_gets_question_marks(monkeypatch, capsysbinary):
+    screen = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(screen, encoding="latin-1"))
+    monkeypatch.setattr(sys, "argv", ["qvi-contact", "check", str(EXAMPLES / "punch.toml")])
+    with pytest.raises(SystemExit) as caught:
+        terminal.run(group, "qvi-contact")
+    sys.stdout.flush()
+    assert (caught.value.code, capsysbinary.readouterr().err) == (0, b"")
+    assert b"? = 0.3" in screen.getvalue()
