@@ -2,6 +2,7 @@
 
 import gc
 import json
+import shutil
 import tracemalloc
 import weakref
 from collections.abc import Sequence
@@ -72,13 +73,18 @@ def _whole():
     return solve_history(STEPS)
 
 
-@pytest.fixture(name="begun")
-def _begun(tmp_path):
-    """A folder with the first four steps."""
-    folder = tmp_path / "begun"
+@pytest.fixture(scope="module", name="stopped")
+def _stopped(tmp_path_factory):
+    """A folder with the first four steps, to be copied."""
+    folder = tmp_path_factory.mktemp("stopped") / "steps"
     with pytest.raises(StopError):
         solve_history(STEPS, stopping(4), store=folder)
     return folder
+
+
+@pytest.fixture(name="begun")
+def _begun(stopped, tmp_path):
+    return shutil.copytree(stopped, tmp_path / "begun")
 
 
 def done(folder):
