@@ -169,6 +169,7 @@ def draw_values(
     field: TriMesh = axes.tripcolor(
         shape, values, shading="gouraud", cmap=colours, vmin=low, vmax=high, rasterized=True
     )
+    field.set_in_layout(False)  # or a layout asks for the extent of every triangle
     return field
 
 
