@@ -42,6 +42,7 @@ def pytest_collection():
         return (yield)
     finally:
         gc.enable()
+        gc.freeze()
         gc.set_threshold(10_000, 20, 100)  # nor is it looked through at every few tests
 
 

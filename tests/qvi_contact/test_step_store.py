@@ -210,11 +210,7 @@ def _alive(monkeypatch):
         return found
 
     monkeypatch.setattr(step_store, "answer_from_archive", reading)
-    gc.freeze()  # only what is made from here on is looked through, not all that other tests have imported
-    try:
-        yield counts
-    finally:
-        gc.unfreeze()
+    return counts
 
 
 @pytest.fixture(name="stored")
