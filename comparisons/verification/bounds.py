@@ -11,7 +11,7 @@ from comparisons.verification import slip
 from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import Proof, both, by_hand, certified
-from comparisons.verification.row import Kind, Row, absolute, at_least, at_most
+from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, enclosed
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -32,17 +32,8 @@ PROBLEMS: Final = Chapter()
 
 _PUSH: Final = 1e-3
 _MESHES: Final = (
-    (2, 1.0),
-    (4, 1.0),
-    (8, 1.0),
-    (16, 1.0),
-    (32, 1.0),
-    (64, 1.0),
-    (8, 0.6),
-    (16, 0.75),
-    (32, 0.85),
-    (64, 0.93),
-)
+    *((cells, 1.0) for cells in (2, 4, 8, 16, 32, 64)), (8, 0.6), (16, 0.75), (32, 0.85), (64, 0.93)
+)  # fmt: skip
 _FEW: Final = ((2, 1.0), (4, 0.6))
 _FORCES: Final = {
     RECTANGLES: ((8, 0.8), (16, 0.75), (32, 0.8), (64, 0.93)),
@@ -99,18 +90,11 @@ def energy_brackets(element: Element, quick: bool) -> Iterator[Row]:
         found = [element.solve(problem(cells, grading)).bracket for cells, grading in _meshes(element, quick)]
         proof = _guaranteed(*found)
         apart = max((b.lower - b.upper) / b.strain for b in found)
-        yield at_most(
-            f"{name}: lower − upper on each mesh, over the strain energy", apart, 0.0, _ROUNDING, _SYNGE, proof
-        )
+        quantity = f"{name}: lower − upper on each mesh, over the strain energy"
+        yield at_most(quantity, apart, 0.0, _ROUNDING, _SYNGE, proof)
         crossed = (max(b.lower for b in found) - min(b.upper for b in found)) / found[-1].strain
-        yield at_most(
-            f"{name}: largest lower − smallest upper of all meshes, over the strain energy",
-            crossed,
-            0.0,
-            _ROUNDING,
-            _SYNGE,
-            proof,
-        )
+        quantity = f"{name}: largest lower − smallest upper of all meshes, over the strain energy"
+        yield at_most(quantity, crossed, 0.0, _ROUNDING, _SYNGE, proof)
 
 
 @PROBLEMS.on("bounds-rates", *BOTH, few=1)
@@ -162,14 +146,8 @@ def exact_states_close_the_gap(element: Element, quick: bool) -> Iterator[Row]: 
     """States that both models hold exactly: stresses from a bicubic Φ, displacements of degree 2 or 3."""
     for name, problem, degree in _exact():
         found = bracket(element.solve(problem), degree=degree)
-        yield absolute(
-            f"{name}: (upper − lower) / strain energy",
-            found.gap / found.strain,
-            0.0,
-            1e-10,
-            "closed form in both spaces",
-            _guaranteed(found),
-        )
+        quantity, source = f"{name}: (upper − lower) / strain energy", "closed form in both spaces"
+        yield absolute(quantity, found.gap / found.strain, 0.0, 1e-10, source, _guaranteed(found))
 
 
 @PROBLEMS.on("bounds-force", *BOTH, few=1)
@@ -180,27 +158,10 @@ def force_between_bounds(element: Element, quick: bool) -> Iterator[Row]:
         force, proof = found.forces["plate.normal_force"], _guaranteed(found)
         limit, uncertainty = LIMITS[1.0]
         mesh = f"{cells}² cells graded by {grading:g}"
-        yield at_most(
-            f"lower bound of P/2, {mesh} [{FORCE}]",
-            force.lower,
-            limit,
-            uncertainty,
-            LIMITS_SOURCE,
-            proof,
-            Kind.EXTERNAL,
-        )
-        yield at_least(
-            f"upper bound of P/2, {mesh} [{FORCE}]",
-            force.upper,
-            limit,
-            uncertainty,
-            LIMITS_SOURCE,
-            proof,
-            Kind.EXTERNAL,
-        )
-        yield at_most(
-            f"distance of the bounds, {mesh}, over P/2", (force.upper - force.lower) / limit, 0.0, 1e-3, "(D21)", proof
-        )
+        quantity = f"{{}} of P/2, {mesh} [{FORCE}]"
+        yield from enclosed(quantity, force, limit, uncertainty, LIMITS_SOURCE, proof, Kind.EXTERNAL)
+        apart = (force.upper - force.lower) / limit
+        yield at_most(f"distance of the bounds, {mesh}, over P/2", apart, 0.0, 1e-3, "(D21)", proof)
 
 
 @PROBLEMS.on("bounds-slip", QUINTIC)
@@ -218,42 +179,13 @@ def forces_under_slip(element: Element, quick: bool) -> Iterator[Row]:
         bounds = outcome.result.bracket.slip
         force = Bounds(-np.inf, np.inf) if bounds is None else bounds.forces["plate.normal_force"]
         where = f"μ = {friction:g}"
-        yield at_most(
-            f"{where}: lower bound of P/2 [{FORCE}]",
-            force.lower,
-            limit,
-            uncertainty,
-            LIMITS_SOURCE,
-            proof,
-            Kind.EXTERNAL,
-        )
-        yield at_least(
-            f"{where}: upper bound of P/2 [{FORCE}]",
-            force.upper,
-            limit,
-            uncertainty,
-            LIMITS_SOURCE,
-            proof,
-            Kind.EXTERNAL,
-        )
+        quantity = f"{where}: {{}} of P/2 [{FORCE}]"
+        yield from enclosed(quantity, force, limit, uncertainty, LIMITS_SOURCE, proof, Kind.EXTERNAL)
         beyond = max(abs(each.value / limit - 1.0) - each.estimate for each in outcome.rounds if each.guaranteed)
-        yield at_most(
-            f"{where}: largest error − bound of all meshes, over P/2",
-            beyond,
-            0.0,
-            uncertainty / limit,
-            LIMITS_SOURCE,
-            proof,
-            Kind.EXTERNAL,
-        )
-        yield at_most(
-            f"{where}: unknowns for a guaranteed error of {target:g}",
-            float(outcome.rounds[-1].unknowns),
-            5000.0,
-            0.0,
-            "what it may take",
-            proof,
-        )
+        quantity = f"{where}: largest error − bound of all meshes, over P/2"
+        yield at_most(quantity, beyond, 0.0, uncertainty / limit, LIMITS_SOURCE, proof, Kind.EXTERNAL)
+        quantity, unknowns = f"{where}: unknowns for a guaranteed error of {target:g}", outcome.rounds[-1].unknowns
+        yield at_most(quantity, float(unknowns), 5000.0, 0.0, "what it may take", proof)
 
 
 def _trapezoid() -> ContactProblem:

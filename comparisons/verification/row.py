@@ -121,6 +121,21 @@ def at_least(
     return Row(quantity, float(limit), float(ours), kind, source, error, SHORTFALL, tolerance, proof)
 
 
+def enclosed(
+    quantity: str,
+    bounds: tuple[float, float],
+    known: float,
+    tolerance: float,
+    source: str,
+    proof: Proof,
+    kind: Kind = Kind.ANALYTIC,
+) -> Iterator[Row]:
+    """Lower and upper bound around what is known; {} in the quantity says which of them."""
+    lower, upper = bounds
+    yield at_most(quantity.format("lower bound"), lower, known, tolerance, source, proof, kind)
+    yield at_least(quantity.format("upper bound"), upper, known, tolerance, source, proof, kind)
+
+
 def word(quantity: str, ours: str, expected: str, source: str, proof: Proof, kind: Kind = Kind.ANALYTIC) -> Row:
     """Compare words: error 0 if they are equal, else infinity."""
     error = 0.0 if ours == expected else float("inf")
