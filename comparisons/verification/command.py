@@ -26,10 +26,9 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
     """  # noqa: D301
     from comparisons.lab.report import show, write_report
     from comparisons.verification import registry, study
-    from comparisons.verification.pictures import pictures
+    from comparisons.verification.exhibits import pictures, results
     from comparisons.verification.report import as_json as json_of
     from comparisons.verification.report import report
-    from comparisons.verification.results import results
     from qvi_contact.basics.terminal import progress
     from qvi_contact.basics.writing import writable_folder
 

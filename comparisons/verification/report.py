@@ -9,8 +9,8 @@ from comparisons.lab.marks import escaped
 from comparisons.lab.report import Document as Report
 from comparisons.lab.report import drawn, render
 from comparisons.verification import benchmarks, exact_states, manufactured, strict
+from comparisons.verification.exhibits import EXHIBITS
 from comparisons.verification.figures import conservation, overview
-from comparisons.verification.results import RESULTS
 from comparisons.verification.tables import HEADINGS, cells, problems_of, table_name, tables_of
 
 Document = dict[str, Any]
@@ -26,7 +26,7 @@ TOLERANCES: Final = {
 
 _CONSERVATION: Final = "conservation"
 _CAPTIONS: Final = {
-    **{name: result.caption for name, result in RESULTS.items()},
+    **{name: shown.caption for name, shown in EXHIBITS.items()},
     _CONSERVATION: "What each model leaves of the forces and moments on a body: rounding, or its error.",
 }
 

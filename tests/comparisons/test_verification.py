@@ -17,10 +17,9 @@ from comparisons.lab.report import drawing, write_report
 from comparisons.lab.report.reader import parts_of
 from comparisons.lab.tables import Grid
 from comparisons.verification import plate, registry, study
+from comparisons.verification.exhibits import EXHIBITS, pictures, results
 from comparisons.verification.figures import overview
-from comparisons.verification.pictures import PICTURES, pictures
 from comparisons.verification.report import as_json, report
-from comparisons.verification.results import results
 from comparisons.verification.row import Kind, absolute
 from comparisons.verification.tables import HEADINGS, cells
 from qvi_contact.basics import terminal
@@ -184,13 +183,13 @@ def test_pictures_are_of_all_problems_of_their_bodies_and_of_results(quick, manu
     assert len(shown) == 2
     assert "imbalance" in shown[0]
     assert "Lamé and Michell" in shown[1]
-    assert set(PICTURES) <= set(names)
+    assert set(EXHIBITS) <= set(names)
 
 
-@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize("name", EXHIBITS)
 def test_bodies_that_are_drawn_are_problems(name):
     """Each on few cells, so that its picture stays small."""
-    assert PICTURES[name][0]().mesh.cell_count <= 140
+    assert EXHIBITS[name].posed().mesh.cell_count <= 140
 
 
 def test_a_picture_is_an_svg():
@@ -206,7 +205,7 @@ def test_a_picture_that_fails_costs_no_rows(monkeypatch, tmp_path):
         raise ZeroDivisionError
 
     runs = []
-    monkeypatch.setitem(PICTURES, "rings", (breaks_off, None))
+    monkeypatch.setitem(EXHIBITS, "rings", replace(EXHIBITS["rings"], posed=breaks_off))
     monkeypatch.setattr(study, "run", lambda *_: runs.append(1) or DOCUMENT)
     words = ["verify", "--quick", "--only", "rings"]
     with pytest.raises(ZeroDivisionError):

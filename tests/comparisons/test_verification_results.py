@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from comparisons.verification import benchmarks, examples, limits
+from comparisons.verification.exhibits import EXHIBITS, figure
 from comparisons.verification.figures import conservation
-from comparisons.verification.pictures import PICTURES
 from comparisons.verification.proof import Proof
-from comparisons.verification.results import RESULTS, figure
 from comparisons.verification.row import absolute, crash
 from comparisons.verification.study import as_record
 
@@ -36,7 +35,7 @@ def departure(ours, known, logarithmic):
 
 @pytest.mark.parametrize("name", PAIRS)
 def test_what_was_computed_lies_on_what_is_known(name):
-    graph, (pairs, tolerance) = RESULTS[name].graph(True), PAIRS[name]
+    graph, (pairs, tolerance) = EXHIBITS[name].graph(True), PAIRS[name]
     for ours, known in pairs:
         assert departure(graph.ours[ours], graph.known[known], graph.logarithmic) < tolerance
     assert graph.x.endswith("]")
@@ -46,12 +45,12 @@ def test_what_was_computed_lies_on_what_is_known(name):
 def test_every_benchmark_has_both_pictures():
     """But for the conservation of forces, which is about the others."""
     own = {*benchmarks.PROBLEMS, "wedge", "oblique-block", "examples/gravity_dam"} - {"conservation"}
-    assert own == set(RESULTS) == set(PICTURES)
+    assert own == set(EXHIBITS)
     assert own <= {*benchmarks.PROBLEMS, *limits.PROBLEMS, *examples.PROBLEMS}
 
 
 def test_a_picture_is_narrow_and_tells_curves_by_more_than_colour():
-    drawn = figure(RESULTS["wedge"].graph(True))
+    drawn = figure(EXHIBITS["wedge"].graph(True))
     assert drawn.get_size_inches()[0] * 96.0 * 0.85 <= 348.0  # of 390 pixels, less margins and frame
     lines = drawn.axes[0].get_lines()
     assert len({(line.get_marker(), line.get_linestyle()) for line in lines}) == len(lines) == 3
