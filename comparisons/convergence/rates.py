@@ -61,26 +61,19 @@ class Rate:
     fitted: int = 0
 
 
-def rate_of(residuals: Sequence[float], target: float = 0.0, floor: float = FLOOR) -> Rate:
-    """Rate and course of the residuals (k,) of the iterations of a loop.
+def rate_of(residuals: Sequence[float], target: float = 0.0) -> Rate:
+    """Rate and course of the residuals (k,) ≥ 0 of the iterations of a loop.
 
-    Parameters
-    ----------
-    residuals : sequence of float
-        ≥ 0, one for each iteration.
-    target : float
-        A last residual of this size or below has converged whatever came before.
-    floor : float
-        Residuals of this size or below are not fitted.
-
+    A last residual of the target's size or below has converged whatever came before.
     """
     values = np.asarray(residuals, dtype=float)
     missing = np.flatnonzero(~np.isfinite(values))
     if len(missing) and missing[-1] == len(values) - 1:
         return Rate("diverges")
     values = values[missing[-1] + 1 :] if len(missing) else values
-    number = np.flatnonzero(values > floor)[-_fitted(int((values > floor).sum())) :]
-    arrived = len(values) > 0 and values[-1] <= max(target, floor)
+    above = np.flatnonzero(values > FLOOR)
+    number = above[-_fitted(len(above)) :]
+    arrived = len(values) > 0 and values[-1] <= max(target, FLOOR)
     if len(number) < LEAST:
         return Rate("converges" if arrived else "short", fitted=len(number))
     logs = np.log(values[number])

@@ -34,14 +34,14 @@ def successive_orders(sizes: Sequence[float], errors: Sequence[float]) -> FloatA
     return np.concatenate([[np.nan] * min(len(h), 1), np.log(e[:-1] / e[1:]) / np.log(h[:-1] / h[1:])])
 
 
-def fitted_order(sizes: Sequence[float], errors: Sequence[float], last: int = 3) -> float:
-    """Slope of log e over log h by least squares over the last meshes whose error is not NaN.
+def fitted_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
+    """Slope of log e over log h by least squares over the last three meshes whose error is not NaN.
 
-    NaN with fewer than `last` of them: two meshes make a straight line of anything.
+    NaN with fewer: two meshes make a straight line of anything.
     """
     pairs = np.array([sizes, errors], dtype=float)
-    h, e = np.log(pairs[:, ~np.isnan(pairs[1])][:, -last:])
-    return float(np.polynomial.polynomial.polyfit(h - h.mean(), e, 1)[1]) if len(h) == last else float("nan")
+    h, e = np.log(pairs[:, ~np.isnan(pairs[1])][:, -3:])
+    return float(np.polynomial.polynomial.polyfit(h - h.mean(), e, 1)[1]) if len(h) == 3 else float("nan")
 
 
 def orders_of(points: "DataFrame", expected: Expected | None = None) -> dict[str, Any]:

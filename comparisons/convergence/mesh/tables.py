@@ -2,15 +2,20 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
 from comparisons.convergence.mesh.measures import CLOSED, brackets_of, costs_of, models_of
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
 from comparisons.convergence.mesh.references import end_of
-from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, GRADED, STRICT, UNIFORM
+from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, EQUILIBRIUM, GRADED, STRICT, UNIFORM
 from comparisons.lab.report.numbers import NOTHING, fixed, scientific, seconds, significant
 from comparisons.lab.tables import Columns, Form, Grid, grid_of
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 def _known(form: Form) -> Form:
@@ -24,11 +29,13 @@ _ORDER: Final = _known(lambda order: f"{round(order, 2) + 0.0:.2f}")
 
 def tables_of(overview: Overview) -> dict[str, Grid]:
     """The tables by name."""
+    meshes = dict(iter(_with_models(overview).groupby("problem")))
+    single = {f"meshes-{slug(each)}": _meshes(overview, each, meshes[each.name]) for each in overview.problems}
     return {
         "costs": _costs(overview), "brackets": grid_of(brackets_of(overview), _BRACKETS),
         "models": grid_of(models_of(overview), _MODELS), "zones": _grid(_zones(overview)),
         "references": _grid(_references(overview)), "orders": _orders(overview), "failures": failures(overview),
-        **{f"meshes-{slug(problem)}": _meshes(overview, problem) for problem in overview.problems},
+        **single,
     }  # fmt: skip
 
 
@@ -126,26 +133,27 @@ def _references(overview: Overview) -> Iterator[dict[str, str]]:
             }  # fmt: skip
 
 
-def _meshes(overview: Overview, problem: Problem) -> Grid:
-    """Every mesh of a problem, with what other models gave on the same mesh."""
-    from pandas import concat
-
-    stress, length = problem.units
-    ends = ends_among(overview.references[problem.name])
-    errors = overview.errors[(overview.errors.problem == problem.name)]
-    told = errors.assign(text=[scientific(each.error) if each.meant else f"({scientific(each.error)})"
-                               for each in errors.itertuples()])  # fmt: skip
-    meshes = concat([overview.of(problem, sequence) for sequence in NAMES])
-    meshes = meshes.join(told.pivot_table("text", "mesh", "measure", "first").add_prefix("error of "))
+def _with_models(overview: Overview) -> "DataFrame":
+    """Every mesh with stresses: its errors as texts, and what other models gave on the same mesh."""
+    solved, errors = overview.meshes[overview.meshes.solved], overview.errors
+    texts = [scientific(error) if meant else f"({scientific(error)})"
+             for error, meant in zip(errors.error, errors.meant, strict=True)]  # fmt: skip
+    told = errors.assign(text=texts).pivot(index="mesh", columns="measure", values="text").add_prefix("error of ")
+    usual = solved.model == np.where(solved.sequence == APART, BRACKET, EQUILIBRIUM)
+    meshes, place = solved[usual & solved.sequence.isin([*NAMES])].join(told), ["problem", "sequence", "size"]
     for model in (STRICT, COMPANION, BRACKET):
-        same = concat([overview.of(problem, sequence, model) for sequence in (UNIFORM, GRADED)])
-        same = same.set_index(["sequence", "size"])[["force", *_BOUNDS]].add_suffix(f" {model}")
-        meshes = meshes.join(same, on=["sequence", "size"])
+        same = solved[(solved.model == model) & solved.sequence.isin([UNIFORM, GRADED])]
+        meshes = meshes.join(same.set_index(place)[["force", *_BOUNDS]].add_suffix(f" {model}"), on=place)
     for name in _BOUNDS:
         meshes[name] = meshes[name].where(meshes.sequence == APART, meshes[f"{name} {BRACKET}"])
-    meshes["kind"] = [_kind(mesh) for mesh in meshes.itertuples()]
-    for end in ends:
-        meshes[end] = [_end(each, end) for each in meshes.ends]
+    return meshes.assign(kind=[_kind(mesh) for mesh in meshes.itertuples()])
+
+
+def _meshes(overview: Overview, problem: Problem, meshes: "DataFrame") -> Grid:
+    """Those of a problem, with the ends of its zones."""
+    stress, length = problem.units
+    ends = ends_among(overview.references[problem.name])
+    meshes = meshes.assign(**{end: [_end(each, end) for each in meshes.ends] for end in ends})
     headings: Columns = {
         "sequence": ("meshes", NAMES.__getitem__), "cells": "cells", "unknowns": ("unknowns", fixed(".0f")),
         "force": (f"force [{stress} {length}]", _NINE),
