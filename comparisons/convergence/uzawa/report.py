@@ -14,7 +14,7 @@ def report(rows: Sequence[Row], quick: bool = False) -> Document:
     """The report; the same rows give the same report."""
     runs = runs_of(rows)
     name = "convergence-uzawa-quick" if quick else "convergence-uzawa"
-    limits = {"quick": quick, "steps": ITERATIONS, "long": LONG, "most": MOST, "searched": SEARCHED}
+    limits = {"quick": quick, "steps": ITERATIONS, "long": LONG, "searched": SEARCHED}
     settings = settings_of({
         "iterations of a run of the map, and of the search for limits": f"{ITERATIONS}",
         "iterations on finer meshes": f"{LONG}", "iterations at equal accuracy, at most": f"{MOST}",
