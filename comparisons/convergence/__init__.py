@@ -1,5 +1,6 @@
-"""Convergence: in the mesh, of the outer loop, and of the paper's Uzawa iteration.
+"""Convergence: in the mesh, of the outer loop, of the paper's Uzawa iteration, and of sequences of problems.
 
-Each study is a package with two modules: `study`, whose function ``study(quick) -> Study`` declares it, and `report`,
-whose function ``report(rows) -> Report`` makes the report from the stored rows alone.
+Each study is a package: `study` declares it by a function ``study(quick) -> Study`` and says what is compared, `task`
+does a case, `measures` and `figures` make numbers, tables and pictures of rows, `report.md` is the template of the
+report, and `report` fills it in from the stored rows alone by a function ``report(rows, quick) -> Document``.
 """
