@@ -3,6 +3,7 @@
 import asyncio
 import os
 import sys
+from multiprocessing import parent_process
 from pathlib import Path
 
 QUIET = {
@@ -38,6 +39,7 @@ def _serve(kind, folder, environment, path, tell, *arguments, **options):
         os.dup2(log.fileno(), 2)
 
     async def served():
+        asyncio.get_running_loop().add_reader(parent_process().sentinel, os._exit, 1)  # nothing outlives the tests
         async with kind(*arguments, host="127.0.0.1", dashboard=False, **options) as server:
             tell(server.address)
             await server.finished()
