@@ -72,18 +72,17 @@ def peers(
         python -m comparisons peers --friction 0.2 --cells 8 16 --levels 3 --store small.sqlite --out results/small
     """  # noqa: D301
     from comparisons.lab.reported import run_and_report
-    from comparisons.peers import measure
-    from comparisons.peers.cases import missing_codes, peers_study
     from comparisons.peers.pin.report import document_of as document_of_pins
     from comparisons.peers.pin.report import report as pin_report
     from comparisons.peers.pin.study import pin_study
     from comparisons.peers.report import document_of, report
+    from comparisons.peers.study import GETFEM, missing_codes, peers_study
     from qvi_contact.errors import InputError
 
     if options.threads != 1:
         raise InputError("threads", options.threads, "leave it at 1: every code runs on one thread")
     if getfem is not None:
-        os.environ[measure.GETFEM] = getfem
+        os.environ[GETFEM] = getfem
     friction, cells = friction or _FRICTION[problem], cells or _CELLS[problem]
     if problem == _PIN:
         options = options.apart(f"{_FOLDER}/pin.sqlite", "")

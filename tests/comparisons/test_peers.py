@@ -22,7 +22,7 @@ from comparisons.lab.report import drawing
 from comparisons.lab.report.numbers import NOTHING
 from comparisons.lab.study import read_csv, read_study
 from comparisons.lab.study.rows import Row, finite_json
-from comparisons.peers import LEVELS, cases, command, figures, measure, meshes, models
+from comparisons.peers import LEVELS, command, figures, meshes, models, study
 from comparisons.peers.codes import companion, equilibrium, ngsolve_nitsche, process
 from comparisons.peers.figures import COSTS
 from comparisons.peers.measures import (
@@ -59,7 +59,7 @@ EMPTY = {"case": {}, "warm_up": {}, "options": {}, "repetitions": 1}
 
 def chosen(patch, *names):
     """Let the study have these models only."""
-    patch.setattr(cases, "MODELS", [model for model in models.MODELS if model.name in names])
+    patch.setattr(study, "MODELS", [model for model in models.MODELS if model.name in names])
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +70,8 @@ def ran(tmp_path_factory):
     words += ["--store", str(folder / "a.sqlite"), "--out", str(folder / "out")]
     with pytest.MonkeyPatch.context() as patch:
         chosen(patch, *CHOSEN)
-        patch.delenv(measure.GETFEM, raising=False)
-        patch.setattr(cases, "find_spec", lambda name: None if name == "getfem" else find_spec(name))
+        patch.delenv(study.GETFEM, raising=False)
+        patch.setattr(study, "find_spec", lambda name: None if name == "getfem" else find_spec(name))
         patch.setattr(drawing, "svg_text", outline)
         done = CliRunner().invoke(group, words, catch_exceptions=False)
     assert done.exit_code == 0
@@ -92,7 +92,7 @@ def by_code(document):
 
 
 def nitsche(friction, number, order=2, variant="symmetric", mesh="uniform"):
-    return ngsolve_nitsche.build(measure.plate(friction, mesh, number), order, variant)()
+    return ngsolve_nitsche.build(study.plate(friction, mesh, number), order, variant)()
 
 
 def refused(capfd, *arguments):
@@ -100,7 +100,7 @@ def refused(capfd, *arguments):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["comparisons", "peers", *map(str, arguments)])
         patch.setattr(command.RunOptions, "run", lambda *_: pytest.fail("the run was started"))
-        patch.setenv(measure.GETFEM, "")
+        patch.setenv(study.GETFEM, "")
         with pytest.raises(SystemExit) as caught:
             terminal.run(group, "comparisons")
     out, err = capfd.readouterr()
@@ -158,20 +158,18 @@ class TestNitsche:
         assert continued["half_force"] == pytest.approx(direct["half_force"], rel=1e-9)
 
     def test_each_solve_starts_from_zero(self):
-        plate = ngsolve_nitsche.build(measure.plate(0.2, "uniform", 4))
+        plate = ngsolve_nitsche.build(study.plate(0.2, "uniform", 4))
         assert plate() == plate()
 
 
 @cache
 def python_with_getfem():
     """A Python that finds GetFEM: this one, that of the environment variable, or the system's; None if none does."""
-    for name in filter(
-        None, (os.environ.get(measure.GETFEM), sys.executable, shutil.which("python3", path="/usr/bin"))
-    ):
+    for name in filter(None, (os.environ.get(study.GETFEM), sys.executable, shutil.which("python3", path="/usr/bin"))):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setenv(measure.GETFEM, name)
+            patch.setenv(study.GETFEM, name)
             try:
-                cases.missing_codes()
+                study.missing_codes()
             except InputError:
                 continue
             return name
@@ -184,8 +182,8 @@ class TestGetFEM:
 
     @pytest.fixture
     def found(self, monkeypatch):
-        monkeypatch.setenv(measure.GETFEM, python_with_getfem())
-        return lambda **case: measure.run({"friction": 0.2, "repetitions": 1, **case})
+        monkeypatch.setenv(study.GETFEM, python_with_getfem())
+        return lambda **case: study.run({"friction": 0.2, "repetitions": 1, **case})
 
     @pytest.mark.parametrize(("cells", "expected"), [(8, 214.23508), (16, 214.23389)])
     def test_expected_forces(self, found, cells, expected):
@@ -205,13 +203,13 @@ class TestOwnModels:
 
     @pytest.mark.parametrize("degree", [2, 3])
     def test_the_companion_is_above_and_its_unknowns_are_those_of_the_same_elements(self, degree):
-        found = companion.build(measure.plate(1.0, "graded", 4), degree)()
+        found = companion.build(study.plate(1.0, "graded", 4), degree)()
         assert found["status"] == "solved"
         assert SETTLED[1.0] < found["half_force"] < {2: 214.41, 3: 214.38}[degree]
         assert found["unknowns"] == 2 * (4 * degree + 1) ** 2 - 2 * (4 * degree + 1)
 
     def test_the_bracket_of_a_plate_that_sticks_bounds_the_force(self):
-        found = equilibrium.build(measure.plate(1.0, "graded", 4), bracket=2)()
+        found = equilibrium.build(study.plate(1.0, "graded", 4), bracket=2)()
         assert (found["status"], found["half_force"], found["guaranteed"]) == ("solved", None, True)
         assert (found["kind"], found["unknowns"]) == (BracketKind.STICKING.name, 64 + 2 * 9**2)
         assert found["lower"] < SETTLED[1.0] < found["upper"]
@@ -219,7 +217,7 @@ class TestOwnModels:
         assert found["width"] == pytest.approx(half_width, rel=1e-9)
 
     def test_the_bracket_of_a_plate_that_slips_is_an_indicator(self):
-        found = equilibrium.build(measure.plate(0.2, "graded", 4), bracket=2)()
+        found = equilibrium.build(study.plate(0.2, "graded", 4), bracket=2)()
         assert (found["status"], found["guaranteed"]) == ("solved", False)
         assert (found["lower"], found["upper"], found["kind"]) == (None, None, BracketKind.GIVEN_BOUND.name)
         expected = bracket(solve(compressed_plate(0.2, (4, 4), grading=0.6), element="bfs"))
@@ -227,21 +225,21 @@ class TestOwnModels:
         assert 0.0 < found["width"] < 1e-3
 
     def test_the_bracket_on_triangles_bounds_the_force_under_slip(self):
-        found = equilibrium.build(measure.plate(0.1, "bisected", 0), degree=4, bracket=4)()
+        found = equilibrium.build(study.plate(0.1, "bisected", 0), degree=4, bracket=4)()
         assert (found["status"], found["guaranteed"], found["kind"]) == ("solved", True, equilibrium.ONE_SENSE)
         assert found["lower"] < LIMIT[0.1] < found["upper"]
         assert found["width"] == pytest.approx((found["upper"] - found["lower"]) / (found["upper"] + found["lower"]))
-        stress = solve(equilibrium.problem(measure.plate(0.1, "bisected", 0)), degree=4, tolerance=1e-8)
+        stress = solve(equilibrium.problem(study.plate(0.1, "bisected", 0)), degree=4, tolerance=1e-8)
         assert found["strain_error"] == pytest.approx(stress.bracket.slip.relative_error, rel=1e-6)
         assert found["unknowns"] == stress.solution.problem.n + stress.bracket.companion.space.size
 
     @pytest.mark.parametrize(("number", "width"), [(0, 10.0**-2.5), (1, 1e-3)])
     def test_adaptive_meshes_give_bounds_as_close_as_their_number_asks_for(self, number, width):
-        found = equilibrium.build(measure.plate(0.05, "adaptive", number), degree=5, adaptive=True)()
+        found = equilibrium.build(study.plate(0.05, "adaptive", number), degree=5, adaptive=True)()
         assert (found["status"], found["guaranteed"]) == ("solved", True)
         assert found["lower"] < LIMIT[0.05] < found["upper"]
         assert 0.0 < found["width"] <= width
-        assert len(measure.plate(0.05, "adaptive", number)["cells"]) == 2
+        assert len(study.plate(0.05, "adaptive", number)["cells"]) == 2
 
     def test_friction_that_is_too_large_has_no_bounds_under_slip(self):
         class Slip:
@@ -257,7 +255,7 @@ class TestOwnModels:
             lower, upper, gap, relative_error, reasons = -float("inf"), 1.0, float("inf"), float("inf"), ("No stress.",)
 
         monkeypatch.setattr(qvi_contact.bracket, "bracket", lambda *_, **__: Found)
-        found = equilibrium.build(measure.plate(1.0, "uniform", 2), bracket=2)()
+        found = equilibrium.build(study.plate(1.0, "uniform", 2), bracket=2)()
         assert (found["status"], found["message"]) == ("no bounds", "No stress.")
 
 
@@ -276,7 +274,7 @@ class TestRun:
         assert not [text for text in texts if os.uname().nodename in text or os.getcwd() in text or "/home/" in text]
 
     def test_own_rows_are_certified_solves(self, by_code):
-        expected = solve(equilibrium.problem(measure.plate(1.0, "bisected", 0)), degree=3)
+        expected = solve(equilibrium.problem(study.plate(1.0, "bisected", 0)), degree=3)
         row = by_code[models.TRIANGLES]
         assert row["half_force"] == pytest.approx(expected.contacts["plate"].normal_force, rel=1e-10)
         assert (row["unknowns"], row["bounds"]) == (expected.solution.problem.n, None)
@@ -284,12 +282,12 @@ class TestRun:
 
     def test_the_bracket_is_between_rectangles_and_the_companion(self, by_code):
         bounds = by_code[models.BRACKET]["bounds"]
-        lower = equilibrium.build(measure.plate(1.0, "graded", 8))()
+        lower = equilibrium.build(study.plate(1.0, "graded", 8))()
         assert (lower["status"], lower["unknowns"]) == ("solved", 256)
         assert bounds["lower"] == pytest.approx(lower["half_force"], rel=1e-10)
         expected = solve(compressed_plate(1.0, cells=(8, 8), grading=0.6), element="bfs").contacts["plate"].normal_force
         assert lower["half_force"] == pytest.approx(expected, rel=1e-10)
-        upper = companion.build(measure.plate(1.0, "graded", 8), 3)()["half_force"]
+        upper = companion.build(study.plate(1.0, "graded", 8), 3)()["half_force"]
         assert bounds["upper"] == pytest.approx(upper, rel=1e-8)
         assert bounds["guaranteed"]
 
@@ -392,10 +390,10 @@ class TestFailures:
         ],
     )
     def test_the_reason_is_told(self, tmp_path, monkeypatch, does, reason):
-        monkeypatch.setenv(measure.GETFEM, other_python(tmp_path, does))
+        monkeypatch.setenv(study.GETFEM, other_python(tmp_path, does))
         monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-        with pytest.raises((measure.ProcessError, ValueError), match=reason) as caught:
-            measure.run({"model": "GetFEM, Q2, uniform", "friction": 0.2, "number": 4, "repetitions": 1})
+        with pytest.raises((study.ProcessError, ValueError), match=reason) as caught:
+            study.run({"model": "GetFEM, Q2, uniform", "friction": 0.2, "number": 4, "repetitions": 1})
         assert str(tmp_path) not in str(caught.value)
 
     def test_a_code_that_hangs_is_a_row_that_is_shown_and_not_drawn(self, tmp_path):
@@ -413,7 +411,7 @@ class TestFailures:
         words += ["--getfem", other_python(tmp_path, "sleep 60"), "--out", str(tmp_path / "out")]
         with pytest.MonkeyPatch.context() as patch:
             chosen(patch, "GetFEM, Q2, uniform")
-            patch.setenv(measure.GETFEM, "")
+            patch.setenv(study.GETFEM, "")
             done = CliRunner().invoke(group, words, catch_exceptions=False)
         assert done.exit_code == 0
         (found,) = runs_of(read_study(tmp_path / "a.sqlite").rows).itertuples()
@@ -430,7 +428,7 @@ class TestFailures:
         assert found["message"].startswith("KeyError: ") or find_spec("ngsolve") is None
 
     def test_what_a_library_prints_is_not_the_answer(self):
-        found = measure.answer_of({"module": "this", **EMPTY}, "equilibrium")  # it prints when imported
+        found = study.answer_of({"module": "this", **EMPTY}, "equilibrium")  # it prints when imported
         assert found["status"] == "error"
         assert found["message"].startswith("AttributeError")
 
@@ -792,7 +790,7 @@ class TestMeshes:
         assert max(near.max(), lengths[-1]) < lengths.max() / 4.0
 
     def test_a_triangle_mesh_is_solved_as_the_package_solves_it(self):
-        found = equilibrium.build(measure.plate(0.2, "cut squares", 2), degree=3)()
+        found = equilibrium.build(study.plate(0.2, "cut squares", 2), degree=3)()
         expected = solve(compressed_plate(0.2).triangulated(), degree=3)
         assert found["status"] == "solved"
         assert found["half_force"] == pytest.approx(expected.contacts["plate"].normal_force, rel=1e-10)
@@ -801,7 +799,7 @@ class TestMeshes:
 
 def test_all_codes_get_the_plate_of_the_gallery():
     problem = compressed_plate(0.2, cells=(6, 6), grading=meshes.ratio(6))
-    case = measure.plate(0.2, "graded", 6)
+    case = study.plate(0.2, "graded", 6)
     assert case["lines"] == [problem.mesh.x.tolist(), problem.mesh.y.tolist()]
     assert (case["young"], case["poisson"], case["displacement"], case["friction"]) == (2.09e5, 0.3, 1e-3, 0.2)
     json.dumps(case, allow_nan=False)
@@ -848,16 +846,16 @@ def test_another_python_without_the_library_is_refused(capfd, tmp_path):
 
 
 def test_the_study_has_all_models_whose_code_is_installed(monkeypatch):
-    monkeypatch.delenv(measure.GETFEM, raising=False)
-    monkeypatch.setattr(cases, "find_spec", lambda name: None if name in ("getfem", "ngsolve") else name)
-    assert cases.missing_codes() == ("ngsolve", "getfem")
-    study = cases.peers_study((1.0, 0.2, 1.0), (16, 8), 3, levels=2)
-    assert study.factors["friction"] == (1.0, 0.2)
-    assert study.factors["number"] == (0, 1, 8, 16)
+    monkeypatch.delenv(study.GETFEM, raising=False)
+    monkeypatch.setattr(study, "find_spec", lambda name: None if name in ("getfem", "ngsolve") else name)
+    assert study.missing_codes() == ("ngsolve", "getfem")
+    declared = study.peers_study((1.0, 0.2, 1.0), (16, 8), 3, levels=2)
+    assert declared.factors["friction"] == (1.0, 0.2)
+    assert declared.factors["number"] == (0, 1, 8, 16)
     own = {models.TRIANGLES, models.EQUILIBRIUM, models.COMPANION, models.BRACKET}
-    assert {models.NAMED[name].code for name in study.factors["model"]} == own
-    numbers = {model: {case.values["number"] for case in study.cases if case.values["model"] == model}
-               for model in study.factors["model"]}  # fmt: skip
+    assert {models.NAMED[name].code for name in declared.factors["model"]} == own
+    numbers = {model: {case.values["number"] for case in declared.cases if case.values["model"] == model}
+               for model in declared.factors["model"]}  # fmt: skip
     assert all(found == ({8, 16} if models.NAMED[name].family.counted else {0, 1}) for name, found in numbers.items())
-    assert len(study.cases) == 2 * 2 * len(study.factors["model"])
+    assert len(declared.cases) == 2 * 2 * len(declared.factors["model"])
     assert models.CODES["ngsolve"].remedy == "python -m pip install 'qvi-contact[peers]'"

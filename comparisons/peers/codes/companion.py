@@ -14,7 +14,7 @@ MODULE: Final = "qvi_contact"
 
 
 def build(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:
-    """What solves the plate of a case (see `measure.plate`): it assembles and factorises each time."""
+    """What solves the plate of a case (see `study.plate`): it assembles and factorises each time."""
     from comparisons.peers.codes.equilibrium import problem
 
     return partial(_solved, problem(case), degree)

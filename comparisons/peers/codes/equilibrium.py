@@ -27,7 +27,7 @@ ONE_SENSE: Final = "ONE_SENSE"
 def build(
     case: dict[str, Any], degree: int | None = None, bracket: int | None = None, *, adaptive: bool = False
 ) -> Callable[[], dict[str, Any]]:
-    """What solves the plate of a case (see `measure.plate`): it discretises, factorises and certifies each time.
+    """What solves the plate of a case (see `study.plate`): it discretises, factorises and certifies each time.
 
     `degree` is that of the stress function on triangles, `bracket` that of the displacements it is bracketed with;
     `adaptive` plates are refined from the mesh of the case on.

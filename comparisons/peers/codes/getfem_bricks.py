@@ -25,7 +25,7 @@ _LEFT, _BOTTOM, _TOP = 1, 2, 3  # regions
 
 
 def build(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:
-    """What solves the plate of a case (see `measure.plate`)."""
+    """What solves the plate of a case (see `study.plate`)."""
     return BrickPlate(case, degree).solve
 
 

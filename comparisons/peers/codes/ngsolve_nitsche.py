@@ -44,7 +44,7 @@ _NEAR: Final = 1e-3  # of the lowest cell below the top: points of quadrature wi
 
 
 def build(case: dict[str, Any], order: int = 2, variant: str = "symmetric") -> Callable[[], dict[str, Any]]:
-    """What solves the plate of a case (see `measure.plate`)."""
+    """What solves the plate of a case (see `study.plate`)."""
     return NitschePlate(case, order, VARIANTS[variant]).solve
 
 

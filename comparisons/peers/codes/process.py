@@ -2,7 +2,7 @@
 
     python process.py < order.json
 
-Started by `comparisons.peers.measure`, not by hand. Only the standard library and the code's own module beside this one
+Started by `comparisons.peers.study`, not by hand. Only the standard library and the code's own module beside this one
 are imported, so that another Python than the project's may run it, in which the project need not be installed. What
 libraries print goes to standard error; the answer is one line of JSON on standard output.
 """

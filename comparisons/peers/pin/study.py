@@ -8,8 +8,8 @@ import numpy as np
 from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
-from comparisons.peers.measure import answer_of
 from comparisons.peers.meshes import counter_clockwise
+from comparisons.peers.study import answer_of
 from qvi_contact import TriangleMesh
 from qvi_contact.gallery import loaded_pin
 

@@ -1,16 +1,26 @@
-"""What a worker of the study does: one case, by one code, in a process of its own, so that its memory is its own."""
+"""The study of a run, and what a worker does for a case: the plate as plain data, solved by one code.
+
+Each case has a process of its own, so that its memory is its own.
+"""
 
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
+from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
+from comparisons.lab.machine import PACKAGES
+from comparisons.lab.study import Study
 from comparisons.lab.study.children import environment
+from comparisons.lab.study.declaration import Values
+from comparisons.peers import LEVELS
 from comparisons.peers.meshes import FAMILIES, plain_mesh
-from comparisons.peers.models import CODES, NAMED
+from comparisons.peers.models import CODES, MODELS, NAMED
+from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Contact
 
@@ -23,6 +33,61 @@ GETFEM: Final = "PYTHON_WITH_GETFEM"
 _WARM_UP: Final = {True: 2, False: 0}  # number, by `Family.counted`, of the case that loads all libraries
 _PROCESS: Final = Path(__file__).with_name("codes") / "process.py"
 _LAST_WORDS: Final = 200
+_LOOKING: Final = 60.0  # seconds for another Python to say what it has
+
+
+def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions: int, levels: int = LEVELS) -> Study:
+    """Every model whose code is installed, at every coefficient μ, on the meshes of its family.
+
+    Those are of so many `cells` a side, or the first `levels`. Codes take turns on meshes of one number, so that what
+    else the machine does meets all of them.
+
+    Raises
+    ------
+    InputError
+        If a value is wrong, or the Python that should have GetFEM has not.
+
+    """
+    for name, values in (("friction", friction), ("cells", cells)):
+        check_some(name, values)
+    for mu in friction:
+        check_not_negative("friction", mu)
+    check_at_least_one("cells", min(cells))
+    check_at_least_one("repeat", repetitions)
+    if not 1 <= levels <= LEVELS:
+        raise InputError("levels", levels, f"give a whole number from 1 to {LEVELS}")
+    missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}
+    factors: dict[str, tuple[Any, ...]] = {
+        "friction": tuple(dict.fromkeys(friction)),
+        "number": tuple(sorted(chosen[True] | chosen[False])),
+        "model": tuple(model.name for model in MODELS if model.code not in missing),
+        "repetitions": (repetitions,),
+    }
+
+    def keep(case: Values) -> bool:
+        return case["number"] in chosen[NAMED[case["model"]].family.counted]
+
+    return Study("peers", 2, TASK, factors, keep=keep, packages=(*PACKAGES, "ngsolve"))
+
+
+def missing_codes() -> tuple[str, ...]:
+    """Keys of the codes that are not installed."""
+    return tuple(key for key in CODES if not _installed(key))
+
+
+def _installed(key: str) -> bool:
+    """Whether this Python finds the code, or another one that was named for it does, which has to."""
+    code, other = CODES[key], os.environ.get(GETFEM)
+    if key != "getfem" or not other:
+        return find_spec(code.library) is not None
+    look = f"import importlib.util, sys; sys.exit(importlib.util.find_spec({code.library!r}) is None)"
+    try:
+        found = subprocess.run([other, "-c", look], capture_output=True, timeout=_LOOKING, check=False).returncode
+    except (OSError, ValueError, subprocess.SubprocessError):
+        found = 1
+    if found:
+        raise InputError("getfem", other, f"give a Python that finds the module {code.library}")
+    return True
 
 
 class ProcessError(RuntimeError):
