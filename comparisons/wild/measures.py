@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 from comparisons.lab.study import Row, frame_of
 from comparisons.wild.enumeration import EXISTS, NONE, UNDECIDED
 from comparisons.wild.generator import FAMILIES
-from comparisons.wild.task import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, WRONG
+from comparisons.wild.study import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, WRONG
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -9,8 +9,7 @@ from comparisons.lab.study import Row
 from comparisons.lab.tables import Grid, grid_of
 from comparisons.wild.generator import FAMILIES
 from comparisons.wild.measures import ORDER, counts_of, problems_of, values_of
-from comparisons.wild.study import NAME
-from comparisons.wild.task import OPEN
+from comparisons.wild.study import NAME, OPEN
 
 if TYPE_CHECKING:
     from pandas import DataFrame

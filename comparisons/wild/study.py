@@ -1,18 +1,64 @@
-"""The study as a declaration: so many problems of every family."""
+"""The study: problems of every family, each built, solved and judged; where there is no answer, whether there is one.
 
-from collections.abc import Sequence
-from typing import Final
+| outcome    | meaning                                                                                              |
+|------------|------------------------------------------------------------------------------------------------------|
+| refused    | `InputError`, when the problem is made or solved                                                     |
+| accepted   | nonsense was taken for an argument                                                                   |
+| solved     | certified, and the independent check of `judge` found nothing                                        |
+| wrong      | certified, and that check found something                                                            |
+| infeasible | proved to have no solution, by a mechanism on any mesh or by multipliers on this one                 |
+| open       | any other status                                                                                     |
+| foreign    | an exception that is not the package's own                                                           |
+
+An open problem counts as solvable where another method has a certified answer, or `enumeration` finds that there is a
+solution. Whether any traction is admissible is asked as well: without one there is no solution, with one there need not
+be any, as friction takes the pressure that the body has and not the one it would need.
+"""
+
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
 
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
-from comparisons.wild.generator import FAMILIES
-from qvi_contact.errors import InputError
+from comparisons.wild.enumeration import EXISTS, UNDECIDED, enumerated
+from comparisons.wild.generator import FAMILIES, Wild, wild_problem
+from comparisons.wild.judge import Comparison, compare, wrong
+from qvi_contact import ContactResult, InputError, QVIError, solve
+from solvers import Status
+from solvers.certificate.feasibility import check_feasibility
+from solvers.factorisation import FactorisationError
 
-VERSION: Final = 3
-TASK: Final = "comparisons.wild.task:solve_case"
 NAME: Final = "wild"
+TASK: Final = f"{__name__}:solve_case"
+VERSION: Final = 3
 EACH, QUICK = 250, 5
 """Problems of a family, in full and quick."""
+
+REFUSED, ACCEPTED, SOLVED, WRONG = "refused", "accepted", "solved", "wrong"
+INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
+
+OTHERS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "qp:daqp": {"method": "fixed-point", "inner": "qp:daqp"},
+    "qp:quadprog": {"method": "fixed-point", "inner": "qp:quadprog"},
+    "direct:clarabel": {"method": "fixed-point", "inner": "direct:clarabel"},
+    "qp:piqp": {"method": "fixed-point", "inner": "qp:piqp"},
+    "qp:daqp, damped": {"method": "fixed-point", "inner": "qp:daqp", "variant": "damped", "damping": 0.2,
+                        "max_iterations": 300, "patience": 100},
+    "qp:daqp, slow": {"method": "fixed-point", "inner": "qp:daqp", "memory": 10, "damping": 0.1, "max_iterations": 300,
+                      "patience": 60},
+}  # fmt: skip
+"""Methods that are tried where the default finds no answer: name → settings of `solve`. The default itself has tried
+the condensed method and, where the contact is small, pivoting."""
+
+SECONDS: Final = 5.0
+"""Time for each of these, and for the enumeration of one problem."""
+
+SECOND: Final = "qp:daqp"
+"""Inner solver that judges compatibility: an active-set method, of another kind than the default."""
 
 
 def declared(families: Sequence[str], each: int) -> Study:
@@ -22,3 +68,70 @@ def declared(families: Sequence[str], each: int) -> Study:
             raise InputError("only", name, f"there is no such family: choose among {', '.join(FAMILIES)}")
     chosen = tuple(name for name in FAMILIES if not families or name in families)
     return Study(NAME, VERSION, TASK, {"number": tuple(range(each)), "family": chosen}, packages=(*PACKAGES, "daqp"))
+
+
+def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
+    """The task of the study: "outcome", "status", "message", "seconds" of the default, "warnings", and what follows."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = _outcome(case["family"], case["number"])
+    said = sorted({f"{each.category.__name__}: {each.message}" for each in caught})
+    return {**found, "warnings": said}
+
+
+def _outcome(family: str, number: int) -> dict[str, Any]:
+    began = time.perf_counter()
+    try:
+        wild = wild_problem(family, number)
+        result = solve(wild.problem, **{"element": "bfs", **wild.settings})
+        seconds = time.perf_counter() - began
+        return {"seconds": seconds, **_judged(wild, result)}
+    except InputError as error:
+        said = {"outcome": REFUSED, "status": "", "message": str(error)}
+    except QVIError as error:
+        said = {"outcome": OPEN, "status": type(error).__name__, "message": str(error)}
+    except Exception as error:  # whatever it is, it ought not to reach the user
+        said = {"outcome": FOREIGN, "status": type(error).__name__, "message": str(error)}
+    return {"seconds": time.perf_counter() - began, **said}
+
+
+def _judged(wild: Wild, result: ContactResult) -> dict[str, Any]:
+    said: dict[str, Any] = {"status": result.status.value, "message": result.message, "remarks": list(result.remarks)}
+    if wild.wrong:
+        return {"outcome": ACCEPTED, **said, "message": wild.wrong}
+    if result.status is Status.SOLVED:
+        errors = wrong(result)
+        other, ended = _second(result)
+        if other is not None and other.differs:
+            errors.append(f"{SECOND} is {other.distance:.1e} away, with {other.gain:.1e} less energy")
+        distance = None if other is None else other.distance
+        return {"outcome": WRONG if errors else SOLVED, **said, "errors": errors, "second": ended, "distance": distance}
+    if result.status.impossible:
+        return {"outcome": INFEASIBLE, **said}
+    return {"outcome": OPEN, **said, **_solvable(result)}
+
+
+def _second(result: ContactResult) -> tuple[Comparison | None, str]:
+    """A second method beside the answer, on the answer's own friction bounds, and how it ended."""
+    if result.solution.problem.m == 0:
+        return None, "no contact"
+    other = solve(
+        result.discretization, method="fixed-point", inner=SECOND, initial=result, max_iterations=1, variant="plain"
+    )
+    if not (other.has_state and other.history and other.history[0].inner_status is Status.SOLVED):
+        return None, other.status.value
+    return compare(result, other), "compared"
+
+
+def _solvable(result: ContactResult) -> dict[str, Any]:
+    """Which other method has an answer; else whether one exists, and whether any traction is admissible."""
+    for name, settings in OTHERS.items():
+        if solve(result.discretization, time_limit=SECONDS, **settings).status is Status.SOLVED:
+            return {"answer": name, "exists": EXISTS, "admissible": True}
+    qvi = result.solution.problem
+    far = np.isinf(result.discretization.scales.reach)  # it moves to an obstacle that is out of bounds
+    try:
+        exists = UNDECIDED if far else enumerated(qvi, SECONDS)
+        return {"answer": "", "exists": exists, "admissible": check_feasibility(qvi).feasible, "far": bool(far)}
+    except FactorisationError:
+        return {"answer": "", "exists": UNDECIDED, "admissible": None}

@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 from comparisons.lab.study import read_csv, read_study
-from comparisons.wild import task
+from comparisons.wild import study
 from comparisons.wild.dice import Dice
 from comparisons.wild.enumeration import EXISTS, NONE, enumerated
 from comparisons.wild.generator import FAMILIES, wild_problem
 from comparisons.wild.judge import compare, floor, wrong
 from comparisons.wild.measures import ORDER, counts_of, problems_of, values_of
 from comparisons.wild.report import report
-from comparisons.wild.study import declared
-from comparisons.wild.task import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, solve_case
+from comparisons.wild.study import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, declared, solve_case
 from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.gallery import compressed_plate
@@ -35,7 +34,7 @@ STRENUOUS = {
 WANTED = {"nonsense": (REFUSED,), "idle": (SOLVED, REFUSED)}
 """What becomes of the problems of a family; of all others see `TestSample`."""
 
-COMMITTED = Path(task.__file__).parents[1] / "reports" / "wild"
+COMMITTED = Path(study.__file__).parents[1] / "reports" / "wild"
 
 SAMPLE = [
     (family, number)
@@ -101,7 +100,7 @@ class TestSample:
 
     @pytest.mark.parametrize(("family", "number"), SAMPLE)
     def test_ends_in_an_answer_that_is_true_or_in_one_of_our_own_words(self, family, number, monkeypatch):
-        monkeypatch.setattr(task, "_solvable", lambda _: {})
+        monkeypatch.setattr(study, "_solvable", lambda _: {})
         found = solve_case({"family": family, "number": number})
         assert found["outcome"] in WANTED.get(family, (SOLVED, INFEASIBLE, OPEN, REFUSED)), found
         assert found["warnings"] == []
@@ -264,7 +263,7 @@ def test_outcomes_of_failures(monkeypatch):
     def broken(*_):
         raise ZeroDivisionError("by zero")
 
-    monkeypatch.setattr(task, "wild_problem", broken)
+    monkeypatch.setattr(study, "wild_problem", broken)
     assert solve_case({"family": "thin", "number": 0})["outcome"] == FOREIGN
-    monkeypatch.setattr(task, "wild_problem", lambda *_: task.Wild(pressed(), {}, "gap = nonsense"))
+    monkeypatch.setattr(study, "wild_problem", lambda *_: study.Wild(pressed(), {}, "gap = nonsense"))
     assert solve_case({"family": "nonsense", "number": 0})["outcome"] == ACCEPTED
