@@ -48,11 +48,7 @@ def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions
         If a value is wrong, or the Python that should have GetFEM has not.
 
     """
-    for name, values in (("friction", friction), ("cells", cells)):
-        check_some(name, values)
-    for mu in friction:
-        check_not_negative("friction", mu)
-    check_at_least_one("cells", min(cells))
+    check_meshes(friction, cells)
     check_at_least_one("repeat", repetitions)
     if not 1 <= levels <= LEVELS:
         raise InputError("levels", levels, f"give a whole number from 1 to {LEVELS}")
@@ -68,6 +64,15 @@ def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions
         return case["number"] in chosen[NAMED[case["model"]].family.counted]
 
     return Study("peers", 2, TASK, factors, keep=keep, packages=(*PACKAGES, "ngsolve"))
+
+
+def check_meshes(friction: tuple[float, ...], cells: tuple[int, ...]) -> None:
+    """Coefficients of friction and numbers of cells are there, and may be such; else `InputError`."""
+    for name, values in (("friction", friction), ("cells", cells)):
+        check_some(name, values)
+    for mu in friction:
+        check_not_negative("friction", mu)
+    check_at_least_one("cells", min(cells))
 
 
 def missing_codes() -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -397,18 +398,8 @@ class TestFailures:
         assert str(tmp_path) not in str(caught.value)
 
     def test_a_code_that_hangs_is_a_row_that_is_shown_and_not_drawn(self, tmp_path):
-        words = [
-            "peers",
-            "--friction",
-            "0.2",
-            "--cells",
-            "4",
-            "--timeout",
-            "0.5",
-            "--store",
-            str(tmp_path / "a.sqlite"),
-        ]
-        words += ["--getfem", other_python(tmp_path, "sleep 60"), "--out", str(tmp_path / "out")]
+        words = ["peers", "--friction", "0.2", "--cells", "4", "--timeout", "0.5", "--out", str(tmp_path / "out")]
+        words += ["--getfem", other_python(tmp_path, "sleep 60"), "--store", str(tmp_path / "a.sqlite")]
         with pytest.MonkeyPatch.context() as patch:
             chosen(patch, "GetFEM, Q2, uniform")
             patch.setenv(study.GETFEM, "")
@@ -420,6 +411,7 @@ class TestFailures:
         assert "timeout" in page
         assert str(tmp_path) not in page
         assert not list((tmp_path / "out").glob("*.svg"))
+        assert not commands_with(tmp_path)
 
     @pytest.mark.parametrize("module", ["ngsolve_nitsche", "equilibrium"])
     def test_exceptions_are_told(self, module):
@@ -431,6 +423,15 @@ class TestFailures:
         found = study.answer_of({"module": "this", **EMPTY}, "equilibrium")  # it prints when imported
         assert found["status"] == "error"
         assert found["message"].startswith("AttributeError")
+
+
+def commands_with(folder):
+    """Commands of the running processes that name a folder, as far as /proc tells."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            found.append(path.read_bytes())
+    return [command for command in found if bytes(folder) in command]
 
 
 def other_python(folder, does):

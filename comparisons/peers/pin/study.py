@@ -5,11 +5,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
 from comparisons.peers.meshes import counter_clockwise
-from comparisons.peers.study import answer_of
+from comparisons.peers.study import answer_of, check_meshes
 from qvi_contact import TriangleMesh
 from qvi_contact.gallery import loaded_pin
 
@@ -52,11 +51,7 @@ def pin_study(friction: tuple[float, ...], sectors: tuple[int, ...], missing: Se
         If a value is wrong.
 
     """
-    for name, values in (("friction", friction), ("cells", sectors)):
-        check_some(name, values)
-    for mu in friction:
-        check_not_negative("friction", mu)
-    check_at_least_one("cells", min(sectors))
+    check_meshes(friction, sectors)
     models = tuple(name for name, (code, *_) in MODELS.items() if code not in missing)
     factors: dict[str, tuple[Any, ...]] = {
         "friction": tuple(dict.fromkeys(friction)), "sectors": tuple(sorted(set(sectors))), "model": models,
