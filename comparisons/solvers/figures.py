@@ -6,16 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 from comparisons.lab.report import drawn
 from comparisons.lab.report.drawing import grid, plain_ticks
+from comparisons.solvers import measures
 from comparisons.solvers.accuracies import LEVELS
-from comparisons.solvers.measures import (
-    area,
-    geometric_mean,
-    of_kind,
-    performance_ratios,
-    steps,
-    told_by,
-    warm_ratios,
-)  # fmt: skip
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
 from comparisons.solvers.tasks import INNER
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
@@ -49,7 +41,7 @@ def figures(runs: "DataFrame") -> dict[str, str]:
     """Name → picture; empty where there is nothing to draw, or matplotlib is not installed."""
     pictures: dict[str, Callable[[], Figure | None]] = {
         "truth-shares": partial(truth, runs),
-        **{f"profiles-{kind}": partial(profiles, of_kind(runs, kind)) for kind in KINDS},
+        **{f"profiles-{kind}": partial(profiles, measures.of_kind(runs, kind)) for kind in KINDS},
         "warmth": partial(warmth, runs),
         "accuracies": partial(accuracy, runs),
     }
@@ -63,7 +55,7 @@ def profiles(runs: "DataFrame") -> "Figure | None":
     levels = [level for level in LEVELS if level in set(runs.level)]
     figure = new_figure(3.9 * len(levels), 4.4)
     panels = figure.subplots(1, len(levels), sharey=True, squeeze=False)[0]
-    ratios = [performance_ratios(runs[runs.level == level]) for level in levels]
+    ratios = [measures.performance_ratios(runs[runs.level == level]) for level in levels]
     looks = _looks([_coloured(each) for each in ratios])
     for axes, level, each in zip(panels, levels, ratios, strict=True):
         _profile_panel(axes, each, looks)
@@ -75,7 +67,7 @@ def profiles(runs: "DataFrame") -> "Figure | None":
 
 def _coloured(ratios: "DataFrame") -> list[str]:
     """The best solvers by area, those that solve nothing left out."""
-    best = area(ratios, UNTIL).sort_index().sort_values(ascending=False, kind="stable").index
+    best = measures.area(ratios, UNTIL).sort_index().sort_values(ascending=False, kind="stable").index
     return [solver for solver in best if ratios[solver].min() < float("inf")][:HIGHLIGHTED]
 
 
@@ -92,10 +84,10 @@ def _profile_panel(axes: "Axes", ratios: "DataFrame", looks: Mapping[str, tuple[
     """The best by area in colour with markers, the others in grey."""
     coloured = _coloured(ratios)
     for solver in ratios.columns.drop(coloured):
-        axes.step(*steps(ratios[solver], UNTIL), where="post", color=_PALE, linewidth=0.9, zorder=1)
+        axes.step(*measures.steps(ratios[solver], UNTIL), where="post", color=_PALE, linewidth=0.9, zorder=1)
     for solver in coloured:
         colour, marker, line = looks[solver]
-        x, y = steps(ratios[solver], UNTIL)
+        x, y = measures.steps(ratios[solver], UNTIL)
         label = f"{solver} ({(ratios[solver] < float('inf')).sum()} of {ratios[solver].count()})"
         axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
                   markevery=max(1, len(x) // 6), label=label, zorder=2)  # fmt: skip
@@ -118,7 +110,7 @@ def _log_axis(axes: "Axes", ticks: Sequence[float]) -> None:
 
 def truth(runs: "DataFrame") -> "Figure | None":
     """A bar for each solver: what became of its inner problems, as shares."""
-    told = told_by(runs)[[*_BARS]]
+    told = measures.told_by(runs)[[*_BARS]]
     if told.empty:
         return None
     shares = told.div(told.sum(axis=1), axis=0).sort_index().sort_values(RIGHT, kind="stable")
@@ -172,10 +164,10 @@ def _solvers_down(axes: "Axes", solvers: Sequence[str], label: str) -> None:
 
 def warmth(runs: "DataFrame") -> "Figure | None":
     """A dot for each sequence: warm over cold time, and the geometric mean of each solver."""
-    ratios = warm_ratios(runs).dropna(subset="ratio").groupby("solver", sort=False).ratio
+    ratios = measures.warm_ratios(runs).dropna(subset="ratio").groupby("solver", sort=False).ratio
     if not len(ratios):
         return None
-    means = ratios.agg(geometric_mean).sort_values(ascending=False, kind="stable")
+    means = ratios.agg(measures.geometric_mean).sort_values(ascending=False, kind="stable")
     figure = new_figure(8.0, 1.0 + 0.3 * len(means))
     axes = figure.subplots()
     axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle="--")

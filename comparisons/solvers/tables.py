@@ -7,29 +7,16 @@ from typing import TYPE_CHECKING, Final
 
 from comparisons.lab.report.numbers import NOTHING, count, percent, scientific, seconds, significant
 from comparisons.lab.tables import Columns, Form, Grid, crossed, grid_of
+from comparisons.solvers import measures
 from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE, Backend
-from comparisons.solvers.measures import (
-    CONE_ENERGY,
-    ERRORS,
-    UNDOUBLED,
-    by_solver,
-    condensed_ratios,
-    error_powers,
-    of_kind,
-    paired,
-    performance_ratios,
-    profile,
-    shifted_mean,
-    told_by,
-    warm_ratios,
-)  # fmt: skip
+from comparisons.solvers.measures import CONE_ENERGY, ERRORS, UNDOUBLED
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
 from comparisons.solvers.tasks import INNER, OUTER
 from comparisons.solvers.values import ranking
 from solvers.inner.registry import how_to_install
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
+    from pandas import DataFrame, Series
 
 KINDS: Final = {
     "inner": "single inner problems",
@@ -47,7 +34,7 @@ def tables_of(runs: "DataFrame") -> dict[str, Grid]:
     """The tables by name."""
     return {
         "overview": overview(runs), "truth": truth(runs), "first": first(runs),
-        **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
+        **{f"times-{kind}": speeds(measures.of_kind(runs, kind)) for kind in KINDS},
         "kinds": kinds(runs), "twins": twins(runs), "warm": warm(runs), "forms": forms(runs),
         "infeasible": infeasible(runs), "errors": errors(runs), "powers": powers(runs),
         "problems": problems(runs), "failures": failures(runs),
@@ -78,7 +65,7 @@ def powers(runs: "DataFrame") -> Grid:
     """How the median error follows the tolerance asked for."""
     rows = [
         (solver, significant(power, 2), "one more cone" if solver in CONE_ENERGY else "as it is")
-        for solver, power in error_powers(runs).items()
+        for solver, power in measures.error_powers(runs).items()
     ]
     return Grid("", ("solver", "power of the tolerance", "how it gets the energy"), rows)
 
@@ -88,26 +75,29 @@ def overview(runs: "DataFrame") -> Grid:
     from pandas import concat
 
     names = [f"{kind}, {level}" for kind in KINDS for level in LEVELS]
-    by_kind = concat([of_kind(runs, kind).assign(which=kind) for kind in KINDS])
-    by_kind = by_kind.assign(column=_joined(by_kind, "which", "level"))
-    shares = {line[0]: line[1:] for line in crossed(by_kind, "solver", "column", _share, names).rows}
-    told, nothing = told_by(runs), (NOTHING,) * len(names)
-    untrue, alarms = (told[name].to_dict() for name in ("share", FALSE_ALARM))
-    rows = [
-        (solver, *shares.get(solver, nothing), percent(untrue.get(solver)), str(alarms.get(solver, NOTHING)))
-        for solver in runs.solver.unique()
-    ]
-    return Grid("", ("solver", *names, "untrue", "false alarms"), rows)
+    by_kind = concat({kind: measures.of_kind(runs, kind) for kind in KINDS}, names=["which"]).reset_index("which")
+    columns = by_kind.which + ", " + by_kind.level
+    shares = by_kind.certified.groupby([by_kind.solver, columns]).agg(_share).unstack().reindex(columns=names)
+    told = shares.join(measures.told_by(runs)[["share", FALSE_ALARM]], how="outer").reindex(runs.solver.unique())
+    headings: Columns = {
+        **{name: name for name in ("solver", *names)},
+        "share": ("untrue", percent), FALSE_ALARM: ("false alarms", count),
+    }  # fmt: skip
+    return grid_of(told.rename_axis("solver").reset_index(), headings)
 
 
-def _share(runs: "DataFrame") -> str:
+def _share(certified: "Series[bool]") -> str:
     """How many of so many runs are certified."""
-    return f"{percent(runs.certified.mean())} of {len(runs)}"
+    return f"{percent(certified.mean())} of {len(certified)}"
+
+
+def _certified(runs: "DataFrame") -> str:
+    return _share(runs.certified)
 
 
 def truth(runs: "DataFrame") -> Grid:
     """What was said of each inner problem, beside whether it was true."""
-    told = told_by(runs).reset_index()
+    told = measures.told_by(runs).reset_index()
     headings: Columns = {
         "solver": "solver", RIGHT: "said solved, true", UNTRUE: "said solved, untrue",
         "nobody": "of these without any certified answer", FALSE_ALARM: "said infeasible, untrue",
@@ -128,12 +118,12 @@ def _speeds_at(runs: "DataFrame") -> "DataFrame":
     """Solver → texts of its shares and means at one level."""
     from pandas import DataFrame
 
-    ratios, times = performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
+    ratios, times = measures.performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
     limited = runs.time.fillna(runs.limit).groupby(runs.solver)
     return DataFrame({
-        **{name: profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
-        "mean time": times.agg(shifted_mean).map(seconds) + times.size().map(" ({})".format),
-        "mean, failures at the limit": limited.agg(shifted_mean).map(seconds),
+        **{name: measures.profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
+        "mean time": times.agg(measures.shifted_mean).map(seconds) + times.size().map(" ({})".format),
+        "mean, failures at the limit": limited.agg(measures.shifted_mean).map(seconds),
     })  # fmt: skip
 
 
@@ -154,18 +144,18 @@ def errors(runs: "DataFrame") -> Grid:
 def kinds(runs: "DataFrame") -> Grid:
     """Shares certified of single inner problems, by kind of problem and form."""
     chosen = runs[runs.feasible & (runs.task == INNER)]
-    return crossed(chosen.assign(column=_joined(chosen, "kind", "form")), "solver", "column", _share)
+    return crossed(chosen.assign(column=_joined(chosen, "kind", "form")), "solver", "column", _certified)
 
 
 def twins(runs: "DataFrame") -> Grid:
     """Single inner problems with rows given twice, beside the same with each given once."""
     from pandas import concat
 
-    pairs = paired(runs, UNDOUBLED)
+    pairs = measures.paired(runs, UNDOUBLED)
     once = pairs.assign(problem=pairs.twin, certified=pairs.certified_beside, lost=pairs.lost_beside)
     both = concat([pairs, once])[["solver", "problem", "certified", "lost"]]
     names = [name for doubled in pairs.problem.unique() for name in (doubled, UNDOUBLED[doubled])]
-    shares = crossed(both, "solver", "problem", _share, names)
+    shares = crossed(both, "solver", "problem", _certified, names)
     lost = crossed(both, "solver", "problem", lambda found: str(found.lost.sum()), names)
     rows = [(solver, *chain(*zip(each, others, strict=True)))
             for (solver, *each), (_, *others) in zip(shares.rows, lost.rows, strict=True)]  # fmt: skip
@@ -180,7 +170,7 @@ _RATIOS: Final[Columns] = {
 
 def warm(runs: "DataFrame") -> Grid:
     """Time of warm over that of cold sequences."""
-    found = by_solver(warm_ratios(runs)).reset_index()
+    found = measures.by_solver(measures.warm_ratios(runs)).reset_index()
     found["kept"] = [TABLE.get(solver, _UNKNOWN).keeps or NOTHING for solver in found.solver]
     found["faster"] = [f"{each.below} of {each.number}" for each in found.itertuples()]
     return grid_of(found, {"solver": "solver", "kept": "what it keeps", **_RATIOS, "faster": "faster"})
@@ -191,8 +181,9 @@ def forms(runs: "DataFrame") -> Grid:
     from pandas import concat
 
     names = {INNER: "inner problem", OUTER: "outer loop"}
-    found = concat([by_solver(condensed_ratios(runs, task)).assign(what=name) for task, name in names.items()])
-    return grid_of(found.reset_index(), {"solver": "solver", "what": "what", **_RATIOS, "number": "problems"})
+    found = {name: measures.by_solver(measures.condensed_ratios(runs, task)) for task, name in names.items()}
+    told = concat(found, names=["what", "solver"]).reset_index()
+    return grid_of(told, {"solver": "solver", "what": "what", **_RATIOS, "number": "problems"})
 
 
 def infeasible(runs: "DataFrame") -> Grid:

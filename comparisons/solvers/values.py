@@ -4,27 +4,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.lab.report.numbers import listing, percent, significant, span
+from comparisons.solvers import measures
 from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS
 from comparisons.solvers.figures import HIGHLIGHTED, UNTIL
-from comparisons.solvers.measures import (
-    EQUAL_CELLS,
-    INSTANCE,
-    NEGLIGIBLE,
-    SHIFT,
-    beside,
-    by_solver,
-    condensed_ratios,
-    geometric_mean,
-    judged,
-    of_kind,
-    paired,
-    performance_ratios,
-    profile,
-    told_by,
-    warm_ratios,
-)  # fmt: skip
+from comparisons.solvers.measures import EQUAL_CELLS, INSTANCE, NEGLIGIBLE, SHIFT
 from comparisons.solvers.outcomes import FALSE_ALARM, NO_ANSWER, UNTRUE
-from comparisons.solvers.study import QUICK_NAME
+from comparisons.solvers.study import FORMS, QUICK_NAME
 from comparisons.solvers.tasks import INNER, OUTER
 
 if TYPE_CHECKING:
@@ -57,7 +42,7 @@ def numbers_of(runs: "DataFrame") -> dict[str, Any]:
 
 def _of_truth(runs: "DataFrame") -> dict[str, Any]:
     """Who says "solved" of what is not, and how much of that is about problems that nobody solves."""
-    told, found = told_by(runs), judged(runs)
+    told, found = measures.told_by(runs), measures.judged(runs)
     often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
     nobody = found[found.nobody].drop_duplicates(["what", *INSTANCE])
     return {
@@ -73,14 +58,14 @@ def ranking(runs: "DataFrame", kind: str) -> list[tuple[str, int, int, float]]:
 
     At the accuracy in the middle that was run; none unless there are several solvers, all given every problem.
     """
-    chosen = of_kind(runs, kind)
+    chosen = measures.of_kind(runs, kind)
     levels = [level for level in LEVELS if level in set(chosen.level)]
-    ratios = performance_ratios(chosen[chosen.level == ("mid" if "mid" in levels else "".join(levels[:1]))])
+    ratios = measures.performance_ratios(chosen[chosen.level == ("mid" if "mid" in levels else "".join(levels[:1]))])
     if ratios.shape[1] < 2 or ratios.isna().any(axis=None):
         return []
     solved = (ratios < float("inf")).sum()
-    merit = solved.to_frame("solved").assign(given=len(ratios), within=profile(ratios, 2.0))[solved > 0].sort_index()
-    best = merit.sort_values(["solved", "within"], ascending=False, kind="stable")
+    merit = solved.to_frame("solved").assign(given=len(ratios), within=measures.profile(ratios, 2.0))[solved > 0]
+    best = merit.sort_index().sort_values(["solved", "within"], ascending=False, kind="stable")
     found = list(best.itertuples(name=None))
     last = [(solved, within) for _, solved, _, within in found[:_NAMED]][-1:]
     return [each for each in found if (each[1], each[3]) >= last[0]]
@@ -91,11 +76,12 @@ def method_of(runs: "DataFrame", name: str) -> dict[str, Any]:
     mine = runs[(runs.solver == name) & (runs.task == OUTER) & runs.feasible]
     loops = runs[(runs.task == OUTER) & ~runs.solver.isin(METHODS)]
     fastest = loops.groupby([*INSTANCE], as_index=False).time.min()
-    quotients = 1.0 / beside(mine, fastest, INSTANCE).ratio.dropna()
+    quotients = 1.0 / measures.beside(mine, fastest, INSTANCE).ratio.dropna()
     steps = {options["omega_T"] for options in mine.options.dropna() if "omega_T" in options}
     return {
         "name": name, "solved": int(mine.certified.sum()), "given": len(mine), "both": len(quotients),
-        "ratio": geometric_mean(quotients), "span": _span(quotients), "step": steps.pop() if len(steps) == 1 else None,
+        "ratio": measures.geometric_mean(quotients), "span": _span(quotients),
+        "step": steps.pop() if len(steps) == 1 else None,
     }  # fmt: skip
 
 
@@ -112,14 +98,14 @@ def _of_infeasible(runs: "DataFrame") -> dict[str, Any]:
 
 def _of_ratios(runs: "DataFrame") -> dict[str, Any]:
     """Graded cells beside equal ones, warm sequences beside cold ones, all unknowns beside condensed."""
-    pairs, warm = paired(runs, EQUAL_CELLS), by_solver(warm_ratios(runs))["mean"]
-    forms = by_solver(condensed_ratios(runs, INNER))["mean"]
-    graded: Mapping[str, Any] = {form: pairs[pairs.form == form] for form in ("full", "condensed")}
+    pairs, warm = measures.paired(runs, EQUAL_CELLS), measures.by_solver(measures.warm_ratios(runs))["mean"]
+    forms = measures.by_solver(measures.condensed_ratios(runs, INNER))["mean"]
+    graded = pairs.groupby("form")[["certified", "certified_beside"]].mean().reindex([*FORMS])
     return {
-        "graded": {form: [each.certified.mean(), each.certified_beside.mean()] for form, each in graded.items()},
+        "graded": graded.T.to_dict("list"),
         "gaining": listing([*warm.index[warm < 1.0 / NEGLIGIBLE]]),
         "losing": listing([*warm.index[warm > NEGLIGIBLE]]),
-        "form": geometric_mean(forms), "form_span": _span(forms),
+        "form": measures.geometric_mean(forms), "form_span": _span(forms),
     }  # fmt: skip
 
 
