@@ -3,19 +3,8 @@
 from functools import partial
 from typing import Any
 
+from comparisons.benchmark import measures
 from comparisons.benchmark.figures import picture
-from comparisons.benchmark.measures import (
-    graded_of,
-    loops_of,
-    memory_of,
-    plain_of,
-    plate_growth,
-    solves_of,
-    values_of,
-    wall_growth,
-    wall_values,
-    walls_of,
-)  # fmt: skip
 from comparisons.benchmark.reference import CONVERGED_FRICTION
 from comparisons.benchmark.study import WALL, WHOLE
 from comparisons.benchmark.tables import peers, tables_of, wall_tables
@@ -25,11 +14,11 @@ from comparisons.lab.study import StoredStudy
 
 def frames_of(whole: StoredStudy, graded: StoredStudy, loops: StoredStudy | None = None) -> dict[str, Any]:
     """What was measured on the plate, as frames by name."""
-    solves = solves_of(whole.rows)
+    solves = measures.solves_of(whole.rows)
     return {
-        "solves": solves, "plain": plain_of(whole.rows), "memory": memory_of(whole.rows),
-        "growth": plate_growth(solves), "loops": loops_of(loops.rows if loops else (), solves),
-        "graded": graded_of(graded.rows), "peers": peers(),
+        "solves": solves, "plain": measures.plain_of(whole.rows), "memory": measures.memory_of(whole.rows),
+        "growth": measures.plate_growth(solves), "loops": measures.loops_of(loops.rows if loops else (), solves),
+        "graded": measures.graded_of(graded.rows), "peers": peers(),
     }  # fmt: skip
 
 
@@ -40,7 +29,7 @@ def report(whole: StoredStudy, graded: StoredStudy, loops: StoredStudy | None = 
     measured = solves.friction.unique()
     friction = CONVERGED_FRICTION if CONVERGED_FRICTION in measured else min(measured, default=None)
     values = {
-        **values_of(frames), "friction": friction, "frictions": measured, "cells": solves.cells.unique(),
+        **measures.values_of(frames), "friction": friction, "frictions": measured, "cells": solves.cells.unique(),
         "threads": _environment(whole, "threads"), "limit": loops and _environment(loops, "timeout_seconds"),
     }  # fmt: skip
     figures = {"times": drawn("benchmark", partial(picture, frames, friction, values["threads"]))}
@@ -60,9 +49,9 @@ def _environment(study: StoredStudy, name: str) -> Any:
 
 def wall_report(study: StoredStudy) -> Document:
     """The report on walls."""
-    walls = walls_of(study.rows)
+    walls = measures.walls_of(study.rows)
     values = {
-        **wall_values(walls), "blocks": walls.blocks.unique(), "loads": walls.load.unique(),
+        **measures.wall_values(walls), "blocks": walls.blocks.unique(), "loads": walls.load.unique(),
         "element": next((row.case["element"] for row in study.rows), None),
         "threads": _environment(study, "threads"), "limit": _environment(study, "timeout_seconds"),
     }  # fmt: skip
@@ -72,6 +61,6 @@ def wall_report(study: StoredStudy) -> Document:
 
 def wall_document(study: StoredStudy) -> dict[str, Any]:
     """What was measured on walls, for JSON."""
-    walls = walls_of(study.rows)
-    records = {"walls": walls.to_dict("records"), "growth": wall_growth(walls).to_dict("records")}
+    walls = measures.walls_of(study.rows)
+    records = {"walls": walls.to_dict("records"), "growth": measures.wall_growth(walls).to_dict("records")}
     return {"schema": "qvi-contact/benchmark-wall/2", **records}
