@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -137,9 +138,12 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
         Diagonals run away from the middle of the grid, so that symmetric bodies have symmetric triangles if their
         number of cells across is even; in corners of the body into the corner. The triangles 2k and 2k + 1 lie in the
-        active cell k, counted row by row.
+        active cell k, counted row by row. The same mesh gives the same triangles again, with what they have computed.
         """
-        return cls._made(triangulated(mesh))
+        found = _OF_RECTANGLES.get(mesh)
+        if found is None:
+            found = _OF_RECTANGLES[mesh] = cls._made(triangulated(mesh))
+        return found
 
     @classmethod
     def _made(cls, parts: MeshParts) -> TriangleMesh:
@@ -681,6 +685,10 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         point, cell = self._in_reach(points)
         found[cell[self._holds(cell, points[point])]] = True
         return found
+
+
+_OF_RECTANGLES: WeakKeyDictionary[RectilinearMesh, TriangleMesh] = WeakKeyDictionary()
+"""What grids have been cut into, as long as these are there: all steps of a history have one grid."""
 
 
 def _points_back(vectors: FloatArray) -> BoolArray:

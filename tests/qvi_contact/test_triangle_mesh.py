@@ -1,6 +1,8 @@
 """Meshes of triangles: what is accepted and refused, names, refinement, files."""
 
+import gc
 import re
+import weakref
 
 import numpy as np
 import pytest
@@ -65,6 +67,16 @@ class TestTopology:
 
 class TestRectanglesCutInTwo:
     """Diagonals run away from the middle, whatever the body's place."""
+
+    def test_a_grid_is_cut_once_and_its_triangles_go_with_it(self):
+        grid = RectilinearMesh.rectangle((2, 2))
+        mesh = TriangleMesh.of_rectangles(grid)
+        assert TriangleMesh.of_rectangles(grid) is mesh
+        assert TriangleMesh.of_rectangles(RectilinearMesh.rectangle((2, 2))) is not mesh
+        left = weakref.ref(mesh)
+        del grid, mesh
+        gc.collect()
+        assert left() is None
 
     @staticmethod
     def triangles(mesh, turned=(1.0, 1.0)):
