@@ -145,7 +145,7 @@ def test_inaccurate_results_are_nearly_right(cells, grading):
 @pytest.mark.parametrize("ended", [Status.SOLVED, Status.STALLED])
 def test_what_is_left_too_early_is_not_called_inaccurate(ended):
     """Whatever a method says of its end: what is accepted as inaccurate has an accuracy of 1e-4 or better."""
-    known = condensed(1.0, 19, 0.6).solution
+    known = condensed(1.0, 8, 0.6).solution
     for off in (1e-7, 1e-2):
         z = (1.0 - off) * known.z
         left = Outcome(
