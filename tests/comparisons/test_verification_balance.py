@@ -51,3 +51,12 @@ def test_a_weight_that_no_traction_carries_is_seen():
     light = solve_companion(replace(column(), body_potential=0.0), degree=2)
     heavy = replace(light, problem=column())
     assert balance.of_displacements(heavy) == pytest.approx(6.0 / (2.0 * 1.0 + 2.0 * 0.6), rel=1e-12)
+
+
+def test_each_body_is_looked_at_by_itself():
+    """The same column cut at three quarters: the part below is left with the weight 4.5, its sides have 0.45."""
+    mesh = TriangleMesh.rectangle((1, 4), 1.0, 2.0).with_joint("joint", lambda _, y: y == 1.5)
+    whole = replace(column(), mesh=mesh, conditions=[*column().conditions, Contact("joint", 0.0)])
+    light = solve_companion(replace(whole, body_potential=0.0), degree=2)
+    heavy = replace(light, problem=whole)
+    assert balance.of_displacements(heavy) == pytest.approx(4.5 / (2.0 * 1.0 + 2.0 * 0.45), rel=1e-9)

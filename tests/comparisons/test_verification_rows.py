@@ -13,7 +13,7 @@ from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, 
 from comparisons.verification.measures import between_points, edge_states, point_states, runs, value_at, zone_ends
 from comparisons.verification.not_unique import STATES, _violation
 from comparisons.verification.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
-from comparisons.verification.row import absolute, at_least, at_most, relative, word
+from comparisons.verification.row import absolute, at_least, at_most, enclosed, relative, word
 from comparisons.verification.study import as_record
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Symmetry, Traction, TriangleMesh, solve
 from qvi_contact.companion import solve_companion
@@ -43,6 +43,12 @@ class TestRows:
         assert above.passed == (reference - ours <= tolerance)
         assert max(below.error, above.error) == equal.error
         assert below.error == (0.0 if ours <= reference else equal.error)
+
+    @given(finite, finite, finite, st.floats(1e-9, 1e3))
+    def test_bounds_around_what_is_known(self, lower, upper, known, tolerance):
+        rows = list(enclosed("{} of P", (lower, upper), known, tolerance, *REST))
+        assert [row.quantity for row in rows] == ["lower bound of P", "upper bound of P"]
+        assert [row.passed for row in rows] == [lower - known <= tolerance, known - upper <= tolerance]
 
     @pytest.mark.parametrize("make", [relative, absolute, at_most])
     @pytest.mark.parametrize("ours", [math.nan, math.inf])
@@ -192,10 +198,10 @@ class TestElements:
     """A problem runs on each of its elements, and its rows say so."""
 
     @staticmethod
-    def names(quick):
+    def names(quick, few=2):
         chapter = Chapter()
 
-        @chapter.on("degree", RECTANGLES, TRIANGLES, QUINTIC)
+        @chapter.on("degree", RECTANGLES, TRIANGLES, QUINTIC, few=few)
         def problem(element, _):
             yield absolute("degree", element.degree, 3.0, 1.0, *REST)
 
@@ -203,8 +209,9 @@ class TestElements:
         return [as_record(row)["element"] for row in problem(quick)]
 
     def test_rows_name_them(self):
-        assert self.names(quick=False) == [element.name for element in EVERY]
+        assert self.names(quick=False) == self.names(quick=False, few=1) == [element.name for element in EVERY]
         assert self.names(quick=True) == [element.name for element in BOTH]
+        assert self.names(quick=True, few=1) == [TRIANGLES.name]
 
     @pytest.mark.parametrize("element", EVERY)
     def test_what_is_solved(self, element):
