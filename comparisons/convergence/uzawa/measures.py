@@ -258,11 +258,3 @@ def _maps(found: "DataFrame") -> "DataFrame":
 def _tightest(found: "DataFrame") -> str:
     """The tightest target that is met."""
     return scientific(found.target[found.status == "solved"].min(), 1)
-
-
-def settings_of(settings: Mapping[str, str]) -> Grid:
-    """Settings of all runs, beside the options of the methods."""
-    methods = {
-        name: ", ".join(f"{key} = {value}" for key, value in one.options.items()) for name, one in METHODS.items()
-    }
-    return Grid("Runs and methods", ("setting", "value"), list({**settings, **methods}.items()))
