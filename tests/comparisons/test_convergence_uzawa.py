@@ -208,7 +208,9 @@ class TestNumbers:
     def test_half_the_limits_beside_the_best_of_the_map(self, row):
         equal = made(row, "Uzawa", ["plate", 2, 0.1], status="solved", seconds=[1.0, 3.0, 2.0])
         equal = replace(equal, case={**equal.case, "target": 1e-2})
-        values = found([equal, self.mapped(row, 0.1, 90, 0.5), self.mapped(row, 0.1, 30)])
+        early = self.mapped(row, 0.1, 5, 2.0)
+        restless = replace(early, result={**early.result, "settles": False})
+        values = found([equal, self.mapped(row, 0.1, 90, 0.5), self.mapped(row, 0.1, 30), restless])
         assert values["saved"] == "3"
         assert values["targets"]["Uzawa"] == (1, 1)
         assert runs_of([equal]).seconds[0] == 2.0
