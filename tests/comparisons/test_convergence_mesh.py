@@ -309,14 +309,16 @@ class TestRun:
         few = [row for row in rows if row.case["problem"] == "plate 1"]
         texts = {path.name: path.read_text(encoding="utf-8") for path in write_report(report(few), tmp_path)}
         assert "convergence-mesh.html" in texts
-        assert ("convergence-mesh-gaps.svg" in texts) == has_matplotlib()
+        for name in ("gaps", "errors-plate-1", "tractions-plate-1"):
+            assert (f"convergence-mesh-{name}.svg" in texts) == has_matplotlib()
         assert "214.308143" in texts["convergence-mesh.md"]
         assert "| 1.52 |" in texts["convergence-mesh.md"]
 
     @pytest.mark.usefixtures("outlined")
     def test_the_report_is_the_same_for_the_same_rows(self, rows):
-        told = report(rows)
-        assert told == report(rows)
+        few = [row for row in rows if row.case["problem"] != "plate 1"]
+        told = report(few)
+        assert told == report(few)
         if not has_matplotlib():
             return
         for name, word in (("tractions-block", "σ_T"), ("ends-block", "stick ends")):
@@ -324,8 +326,7 @@ class TestRun:
             assert picture.startswith("<svg")
             assert word in picture
             assert "[length]" in picture
-        errors = {f"convergence-mesh-errors-{problem}.svg" for problem in ("plate-1", "plate-0_2", "block")}
-        assert set(told.pictures) >= errors
+        assert set(told.pictures) >= {f"convergence-mesh-errors-{problem}.svg" for problem in ("plate-0_2", "block")}
 
     def test_a_failed_row_is_shown_and_not_replaced(self, rows):
         lost = [row for row in rows if row.case["size"] != 16]
