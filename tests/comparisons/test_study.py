@@ -371,15 +371,15 @@ class TestRefused:
         [
             ({"name": "other"}, "belongs to the study small .version 1.: give"),
             ({"version": 2}, "small .version 1."),
-            ({"seed": 6}, r"with other settings .seed: 5 there, 6 here.: give another file"),
-            ({"repeats": 3}, ".repeats: 2 there, 3 here."),
+            ({"seed": 6}, r"with other settings .seed: 5 only there, 6 only here.: give another file"),
+            ({"repeats": 3}, ".repeats of each: 2 only there, 3 only here."),
             ({"keep": lambda case: case["mesh"] == 4}, ".other combinations: 4 there, 2 here."),
             ({"factors": {"mesh": (4,), "friction": (0.1, 0.2, 0.3)}},
-             ".mesh: 2 values there, 1 here; friction: 1 value there, 3 here."),
-            ({"factors": {"mesh": (4, 16), "friction": (0.1,)}}, ".mesh: 8 there, 16 here."),
+             ".mesh: 8 only there; friction: 0.2, 0.3 only here."),
+            ({"factors": {"mesh": (4, 16), "friction": (0.1,)}}, ".mesh: 8 only there, 16 only here."),
             ({"factors": {"mesh": (8, 4), "friction": (0.1,)}}, ".mesh: the same values in another order."),
             ({"factors": {"friction": (0.1,), "mesh": (4, 8)}}, ".the factors in another order."),
-            ({"factors": {"mesh": (4, 8), "method": ("a",)}}, ".friction: only there; method: only here."),
+            ({"factors": {"mesh": (4, 8), "method": ("a",)}}, '.friction: 0.1 only there; method: "a" only here.'),
         ],
     )  # fmt: skip
     def test_another_study(self, tmp_path, change, word):
@@ -400,7 +400,7 @@ class TestRefused:
 
     def test_long_lists_of_values_are_shortened(self):
         there, here = (replace(SMALL, factors={"mesh": tuple(range(n, n + 5))}).declaration() for n in (0, 10))
-        assert differences(there, here) == "mesh: 0, 1, 2 and 2 more there, 10, 11, 12 and 2 more here"
+        assert differences(there, here) == "mesh: 0, 1, 2 and 2 more only there, 10, 11, 12 and 2 more only here"
         there["factors"][0][1] = ["x" * 99] * 5
         assert len(differences(there, here)) < 250
 

@@ -1,6 +1,6 @@
 """In what two declarations of a study differ, for people."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from comparisons.lab.worker.plain import canonical
@@ -16,34 +16,21 @@ def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
 
     Both are of the form of `Study.declaration`. Factors come first, as they are what options change.
     """
-    factors = [dict(each["factors"]) for each in (there, here)]
-    names = dict.fromkeys([*factors[0], *factors[1]])
-    found = [text for name in names for text in _factor(name, factors[0].get(name), factors[1].get(name))]
-    found += [f"{name}: {there[name]} there, {here[name]} here"
-              for name in ("repeats", "seed") if there[name] != here[name]]  # fmt: skip
-    if not found and list(factors[0]) != list(factors[1]):
-        found = ["the factors in another order"]
-    if not found:
-        found = [f"other combinations: {there['cases']} there, {here['cases']} here"]
-    return "; ".join(found)
+    one, other = ({**dict(each["factors"]), "repeats of each": [each["repeats"]], "seed": [each["seed"]]}
+                  for each in (there, here))  # fmt: skip
+    found = [f"{name}: {told}" for name in {**one, **other} if (told := _told(one.get(name, []), other.get(name, [])))]
+    if not found and list(one) != list(other):
+        return "the factors in another order"
+    return "; ".join(found) or f"other combinations: {there['cases']} there, {here['cases']} here"
 
 
-def _factor(name: str, there: Sequence[Any] | None, here: Sequence[Any] | None) -> Iterator[str]:
-    """How the values of a factor differ, if they do."""
-    if there is None or here is None:
-        yield f"{name}: only {'here' if there is None else 'there'}"
-        return
-    texts = [[canonical(value) for value in values] for values in (there, here)]
-    if texts[0] == texts[1]:
-        return
-    if len(there) != len(here):
-        yield f"{name}: {len(there)} value{'s' if len(there) > 1 else ''} there, {len(here)} here"
-        return
-    only = [[text for text in texts[i] if text not in texts[1 - i]] for i in (0, 1)]
-    if only[0]:
-        yield f"{name}: {_listed(only[0])} there, {_listed(only[1])} here"
-    else:
-        yield f"{name}: the same values in another order"
+def _told(there: Sequence[Any], here: Sequence[Any]) -> str:
+    """How the values of a factor differ; empty if they do not."""
+    one, other = (list(map(canonical, values)) for values in (there, here))
+    sides = ((one, other, "there"), (other, one, "here"))
+    only = [f"{_listed(lacking)} only {side}" for own, others, side in sides
+            if (lacking := [text for text in own if text not in others])]  # fmt: skip
+    return ", ".join(only) or ("" if one == other else "the same values in another order")
 
 
 def _listed(texts: Sequence[str]) -> str:
