@@ -187,9 +187,6 @@ def test_what_is_missing_is_said(monkeypatch, capfd, tmp_path, what):
     assert (code, err) == (0, "")
     assert out.startswith("not checked: ")
     assert "install" in out
-    code, out, err = command(monkeypatch, capfd, "--require", tmp_path / "page.html")
-    assert (code, out) == (2, "")
-    assert "install" in err
     with pytest.raises(InputError, match="install"), looking.open_browser():
         pass
 

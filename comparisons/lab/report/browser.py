@@ -25,7 +25,7 @@ from qvi_contact.basics.terminal import run
 from qvi_contact.errors import InputError
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, ConsoleMessage, Error, Locator, Page, Route
+    from playwright.sync_api import Browser, ConsoleMessage, Error, Locator, Page, Request
 
 Facts = dict[str, Any]
 
@@ -100,8 +100,7 @@ def problems_on(browser: "Browser", path: str | Path, widths: Sequence[int] = WI
     """
     file = _existing(path)
     said: list[str] = []
-    with browser.new_context() as context:
-        page = context.new_page()
+    with browser.new_page(offline=True) as page:
         page.set_default_timeout(_PATIENCE)
         _listen(page, file, said)
         page.goto(file.as_uri(), wait_until="load")
@@ -122,24 +121,20 @@ def _script(name: str) -> str:
 
 
 def _listen(page: "Page", path: Path, said: list[str]) -> None:
-    """Write down what the page complains of, and whatever it asks for: it gets itself and nothing else."""
+    """Write down what the page complains of, and whatever it asks for besides itself."""
     own = path.as_uri()
-
-    def answer(route: "Route") -> None:
-        address = route.request.url
-        if address.split("#")[0] == own:
-            route.continue_()
-        else:
-            said.append(f"the page asks for {address}")
-            route.abort()
 
     def hear(message: "ConsoleMessage") -> None:
         if message.type == "error":
             said.append(f"error in the console: {message.text}")
 
+    def ask(request: "Request") -> None:
+        if request.url.split("#")[0] != own and not request.url.startswith(("data:", "blob:")):
+            said.append(f"the page asks for {request.url}")
+
     page.on("console", hear)
     page.on("pageerror", lambda error: said.append(f"exception in a script: {_first_line(error)}"))
-    page.context.route(lambda address: not address.startswith(("data:", "blob:")), answer)
+    page.on("request", ask)
 
 
 def _layout(facts: Facts) -> Iterator[str]:
@@ -261,8 +256,7 @@ def _made(path: Path, folder: Path) -> Path:
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("pages", nargs=-1, required=True, metavar="FILE...")
-@click.option("--require", is_flag=True, help="Exit status 2, not 0, if there is no browser to look with.")
-def command(pages: tuple[str, ...], require: bool) -> int:
+def command(pages: tuple[str, ...]) -> int:
     """Look at pages in a headless Chromium, at the widths of a phone and of a desktop.
 
     FILE is a page, or the Markdown of a report, of which the page is made.
@@ -270,10 +264,7 @@ def command(pages: tuple[str, ...], require: bool) -> int:
     One line a page. The exit status is 1 if something is wrong with one of them, 0 if not, or if nothing could be
     checked because Playwright or Chromium is missing.
     """
-    remedy = missing()
-    if remedy and require:
-        raise InputError("browser", "chromium", remedy)
-    if remedy:
+    if remedy := missing():
         click.echo(f"not checked: {remedy}")
         return 0
     wrong = False
