@@ -128,7 +128,7 @@ def test_the_page_can_be_made_of_the_files_alone(folder, tmp_path):
 
 def test_the_folder_is_made_and_pictures_are_written_first(report, tmp_path, monkeypatch):
     names = []
-    monkeypatch.setattr("comparisons.lab.report.files.write_text", lambda path, _: names.append(path.name))
+    monkeypatch.setattr("comparisons.lab.report.page.write_text", lambda path, _: names.append(path.name))
     written = write_report(report, tmp_path / "new" / "folder")
     assert (tmp_path / "new" / "folder").is_dir()
     assert names == [path.name for path in reversed(written)]

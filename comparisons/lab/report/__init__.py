@@ -12,7 +12,7 @@ The same rows give the same bytes. Formats of numbers are in `report.numbers`;
 from comparisons.lab.report.document import Document, fill, render
 from comparisons.lab.report.drawing import drawn
 from comparisons.lab.report.environment import environment_grids
-from comparisons.lab.report.files import write_report
+from comparisons.lab.report.page import write_report
 from comparisons.lab.report.reader import findings_of
 from comparisons.lab.report.terminal import show
 

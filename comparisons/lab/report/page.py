@@ -1,9 +1,10 @@
-"""A report as one HTML page that loads nothing: made from its Markdown, style, script and pictures inside."""
+"""The files of a report, and its HTML page, which loads nothing: made from its Markdown, all else inside."""
 
 import html
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from comparisons.lab.cells import sort_key
@@ -11,6 +12,7 @@ from comparisons.lab.report.document import Document
 from comparisons.lab.report.reader import headings, reader, title_of, words
 from comparisons.lab.worker.outcome import FAILURES
 from qvi_contact.basics.page import page_template
+from qvi_contact.basics.writing import writable_folder, write_text
 from qvi_contact.plots.inline import inline_svg
 
 if TYPE_CHECKING:
@@ -103,3 +105,33 @@ def _picture(token: "Token", document: Document) -> str:
     box = f'<div class="box picture" role="region" tabindex="0" aria-label="{html.escape(label)}">'
     svg = inline_svg(document.pictures[file], name, label)
     return f'<figure aria-label="{html.escape(name)}">\n{box}\n{svg}</div>\n</figure>\n'
+
+
+def write_report(report: Document, folder: str | Path) -> list[Path]:
+    """Write a report's Markdown, its pictures, and the page made of both; each whole or not at all.
+
+    The same report gives the same bytes. A picture of an earlier report that this one has not is left where it is.
+
+    Parameters
+    ----------
+    report : Document
+        What to write.
+    folder : str or Path
+        Where to; made if it is missing.
+
+    Returns
+    -------
+    list of Path
+        ``<name>.html``, ``<name>.md``, then ``<name>-<figure>.svg`` for each figure that could be drawn.
+
+    Raises
+    ------
+    InputError
+        If the folder or a file cannot be written.
+
+    """
+    texts = {f"{report.name}.html": as_page(report), f"{report.name}.md": report.text, **report.pictures}
+    place = writable_folder(folder)
+    for name, text in reversed(texts.items()):  # pictures first: no text shows one that is not there
+        write_text(place / name, text)
+    return [place / name for name in texts]
