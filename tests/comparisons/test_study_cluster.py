@@ -189,14 +189,16 @@ class TestLosses:
         assert len(err.splitlines()) == 1
         assert rows_in(tmp_path / "a") == 1
 
-    def test_no_workers_and_workers_without_this_package(self, started, tmp_path, monkeypatch):
+    @pytest.mark.parametrize("scheduler_too", [False, True])
+    def test_no_workers_and_workers_without_this_package(self, started, tmp_path, monkeypatch, scheduler_too):
         missing = "raise ModuleNotFoundError(f'No module named {__name__!r}', name=__name__)"  # whatever is installed
         (tmp_path / "comparisons.py").write_text(missing, encoding="utf-8")
-        bare = started(workers=0, path=tmp_path)
+        bare = started(workers=0, path=tmp_path if scheduler_too else ROOT)
         with monkeypatch.context() as patch:
             patch.setattr(cluster, "_JOINING", 0.1)
             with pytest.raises(InputError, match="has no workers"):
                 run_study(SMALL, tmp_path / "a", dask=bare.address)
+        bare.path = str(tmp_path)
         bare.add_worker()
         with pytest.raises(InputError, match="install this package and the task's on its scheduler and workers"):
             run_study(SMALL, tmp_path / "a", dask=bare.address)

@@ -7,9 +7,10 @@ Which worker does a case is decided here, not by Dask, which would try a case th
 Here it is tried once more, on another worker if there is one.
 """
 
+import pickle
 import time
 from collections import Counter, deque
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
@@ -117,7 +118,7 @@ class _Dispatch:
             trial.workers.append(best)
             trial.began = time.monotonic()
             future = self._client.submit(
-                work, self._run, self._terms, dict(trial.case.values),
+                _unpacking(), pickle.dumps((work, self._run, self._terms, dict(trial.case.values))),
                 key=f"study-{self._run}-{trial.case.key}-{len(trial.workers)}",
                 workers=[best], allow_other_workers=False, pure=False,
             )  # fmt: skip
@@ -156,6 +157,21 @@ class _Dispatch:
     def _gone(self) -> InputError:
         self._lost_scheduler = True
         return InputError("dask", self._address, "the scheduler was lost: give the same command again when it is back")
+
+
+def _unpacking() -> Callable[[bytes], Outcome]:
+    """What Dask sends by value, as it has no name: a worker without this package can load it, and tells what it lacks.
+
+    One that cannot load an order loses its line to the scheduler instead, again and again, and is waited for.
+    """
+
+    def unpacked(order: bytes) -> Any:  # types are sent too, and must be known there
+        from pickle import loads
+
+        work, *arguments = loads(order)
+        return work(*arguments)
+
+    return unpacked
 
 
 _CREWS: dict[str, Crew] = {}
