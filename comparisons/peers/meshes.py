@@ -33,7 +33,6 @@ _DEPTHS_WITHOUT_LINE: Final = ((0, 2), (0, 4), (0, 6), (1, 6), (2, 8), (3, 8), (
 """The same where no column of the coarsest mesh ends at the transition."""
 
 _NEEDLE: Final = 0.1  # columns narrower than this are not made for the sake of a transition
-_ON_SIDE: Final = 1e-12
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class Family:
     counted : whether the number is that of cells a side, and not a level from 0
     triangles : whether the cells are triangles, not rectangles
     to_transition : whether its meshes are graded to corner and transition, by what is known of the solution
-    make : (μ, number) → grid lines x and y, or a mesh of triangles
+    make : (μ, number) → mesh
     reading : what the number means
     own : whether a code refines the mesh itself, so that no two codes have the same
 
@@ -56,7 +55,7 @@ class Family:
     counted: bool
     triangles: bool
     to_transition: bool
-    make: Callable[[float, int], "tuple[FloatArray, FloatArray] | TriangleMesh"]
+    make: Callable[[float, int], RectilinearMesh | TriangleMesh]
     reading: str
     own: bool = False
 
@@ -75,14 +74,12 @@ def plain_mesh(family: str, friction: float, number: int) -> dict[str, Any]:
         "left", "right", "bottom" and "top" by their vertices; "lines", for rectangles the grid lines (x, y), else None.
 
     """
-    made = FAMILIES[family].make(friction, number)
-    if isinstance(made, TriangleMesh):
-        vertices, cells, lines = made.vertices, counter_clockwise(made.vertices, made.cells), None
-    else:
-        vertices, cells = _rectangles(*made)
-        lines = [line.tolist() for line in made]
-    sides = {name: pairs.tolist() for name, pairs in _sides(vertices, cells).items()}
-    return {"vertices": vertices.tolist(), "cells": cells.tolist(), "sides": sides, "lines": lines}
+    mesh = FAMILIES[family].make(friction, number)
+    lines = [mesh.x.tolist(), mesh.y.tolist()] if isinstance(mesh, RectilinearMesh) else None
+    cells = mesh.cells if lines else counter_clockwise(mesh.vertices, mesh.cells)
+    edges = {name: mesh.edges(name) for name in ("left", "right", "bottom", "top")}
+    sides = {name: np.column_stack([each.first, each.second]).tolist() for name, each in edges.items()}
+    return {"vertices": mesh.vertices.tolist(), "cells": cells.tolist(), "sides": sides, "lines": lines}
 
 
 def ratio(cells: int) -> float:
@@ -90,28 +87,27 @@ def ratio(cells: int) -> float:
     return next((each for most, each in _RATIOS if cells <= most), _FINEST_RATIO)
 
 
-def _squares(_: float, number: int) -> tuple[FloatArray, FloatArray]:
-    lines = np.linspace(0.0, 1.0, number + 1)
-    return lines, lines
+def _squares(_: float, number: int) -> RectilinearMesh:
+    return RectilinearMesh.rectangle((number, number))
 
 
-def _to_corner(_: float, number: int) -> tuple[FloatArray, FloatArray]:
-    mesh = RectilinearMesh.rectangle((number, number), grading=ratio(number))
-    return mesh.x, mesh.y
+def _to_corner(_: float, number: int) -> RectilinearMesh:
+    return RectilinearMesh.rectangle((number, number), grading=ratio(number))
 
 
 def _cut_squares(_: float, number: int) -> TriangleMesh:
     return TriangleMesh.rectangle((number, number))
 
 
-def _strips(shrinking: float) -> Callable[[float, int], tuple[FloatArray, FloatArray]]:
+def _strips(shrinking: float) -> Callable[[float, int], RectilinearMesh]:
     """Rectangles that shrink towards corner and transition, each by this ratio to the one before it."""
 
-    def make(friction: float, number: int) -> tuple[FloatArray, FloatArray]:
+    def make(friction: float, number: int) -> RectilinearMesh:
         left, right, beside, rows = _STRIPS[number]
         transition = TRANSITIONS.get(friction)
         if transition is None:
-            return _line(0.0, 1.0, left + beside, shrinking), _line(0.0, 1.0, left + beside, shrinking)
+            both = _line(0.0, 1.0, left + beside, shrinking)
+            return RectilinearMesh(both, both)
         middle = (transition + 1.0) / 2.0
         # the more, the nearer the transition is to x = 0: the columns on both sides of it are then alike
         right += max(0, round(math.log(transition / (1.0 - transition)) / math.log(shrinking)))
@@ -119,7 +115,7 @@ def _strips(shrinking: float) -> Callable[[float, int], tuple[FloatArray, FloatA
             _line(0.0, transition, left, shrinking), _line(transition, middle, right, 1.0 / shrinking)[1:],
             _line(middle, 1.0, beside, shrinking)[1:],
         )  # fmt: skip
-        return np.concatenate(parts), _line(0.0, 1.0, rows, shrinking)
+        return RectilinearMesh(np.concatenate(parts), _line(0.0, 1.0, rows, shrinking))
 
     return make
 
@@ -149,28 +145,10 @@ def _coarsest(_: float, number: int) -> TriangleMesh:  # noqa: ARG001  # the cod
     return TriangleMesh.rectangle((1, 1))
 
 
-def _rectangles(x: FloatArray, y: FloatArray) -> tuple[FloatArray, Any]:
-    """Vertices and cells between grid lines, row by row."""
-    columns = x.size
-    first = (np.arange(y.size - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    cells = np.column_stack([first, first + 1, first + 1 + columns, first + columns])
-    return np.column_stack([np.tile(x, y.size), np.repeat(y, columns)]), cells
-
-
 def counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
     """The same triangles with their vertices in the positive sense."""
     (ax, ay), (bx, by) = ((vertices[cells[:, k]] - vertices[cells[:, 0]]).T for k in (1, 2))
     return np.where((ax * by < ay * bx)[:, None], cells[:, ::-1], cells)
-
-
-def _sides(vertices: FloatArray, cells: Any) -> dict[str, Any]:
-    """The edges on each side of the unit square, by their vertices."""
-    edges = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
-    ends = vertices[edges]
-    places = {"left": (0, 0.0), "right": (0, 1.0), "bottom": (1, 0.0), "top": (1, 1.0)}
-    return {
-        name: edges[(np.abs(ends[:, :, axis] - place) < _ON_SIDE).all(axis=1)] for name, (axis, place) in places.items()
-    }
 
 
 _KINDS: Final = (
