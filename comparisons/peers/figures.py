@@ -104,7 +104,8 @@ def _finish(axes: "Axes", title: str) -> None:
     grid(axes)
     axes.set_axisbelow(True)
     handles, labels = axes.get_legend_handles_labels()
-    axes.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.43, -0.17), ncols=_COLUMNS, fontsize=7,
+    named = dict(zip(labels, handles, strict=True))  # bars come one by one
+    axes.legend(named.values(), named, loc="upper center", bbox_to_anchor=(0.43, -0.17), ncols=_COLUMNS, fontsize=7,
                 frameon=False, columnspacing=1.0)  # fmt: skip
 
 
@@ -194,7 +195,6 @@ def _intervals(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
                   **_look(model), linestyle="none", markersize=5, label=_label(model.name))  # fmt: skip
     _mesh_axis(axes, runs)
     _difference_axis(axes, runs, known)
-    _name_once(axes)
 
 
 def _beside_others(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
@@ -260,15 +260,6 @@ def _mesh_axis(axes: "Axes", runs: "DataFrame") -> None:
     axes.set_xticks(range(len(numbers)), [f"{each}²" if counted else f"{each}" for each in numbers])
     axes.set_xlim(-0.6, len(numbers) - 0.4)
     axes.set_xlabel("cells [-]" if counted else "level [-]")
-
-
-def _name_once(axes: "Axes") -> None:
-    """Each label once in the legend: bars come one by one."""
-    seen: set[str] = set()
-    for container in axes.containers:
-        if container.get_label() in seen:
-            container.set_label("_")
-        seen.add(str(container.get_label()))
 
 
 def _label(name: str) -> str:
