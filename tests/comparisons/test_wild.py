@@ -37,10 +37,13 @@ WANTED = {"nonsense": (REFUSED,), "idle": (SOLVED, REFUSED)}
 COMMITTED = Path(study.__file__).parents[1] / "reports" / "wild"
 
 SAMPLE = [
-    (family, number)
-    for family in FAMILIES
-    for number in range(examples(4))
-    if EFFORT > 1.0 or number not in STRENUOUS.get(family, ())
+    *(
+        (family, number)
+        for family in FAMILIES
+        for number in range(examples(4))
+        if EFFORT > 1.0 or number not in STRENUOUS.get(family, ())
+    ),
+    ("idle", 10),  # whose second method does not end
 ]
 
 
@@ -59,16 +62,16 @@ class TestGenerator:
 
     @pytest.mark.parametrize("family", [name for name in FAMILIES if name != "nonsense"])
     def test_makes_the_same_problem_again_and_others_of_other_numbers(self, family):
-        first = [described(family, number) for number in range(5)]
-        assert first == [described(family, number) for number in range(5)]
-        assert len(set(first)) == 5
+        first = [described(family, number) for number in range(8)]
+        assert first[:3] == [described(family, number) for number in range(3)]
+        assert len(set(first)) == 8
 
     def test_dice_do_not_depend_on_versions(self):
         dice = Dice("thin", 3)
         assert [dice.whole(0, 999) for _ in range(4)] == [74, 198, 372, 275]
 
     def test_families_are_as_wild_as_they_say(self):
-        numbers = {"thin": 36, "units": 12, "friction": 10, "idle": 20}
+        numbers = {"thin": 36, "units": 12, "friction": 10, "idle": 30}
         problems = {family: made(family, range(each)) for family, each in numbers.items()}
         aspects = [np.ptp(each.mesh.y) / np.ptp(each.mesh.x) for each in problems["thin"]]
         assert min(aspects) < 3e-3
@@ -136,7 +139,7 @@ def forged(result, problem=None, **changes):
     return ContactResult(known, replace(result.solution, **changes))
 
 
-@pytest.mark.parametrize("number", [29, 36, 46, 50, 54, 64, 75, 76, 109, 151, 190, 216, 385, 913])
+@pytest.mark.parametrize("number", [4, 29, 36, 46, 50, 54, 64, 75, 76, 109, 151, 190, 216, 385, 913])
 def test_arrays_and_complex_values_where_a_name_or_number_belongs_are_refused(number):
     """Arrays as meshes, names of edges, sides, contacts and planes, ragged masks, complex offsets, lists as damping."""
     assert solve_case({"family": "nonsense", "number": number})["outcome"] == REFUSED
