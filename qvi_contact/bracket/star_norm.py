@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from scipy import sparse
-from scipy.optimize import minimize
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
@@ -92,6 +91,8 @@ def _leaves_free(problem: ContactProblem, sides: list[FloatArray], weights: Floa
 
 def _inf_sup(problem: ContactProblem) -> float | None:
     """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R that of the farthest vertex."""
+    from scipy.optimize import minimize  # slow to import, and few bodies need it
+
     mesh = problem.mesh
     corners, boundary = mesh.vertices[np.unique(mesh.cells)], mesh.boundary
     if mesh.hole_edges.any():

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.units import Units
@@ -163,6 +162,8 @@ class _Abscissa:
 
     def curve(self, values: FloatArray) -> FloatArray:
         """The polynomials (n, k) through values at the points, edge by edge."""
+        from scipy.interpolate import BarycentricInterpolator  # slow to import, and few pictures need it
+
         return np.asarray(BarycentricInterpolator(self._gauss, values[self.points].T)(self._t).T)
 
     def broken_line(self, values: FloatArray) -> FloatArray:
