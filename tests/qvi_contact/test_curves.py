@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.polynomial.legendre import poly2leg
 from scipy.optimize import linprog
 
 from comparisons.verification.curved import (
@@ -33,6 +34,7 @@ from qvi_contact.files.problem_writer import problem_to_toml
 from qvi_contact.gallery.meshes import fan
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mechanism.program import Rigid
+from qvi_contact.mesh.arcs import arc_offsets
 from qvi_contact.mesh.curves import Curve
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.plots.style import cell_outlines
@@ -49,6 +51,21 @@ def test_orders_on_an_ellipse_are_those_of_straight_bodies(degree):
     (coarse, less), (fine, least) = (errors(solve(stretched(plate(k, 3 * k)), degree=degree)) for k in (2, 4))
     assert np.log2(coarse / fine) > degree - 1.5
     assert np.log2(abs(less / least)) > 2.0 * (degree - 1.5)
+
+
+def test_a_curve_that_leaves_the_circle_through_the_corners():
+    """Its top is farther from the centre of the triangle than any corner, and still a point of it."""
+    turn = 0.99 * np.pi / 4.0 * poly2leg([0.0, 2.1875, 0.0, -2.1875, 0.0, 1.3125, 0.0, -0.3125])[None]
+
+    def bow(t):
+        return (0.5, 0.0) + arc_offsets(np.array([[-1.0, 0.0]]), turn, t)[0]
+
+    mesh = TriangleMesh([(0.5, 0.0), (-0.5, 0.0), (0.0, -0.86)], [(0, 1, 2)], {"top": np.array([[0, 1]])})
+    mesh = mesh.with_curve("top", bow)
+    top = bow(np.array([0.5]))
+    assert np.hypot(*(top[0] - mesh.corners[0].mean(axis=0))) > 1.04 * np.hypot(0.5, 0.86 / 3.0)
+    assert mesh.locate(top).tolist() == [0]
+    assert mesh.graded(top, 1).cell_count > 1
 
 
 def test_energy_of_a_plate_to_twelve_digits():
