@@ -46,7 +46,7 @@ def _lay_out(figure: "Figure") -> None:
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     engine = figure.get_layout_engine()
-    if engine is not None:
+    if engine is not None and figure.axes:
         FigureCanvasSVG(figure)
         figure.set_dpi(FigureCanvasSVG.fixed_dpi)
         engine.execute(figure)
