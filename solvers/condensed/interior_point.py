@@ -35,13 +35,8 @@ _GAIN = 0.02  # by which a corrector has to lengthen the step
 _HELD_UP = 0.7  # steps shorter than this go past the few bounds that stop them
 _FARTHER = 1.3  # if that makes them so much longer
 _RISE = 2.0  # of τ at most, in such a step
-_PASSED_BELOW = 0.005  # of what a slack or multiplier was: what falls farther is passed; less than a step may leave
-_KEPT = 0.05  # least share of its partner that counts then
-_AIM = 0.1  # of τ ω, which the product of both is from there on
-_KEPT_KINK = 0.3  # of pull and push, which have no such partner
-_OWED, _MOST_OWED = 0.5, 10.0  # of what is owed over the gap, by which τ falls less; the same after one step at most
+_KEPT = 0.3  # of slacks and multipliers that are passed
 _MOST_CENTRING = 0.3  # of τ where steps may do so: at a turn for a few bounds τ would else stay where it is
-_HOPELESS = 0.2  # of a predictor step, below which correctors do not bring past what stops it
 _PASSED_FROM = 10.0  # times the least τ, below which nothing is passed any more
 _START = 0.1  # least slack and multiplier at the start, of the scales
 _SMOOTHEST = 1.0  # √(4 pull push) at the start, of the scale of stress
@@ -143,7 +138,6 @@ class InteriorPoint:
     finest : gap below which τ is not made smaller
     least : that τ
     accurate : whether Newton steps are those of `saddle`
-    owed : Σ W of the work that passed bounds still have to do, see `_past_few`; counted against Σ W s λ
 
     """
 
@@ -163,7 +157,6 @@ class InteriorPoint:
         early = problem.early_shares
         lam = _START * self.displacement * early / np.maximum(problem.sizes, s / problem.stress)
         self.point = Point(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
-        self.owed = 0.0
         self.shares, self.settled = np.concatenate([early, np.zeros(len(normal))]), False
         kink = self.point.pull * self.point.push / max(self.parameter(), _LEAST)  # the same at all points
         self.shares[len(early) :] = kink
@@ -193,7 +186,7 @@ class InteriorPoint:
         problem = self.problem
         stress = problem.stress_at(self.point.y)
         unit = stress * (stress / problem.stress * self.displacement) * float(problem.weights.sum())
-        gap = self._work(self.point) / max(unit, _LEAST)
+        gap = float(problem.weights @ (self.point.s * self.point.lam)) / max(unit, _LEAST)
         slack = max(_largest(residuals.slack / problem.sizes), _largest(residuals.split)) / stress
         kink = 2.0 * _largest(np.minimum(self.point.pull, self.point.push)) / stress
         size = max(self._force_scale, residuals.largest, _LEAST)
@@ -208,71 +201,44 @@ class InteriorPoint:
         tau = self.parameter()
         affine = newton.step(-products)
         reach = min(1.0, _longest(point, affine))
-        passing = self._few > 0 and tau > _PASSED_FROM * self.least
-        target = max(self._centring(affine, reach, passing=passing) * tau, self.least) * self.shares
-        comp = target - products - _second_order(point, affine, reach, passing=passing)
-        step, length = _corrected(newton, point, comp, target, 0 if passing and reach < _HOPELESS else _CORRECTORS)
-        share = min(max(_STEP, reach), self.problem.system.longest)  # products keep at least what the step leaves
-        length = self._in_neighbourhood(step, min(1.0, share * length))
-        if passing and length < _HELD_UP:
-            return self._past_few(step, length)
-        return self._move(point.moved(step, length), length)
-
-    def _centring(self, affine: Step, reach: float, *, passing: bool) -> float:
-        """The share of τ to aim at; not less where passed bounds still owe work that counts beside the gap."""
-        now = max(self._work(self.point), _LEAST)
-        ahead = self._work(self.point.moved(affine, reach))
+        trial = point.moved(affine, reach)
+        ahead = float(self.problem.weights @ (trial.s * trial.lam))
+        now = max(float(self.problem.weights @ (point.s * point.lam)), _LEAST)
         most = _MOST_CENTRING if self._few else 1.0
         centring = min(most, max((max(ahead, 0.0) / now) ** 3, 1e-6, (1.0 - reach) ** 3))
-        return max(centring, min(1.0, _OWED * self.owed / now)) if passing else centring
-
-    def _work(self, point: Point) -> float:
-        """Σ W s λ."""
-        return float(self.problem.weights @ (point.s * point.lam))
-
-    def _move(self, point: Point, length: float, owed: float = 0.0) -> float:
-        """Go to a point, by a step of this length; returns the length."""
-        self.point, self.owed = point, (1.0 - length) * self.owed + owed
+        damping = 1.0 if reach >= _SHORT else reach**2
+        target = max(centring * tau, self.least) * self.shares
+        comp = target - products - damping * affine.products
+        step, length = _corrected(newton, point, comp, target)
+        share = min(max(_STEP, reach), self.problem.system.longest)  # products keep at least what the step leaves
+        length = self._in_neighbourhood(step, min(1.0, share * length))
+        if self._few and length < _HELD_UP and tau > _PASSED_FROM * self.least:
+            return self._past_few(step, length)
+        self.point = point.moved(step, length)
         return length
 
     def _past_few(self, step: Step, length: float) -> float:
-        """A step that is longer if it is stopped by few bounds, which are passed.
+        """A step that is longer if it is stopped by few bounds, whose slacks and multipliers keep a share instead.
 
-        That leaves residuals at these bounds alone, which the next steps reduce. What they owe is the work of these
-        residuals: of what a slack lacks on its multiplier, and the reverse. Where it is much more than the gap steps
-        are shorter. Returns its length.
+        That leaves residuals at these bounds alone, which the next steps reduce. Returns its length.
         """
         point = self.point
         falls = -step.relative_to(point)
         farther = min(1.0, _STEP / max(float(np.partition(falls, -1 - self._few)[-1 - self._few]), _LEAST))
         while farther > _FARTHER * length:
-            moved = point.moved(step, farther)
-            passed = self._passed(moved)
-            owed = self._owed(moved, passed)
-            rises = self._parameter(passed) > _RISE * self.parameter()
-            if not rises and owed <= _MOST_OWED * self._work(point):
-                return self._move(passed, farther, owed)
+            passed = self._passed(step, farther)
+            if self._parameter(passed) <= _RISE * self.parameter():
+                self.point = passed
+                return farther
             farther *= 0.5
-        return self._move(point.moved(step, length), length)
+        self.point = point.moved(step, length)
+        return length
 
-    def _passed(self, moved: Point) -> Point:
-        """The point a step further, where bounds are passed: open instead of closed, or the reverse.
-
-        A slack that would vanish is what the product's target leaves it beside its new multiplier, and the reverse.
-        """
-        before = self.point
-        target = _AIM * self.parameter() * self.shares[: len(before.s)]
-        lam_partner, s_partner = np.maximum(moved.lam, _KEPT * before.lam), np.maximum(moved.s, _KEPT * before.s)
-        closes, opens = moved.s < _PASSED_BELOW * before.s, moved.lam < _PASSED_BELOW * before.lam
-        s = np.where(closes, np.minimum(target / lam_partner, before.s), moved.s)
-        lam = np.where(opens, np.where(closes, lam_partner, np.minimum(target / s_partner, before.lam)), moved.lam)
-        kinks = ((moved.pull, before.pull), (moved.push, before.push))
-        return Point(moved.y, s, lam, *(np.maximum(after, _KEPT_KINK * value) for after, value in kinks))
-
-    def _owed(self, moved: Point, passed: Point) -> float:
-        """Work of what passing changes of a point."""
-        work = np.abs(passed.s - moved.s) * passed.lam + np.abs(passed.lam - moved.lam) * passed.s
-        return float(self.problem.weights @ work)
+    def _passed(self, step: Step, length: float) -> Point:
+        """The point a step further, where slacks and multipliers keep a share at least."""
+        moved = self.point.moved(step, length)
+        pairs = zip(moved.positive, self.point.positive, strict=True)
+        return Point(moved.y, *(np.maximum(after, _KEPT * before) for after, before in pairs))
 
     @property
     def _few(self) -> int:
@@ -285,7 +251,7 @@ class InteriorPoint:
 
     def _parameter(self, point: Point) -> float:
         total = self._total_share
-        return self._work(point) / total if total > 0.0 else 0.0
+        return float(self.problem.weights @ (point.s * point.lam)) / total if total > 0.0 else 0.0
 
     @property
     def _total_share(self) -> float:
@@ -363,24 +329,11 @@ class Newton:
         return y, s, lam
 
 
-def _second_order(point: Point, affine: Step, reach: float, *, passing: bool) -> Vector | float:
-    """Mehrotra's terms of second order (q + b,), less where the predictor is short.
-
-    Where few bounds are passed they alone are damped, and nowhere do terms outweigh the product itself.
-    """
-    if not passing:
-        return (1.0 if reach >= _SHORT else reach**2) * affine.products
-    s, lam, pull, push = np.split(-affine.relative_to(point), np.cumsum([len(part) for part in point.positive[:3]]))
-    reaches = 1.0 / np.maximum(np.concatenate([np.maximum(s, lam), np.maximum(pull, push)]), 1.0)
-    damped = np.where(reaches >= _SHORT, 1.0, reaches**2) * affine.products
-    return np.clip(damped, -point.products, point.products)
-
-
-def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector, most: int) -> tuple[Step, float]:
+def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector) -> tuple[Step, float]:
     """Gondzio's correctors: bring outlying products nearer to the target as long as that lengthens the step."""
     step = newton.step(comp)
     length = _longest(point, step)
-    for _ in range(most):
+    for _ in range(_CORRECTORS):
         if length > 0.95:
             break
         trial = point.moved(step, min(1.0, 1.1 * length + 0.1))
