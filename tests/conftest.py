@@ -42,8 +42,8 @@ def pytest_collection():
         return (yield)
     finally:
         gc.enable()
-        gc.freeze()
-        gc.set_threshold(10_000, 20, 100)  # nor is it looked through at every few tests
+        # Nor is it looked through at every few tests. It is not frozen: Hypothesis 6.100 asks who holds its generators.
+        gc.set_threshold(10_000, 20, 100)
 
 
 def pytest_collection_modifyitems(items):
