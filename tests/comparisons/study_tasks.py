@@ -83,3 +83,12 @@ def losing(case):
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(60.0)
     return {"tried": done + 1}
+
+
+def meeting(case):
+    """Wait until as many processes as the case says do so at the same time."""
+    folder = Path(os.environ["DEMO_FOLDER"])
+    (folder / f"meeting-{os.getpid()}").touch()
+    while len(list(folder.glob("meeting-*"))) < case["processes"]:
+        time.sleep(0.01)
+    return {"pid": os.getpid()}

@@ -117,13 +117,20 @@ def children(mark):
 class TestRows:
     """What comes back from a cluster."""
 
-    def test_both_workers_work_and_limits_hold_there(self, running, tmp_path):
+    def test_both_workers_work(self, running, tmp_path):
+        study = Study(
+            "meeting", 1, "tests.comparisons.study_tasks:meeting", {"processes": (2,)}, repeats=2, packages=()
+        )
+        run_study(study, tmp_path / "dask", dask=running.address, timeout=60.0)
+        rows = read_study(tmp_path / "dask").rows
+        assert len({row.result["pid"] for row in rows}) == len(rows) == 2
+
+    def test_limits_hold_there(self, running, tmp_path):
         study = ways("plain", "wait", "allocate", "fault", "nan", repeats=2)
         run_study(study, tmp_path / "dask", dask=running.address, timeout=0.5, memory=1000)
         rows = read_study(tmp_path / "dask").rows
         statuses = ("done", "timeout", "memory", "crashed", "done")
         assert [row.status for row in rows] == [status for status in statuses for _ in range(2)]
-        assert len({row.result["pid"] for row in rows if "pid" in row.result}) == 2
         assert rows[0].environment["timeout_seconds"] == 0.5
         assert children(running.mark) == []
 
