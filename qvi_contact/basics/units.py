@@ -78,9 +78,11 @@ class Units:
         return _NUMBER.sub(lambda found: self._called(found[1]) or found[0], sentence)
 
     def _called(self, dimension: str) -> str:
-        """The name of a dimension's unit; empty where it was not given."""
-        names = {"length": self.length, "stress": self.stress, "stress × length": self.engineering_force}
-        return "" if {self.length, self.stress} & {"length", "stress"} & set(dimension.split()) else names[dimension]
+        """The name of a dimension's unit; empty where it was not given, or one that it is made of."""
+        made_of = {name: str(getattr(self, name)) for name in dimension.split(" × ")}
+        if any(name == unit for name, unit in made_of.items()):
+            return ""
+        return made_of.get(dimension, self.engineering_force)
 
     def _times_length(self, otherwise: str) -> str:
         force = _FORCES.get((self.stress, self.length))
