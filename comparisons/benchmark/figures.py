@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from pandas import DataFrame, Series
+
 from comparisons.lab.report.drawing import grid
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE, SKY, new_figure
@@ -10,7 +12,6 @@ from qvi_contact.plots.style import PURPLE, SKY, new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from pandas import DataFrame, Series
 
 Line = tuple[Any, "Series[float]", "Series[float]"]
 
@@ -43,7 +44,7 @@ def picture(frames: Mapping[str, "DataFrame"], friction: float | None, threads: 
     return figure
 
 
-def _times(solved: "DataFrame") -> Iterator[Line]:
+def _times(solved: DataFrame) -> Iterator[Line]:
     """Whole solves less assembly, by path, and plain factorisations."""
     paths = [found for _, found in solved.groupby("path", sort=False)]
     for found in paths:
@@ -52,7 +53,7 @@ def _times(solved: "DataFrame") -> Iterator[Line]:
         yield "one plain factorisation, fastest", found.unknowns, found.fastest_factorisation
 
 
-def _by(frame: "DataFrame", name: str, x: str, y: str) -> Iterator[Line]:
+def _by(frame: DataFrame, name: str, x: str, y: str) -> Iterator[Line]:
     """A line for each value of a column, of what a logarithmic axis can show."""
     for value, found in frame.groupby(name, sort=False):
         shown = found[found[y] > 0.0]

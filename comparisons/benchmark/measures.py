@@ -4,7 +4,9 @@ import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame
 
 from comparisons.benchmark import reference
 from comparisons.benchmark.reference import ACCURACY_TARGETS, GROWTH_SPAN, GROWTH_TARGET
@@ -13,9 +15,6 @@ from comparisons.benchmark.task import TOLERANCE
 from comparisons.lab.ratios import growth, spread
 from comparisons.lab.report.numbers import fixed, scientific, seconds, span
 from comparisons.lab.study import DONE, Row
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 PARTS: Final = ("whole", "assembly", "solve", "factorisation", "interior_point", "certificate", "rest")
 """Times of a solve, medians [s]: whole = assembly + solve; the other four are parts of solve."""
@@ -32,10 +31,8 @@ _WALL: Final = ("status", "message", "unknowns", "contact_points", "form", "iter
                 "factorisation", "solve", "peak")  # fmt: skip
 
 
-def _frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str], numbers: Sequence[str]) -> "DataFrame":
+def _frame(rows: Iterable[Mapping[str, Any]], columns: Sequence[str], numbers: Sequence[str]) -> DataFrame:
     """These columns of the rows; what is no number is NaN where there should be one."""
-    from pandas import DataFrame
-
     frame = DataFrame(rows, columns=[*columns])
     return frame.astype(dict.fromkeys(numbers, float))
 
@@ -49,7 +46,7 @@ def _answer(row: Row) -> dict[str, Any]:
     return dict(row.result) if row.status == DONE else {"status": row.status, "message": row.reason}
 
 
-def solves_of(rows: Iterable[Row]) -> "DataFrame":
+def solves_of(rows: Iterable[Row]) -> DataFrame:
     """One line for each number of cells, path and μ: the answer, medians of times, and ratios of these.
 
     Own is one factorisation of K by the same library, of shared subdomains their elimination, fastest the fastest one
@@ -83,7 +80,7 @@ def _solves(row: Row) -> Iterator[dict[str, Any]]:
         }  # fmt: skip
 
 
-def plain_of(rows: Iterable[Row]) -> "DataFrame":
+def plain_of(rows: Iterable[Row]) -> DataFrame:
     """One line for each back end beside each number of cells and path: medians [s]."""
     times = ("analysis", "numeric", "plain")
     lines = [
@@ -94,7 +91,7 @@ def plain_of(rows: Iterable[Row]) -> "DataFrame":
     return _frame(lines, ("cells", "path", "backend", "version", *times, "runs", "message"), times)
 
 
-def memory_of(rows: Iterable[Row]) -> "DataFrame":
+def memory_of(rows: Iterable[Row]) -> DataFrame:
     """Peak memory after the first whole solve of each case, before it, and the difference by unknown [bytes]."""
     numbers = ("cells", "peak", "imports")
     memory = _frame([{**row.case, **row.result} for row in rows if row.result], ("path", *numbers), numbers)
@@ -102,13 +99,13 @@ def memory_of(rows: Iterable[Row]) -> "DataFrame":
 
 
 def growth_of(
-    found: "DataFrame",
+    found: DataFrame,
     by: Sequence[str],
     size: str,
     over: str,
     values: Sequence[str],
     whole: tuple[int, int] | None = None,
-) -> "DataFrame":
+) -> DataFrame:
     """Exponents p of value ~ overᵖ between neighbouring sizes, and over `whole`, else from the first to the last."""
     lines = []
     for key, group in found.groupby([*by], sort=False):
@@ -133,7 +130,7 @@ plate_growth: Final = partial(growth_of, by=("path", "friction"), size="cells", 
 """Of the times of `solves_of`, with the unknowns."""
 
 
-def graded_of(rows: Iterable[Row]) -> "DataFrame":
+def graded_of(rows: Iterable[Row]) -> DataFrame:
     """One line for each graded mesh and μ: the answer, median time and error, and which targets it meets."""
     lines = [
         {"cells": row.case["mesh"][0], "grading": row.case["mesh"][1], "friction": row.case["friction"],
@@ -157,7 +154,7 @@ def target(found: tuple[float, float]) -> str:
     return f"{scientific(found[0], 1)} in {seconds(found[1])}"
 
 
-def loops_of(rows: Iterable[Row], solves: "DataFrame") -> "DataFrame":
+def loops_of(rows: Iterable[Row], solves: DataFrame) -> DataFrame:
     """One line for each loop and number of cells, beside the condensed method of the first path."""
     lines = [{**row.case, **(answer := _answer(row)), "solve": _median(answer.get("seconds"))} for row in rows]
     numbers = ("cells", "friction", "iterations", "solve", "half_force", "unknowns")
@@ -172,7 +169,7 @@ def loops_of(rows: Iterable[Row], solves: "DataFrame") -> "DataFrame":
     )
 
 
-def walls_of(rows: Iterable[Row]) -> "DataFrame":
+def walls_of(rows: Iterable[Row]) -> DataFrame:
     """One line for each wall: CPU seconds, and the solve over one factorisation of K."""
     numbers = {*_WALL} - {"status", "message", "form"}
     lines = [{"blocks": row.case["blocks"], "load": row.case["load"], **_answer(row)} for row in rows]
@@ -201,7 +198,7 @@ def values_of(frames: Mapping[str, "DataFrame"]) -> dict[str, Any]:
 _hundredths: Final = fixed(".2f")
 
 
-def _largest(solves: "DataFrame") -> Iterator[dict[str, Any]]:
+def _largest(solves: DataFrame) -> Iterator[dict[str, Any]]:
     """For each path the time of solves on the largest mesh over the fastest plain factorisation."""
     shown = solves[(solves.cells == solves.cells.max()) & solves.ratio_fastest.notna()]
     for _, found in shown.groupby("path", sort=False):
@@ -210,7 +207,7 @@ def _largest(solves: "DataFrame") -> Iterator[dict[str, Any]]:
         yield {"cells": int(first.cells), "ratios": ratios, "library": first.library, "fastest": first.fastest}
 
 
-def _loops(loops: "DataFrame") -> Iterator[dict[str, Any]]:
+def _loops(loops: DataFrame) -> Iterator[dict[str, Any]]:
     """For each loop the largest mesh that it finishes; without a ratio if there is none."""
     for name, found in loops.groupby("loop", sort=False):
         timed = found[found.ratio.notna()]
@@ -218,14 +215,14 @@ def _loops(loops: "DataFrame") -> Iterator[dict[str, Any]]:
         yield {"name": name, "cells": int(row.cells), "ratio": row.ratio, "status": row.status}
 
 
-def _growth(powers: "DataFrame") -> Iterator[dict[str, Any]]:
+def _growth(powers: DataFrame) -> Iterator[dict[str, Any]]:
     """For each path the exponents over the target's span."""
     whole = powers[(powers["from"] == GROWTH_SPAN[0]) & (powers["to"] == GROWTH_SPAN[1]) & powers.solve.notna()]
     for path, found in whole.groupby("path", sort=False):
         yield {"path": path, "powers": span(found.solve, _hundredths), "met": found.solve.max() <= GROWTH_TARGET}
 
 
-def _targets(graded: "DataFrame") -> Iterator[dict[str, Any]]:
+def _targets(graded: DataFrame) -> Iterator[dict[str, Any]]:
     """For each μ the accuracy targets that some graded mesh meets, and those that none does."""
     for mu, found in graded.groupby("friction", sort=False):
         sides: dict[bool, list[str]] = {True: [], False: []}
@@ -234,7 +231,7 @@ def _targets(graded: "DataFrame") -> Iterator[dict[str, Any]]:
         yield {"friction": mu, "met": sides[True], "missed": sides[False]}
 
 
-def wall_values(walls: "DataFrame") -> dict[str, Any]:
+def wall_values(walls: DataFrame) -> dict[str, Any]:
     """For each load with a target the largest ratio and exponent beside what they should be."""
     powers = wall_growth(walls)
     targets = []

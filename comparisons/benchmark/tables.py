@@ -1,14 +1,13 @@
 """The tables of both reports, declared by their columns."""
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame
 
 from comparisons.benchmark.measures import wall_growth
 from comparisons.benchmark.reference import CONVERGED_FRICTION, MEANINGLESS, PEERS, settled_error
 from comparisons.lab.report.numbers import NOTHING, fixed, listing, memory, percent, scientific, seconds, significant
 from comparisons.lab.tables import Columns, Form, Grid, grid_of
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 _COUNT: Final = fixed(".0f")
 
@@ -90,16 +89,14 @@ def tables_of(frames: dict[str, Any]) -> dict[str, Grid]:
     }  # fmt: skip
 
 
-def peers() -> "DataFrame":
+def peers() -> DataFrame:
     """Runs of other codes, with their errors."""
-    from pandas import DataFrame
-
     reported = DataFrame(PEERS)
     return reported.assign(
         cells=reported.cells.astype(float), error=[settled_error(each.half_force, CONVERGED_FRICTION) for each in PEERS]
     )
 
 
-def wall_tables(walls: "DataFrame") -> dict[str, Grid]:
+def wall_tables(walls: DataFrame) -> dict[str, Grid]:
     """The tables of the walls by name."""
     return {"walls": grid_of(walls, _WALLS), "growth": grid_of(wall_growth(walls), _WALL_GROWTH)}

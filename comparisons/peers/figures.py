@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from pandas import DataFrame
+
 from comparisons.lab.report.drawing import drawn, grid
 from comparisons.peers.measures import OTHERS, Reference, by_friction, slug
 from comparisons.peers.meshes import FAMILIES
@@ -15,7 +17,6 @@ from qvi_contact.plots.style import PURPLE, SKY, new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from pandas import DataFrame
 
 _WIDTH, _PANEL, _LINE = 5.2, 3.2, 0.18  # of a picture, of a panel, of a line of a legend [inch]
 _COLUMNS: Final = 2
@@ -49,12 +50,12 @@ COSTS: Final = (
 )
 
 
-def figures(runs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, str]:
+def figures(runs: DataFrame, known: Mapping[float, Reference]) -> dict[str, str]:
     """Name → picture; empty where matplotlib is not installed."""
     return {name: drawn(name, draw) for name, draw in plots_of(runs, known).items()}
 
 
-def plots_of(runs: "DataFrame", known: Mapping[float, Reference]) -> "dict[str, Callable[[], Figure]]":
+def plots_of(runs: DataFrame, known: Mapping[float, Reference]) -> "dict[str, Callable[[], Figure]]":
     """Name of a picture → what draws it.
 
     For each μ at which P/2 is known, and some error, those of errors against costs: the best that each code has over
@@ -75,13 +76,13 @@ def plots_of(runs: "DataFrame", known: Mapping[float, Reference]) -> "dict[str, 
     return found
 
 
-def by_grading(runs: "DataFrame") -> Panels:
+def by_grading(runs: DataFrame) -> Panels:
     """Runs on equal cells or graded to the corner, and on meshes graded to corner and transition."""
     titles = {False: "equal cells, or graded to the free corner", True: "graded to corner and transition"}
     return [(title, here) for kind, title in titles.items() if len(here := runs[runs.toward == kind])]
 
 
-def by_family(runs: "DataFrame") -> Panels:
+def by_family(runs: DataFrame) -> Panels:
     """Runs on each family of meshes that codes share and on which something is bracketed."""
     families = [mesh for mesh in runs[runs.code == BRACKET].mesh.unique() if not FAMILIES[mesh].own]
     return [(f"{family} meshes", runs[runs.mesh == family]) for family in families]
@@ -109,7 +110,7 @@ def _finish(axes: "Axes", title: str) -> None:
                 frameon=False, columnspacing=1.0)  # fmt: skip
 
 
-def _fronts(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
+def _fronts(axes: "Axes", runs: DataFrame, cost: Cost) -> None:
     """For each code its costs in ascending order, where the error falls."""
     known = runs[runs.error.notna()]
     for code, about in CODES.items():
@@ -121,7 +122,7 @@ def _fronts(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
     _error_axes(axes, known, cost)
 
 
-def _error_curves(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
+def _error_curves(axes: "Axes", runs: DataFrame, cost: Cost) -> None:
     """A curve for each model that has an error, and the band in which errors mean nothing."""
     from matplotlib.ticker import NullFormatter
 
@@ -141,7 +142,7 @@ def _error_curves(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def _error_axes(axes: "Axes", runs: "DataFrame", cost: Cost) -> None:
+def _error_axes(axes: "Axes", runs: DataFrame, cost: Cost) -> None:
     """Errors against a cost, both logarithmic; labels at 1, 2 and 5 times powers of ten where others were few."""
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
@@ -164,13 +165,13 @@ def _look(of: Code | Model) -> dict[str, Any]:
     return {"color": COLOURS[of.colour], "marker": of.marker}
 
 
-def heights(runs: "DataFrame") -> Any:
+def heights(runs: DataFrame) -> Any:
     """Errors, and half the distances of guaranteed bounds; what is not resolved is inside the band."""
     value = runs.error.fillna(runs.width.where(runs.bounded))
     return value.where(value.isna() | (value > runs.floor), _UNRESOLVED * runs.floor)
 
 
-def _bounds(axes: "Axes", runs: "DataFrame", known: Reference | None) -> None:
+def _bounds(axes: "Axes", runs: DataFrame, known: Reference | None) -> None:
     """What brackets say on each mesh: intervals of P/2 and the codes' values, or an indicator."""
     if known is not None and runs.bounded.any():
         _intervals(axes, runs, known)
@@ -178,7 +179,7 @@ def _bounds(axes: "Axes", runs: "DataFrame", known: Reference | None) -> None:
         _indicators(axes, runs)
 
 
-def _intervals(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
+def _intervals(axes: "Axes", runs: DataFrame, known: Reference) -> None:
     """A bar for each mesh, and beside it what the models say."""
     cells = sorted(set(runs.number))
     place = {each: float(number) for number, each in enumerate(cells)}
@@ -197,7 +198,7 @@ def _intervals(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
     _difference_axis(axes, runs, known)
 
 
-def _beside_others(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
+def _beside_others(axes: "Axes", runs: DataFrame, known: Reference) -> None:
     """Guaranteed intervals, each narrower than those of fewer unknowns, and the forces of all models of all codes."""
     axes.set_xscale("log")
     axes.set_yscale("symlog", linthresh=known.floor)
@@ -215,7 +216,7 @@ def _beside_others(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
     _difference_axis(axes, runs[runs.code.isin((*OTHERS, TRIANGLES, BRACKET))], known)
 
 
-def _difference_axis(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
+def _difference_axis(axes: "Axes", runs: DataFrame, known: Reference) -> None:
     bottom, top = limits(runs, known)
     axes.set_ylim(bottom, top)
     axes.set_yticks(ticks(bottom, top, known.floor))
@@ -223,7 +224,7 @@ def _difference_axis(axes: "Axes", runs: "DataFrame", known: Reference) -> None:
     axes.set_ylabel("P/2, relative difference [-]")
 
 
-def limits(runs: "DataFrame", known: Reference) -> tuple[float, float]:
+def limits(runs: DataFrame, known: Reference) -> tuple[float, float]:
     """Bottom and top of a picture of intervals: all bars and marks are between them, and so is the grey band."""
     sure = runs[runs.bounded]
     ends = [*sure.lower, *sure.upper, *runs.half_force[runs.solved].dropna()]
@@ -238,7 +239,7 @@ def ticks(bottom: float, top: float, floor: float) -> list[float]:
     return [0.0, *(each for each in chosen if each <= top), *(-each for each in chosen if -each >= bottom)]
 
 
-def _indicators(axes: "Axes", runs: "DataFrame") -> None:
+def _indicators(axes: "Axes", runs: DataFrame) -> None:
     """The width of the energies on each mesh, and the error of P/2 where it is known."""
     cells = sorted(set(runs.number))
     axes.set_yscale("log")
@@ -253,7 +254,7 @@ def _indicators(axes: "Axes", runs: "DataFrame") -> None:
     axes.set_ylabel("relative [-]")
 
 
-def _mesh_axis(axes: "Axes", runs: "DataFrame") -> None:
+def _mesh_axis(axes: "Axes", runs: DataFrame) -> None:
     """The meshes of one family, the coarsest first."""
     numbers = sorted(set(runs.number))
     counted = FAMILIES[runs.mesh.iloc[0]].counted

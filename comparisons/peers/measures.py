@@ -2,18 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from pandas import DataFrame, concat, factorize, to_numeric
 
 from comparisons.lab.ratios import spread
 from comparisons.lab.report.numbers import listing, scientific, seconds, significant, span
 from comparisons.lab.study import DONE, Row
 from comparisons.peers.models import BRACKET, CODES, EQUILIBRIUM, NAMED, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 SOLVED: Final = "solved"
 
@@ -55,7 +53,7 @@ class Reference(NamedTuple):
         return self.uncertainty / abs(self.value)
 
 
-def runs_of(rows: Sequence[Row]) -> "DataFrame":
+def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by μ, model and mesh.
 
     The columns are friction (μ), model, code and mesh (keys of `CODES` and `FAMILIES`), number and label of the mesh,
@@ -71,8 +69,6 @@ def runs_of(rows: Sequence[Row]) -> "DataFrame":
     value. So lasting is the largest error of the model on this and all finer meshes that are solved; confirmed says
     whether there is a finer one.
     """
-    from pandas import DataFrame, factorize, to_numeric
-
     runs = DataFrame([_run(row) for row in sorted(rows, key=lambda row: row.position)])
     for name in (*NUMBERS, *BOUNDS, "seconds", "spread", "low", "high"):
         runs[name] = to_numeric(runs[name]).replace([math.inf, -math.inf], math.nan)
@@ -115,20 +111,18 @@ def _bounds(result: Any) -> dict[str, Any]:
     return found
 
 
-def guaranteed(runs: "DataFrame") -> "DataFrame":
+def guaranteed(runs: DataFrame) -> DataFrame:
     """The brackets that bound P/2, the narrowest first."""
     sure = runs[runs.bounded]
     return sure.assign(gap=sure.high - sure.low).sort_values("gap", kind="stable")
 
 
-def intervals_of(runs: "DataFrame") -> "DataFrame":
+def intervals_of(runs: DataFrame) -> DataFrame:
     """The narrowest guaranteed interval of P/2 at each μ that has one.
 
     The columns are those of the runs, and for each code of `OTHERS` how many of its solved forces are outside, as
     "5 of 88".
     """
-    from pandas import DataFrame
-
     lines = []
     for _, here in by_friction(runs):
         sure = guaranteed(here)
@@ -141,7 +135,7 @@ def intervals_of(runs: "DataFrame") -> "DataFrame":
     return DataFrame(lines, columns=[*runs, *OTHERS])
 
 
-def beside_of(here: "DataFrame") -> "DataFrame":
+def beside_of(here: DataFrame) -> DataFrame:
     """The guaranteed intervals at one μ beside other codes, in the order of the study.
 
     The columns are those of the runs, and for each code of `OTHERS` the best of its forces with no more unknowns than
@@ -156,24 +150,24 @@ def beside_of(here: "DataFrame") -> "DataFrame":
     return beside
 
 
-def contradictory(runs: "DataFrame") -> bool:
+def contradictory(runs: DataFrame) -> bool:
     """Whether no value of P/2 is inside all guaranteed bounds of these runs at one μ, so that some are wrong."""
     sure = runs[runs.bounded]
     return bool(sure.low.max() > sure.high.min())
 
 
-def known_of(runs: "DataFrame") -> dict[float, Reference]:
+def known_of(runs: DataFrame) -> dict[float, Reference]:
     """μ → the value that errors are relative to, where one is known."""
     found = {float(friction): reference(here, float(friction)) for friction, here in by_friction(runs)}
     return {friction: each for friction, each in found.items() if each is not None}
 
 
-def by_friction(runs: "DataFrame") -> "list[tuple[Any, DataFrame]]":
+def by_friction(runs: DataFrame) -> list[tuple[Any, DataFrame]]:
     """μ → its runs, in the order of the study."""
     return list(runs.groupby("friction", sort=False))
 
 
-def reference(here: "DataFrame", friction: float) -> Reference | None:
+def reference(here: DataFrame, friction: float) -> Reference | None:
     """The limit or value that is known from elsewhere, or the narrowest guaranteed bounds of these runs if narrower.
 
     Bounds that contradict each other are not taken.
@@ -189,7 +183,7 @@ def reference(here: "DataFrame", friction: float) -> Reference | None:
     return min(known, key=lambda each: each.uncertainty, default=None)
 
 
-def _with_errors(runs: "DataFrame", known: dict[float, Reference]) -> "DataFrame":
+def _with_errors(runs: DataFrame, known: dict[float, Reference]) -> DataFrame:
     runs["floor"] = runs.friction.map({friction: each.floor for friction, each in known.items()})
     value = runs.friction.map({friction: each.value for friction, each in known.items()})
     runs["error"] = (runs.half_force / value - 1.0).abs().where(runs.solved)
@@ -200,7 +194,7 @@ def _with_errors(runs: "DataFrame", known: dict[float, Reference]) -> "DataFrame
     return runs
 
 
-def costs_of(runs: "DataFrame") -> "DataFrame":
+def costs_of(runs: DataFrame) -> DataFrame:
     """What each code needs for an error: a line for each μ, target and code that reaches it.
 
     A target is reached by runs whose lasting error is within it, and the uncertainty of the reference counts against
@@ -208,8 +202,6 @@ def costs_of(runs: "DataFrame") -> "DataFrame":
     unknowns, sure (the quickest is confirmed) and sure_smallest; time_ratio and unknowns_ratio are over triangles. Runs
     that a finer mesh confirms come before all others.
     """
-    from pandas import concat
-
     key = ["friction", "target", "code"]
     reach = runs.lasting + runs.floor
     found = concat([runs[reach <= target].assign(target=target) for target in TARGETS])
@@ -226,7 +218,7 @@ def costs_of(runs: "DataFrame") -> "DataFrame":
     )
 
 
-def compared_of(costs: "DataFrame") -> "DataFrame":
+def compared_of(costs: DataFrame) -> DataFrame:
     """Triangles beside the best of the other codes: a line for each μ and target that both reach.
 
     The quickest other code (code, seconds) and the one with the fewest unknowns (smallest_code, unknowns) may be two.
@@ -240,7 +232,7 @@ def compared_of(costs: "DataFrame") -> "DataFrame":
     )
 
 
-def least_of(runs: "DataFrame") -> "DataFrame":
+def least_of(runs: DataFrame) -> DataFrame:
     """The run of each code at each μ with the smallest lasting error that a finer mesh confirms."""
     sure = runs[runs.confirmed & runs.lasting.notna()].sort_values("lasting", kind="stable")
     return sure.drop_duplicates(["first", "code"]).sort_values(["first", "rank"])
@@ -256,12 +248,12 @@ def slug(friction: float) -> str:
     return f"mu-{friction:g}".replace(".", "_")
 
 
-def missing(runs: "DataFrame") -> list[str]:
+def missing(runs: DataFrame) -> list[str]:
     """Keys of the codes that are not in the run, since they were not installed."""
     return [key for key in CODES if key not in set(runs.code)]
 
 
-def values_of(runs: "DataFrame", costs: "DataFrame") -> dict[str, Any]:
+def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences, with what errors cost, see `costs_of`."""
     compared, least = compared_of(costs), least_of(runs)
     rectangles, triangles = (least[least.code == code] for code in (EQUILIBRIUM, TRIANGLES))
@@ -283,7 +275,7 @@ def values_of(runs: "DataFrame", costs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _compared(compared: "DataFrame", target: float) -> dict[str, Any] | None:
+def _compared(compared: DataFrame, target: float) -> dict[str, Any] | None:
     """Costs of one error over all μ at which triangles and another code reach it."""
     found = compared[compared.target == target]
     if found.empty:

@@ -1,7 +1,9 @@
 """The report of a run, computed from its rows alone: as a document, and as JSON."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame
 
 from comparisons.lab.report import Document, environment_grids, findings_of, render
 from comparisons.lab.study import Row
@@ -25,9 +27,6 @@ from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.models import CODES
 from comparisons.peers.tables import settings_of, tables_of
 
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
 SCHEMA: Final = "qvi-contact/peers/4"
 
 
@@ -44,7 +43,7 @@ def report(rows: Sequence[Row]) -> Document:
     return render("comparisons.peers", "peers", values, tables, pictures, settings)
 
 
-def _command(runs: "DataFrame", repetitions: int) -> str:
+def _command(runs: DataFrame, repetitions: int) -> str:
     """The command that measures the same, without the place of its files and of other Pythons."""
     counted = runs.mesh.isin([name for name, family in FAMILIES.items() if family.counted])
     words = ["python -m comparisons peers --friction", *(f"{friction:g}" for friction in runs.friction.unique())]
@@ -54,7 +53,7 @@ def _command(runs: "DataFrame", repetitions: int) -> str:
 
 
 def _place(
-    friction: float, here: "DataFrame", known: Mapping[float, Reference], pictures: Mapping[str, str]
+    friction: float, here: DataFrame, known: Mapping[float, Reference], pictures: Mapping[str, str]
 ) -> dict[str, Any]:
     """What there is to be said of one μ."""
     name = slug(friction)

@@ -1,7 +1,9 @@
 """Tables of the report."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame
 
 from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
 from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, memory, percent, scientific, seconds
@@ -23,9 +25,6 @@ from comparisons.peers.measures import (
 from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.meshes import ratio as shrinking
 from comparisons.peers.models import BRACKET, CODES, NAMED
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 KINDS: Final = {
     "PROBLEM": "the problem itself",
@@ -96,7 +95,7 @@ _FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
 }  # fmt: skip
 
 
-def tables_of(runs: "DataFrame", costs: "DataFrame", known: Mapping[float, Reference]) -> dict[str, Grid]:
+def tables_of(runs: DataFrame, costs: DataFrame, known: Mapping[float, Reference]) -> dict[str, Grid]:
     """The tables by name; `costs` is that of `costs_of`."""
     shown = runs.assign(
         shown=list(map(_error, runs.error, runs.floor)), half=0.5 * (runs.high - runs.low) / runs.low,
@@ -121,7 +120,7 @@ def tables_of(runs: "DataFrame", costs: "DataFrame", known: Mapping[float, Refer
     return tables
 
 
-def _grid(kind: str, frame: "DataFrame") -> Grid:
+def _grid(kind: str, frame: DataFrame) -> Grid:
     return grid_of(frame, _COLUMNS[kind], _FORMS)
 
 
@@ -130,14 +129,14 @@ def _error(error: float, floor: float) -> str:
     return f"{'' if error != error or error > floor else '≤ '}{scientific(at_most(error, floor))}"
 
 
-def _told(beside: "DataFrame") -> "DataFrame":
+def _told(beside: DataFrame) -> DataFrame:
     """Forces of other codes in words, and that they are outside the interval if they are."""
     wrong = {key: (beside[key] < beside.low) | (beside[key] > beside.high) for key in OTHERS}
     return beside.assign(**{key: beside[key].map(force) + wrong[key].map({True: ", outside", False: ""})
                             for key in OTHERS})  # fmt: skip
 
 
-def _reported_table(runs: "DataFrame", known: Reference | None) -> Grid:
+def _reported_table(runs: DataFrame, known: Reference | None) -> Grid:
     """What codes that are not in this run reported on another day."""
     names = {CODES[code].name for code in runs.code}
     rows = [
@@ -148,7 +147,7 @@ def _reported_table(runs: "DataFrame", known: Reference | None) -> Grid:
     return Grid("", ("code", "P/2 [N/mm]", "error", "reported time"), rows)
 
 
-def settings_of(runs: "DataFrame", known: Mapping[float, Reference]) -> list[Grid]:
+def settings_of(runs: DataFrame, known: Mapping[float, Reference]) -> list[Grid]:
     """Values that errors are relative to, models with the memory of their processes before a case, and meshes."""
     return [_references(known), _models(runs), _meshes(runs)]
 
@@ -162,7 +161,7 @@ def _references(known: Mapping[float, Reference]) -> Grid:
     return Grid("Values that errors are relative to", headings, rows)
 
 
-def _models(runs: "DataFrame") -> Grid:
+def _models(runs: DataFrame) -> Grid:
     rows = []
     for name, found in runs.sort_values("order", kind="stable").groupby("model", sort=False):
         model, said = NAMED[str(name)], sorted(set(found.version.dropna()) - {""})
@@ -173,7 +172,7 @@ def _models(runs: "DataFrame") -> Grid:
     return Grid("Models", headings, rows)
 
 
-def _meshes(runs: "DataFrame") -> Grid:
+def _meshes(runs: DataFrame) -> Grid:
     rows = []
     for name, family in FAMILIES.items():
         numbers = sorted(set(runs[runs.mesh == name].number))

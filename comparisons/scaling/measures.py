@@ -1,17 +1,16 @@
 """One line for each number of processes, and the numbers of the report."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from pandas import DataFrame
 
 from comparisons.lab.study import Row, frame_of
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 _TAKEN = ("first", "whole", "used", "values", "solved", "cores")
 
 
-def scaling_of(rows: Sequence[Row]) -> "DataFrame":
+def scaling_of(rows: Sequence[Row]) -> DataFrame:
     """One line for each number of processes, means of its repeats.
 
     Columns are processes, first, whole and used [s], see `task.run`, values, solved (in the worst repeat), cores, load
@@ -27,7 +26,7 @@ def scaling_of(rows: Sequence[Row]) -> "DataFrame":
     return found.assign(rate=rate, speed=speed, work=found.used / least.used, efficiency=efficiency)
 
 
-def values_of(found: "DataFrame") -> dict[str, Any]:
+def values_of(found: DataFrame) -> dict[str, Any]:
     """The numbers in sentences."""
     few, many = found.iloc[0], found.iloc[-1]
     return {

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from pandas import DataFrame, Series
+
 from comparisons.lab.report import drawn
 from comparisons.lab.report.drawing import grid, plain_ticks
 from comparisons.solvers import measures
@@ -16,7 +18,6 @@ from qvi_contact.plots.style import PURPLE, SKY, new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from pandas import DataFrame, Series
 
 UNTIL: Final = 100.0
 """Largest ratio of times that profiles show."""
@@ -37,7 +38,7 @@ _BARS: Final[Mapping[str, tuple[str, str]]] = {
 }  # fmt: skip
 
 
-def figures(runs: "DataFrame") -> dict[str, str]:
+def figures(runs: DataFrame) -> dict[str, str]:
     """Name → picture; empty where there is nothing to draw, or matplotlib is not installed."""
     pictures: dict[str, Callable[[], Figure | None]] = {
         "truth-shares": partial(truth, runs),
@@ -48,7 +49,7 @@ def figures(runs: "DataFrame") -> dict[str, str]:
     return {name: drawn(name, draw) for name, draw in pictures.items()}
 
 
-def profiles(runs: "DataFrame") -> "Figure | None":
+def profiles(runs: DataFrame) -> "Figure | None":
     """A panel for each level, a step curve for each solver."""
     if runs.empty:
         return None
@@ -65,7 +66,7 @@ def profiles(runs: "DataFrame") -> "Figure | None":
     return figure
 
 
-def _coloured(ratios: "DataFrame") -> list[str]:
+def _coloured(ratios: DataFrame) -> list[str]:
     """The best solvers by area, those that solve nothing left out."""
     best = measures.area(ratios, UNTIL).sort_index().sort_values(ascending=False, kind="stable").index
     return [solver for solver in best if ratios[solver].min() < float("inf")][:HIGHLIGHTED]
@@ -80,7 +81,7 @@ def _looks(panels: Sequence[Sequence[str]]) -> dict[str, tuple[str, str, str]]:
     }
 
 
-def _profile_panel(axes: "Axes", ratios: "DataFrame", looks: Mapping[str, tuple[str, str, str]]) -> None:
+def _profile_panel(axes: "Axes", ratios: DataFrame, looks: Mapping[str, tuple[str, str, str]]) -> None:
     """The best by area in colour with markers, the others in grey."""
     coloured = _coloured(ratios)
     for solver in ratios.columns.drop(coloured):
@@ -108,7 +109,7 @@ def _log_axis(axes: "Axes", ticks: Sequence[float]) -> None:
     plain_ticks(axes.xaxis)
 
 
-def truth(runs: "DataFrame") -> "Figure | None":
+def truth(runs: DataFrame) -> "Figure | None":
     """A bar for each solver: what became of its inner problems, as shares."""
     told = measures.told_by(runs)[[*_BARS]]
     if told.empty:
@@ -127,7 +128,7 @@ def truth(runs: "DataFrame") -> "Figure | None":
     return figure
 
 
-def accuracy(runs: "DataFrame") -> "Figure | None":
+def accuracy(runs: DataFrame) -> "Figure | None":
     """For each solver and level the accuracy of single inner problems: median, and from best to worst."""
     chosen = runs[(runs.task == INNER) & runs.feasible]
     if chosen.accuracy.isna().all():
@@ -162,7 +163,7 @@ def _solvers_down(axes: "Axes", solvers: Sequence[str], label: str) -> None:
     grid(axes, along="x")
 
 
-def warmth(runs: "DataFrame") -> "Figure | None":
+def warmth(runs: DataFrame) -> "Figure | None":
     """A dot for each sequence: warm over cold time, and the geometric mean of each solver."""
     ratios = measures.warm_ratios(runs).dropna(subset="ratio").groupby("solver", sort=False).ratio
     if not len(ratios):

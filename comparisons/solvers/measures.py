@@ -7,9 +7,10 @@ import math
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from pandas import DataFrame, Series
 
 from comparisons.lab.ratios import spread
 from comparisons.lab.study import DONE, Row
@@ -17,9 +18,6 @@ from comparisons.solvers.accuracies import LEVELS, asked
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
 from comparisons.solvers.problems import PROBLEMS
 from comparisons.solvers.tasks import COLD, INNER, OUTER, WARM
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
 
 SHIFT: Final = 1e-3
 """Shift of geometric means [s]: differences far below a millisecond do not count."""
@@ -45,12 +43,12 @@ _FACTORS: Final = ("solver", "task", *INSTANCE)
 _NUMBERS: Final = ("seconds", "spread", "iterations", "limit", *ERRORS)
 
 
-def runs_of(rows: Iterable[Row]) -> "DataFrame":
+def runs_of(rows: Iterable[Row]) -> DataFrame:
     """One line a row, those without a result too; see `frame_of`."""
     return frame_of([_run(row) for row in rows])
 
 
-def frame_of(runs: Sequence[Mapping[str, Any]]) -> "DataFrame":
+def frame_of(runs: Sequence[Mapping[str, Any]]) -> DataFrame:
     """The runs with what follows from their entries.
 
     The columns are solver, task, problem, form, level; seconds (median wall time [s]), spread (largest less smallest
@@ -61,8 +59,6 @@ def frame_of(runs: Sequence[Mapping[str, Any]]) -> "DataFrame":
     None without an answer; feasible, whether there is a solution, and kind of the problem; time of a success; lost,
     whether the run was ended or the solver failed.
     """
-    from pandas import DataFrame
-
     texts = ("certified", "status", "reason", "options", "facts")
     frame = DataFrame(runs, columns=[*_FACTORS, *_NUMBERS, *OUTCOMES, *texts])
     frame = frame.astype({**dict.fromkeys((*_NUMBERS, *OUTCOMES), float), "certified": bool})
@@ -90,7 +86,7 @@ def _run(row: Row) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def of_kind(runs: "DataFrame", kind: str) -> "DataFrame":
+def of_kind(runs: DataFrame, kind: str) -> DataFrame:
     """The runs of a kind of task on problems that have a solution.
 
     Sequences are warm by the solvers that can, cold by the others. Outer loops are those in condensed form, which is
@@ -104,7 +100,7 @@ def of_kind(runs: "DataFrame", kind: str) -> "DataFrame":
     return sequences[warm | ~warm.groupby([sequences[name] for name in ("solver", *INSTANCE)]).transform("any")]
 
 
-def performance_ratios(runs: "DataFrame") -> "DataFrame":
+def performance_ratios(runs: DataFrame) -> DataFrame:
     """For each instance and solver its time over the best time; infinite where it failed, NaN where it was not tried.
 
     Of problems that have a solution. An instance that nobody solves is infinite for everybody: no profile reaches 1
@@ -127,7 +123,7 @@ def steps(ratios: "Series[float]", until: float) -> tuple[list[float], list[floa
     return x, [profile(ratios, value) for value in x]
 
 
-def area(ratios: "DataFrame", until: float) -> "Series[float]":
+def area(ratios: DataFrame, until: float) -> "Series[float]":
     """Mean height of each profile from 1 to `until` on a logarithmic axis: 1 for always the fastest, 0 for never."""
     return (1.0 - np.log(ratios.clip(lower=1.0)) / math.log(until)).clip(lower=0.0).mean()
 
@@ -142,7 +138,7 @@ def geometric_mean(values: "Series[float]") -> float:
     return math.exp(np.log(values).mean())
 
 
-def beside(runs: "DataFrame", others: "DataFrame", on: Sequence[str]) -> "DataFrame":
+def beside(runs: DataFrame, others: DataFrame, on: Sequence[str]) -> DataFrame:
     """The runs with the entries of the other one that agrees in these columns, named …_beside, where there is one.
 
     The ratio is that of their times, NaN unless both succeeded.
@@ -151,25 +147,25 @@ def beside(runs: "DataFrame", others: "DataFrame", on: Sequence[str]) -> "DataFr
     return both.assign(ratio=both.time / both.time_beside)
 
 
-def warm_ratios(runs: "DataFrame") -> "DataFrame":
+def warm_ratios(runs: DataFrame) -> DataFrame:
     """Warm sequences beside cold ones."""
     return beside(runs[runs.task == WARM], runs[runs.task == COLD], ("solver", *INSTANCE))
 
 
-def condensed_ratios(runs: "DataFrame", task: str) -> "DataFrame":
+def condensed_ratios(runs: DataFrame, task: str) -> DataFrame:
     """Runs of a task in all unknowns beside those of the condensed form."""
     full, condensed = (runs[(runs.task == task) & (runs.form == form)] for form in ("full", "condensed"))
     return beside(full, condensed, ("solver", "level", "problem"))
 
 
-def by_solver(found: "DataFrame") -> "DataFrame":
+def by_solver(found: DataFrame) -> DataFrame:
     """Solver → geometric mean, smallest, largest and number of its ratios, and how many are below 1; if it has any."""
     ratios = found.assign(below=found.ratio < 1.0).groupby("solver", sort=False)
     spans = ratios.ratio.agg(mean=geometric_mean, smallest="min", largest="max", number="count")
     return spans.assign(below=ratios.below.sum())[spans.number > 0]
 
 
-def paired(runs: "DataFrame", twins: Mapping[str, str]) -> "DataFrame":
+def paired(runs: DataFrame, twins: Mapping[str, str]) -> DataFrame:
     """Single inner problems beside their twins, same solver, form and level."""
     single = runs[runs.task == INNER]
     some = single[single.problem.isin([*twins])]
@@ -177,7 +173,7 @@ def paired(runs: "DataFrame", twins: Mapping[str, str]) -> "DataFrame":
     return beside(some.assign(twin=some.problem.map(twins)), single.assign(twin=single.problem), on)
 
 
-def judged(runs: "DataFrame") -> "DataFrame":
+def judged(runs: DataFrame) -> DataFrame:
     """Runs of inner problems that have a solution, single ones and sequences: what was said of them can be true.
 
     The column nobody says whether no answer of any solver was certified, of a sequence of no step, at this level and in
@@ -189,7 +185,7 @@ def judged(runs: "DataFrame") -> "DataFrame":
     return found.assign(what=what, nobody=certified == 0)
 
 
-def told_by(runs: "DataFrame") -> "DataFrame":
+def told_by(runs: DataFrame) -> DataFrame:
     """Solver → number of inner problems that have a solution for each outcome, those of sequences one by one.
 
     The column nobody counts untrue answers where no answer of anybody was certified, said how often "solved" was said,
@@ -202,7 +198,7 @@ def told_by(runs: "DataFrame") -> "DataFrame":
     return counts.assign(said=said, share=counts[UNTRUE] / said)
 
 
-def error_powers(runs: "DataFrame") -> dict[str, float]:
+def error_powers(runs: DataFrame) -> dict[str, float]:
     """Solver → p, where the median error of single inner problems falls like ε**p with the tolerance ε asked for.
 
     Between the lowest and the highest level, over the problems that have an answer at both. Solvers without

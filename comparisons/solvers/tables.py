@@ -3,7 +3,9 @@
 from collections import Counter
 from collections.abc import Callable
 from itertools import chain
-from typing import TYPE_CHECKING, Final
+from typing import Final
+
+from pandas import DataFrame, Series, concat
 
 from comparisons.lab.report.numbers import NOTHING, count, percent, scientific, seconds, significant
 from comparisons.lab.tables import Columns, Form, Grid, crossed, grid_of
@@ -14,9 +16,6 @@ from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER
 from comparisons.solvers.tasks import INNER, OUTER
 from comparisons.solvers.values import ranking
 from solvers.inner.registry import how_to_install
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
 
 KINDS: Final = {
     "inner": "single inner problems",
@@ -30,7 +29,7 @@ _LONGEST_LIST: Final = 40
 _UNKNOWN: Final = Backend(NOTHING, {})  # of stored rows
 
 
-def tables_of(runs: "DataFrame") -> dict[str, Grid]:
+def tables_of(runs: DataFrame) -> dict[str, Grid]:
     """The tables by name."""
     return {
         "overview": overview(runs), "truth": truth(runs), "first": first(runs),
@@ -41,7 +40,7 @@ def tables_of(runs: "DataFrame") -> dict[str, Grid]:
     }  # fmt: skip
 
 
-def _joined(runs: "DataFrame", *names: str) -> list[str]:
+def _joined(runs: DataFrame, *names: str) -> list[str]:
     """Some factors of each run as the name of its group."""
     return [", ".join(each) for each in zip(*(runs[name] for name in names), strict=True)]
 
@@ -51,7 +50,7 @@ def _short(form: Callable[..., str]) -> Form:
     return lambda value: form(value, 2)
 
 
-def first(runs: "DataFrame") -> Grid:
+def first(runs: DataFrame) -> Grid:
     """Who solves most at the accuracy in the middle, and then most within twice the fastest time."""
     rows = [
         (name, solver, f"{solved} of {given}", percent(within))
@@ -61,7 +60,7 @@ def first(runs: "DataFrame") -> Grid:
     return Grid("", ("kind of task", "solver", "solved", "within 2 × of the fastest"), rows)
 
 
-def powers(runs: "DataFrame") -> Grid:
+def powers(runs: DataFrame) -> Grid:
     """How the median error follows the tolerance asked for."""
     rows = [
         (solver, significant(power, 2), "one more cone" if solver in CONE_ENERGY else "as it is")
@@ -70,10 +69,8 @@ def powers(runs: "DataFrame") -> Grid:
     return Grid("", ("solver", "power of the tolerance", "how it gets the energy"), rows)
 
 
-def overview(runs: "DataFrame") -> Grid:
+def overview(runs: DataFrame) -> Grid:
     """Shares certified, by kind of task and level, and how often "solved" was untrue."""
-    from pandas import concat
-
     names = [f"{kind}, {level}" for kind in KINDS for level in LEVELS]
     by_kind = concat({kind: measures.of_kind(runs, kind) for kind in KINDS}, names=["which"]).reset_index("which")
     columns = by_kind.which + ", " + by_kind.level
@@ -91,11 +88,11 @@ def _share(certified: "Series[bool]") -> str:
     return f"{percent(certified.mean())} of {len(certified)}"
 
 
-def _certified(runs: "DataFrame") -> str:
+def _certified(runs: DataFrame) -> str:
     return _share(runs.certified)
 
 
-def truth(runs: "DataFrame") -> Grid:
+def truth(runs: DataFrame) -> Grid:
     """What was said of each inner problem, beside whether it was true."""
     told = measures.told_by(runs).reset_index()
     headings: Columns = {
@@ -106,18 +103,14 @@ def truth(runs: "DataFrame") -> Grid:
     return grid_of(told.assign(true=1.0 - told.share), headings)
 
 
-def speeds(chosen: "DataFrame") -> Grid:
+def speeds(chosen: DataFrame) -> Grid:
     """Shares of the profile, and shifted geometric means, by solver."""
-    from pandas import concat
-
     told = concat([_speeds_at(chosen[chosen.level == level]).add_prefix(f"{level}: ") for level in LEVELS], axis=1)
     return grid_of(told.reindex(chosen.solver.unique()).rename_axis("solver").reset_index(), ["solver", *told])
 
 
-def _speeds_at(runs: "DataFrame") -> "DataFrame":
+def _speeds_at(runs: DataFrame) -> DataFrame:
     """Solver → texts of its shares and means at one level."""
-    from pandas import DataFrame
-
     ratios, times = measures.performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
     limited = runs.time.fillna(runs.limit).groupby(runs.solver)
     return DataFrame({
@@ -127,7 +120,7 @@ def _speeds_at(runs: "DataFrame") -> "DataFrame":
     })  # fmt: skip
 
 
-def errors(runs: "DataFrame") -> Grid:
+def errors(runs: DataFrame) -> Grid:
     """Medians of the certificate's errors of single inner problems, and of iterations."""
     groups = runs[runs.feasible & (runs.task == INNER)].groupby(["solver", "level"], sort=False)
     medians = groups[[*ERRORS, "iterations", "spread"]].median()
@@ -141,16 +134,14 @@ def errors(runs: "DataFrame") -> Grid:
     return grid_of(medians.reset_index().assign(failed=failed), headings)
 
 
-def kinds(runs: "DataFrame") -> Grid:
+def kinds(runs: DataFrame) -> Grid:
     """Shares certified of single inner problems, by kind of problem and form."""
     chosen = runs[runs.feasible & (runs.task == INNER)]
     return crossed(chosen.assign(column=_joined(chosen, "kind", "form")), "solver", "column", _certified)
 
 
-def twins(runs: "DataFrame") -> Grid:
+def twins(runs: DataFrame) -> Grid:
     """Single inner problems with rows given twice, beside the same with each given once."""
-    from pandas import concat
-
     pairs = measures.paired(runs, UNDOUBLED)
     once = pairs.assign(problem=pairs.twin, certified=pairs.certified_beside, lost=pairs.lost_beside)
     both = concat([pairs, once])[["solver", "problem", "certified", "lost"]]
@@ -168,7 +159,7 @@ _RATIOS: Final[Columns] = {
 }  # fmt: skip
 
 
-def warm(runs: "DataFrame") -> Grid:
+def warm(runs: DataFrame) -> Grid:
     """Time of warm over that of cold sequences."""
     found = measures.by_solver(measures.warm_ratios(runs)).reset_index()
     found["kept"] = [TABLE.get(solver, _UNKNOWN).keeps or NOTHING for solver in found.solver]
@@ -176,28 +167,26 @@ def warm(runs: "DataFrame") -> Grid:
     return grid_of(found, {"solver": "solver", "kept": "what it keeps", **_RATIOS, "faster": "faster"})
 
 
-def forms(runs: "DataFrame") -> Grid:
+def forms(runs: DataFrame) -> Grid:
     """Time in all unknowns over that of the condensed form."""
-    from pandas import concat
-
     names = {INNER: "inner problem", OUTER: "outer loop"}
     found = {name: measures.by_solver(measures.condensed_ratios(runs, task)) for task, name in names.items()}
     told = concat(found, names=["what", "solver"]).reset_index()
     return grid_of(told, {"solver": "solver", "what": "what", **_RATIOS, "number": "problems"})
 
 
-def infeasible(runs: "DataFrame") -> Grid:
+def infeasible(runs: DataFrame) -> Grid:
     """What was said of problems without a solution."""
     chosen = runs[~runs.feasible]
     return crossed(chosen.assign(column=_joined(chosen, "problem", "task", "form")), "solver", "column", _words)
 
 
-def _words(runs: "DataFrame") -> str:
+def _words(runs: DataFrame) -> str:
     counts = Counter(status.replace("_", " ") for status in runs.status)
     return ", ".join(f"{word} ({number})" for word, number in sorted(counts.items()))
 
 
-def failures(runs: "DataFrame") -> Grid:
+def failures(runs: DataFrame) -> Grid:
     """Runs that ended without an answer or by a failure of the back end, grouped by what was said."""
     lost = runs[runs.lost]
     lost = lost.assign(
@@ -213,10 +202,8 @@ def failures(runs: "DataFrame") -> Grid:
     return grid_of(found.sort_values("runs", ascending=False, kind="stable").head(_LONGEST_LIST), headings)
 
 
-def problems(runs: "DataFrame") -> Grid:
+def problems(runs: DataFrame) -> Grid:
     """Sizes and conditions of the problems."""
-    from pandas import DataFrame
-
     found = runs.dropna(subset="facts").drop_duplicates("problem")
     sizes, shares = ("unknowns", "condensed", "points", "equations"), ("open", "stick", "slip")
     facts = DataFrame([*found.facts], columns=[*sizes, "condition", *shares]).astype(float)
@@ -228,7 +215,7 @@ def problems(runs: "DataFrame") -> Grid:
     return grid_of(facts.assign(problem=found.problem.array, kind=found.kind.array), headings)
 
 
-def settings(runs: "DataFrame") -> Grid:
+def settings(runs: DataFrame) -> Grid:
     """The table of accuracies, as the runs were given it."""
     given = crossed(runs.dropna(subset="options"), "solver", "level", _options, tuple(LEVELS))
     headings = ("solver", "what it is", *(f"{level}: certified at {LEVELS[level]:.0e}" for level in LEVELS))
@@ -236,11 +223,11 @@ def settings(runs: "DataFrame") -> Grid:
     return Grid("What every solver was asked for", headings, rows)
 
 
-def _options(runs: "DataFrame") -> str:
+def _options(runs: DataFrame) -> str:
     return ", ".join(f"`{name}={value}`" for name, value in sorted(runs.options.iloc[0].items())) or "no option"
 
 
-def left_out(runs: "DataFrame") -> Grid:
+def left_out(runs: DataFrame) -> Grid:
     """Solvers that were not compared, and how to get them."""
     rows = [(name, _how_to_compare(name)) for name in TABLE if name not in set(runs.solver)]
     return Grid("Not compared", ("solver", "how to get it"), rows)

@@ -1,7 +1,9 @@
 """The numbers of the report's sentences, computed from the runs."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame, Series
 
 from comparisons.lab.report.numbers import listing, percent, significant, span
 from comparisons.solvers import measures
@@ -12,21 +14,18 @@ from comparisons.solvers.outcomes import FALSE_ALARM, NO_ANSWER, UNTRUE
 from comparisons.solvers.study import FORMS, QUICK_NAME
 from comparisons.solvers.tasks import INNER, OUTER
 
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
-
 RARELY: Final = 0.05
 """Share of untrue answers below which a solver is not named in a sentence."""
 
 _NAMED: Final = 3  # solvers that are ranked
 
 
-def values_of(declaration: Mapping[str, Any], runs: "DataFrame") -> dict[str, Any]:
+def values_of(declaration: Mapping[str, Any], runs: DataFrame) -> dict[str, Any]:
     """Name → number, or names of solvers."""
     return {"quick": declaration["name"] == QUICK_NAME, "cases": int(declaration["cases"]), **numbers_of(runs)}
 
 
-def numbers_of(runs: "DataFrame") -> dict[str, Any]:
+def numbers_of(runs: DataFrame) -> dict[str, Any]:
     """What is computed of the runs alone."""
     solvers = set(runs.solver)
     return {
@@ -40,7 +39,7 @@ def numbers_of(runs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_truth(runs: "DataFrame") -> dict[str, Any]:
+def _of_truth(runs: DataFrame) -> dict[str, Any]:
     """Who says "solved" of what is not, and how much of that is about problems that nobody solves."""
     told, found = measures.told_by(runs), measures.judged(runs)
     often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
@@ -53,7 +52,7 @@ def _of_truth(runs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def ranking(runs: "DataFrame", kind: str) -> list[tuple[str, int, int, float]]:
+def ranking(runs: DataFrame, kind: str) -> list[tuple[str, int, int, float]]:
     """Solver, problems solved of how many, share within twice the fastest time: the best ones.
 
     At the accuracy in the middle that was run; none unless there are several solvers, all given every problem.
@@ -71,7 +70,7 @@ def ranking(runs: "DataFrame", kind: str) -> list[tuple[str, int, int, float]]:
     return [each for each in found if (each[1], each[3]) >= last[0]]
 
 
-def method_of(runs: "DataFrame", name: str) -> dict[str, Any]:
+def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
     """One of the package's own methods: its step, what it solves, and how much longer the fastest outer loop takes."""
     mine = runs[(runs.solver == name) & (runs.task == OUTER) & runs.feasible]
     loops = runs[(runs.task == OUTER) & ~runs.solver.isin(METHODS)]
@@ -85,7 +84,7 @@ def method_of(runs: "DataFrame", name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_infeasible(runs: "DataFrame") -> dict[str, Any]:
+def _of_infeasible(runs: DataFrame) -> dict[str, Any]:
     """Who recognises inner problems without a solution, always; and who says "solved"."""
     chosen = runs[~runs.feasible & (runs.task == INNER)]
     recognised = chosen.groupby("solver", sort=False).certified.agg(["sum", "size"])
@@ -96,7 +95,7 @@ def _of_infeasible(runs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_ratios(runs: "DataFrame") -> dict[str, Any]:
+def _of_ratios(runs: DataFrame) -> dict[str, Any]:
     """Graded cells beside equal ones, warm sequences beside cold ones, all unknowns beside condensed."""
     pairs, warm = measures.paired(runs, EQUAL_CELLS), measures.by_solver(measures.warm_ratios(runs))["mean"]
     forms = measures.by_solver(measures.condensed_ratios(runs, INNER))["mean"]

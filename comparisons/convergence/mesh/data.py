@@ -3,15 +3,14 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame, to_numeric
 
 from comparisons.convergence.mesh.problems import PROBLEMS, Problem
 from comparisons.convergence.mesh.study import APART, BRACKET, EQUILIBRIUM, UNIFORM
 from comparisons.convergence.mesh.tractions import Tractions
 from comparisons.lab.study import DONE, Row
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 _CASE: Final = ("problem", "sequence", "model", "size")
 _NUMBERS: Final = ("force", "energy", "unknowns", "h", "seconds", "lower", "upper", "gap", "strain")
@@ -22,7 +21,7 @@ _OTHERS: Final = ("status", "message", "solved", "cells", "tractions", "ends", "
 class Meshes:
     """A study's meshes, see `meshes_of`."""
 
-    meshes: "DataFrame"
+    meshes: DataFrame
 
     @cached_property
     def problems(self) -> list[Problem]:
@@ -31,25 +30,25 @@ class Meshes:
         return [problem for problem in found if len(self.of(problem, UNIFORM))]
 
     @cached_property
-    def _parts(self) -> "dict[Any, DataFrame]":
+    def _parts(self) -> dict[Any, DataFrame]:
         return dict(iter(self.meshes[self.meshes.solved].groupby(["problem", "sequence", "model"])))
 
-    def of(self, problem: Problem, sequence: str, model: str = "") -> "DataFrame":
+    def of(self, problem: Problem, sequence: str, model: str = "") -> DataFrame:
         """The solved meshes of a sequence; the model is the one that has the stresses if none is asked for."""
         wanted = model or (BRACKET if sequence == APART else EQUILIBRIUM)
         return self._parts.get((problem.name, sequence, wanted), self.meshes[:0])
 
     @cached_property
-    def bounded(self) -> "DataFrame":
+    def bounded(self) -> DataFrame:
         """Meshes with both bounds."""
         return self.meshes[self.meshes.solved & self.meshes.gap.notna()]
 
-    def brackets(self, problem: Problem) -> "DataFrame":
+    def brackets(self, problem: Problem) -> DataFrame:
         """Meshes of a problem with guaranteed bounds."""
         return self.bounded[(self.bounded.problem == problem.name) & self.bounded.guaranteed]
 
 
-def meshes_of(rows: Sequence[Row]) -> "DataFrame":
+def meshes_of(rows: Sequence[Row]) -> DataFrame:
     """One line a mesh that was solved or should have been, in the order of the rows.
 
     The columns are problem, sequence, model and size of the case, and entries of the record, see `task.equilibrium`;
@@ -57,8 +56,6 @@ def meshes_of(rows: Sequence[Row]) -> "DataFrame":
     which is proportional to the cells' side where they are equal, and as cells their numbers along x and y, or the
     case's size where nothing is known.
     """
-    from pandas import DataFrame, to_numeric
-
     meshes = DataFrame([line for row in rows for line in _lines(row)], columns=[*_CASE, *_NUMBERS, *_OTHERS])
     meshes[list(_NUMBERS)] = meshes[list(_NUMBERS)].apply(to_numeric)
     return meshes.astype(dict.fromkeys(("solved", "bracketed", "guaranteed"), bool))

@@ -2,16 +2,15 @@
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame, concat
 
 from comparisons.convergence.mesh.data import Meshes
 from comparisons.convergence.mesh.orders import orders_of
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, PROBLEMS, TRACTIONS, Expected, Problem
 from comparisons.convergence.mesh.references import Reference, errors_of, references_of
 from comparisons.convergence.mesh.study import APART, GOAL, GRADED, UNIFORM
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 NAMES: Final = {UNIFORM: "equal cells", GRADED: "graded", GOAL: "adaptive (force)", APART: "adaptive (bounds)"}
 """Sequence with errors → what it is called in tables."""
@@ -29,14 +28,12 @@ class Overview(Meshes):
         return {problem.name: references_of(self, problem) for problem in self.problems}
 
     @cached_property
-    def errors(self) -> "DataFrame":
+    def errors(self) -> DataFrame:
         """One line a mesh and measure, by problem, measure and sequence.
 
         The columns are these, mesh (its line in the frame of meshes), cells, unknowns, h, size, error (relative) and
         meant (whether it is above the reference's uncertainty).
         """
-        from pandas import concat
-
         parts = [self.meshes[:0][_MESH].assign(measure="", error=0.0, least=0.0)]
         for problem in self.problems:
             for measure, known in self.references[problem.name].items():
@@ -48,18 +45,16 @@ class Overview(Meshes):
         return found.assign(meant=found.error > found.least)
 
     @cached_property
-    def _curves(self) -> "dict[Any, DataFrame]":
+    def _curves(self) -> dict[Any, DataFrame]:
         return dict(iter(self.errors.groupby(_CURVE, sort=False)))
 
-    def curve(self, problem: Problem, measure: str, sequence: str) -> "DataFrame":
+    def curve(self, problem: Problem, measure: str, sequence: str) -> DataFrame:
         """The errors of a measure along a sequence; none is an empty frame."""
         return self._curves.get((problem.name, measure, sequence), self.errors[:0])
 
     @cached_property
-    def orders(self) -> "DataFrame":
+    def orders(self) -> DataFrame:
         """One line a curve: problem, measure, sequence, and the entries of `orders_of`."""
-        from pandas import DataFrame
-
         lines = [
             dict(zip(_CURVE, place, strict=True)) | orders_of(points, _expected(*place))
             for place, points in self._curves.items()

@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from pandas import DataFrame
 
 from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
@@ -20,7 +21,6 @@ from qvi_contact.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERM
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Drawing
-    from pandas import DataFrame
 
 _LOOK: Final = {
     UNIFORM: (BLUE, "o", "-"), GRADED: (ORANGE, "s", "--"), GOAL: (GREEN, "^", "-."), APART: (PURPLE, "D", ":"),

@@ -1,9 +1,10 @@
 """The numbers of the report's sentences."""
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from pandas import DataFrame
 
 from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
 from comparisons.convergence.mesh.orders import EXPECTED, advantage, cost
@@ -11,9 +12,6 @@ from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Prob
 from comparisons.convergence.mesh.references import FLOOR
 from comparisons.convergence.mesh.study import BRACKET, COMPANION, STRICT, UNIFORM
 from comparisons.lab.report.numbers import span
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 TARGETS: Final = (1e-3, 1e-4, 1e-5)
 """Relative errors of the force whose cost is told."""
@@ -60,13 +58,11 @@ def spacing(overview: Overview) -> float | None:
     return max(found, default=None)
 
 
-def costs_of(overview: Overview) -> "DataFrame":
+def costs_of(overview: Overview) -> DataFrame:
     """One line a problem and target: unknowns for this error of the force by sequence, see `cost`, and `advantage`.
 
     All are NaN where the target is below what the reference can tell.
     """
-    from pandas import DataFrame
-
     lines = []
     for problem in overview.problems:
         curves = {sequence: overview.curve(problem, FORCE, sequence) for sequence in NAMES}
@@ -102,14 +98,12 @@ def _of_orders(overview: Overview) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def brackets_of(overview: Overview) -> "DataFrame":
+def brackets_of(overview: Overview) -> DataFrame:
     """One line a problem that has guaranteed brackets of the energy and a reference.
 
     The columns are problem, number (of brackets), inside (how many enclose the reference), own (whether that comes from
     the same models, which proves nothing), and of the closest bracket gap (relative) and on (cells and sequence).
     """
-    from pandas import DataFrame
-
     lines = []
     for problem in overview.problems:
         known, meshes = overview.references[problem.name].get(ENERGY), overview.brackets(problem)
@@ -133,14 +127,12 @@ def _of_brackets(overview: Overview) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def models_of(overview: Overview) -> "DataFrame":
+def models_of(overview: Overview) -> DataFrame:
     """One line a problem: the sides of the reference that forces by stresses and displacements are on, and two models.
 
     The change is what the law on whole edges makes of the force, relative, on the finest equal mesh with both models;
     "on" tells its cells.
     """
-    from pandas import DataFrame
-
     lines = []
     for problem in overview.problems:
         strict, plain = overview.of(problem, UNIFORM, STRICT), overview.of(problem, UNIFORM)

@@ -1,16 +1,14 @@
 """What the errors along a sequence of meshes are worth: observed orders, and the unknowns that an error costs."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from pandas import DataFrame, Series
 
 from comparisons.convergence.mesh.problems import Expected
 from comparisons.convergence.mesh.study import UNIFORM
 from qvi_contact.basics.checks import FloatArray
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
 
 SAME: Final = 0.1
 """How far, relatively, a fitted order may be from the expected one to count as the same."""
@@ -44,7 +42,7 @@ def fitted_order(sizes: Sequence[float], errors: Sequence[float]) -> float:
     return float(np.polynomial.polynomial.polyfit(h - h.mean(), e, 1)[1]) if len(h) == 3 else float("nan")
 
 
-def orders_of(points: "DataFrame", expected: Expected | None = None) -> dict[str, Any]:
+def orders_of(points: DataFrame, expected: Expected | None = None) -> dict[str, Any]:
     """What the orders of the errors along a sequence are worth.
 
     Returns
@@ -56,8 +54,6 @@ def orders_of(points: "DataFrame", expected: Expected | None = None) -> dict[str
         verdict : whether the orders have settled, and on the expected one
 
     """
-    from pandas import Series
-
     usable = points.error.where(points.meant)
     kept = points.h != points.h.shift()  # there is no order between two meshes with the same number of cells
     orders = Series(successive_orders(points.h[kept], usable[kept])).dropna()
@@ -69,7 +65,7 @@ def orders_of(points: "DataFrame", expected: Expected | None = None) -> dict[str
     }  # fmt: skip
 
 
-def _verdict(orders: "Series", fitted: float, expected: float) -> str:
+def _verdict(orders: Series, fitted: float, expected: float) -> str:
     """By the last three orders."""
     falls = len(orders) > 0 and orders.iloc[-1] > FLAT
     if fitted != fitted:
@@ -84,7 +80,7 @@ def _verdict(orders: "Series", fitted: float, expected: float) -> str:
     return "settled" if expected != expected else "settled on another order"
 
 
-def cost(points: "DataFrame", target: float) -> float:
+def cost(points: DataFrame, target: float) -> float:
     """The least number of unknowns from which on all errors stay within the target.
 
     NaN without errors, infinite if even the last one does not. An error that a finer mesh does not confirm is small by
@@ -118,6 +114,6 @@ def advantage(curves: Mapping[str, "DataFrame"], target: float) -> tuple[float, 
     return before / best, nothing if np.isnan(least).any() else needed / min(least)
 
 
-def _before(points: "DataFrame", unknowns: float) -> float:
+def _before(points: DataFrame, unknowns: float) -> float:
     """The largest number of unknowns of the curve below this one, NaN without one."""
     return float(points.unknowns[points.unknowns < unknowns].max())

@@ -3,17 +3,15 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from pandas import DataFrame, Series
 
 from comparisons.convergence.mesh.data import Meshes
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
 from comparisons.convergence.mesh.study import COMPANION, EQUILIBRIUM, REFERENCE, SEQUENCES, UNIFORM
 from comparisons.convergence.mesh.tractions import difference, size
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
 
 FLOOR: Final = 1e-8
 """Relative errors that the accuracy asked of the solves leaves."""
@@ -132,10 +130,8 @@ def end_of(ends: Any, kind: str) -> Mapping[str, Any] | None:
     return found[0] if len(found) == 1 else None
 
 
-def errors_of(meshes: "DataFrame", measure: str, known: Reference) -> "Series":
+def errors_of(meshes: DataFrame, measure: str, known: Reference) -> Series:
     """Relative errors of meshes, NaN where one has no such value."""
-    from pandas import Series
-
     if measure in (FORCE, ENERGY):
         return (meshes[measure] - known.value).abs() / known.unit
     if measure == TRACTIONS:

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from pandas import DataFrame, concat
 
 from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
 from comparisons.convergence.mesh.measures import CLOSED, brackets_of, costs_of, models_of
@@ -13,9 +14,6 @@ from comparisons.convergence.mesh.references import end_of
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, EQUILIBRIUM, GRADED, STRICT, UNIFORM
 from comparisons.lab.report.numbers import NOTHING, fixed, scientific, seconds, significant
 from comparisons.lab.tables import Columns, Form, Grid, grid_of
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 def _known(form: Form) -> Form:
@@ -133,7 +131,7 @@ def _references(overview: Overview) -> Iterator[dict[str, str]]:
             }  # fmt: skip
 
 
-def _with_models(overview: Overview) -> "DataFrame":
+def _with_models(overview: Overview) -> DataFrame:
     """Every mesh with stresses: its errors as texts, and what other models gave on the same mesh."""
     solved, errors = overview.meshes[overview.meshes.solved], overview.errors
     texts = [scientific(error) if meant else f"({scientific(error)})"
@@ -149,7 +147,7 @@ def _with_models(overview: Overview) -> "DataFrame":
     return meshes.assign(kind=[_kind(mesh) for mesh in meshes.itertuples()])
 
 
-def _meshes(overview: Overview, problem: Problem, meshes: "DataFrame") -> Grid:
+def _meshes(overview: Overview, problem: Problem, meshes: DataFrame) -> Grid:
     """Those of a problem, with the ends of its zones."""
     stress, length = problem.units
     ends = ends_among(overview.references[problem.name])
@@ -186,8 +184,6 @@ def _end(ends: Any, kind: str) -> str:
 
 def failures(overview: Overview) -> Grid:
     """Meshes without a certified answer, and bounds that are missing."""
-    from pandas import concat
-
     meshes = overview.meshes
     open_ = meshes[meshes.solved & (meshes.model == BRACKET) & meshes.gap.isna()]
     open_ = open_.assign(status="bound missing", message=open_.reasons.map(" ".join))

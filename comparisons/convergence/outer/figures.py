@@ -4,6 +4,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from pandas import DataFrame, Series
+
 from comparisons.convergence.bodies import NAMES
 from comparisons.convergence.outer.measures import by_loop, main_bodies, on_meshes, single
 from comparisons.convergence.outer.study import CONDENSED, LOOPS, PLAIN, TOLERANCE
@@ -20,7 +22,6 @@ from comparisons.lab.report.drawing import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
-    from pandas import DataFrame, Series
 
     Panel = Callable[[Axes, str, DataFrame], None]
 
@@ -33,7 +34,7 @@ _COUNTS: Final = (0.8, 300.0, 1000.0)
 _RATIOS: Final = (0.3, 3e3, 1e4)
 
 
-def figures(runs: "DataFrame") -> dict[str, str]:
+def figures(runs: DataFrame) -> dict[str, str]:
     """Name → picture; empty where matplotlib is not installed."""
     found = single(runs)
     main = {body: found[found.body == body] for body in main_bodies(runs)}
@@ -47,7 +48,7 @@ def figures(runs: "DataFrame") -> dict[str, str]:
     return {name: drawn(f"outer-{name}", draw) for name, draw in drawings.items()}
 
 
-def _drawing(groups: "dict[str, DataFrame]", panel: "Panel", shared: bool = True) -> "Canvas":
+def _drawing(groups: dict[str, DataFrame], panel: "Panel", shared: bool = True) -> "Canvas":
     """A panel for each group, and one legend for all."""
     canvas, panels = panelled(len(groups), *_SIZE)
     for axes, (title, runs) in zip(panels, groups.items(), strict=True):
@@ -57,7 +58,7 @@ def _drawing(groups: "dict[str, DataFrame]", panel: "Panel", shared: bool = True
     return canvas
 
 
-def _rate_panel(axes: "Axes", title: str, runs: "DataFrame") -> None:
+def _rate_panel(axes: "Axes", title: str, runs: DataFrame) -> None:
     _frame(axes, title, "contraction [-]", _RATES)
     axes.axhline(1.0, color="black", linewidth=0.8)
     plain = runs[runs.loop == PLAIN]
@@ -75,7 +76,7 @@ def _rate_panel(axes: "Axes", title: str, runs: "DataFrame") -> None:
 
 
 def _numbers_panel(
-    axes: "Axes", title: str, runs: "DataFrame", column: str, label: str, limits: tuple[float, float, float]
+    axes: "Axes", title: str, runs: DataFrame, column: str, label: str, limits: tuple[float, float, float]
 ) -> None:
     """A column of the runs of each loop that has it."""
     _frame(axes, title, label, limits)
@@ -87,7 +88,7 @@ def _numbers_panel(
         _failures(axes, loop, found, limits)
 
 
-def _history_panel(axes: "Axes", title: str, runs: "DataFrame") -> None:
+def _history_panel(axes: "Axes", title: str, runs: DataFrame) -> None:
     axes.set(xscale="log", yscale="log", ylim=(1e-10, 3.0), xlabel="iteration [-]", ylabel="residual [-]")
     plain_ticks(axes.xaxis, axes.yaxis)
     axes.set_title(title, fontsize=9)
@@ -100,7 +101,7 @@ def _history_panel(axes: "Axes", title: str, runs: "DataFrame") -> None:
             axes.plot([len(shown)], [shown[-1]], color=look.colour, marker="x", markersize=8, markeredgewidth=2)
 
 
-def shown_places(main: "dict[str, DataFrame]") -> "dict[str, DataFrame]":
+def shown_places(main: dict[str, DataFrame]) -> dict[str, DataFrame]:
     """Of each main problem the runs at the middle μ of those the plain loop solves, and of those it does not."""
     shown = {}
     for body, runs in main.items():
@@ -111,7 +112,7 @@ def shown_places(main: "dict[str, DataFrame]") -> "dict[str, DataFrame]":
     return shown
 
 
-def _mesh_panel(axes: "Axes", problem: str, plain: "DataFrame") -> None:
+def _mesh_panel(axes: "Axes", problem: str, plain: DataFrame) -> None:
     """Contraction of the plain loop against the mesh."""
     _frame(axes, NAMES.get(problem, problem), "contraction [-]", _RATES)
     powers_of_two(axes)
@@ -136,13 +137,13 @@ def _frame(axes: "Axes", title: str, label: str, limits: tuple[float, float, flo
     axes.set_title(title, fontsize=9)
 
 
-def _marks(axes: "Axes", loop: str, x: "Series", y: "Series") -> None:
+def _marks(axes: "Axes", loop: str, x: Series, y: Series) -> None:
     look = LOOPS[loop]
     axes.plot(x, y, color=look.colour, linestyle=look.line, marker=look.marker, markersize=5, linewidth=1.1,
               label=loop)  # fmt: skip
 
 
-def _failures(axes: "Axes", loop: str, runs: "DataFrame", limits: tuple[float, float, float]) -> None:
+def _failures(axes: "Axes", loop: str, runs: DataFrame, limits: tuple[float, float, float]) -> None:
     """Crosses in the band for runs that fail, each loop at its own height."""
     _, band, top = limits
     share = (1 + list(LOOPS).index(loop)) / (len(LOOPS) + 1)

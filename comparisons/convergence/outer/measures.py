@@ -3,7 +3,9 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame, Series
 
 from comparisons.convergence.bodies import PLACE
 from comparisons.convergence.outer.study import CONDENSED, LOOPS, PLAIN
@@ -11,9 +13,6 @@ from comparisons.convergence.solves import in_words
 from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
 from comparisons.lab.study import Row, frame_of, largest_of
 from comparisons.lab.tables import Grid, grid_of
-
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
 
 SOLUTIONS: Final = {"open": 0.0, "slip": 5.0 / 3.0, "stick": 17.0 / 9.0}
 """The three solutions of the problem that has them: state → pressure r_N; by hand, see `bodies`."""
@@ -61,7 +60,7 @@ _HEADINGS: Final = {
 """Table → its columns and their headings."""
 
 
-def runs_of(rows: Sequence[Row]) -> "DataFrame":
+def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by problem, mesh, μ and loop.
 
     The columns are those of `frame_of` and `in_words`, and solved, falling (stopped while its residuals fell), steps
@@ -81,12 +80,12 @@ def runs_of(rows: Sequence[Row]) -> "DataFrame":
     return runs.sort_values(["order", "cells", "friction", "number"], kind="stable", ignore_index=True)
 
 
-def single(runs: "DataFrame") -> "DataFrame":
+def single(runs: DataFrame) -> DataFrame:
     """Those of problems that all loops start from the bonded state."""
     return runs[runs.problem != "three"]
 
 
-def main_bodies(runs: "DataFrame") -> list[str]:
+def main_bodies(runs: DataFrame) -> list[str]:
     """Of each problem the mesh with the most frictions, the finest of several."""
     found = []
     for _, several in single(runs).groupby("order"):
@@ -95,18 +94,18 @@ def main_bodies(runs: "DataFrame") -> list[str]:
     return found
 
 
-def on_meshes(runs: "DataFrame") -> "DataFrame":
+def on_meshes(runs: DataFrame) -> DataFrame:
     """Runs of the plain loop at the μ that it has on at least two meshes of a problem, by problem, μ and mesh."""
     plain = single(runs)[single(runs).loop == PLAIN].sort_values(["problem", "friction", "cells"])
     return plain[plain.groupby(["problem", "friction"]).cells.transform("size") > 1]
 
 
-def by_loop(runs: "DataFrame") -> list[tuple[str, "DataFrame"]]:
+def by_loop(runs: DataFrame) -> list[tuple[str, "DataFrame"]]:
     """Loops that were run, in their order."""
     return [(loop, found) for loop in LOOPS if len(found := runs[runs.loop == loop])]
 
 
-def values_of(runs: "DataFrame") -> dict[str, Any]:
+def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
     found = single(runs)
     direct, others = found[found.loop == CONDENSED], found[found.loop != CONDENSED]
@@ -121,7 +120,7 @@ def values_of(runs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_contraction(found: "DataFrame") -> dict[str, Any]:
+def _of_contraction(found: DataFrame) -> dict[str, Any]:
     """How well theory foresees the contraction, and whether a linearised one below 1 is enough, one above too much."""
     plain = found[(found.loop == PLAIN) & found.rate.notna()]
     exact = (plain.rate / plain.exact - 1.0).abs().dropna()
@@ -137,7 +136,7 @@ def _of_contraction(found: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_bound(found: "DataFrame") -> dict[str, Any]:
+def _of_bound(found: DataFrame) -> dict[str, Any]:
     """What the plain loop does below and beyond the bound of uniqueness."""
     plain = found[(found.loop == PLAIN) & found.bound.notna()]
     sure, beyond = plain[plain.bound < 1.0], plain[plain.bound >= 1.0]
@@ -147,7 +146,7 @@ def _of_bound(found: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_starts(several: "DataFrame") -> dict[str, Any]:
+def _of_starts(several: DataFrame) -> dict[str, Any]:
     """Which of the three solutions is found, and by how many loops in different ones from different starts."""
     ends = several.apply(solution_found, axis=1) if len(several) else []
     counts = Counter(ends)
@@ -167,7 +166,7 @@ def solution_found(run: Any) -> str:
     return name if abs(SOLUTIONS[name] + run.normal) < 1e-6 else "none of the three"
 
 
-def tables_of(runs: "DataFrame") -> dict[str, Grid]:
+def tables_of(runs: DataFrame) -> dict[str, Grid]:
     """The tables by name."""
     found, meshes = single(runs), on_meshes(runs)
     frames = {
@@ -178,10 +177,8 @@ def tables_of(runs: "DataFrame") -> dict[str, Grid]:
     return {**tables, "solutions": _solutions_table(runs[runs.problem == "three"])}
 
 
-def _loops(found: "DataFrame") -> "DataFrame":
+def _loops(found: DataFrame) -> DataFrame:
     """Each loop beside the plain one and beside the condensed method."""
-    from pandas import DataFrame
-
     plain = found[found.loop == PLAIN].set_index(PLACE)[["steps", "solved"]].add_suffix("_plain")
     lines = []
     for loop, runs in by_loop(found):
@@ -196,10 +193,8 @@ def _loops(found: "DataFrame") -> "DataFrame":
     return DataFrame(lines)
 
 
-def _limits(found: "DataFrame") -> "DataFrame":
+def _limits(found: DataFrame) -> DataFrame:
     """Which frictions the plain loop solves on the main mesh of each problem."""
-    from pandas import DataFrame
-
     lines = []
     for body in main_bodies(found):
         runs = found[(found.body == body) & (found.loop == PLAIN)]
@@ -212,7 +207,7 @@ def _limits(found: "DataFrame") -> "DataFrame":
     return DataFrame(lines)
 
 
-def _contraction(plain: "DataFrame") -> "DataFrame":
+def _contraction(plain: DataFrame) -> DataFrame:
     """Observed contraction of the plain loop beside theory."""
     return plain.assign(
         interval=[f"{significant(run.low)} to {significant(run.high)}" if run.rate == run.rate else NOTHING
@@ -221,10 +216,8 @@ def _contraction(plain: "DataFrame") -> "DataFrame":
     )  # fmt: skip
 
 
-def _spread(meshes: "DataFrame") -> "DataFrame":
+def _spread(meshes: DataFrame) -> DataFrame:
     """How much the contraction of the plain loop changes from mesh to mesh."""
-    from pandas import DataFrame
-
     lines = [
         {"name": runs["name"].iloc[0], "friction": runs.friction.iloc[0], "share": _share(runs.rate.notna()),
          "smallest": runs.rate.min(), "largest": runs.rate.max(), "spread": runs.rate.max() / runs.rate.min()}
@@ -233,11 +226,11 @@ def _spread(meshes: "DataFrame") -> "DataFrame":
     return DataFrame(lines)
 
 
-def _share(good: "Series") -> str:
+def _share(good: Series) -> str:
     return f"{int(good.sum())} of {len(good)}"
 
 
-def _solutions_table(several: "DataFrame") -> Grid:
+def _solutions_table(several: DataFrame) -> Grid:
     """Which of three solutions each loop finds."""
     starts = sorted(several.start.dropna().unique())
     rows = []

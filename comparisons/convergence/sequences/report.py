@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from pandas import DataFrame
 
 from comparisons.convergence.sequences.study import CHAINS
 from comparisons.convergence.sequences.task import EVERY, WAYS
@@ -12,9 +13,6 @@ from comparisons.lab.report import Document, environment_grids, render
 from comparisons.lab.report.numbers import scientific, significant
 from comparisons.lab.study import DONE, Row
 from comparisons.lab.tables import Columns, Grid, grid_of
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 ELEMENTS: Final = {"hct": "triangles", "bfs": "rectangles"}
 
@@ -28,7 +26,7 @@ def report(rows: Sequence[Row], quick: bool = False) -> Document:
     )  # fmt: skip
 
 
-def runs_of(rows: Sequence[Row]) -> "DataFrame":
+def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a sequence, element and way.
 
     The columns are sequence, element, way, solved and planned (numbers of problems), iterations (of all but the first),
@@ -36,8 +34,6 @@ def runs_of(rows: Sequence[Row]) -> "DataFrame":
     solves, force (largest difference of a force from that of single solves, of histories from cold starts, over the
     largest normal force), and accuracy (the worst that a certificate confirms).
     """
-    from pandas import DataFrame
-
     done = sorted((row for row in rows if row.status == DONE), key=lambda row: row.position)
     return DataFrame([_run(row, way) for row in done for way in WAYS])
 
@@ -60,7 +56,7 @@ def _run(row: Row, way: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def values_of(runs: "DataFrame") -> dict[str, Any]:
+def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers in sentences."""
     warm, cold = (runs[runs.way == way].set_index(["sequence", "element"]) for way in ("warm", "cold"))
     saved = 1.0 - warm.iterations / cold.iterations
@@ -82,7 +78,7 @@ _COLUMNS: Final[Columns] = {
 }  # fmt: skip
 
 
-def _table(runs: "DataFrame") -> Grid:
+def _table(runs: DataFrame) -> Grid:
     """All runs."""
     titles, shares = runs.sequence.map(lambda name: CHAINS[name].title), runs[["solved", "planned"]].astype(str)
     shown = runs.assign(title=titles, mesh=runs.element.map(ELEMENTS), share=shares.agg(" of ".join, axis=1))

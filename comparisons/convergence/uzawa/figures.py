@@ -5,6 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from pandas import DataFrame, Series
 
 from comparisons.convergence.uzawa.measures import SOON, of, searches_of
 from comparisons.convergence.uzawa.study import METHODS
@@ -27,12 +28,11 @@ from qvi_contact.plots.style import new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
-    from pandas import DataFrame, Series
 
 _TICKS: Final = (0.125, 0.25, 0.5, 1, 2, 4)
 
 
-def figures(runs: "DataFrame") -> dict[str, str]:
+def figures(runs: DataFrame) -> dict[str, str]:
     """Name → picture; empty where matplotlib is not installed."""
     maps, plate = of(runs, "map"), of(runs, "map").problem == "plate"
     drawings: dict[str, Callable[[], Canvas]] = {
@@ -43,7 +43,7 @@ def figures(runs: "DataFrame") -> dict[str, str]:
     return {name: drawn(f"uzawa-{name}", draw) for name, draw in drawings.items()}
 
 
-def _paper(found: "DataFrame") -> "Canvas":
+def _paper(found: DataFrame) -> "Canvas":
     """Errors of P/2 after each iteration of the paper's run."""
     paper = load()
     canvas = new_figure(8.0, 4.2)
@@ -61,7 +61,7 @@ def _paper(found: "DataFrame") -> "Canvas":
     return canvas
 
 
-def _map_panels(found: "DataFrame") -> "Canvas":
+def _map_panels(found: DataFrame) -> "Canvas":
     """A panel for each problem: iterations against both steps."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
@@ -79,12 +79,12 @@ def _map_panels(found: "DataFrame") -> "Canvas":
     return canvas
 
 
-def _reached(found: "DataFrame") -> "Series":
+def _reached(found: DataFrame) -> Series:
     """Iterations to 1e-4 of the runs that settle, NaN for the others."""
     return found[SOON].where(found.settles == 1)
 
 
-def _map(axes: "Axes", scale: Any, found: "DataFrame") -> None:
+def _map(axes: "Axes", scale: Any, found: DataFrame) -> None:
     """One rectangle for each pair of steps; lines of theory."""
     from matplotlib.patches import Rectangle
 
@@ -119,7 +119,7 @@ def _borders(values: Sequence[float]) -> FloatArray:
     return np.asarray(np.exp(np.concatenate([[2.0 * logs[0] - middle[0]], middle, [2.0 * logs[-1] - middle[-1]]])))
 
 
-def _limits(searches: "DataFrame") -> "Canvas":
+def _limits(searches: DataFrame) -> "Canvas":
     """The largest ω_T that settle on the plate, beside theory."""
     plate = searches[(searches.step == "ω_T") & (searches.problem == "plate")].sort_values("cells")
     canvas = new_figure(8.0, 4.4)
@@ -146,7 +146,7 @@ _LIMIT_LABELS: Final = {
 }  # fmt: skip
 
 
-def _meshes(meshes: "DataFrame") -> "Canvas":
+def _meshes(meshes: DataFrame) -> "Canvas":
     """Iterations to two accuracies against the mesh."""
     canvas = new_figure(8.0, 3.8)
     panels = canvas.subplots(1, 2)
@@ -169,7 +169,7 @@ def _meshes(meshes: "DataFrame") -> "Canvas":
     return canvas
 
 
-def _work(equal: "DataFrame") -> "Canvas":
+def _work(equal: DataFrame) -> "Canvas":
     """Time against the accuracy asked for, a panel for each problem."""
     groups = list(equal.groupby("where", sort=False))
     canvas, panels = panelled(len(groups), 8.0, 2.6, 0.9)
@@ -180,7 +180,7 @@ def _work(equal: "DataFrame") -> "Canvas":
     return canvas
 
 
-def _work_panel(axes: "Axes", found: "DataFrame") -> None:
+def _work_panel(axes: "Axes", found: DataFrame) -> None:
     targets = sorted(found.target.unique())
     axes.set(xscale="log", yscale="log", xlabel="target [-]", ylabel="time [s]", ylim=(3e-3, 100.0))
     plain_ticks(axes.yaxis)

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame, Series, to_numeric
 
 from comparisons.convergence.bodies import PLACE
 from comparisons.convergence.rates import growth_order
@@ -24,9 +26,6 @@ from comparisons.lab.study import Row, frame_of, largest_of
 from comparisons.lab.tables import Grid, crossed, grid_of
 from comparisons.paper.reference import load
 
-if TYPE_CHECKING:
-    from pandas import DataFrame, Series
-
 SOON: Final = "to 1e-04"
 """Iterations until the normal force is within 1e-4 for good."""
 
@@ -42,14 +41,12 @@ _TARGETS: Final = tuple(f"to {target:.0e}" for target in TARGETS)
 _LAST_DIGIT: Final = 0.00501  # of P/2: half of the last digit printed, and rounding
 
 
-def runs_of(rows: Sequence[Row]) -> "DataFrame":
+def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by problem, mesh and μ.
 
     The columns are those of `frame_of` and `in_words`, the place as problem, cells (0 without a mesh), friction, and
     where (the three in words), and "to 1e-02" and so on, iterations to that error for good.
     """
-    from pandas import to_numeric
-
     runs = frame_of(rows, _NUMBERS, ("seconds", "needed", "errors"))
     for place, name in enumerate(PLACE):
         runs[name] = runs.place.str[place]
@@ -61,17 +58,17 @@ def runs_of(rows: Sequence[Row]) -> "DataFrame":
     return runs.sort_values(PLACE, kind="stable", ignore_index=True)
 
 
-def of(runs: "DataFrame", *names: str) -> "DataFrame":
+def of(runs: DataFrame, *names: str) -> DataFrame:
     """The runs of these names that have a result."""
     return runs[runs.run.isin(names) & runs.has]
 
 
-def _quickest(maps: "DataFrame") -> "Series":
+def _quickest(maps: DataFrame) -> Series:
     """By problem, mesh and μ: iterations to 1e-4 of the quickest pair of steps that settles."""
     return maps[maps.settles == 1].groupby(PLACE)[SOON].min()
 
 
-def paper_runs(runs: "DataFrame") -> "DataFrame":
+def paper_runs(runs: DataFrame) -> DataFrame:
     """The paper's runs, with the quickest one of the map of the same problem beside them."""
     maps, found = of(runs, "map"), of(runs, "paper")
     found = found.join(_quickest(maps).rename("quickest"), on=PLACE)
@@ -81,7 +78,7 @@ def paper_runs(runs: "DataFrame") -> "DataFrame":
     )  # fmt: skip
 
 
-def searches_of(runs: "DataFrame") -> "DataFrame":
+def searches_of(runs: DataFrame) -> DataFrame:
     """Searches for the largest step, with shares of 2 / λ_max over all points."""
     found = of(runs, "tangential limit", "normal limit").copy()
     tangential = found.run == "tangential limit"
@@ -92,7 +89,7 @@ def searches_of(runs: "DataFrame") -> "DataFrame":
     return found
 
 
-def values_of(runs: "DataFrame") -> dict[str, Any]:
+def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
     paper = load()
     return {
@@ -103,7 +100,7 @@ def values_of(runs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_paper(found: "DataFrame") -> dict[str, Any]:
+def _of_paper(found: DataFrame) -> dict[str, Any]:
     """After the paper's iterations: errors, what the step costs, how many printed values are met."""
     rough = found[found.friction > 0.0]
     sliding = rough[rough.linearised > 0.0]
@@ -123,7 +120,7 @@ def _of_paper(found: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_limits(found: "DataFrame") -> dict[str, Any]:
+def _of_limits(found: DataFrame) -> dict[str, Any]:
     """Observed limits of ω_T on the plate beside the two of theory, and the one known by hand."""
     plate = found[(found.step == "ω_T") & (found.problem == "plate")]
     both = plate[plate.largest.notna() & plate.smallest.notna()]
@@ -137,7 +134,7 @@ def _of_limits(found: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_accuracy(runs: "DataFrame") -> dict[str, Any]:
+def _of_accuracy(runs: DataFrame) -> dict[str, Any]:
     """How many targets each method meets, and how much the best steps save."""
     equal, maps = of(runs, *METHODS), of(runs, "map")
     half = maps[(maps.tangential == HALF) & (maps.normal == HALF)].set_index(PLACE)[SOON]
@@ -149,10 +146,8 @@ def _of_accuracy(runs: "DataFrame") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def growth(runs: "DataFrame") -> "DataFrame":
+def growth(runs: DataFrame) -> DataFrame:
     """For each μ: how iterations to 1e-4 and the condition grow with the cells a side, and where ω_T is too long."""
-    from pandas import DataFrame
-
     searches, lines = searches_of(runs), []
     for friction, found in of(runs, "mesh").sort_values("cells").groupby("friction"):
         bounded = searches[(searches.step == "ω_T") & (searches.problem == "plate") & (searches.friction == friction)]
@@ -216,7 +211,7 @@ _HEADINGS: Final[Mapping[str, Mapping[str, str]]] = {
 """Table → its columns and their headings."""
 
 
-def tables_of(runs: "DataFrame") -> dict[str, Grid]:
+def tables_of(runs: DataFrame) -> dict[str, Grid]:
     """The tables by name."""
     meshes, equal = of(runs, "mesh").sort_values(["friction", "cells"]), of(runs, *METHODS)
     frames = {
@@ -231,7 +226,7 @@ def tables_of(runs: "DataFrame") -> dict[str, Grid]:
     return {**tables, "reach": reach}
 
 
-def _limits(found: "DataFrame") -> "DataFrame":
+def _limits(found: DataFrame) -> DataFrame:
     """With the largest step that settles in words, ">" where no share searched fails."""
     ends = zip(found.largest, found.smallest, strict=True)
     return found.assign(settles=[
@@ -239,10 +234,8 @@ def _limits(found: "DataFrame") -> "DataFrame":
     ])  # fmt: skip
 
 
-def _maps(found: "DataFrame") -> "DataFrame":
+def _maps(found: DataFrame) -> DataFrame:
     """The quickest pair of steps of each map, and whether ω_N changes anything."""
-    from pandas import DataFrame
-
     lines = []
     for where, runs in found.groupby("where", sort=False):
         settled = runs[runs.settles == 1].sort_values(SOON, kind="stable").dropna(subset=SOON)
@@ -255,6 +248,6 @@ def _maps(found: "DataFrame") -> "DataFrame":
     return DataFrame(lines)
 
 
-def _tightest(found: "DataFrame") -> str:
+def _tightest(found: DataFrame) -> str:
     """The tightest target that is met."""
     return scientific(found.target[found.status == "solved"].min(), 1)

@@ -1,16 +1,15 @@
 """The report of a run, computed from its rows alone: as a document, and as JSON."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame
 
 from comparisons.lab.report import Document, environment_grids, findings_of, render
 from comparisons.lab.report.numbers import count, fixed, scientific
 from comparisons.lab.study import Row, frame_of
 from comparisons.lab.tables import Grid, grid_of
 from comparisons.peers.pin.study import FINITE, MEASURED, OWN
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 SCHEMA: Final = "qvi-contact/peers-pin/1"
 
@@ -46,7 +45,7 @@ def document_of(rows: Sequence[Row], report: Document) -> dict[str, Any]:
     return {"schema": SCHEMA, "measured": dict(MEASURED), "rows": told, "findings": findings_of(report.text)}
 
 
-def _runs(rows: Sequence[Row]) -> "DataFrame":
+def _runs(rows: Sequence[Row]) -> DataFrame:
     """One line a run, with plain, the same model with small strain, and finest, whether it is on the finest mesh."""
     runs = frame_of(rows, (*MEASURED, "residual"), ("message", "unknowns"))
     runs["message"] = runs.message.where(runs.has, runs.reason)
@@ -54,13 +53,13 @@ def _runs(rows: Sequence[Row]) -> "DataFrame":
     return runs
 
 
-def _solved(runs: "DataFrame", *, finite: bool) -> "DataFrame":
+def _solved(runs: DataFrame, *, finite: bool) -> DataFrame:
     """The solved runs with small or with finite strain, on the finest mesh of each μ that has any."""
     found = runs[(runs.status == "solved") & ((runs.plain != runs.model) == finite)]
     return found[found.sectors == found.groupby("friction").sectors.transform("max")]
 
 
-def _apart(runs: "DataFrame") -> list[dict[str, Any]]:
+def _apart(runs: DataFrame) -> list[dict[str, Any]]:
     """By μ: u_x of this package, and the smallest and largest distance of another code from it, relative."""
     found = []
     for friction, here in _solved(runs, finite=False).groupby("friction", sort=False):
@@ -73,14 +72,14 @@ def _apart(runs: "DataFrame") -> list[dict[str, Any]]:
     return found
 
 
-def _finite(runs: "DataFrame") -> list[dict[str, Any]]:
+def _finite(runs: DataFrame) -> list[dict[str, Any]]:
     """By μ: by what finite strain changes u_x, relative."""
     key = ["friction", "sectors", "plain"]
     both = _solved(runs, finite=True).merge(runs[runs.status == "solved"], left_on=key, right_on=[*key[:2], "model"])
     return [{"friction": each.friction, "change": each.moved_x / each.moved_y - 1.0} for each in both.itertuples()]
 
 
-def _command(runs: "DataFrame") -> str:
+def _command(runs: DataFrame) -> str:
     """The command that measures the same, without the place of its files and of other Pythons."""
     words = ["python -m comparisons peers --problem pin --friction", *(f"{each:g}" for each in runs.friction.unique())]
     return " ".join([*words, "--cells", *map(str, runs.sectors.unique())])
