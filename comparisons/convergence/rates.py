@@ -22,7 +22,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from scipy.stats import theilslopes
+
+from qvi_contact.basics.checks import FloatArray, IntArray
 
 Course = Literal["converges", "cycles", "diverges", "wanders", "short"]
 
@@ -77,10 +78,18 @@ def rate_of(residuals: Sequence[float], target: float = 0.0) -> Rate:
     if len(number) < LEAST:
         return Rate("converges" if arrived else "short", fitted=len(number))
     logs = np.log(values[number])
-    slope, _, low, high = (float(part) for part in theilslopes(logs, number, _CONFIDENCE))
+    slope, low, high = _slope(logs, number)
     length = float(number[-1] - number[0])
     course = "converges" if arrived else _course(logs, low * length, high * length)
     return Rate(course, float(np.exp(slope)), float(np.exp(low)), float(np.exp(high)), len(number))
+
+
+def _slope(y: FloatArray, x: FloatArray | IntArray) -> tuple[float, float, float]:
+    """Slope of Theil and Sen, and the ends of its confidence interval."""
+    from scipy.stats import theilslopes  # as long to load as all else of a worker
+
+    slope, _, low, high = theilslopes(y, x, _CONFIDENCE)
+    return float(slope), float(low), float(high)
 
 
 def _fitted(available: int) -> int:
@@ -88,7 +97,7 @@ def _fitted(available: int) -> int:
     return min(max((available + 1) // 2, min(available, 2 * LEAST)), LONGEST)
 
 
-def _course(logs: "np.ndarray[tuple[int], np.dtype[np.float64]]", least: float, most: float) -> Course:
+def _course(logs: FloatArray, least: float, most: float) -> Course:
     """By the change of log r over the piece, between `least` and `most`."""
     if any(_repeats(logs, period) for period in _PERIODS):
         return "cycles"
@@ -97,7 +106,7 @@ def _course(logs: "np.ndarray[tuple[int], np.dtype[np.float64]]", least: float, 
     return "diverges" if least > _HALF else "wanders"
 
 
-def _repeats(logs: "np.ndarray[tuple[int], np.dtype[np.float64]]", period: int) -> bool:
+def _repeats(logs: FloatArray, period: int) -> bool:
     """Whether each value is that of a period ago; two whole periods are needed to see it."""
     return len(logs) >= 2 * period and bool(np.abs(logs[period:] - logs[:-period]).max() <= _SAME)
 
@@ -133,4 +142,4 @@ def growth_order(sizes: Sequence[float], values: Sequence[float]) -> float | Non
     if len(pairs) < 3:
         return None
     x, y = np.log(np.array(pairs)).T
-    return float(theilslopes(y, x)[0])
+    return _slope(y, x)[0]

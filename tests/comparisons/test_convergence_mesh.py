@@ -11,7 +11,6 @@ from pandas import DataFrame, concat
 
 from comparisons.cli import group
 from comparisons.convergence import command
-from comparisons.convergence.declared import listed
 from comparisons.convergence.mesh import figures, study, task
 from comparisons.convergence.mesh.corner import exponent
 from comparisons.convergence.mesh.data import meshes_of
@@ -253,7 +252,7 @@ CHOSEN = [
 def rows(tmp_path_factory):
     """Rows of a small part of the study, through the runner."""
     cases = [dict(zip(("problem", "sequence", "size", "model"), case, strict=True)) for case in CHOSEN]
-    small = listed("small", 1, study.TASK, cases)
+    small = Study.of("small", 1, study.TASK, cases)
     return rows_of(small, tmp_path_factory.mktemp("mesh") / "mesh.sqlite")
 
 

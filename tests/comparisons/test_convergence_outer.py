@@ -16,7 +16,6 @@ from comparisons.convergence.bodies import (
     exact_contraction,
     reference,
 )  # fmt: skip
-from comparisons.convergence.declared import listed
 from comparisons.convergence.linearised import linearised
 from comparisons.convergence.outer import figures
 from comparisons.convergence.outer.measures import on_meshes, runs_of, solution_found, tables_of, values_of
@@ -151,13 +150,6 @@ class TestProblems:
         assert solve_qvi(body("block", 2, 0.15).qvi).solved
         assert solve_qvi(body("block", 2, 0.09).qvi).status == "infeasible"
         assert dragged_block(0.3, (4, 2)).mesh.length == pytest.approx(2.0)
-
-
-def test_listed_cases_are_the_study():
-    cases = [{"a": 1, "b": (1, 2)}, {"a": 2, "b": None}, {"a": 2, "b": (3, 4)}]
-    found = listed("listed", 1, "package.module:function", cases)
-    assert found.factors == {"a": (1, 2), "b": ([1, 2], None, [3, 4])}
-    assert [(case.values["a"], case.values["b"]) for case in found.cases] == [(1, [1, 2]), (2, None), (2, [3, 4])]
 
 
 def test_studies_have_names_of_their_own():

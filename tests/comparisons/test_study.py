@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from pandas import DataFrame
 
-from comparisons.lab.study import Outcome, frame_of, largest_of, read_csv, read_study, run_study, write_csv
+from comparisons.lab.study import Outcome, Study, frame_of, largest_of, read_csv, read_study, run_study, write_csv
 from comparisons.lab.study import store as stores
 from comparisons.lab.study.declaration import case_key
 from comparisons.lab.study.differences import differences
@@ -119,10 +119,21 @@ class TestDeclaration:
         assert fewer.declaration() != SMALL.declaration()
         assert fewer.declaration()["cases"] == 2
 
+    def test_a_study_of_listed_cases_is_the_product_without_the_others(self):
+        cases = [{"mesh": mesh, "at": at} for mesh, at in ((8, (0.5, 1)), (4, (0.5, 1)), (4, (0, 1.0)), (8, (0.5, 1)))]
+        study = Study.of("listed", 1, "module:task", cases)
+        left_out = {"mesh": 8, "at": [0, 1.0]}
+        product = Study("listed", 1, "module:task", {"mesh": (8, 4), "at": ((0.5, 1), (0, 1.0))},
+                        keep=lambda case: {name: case[name] for name in left_out} != left_out)  # fmt: skip
+        assert study.declaration() == product.declaration()
+        assert [case.values for case in study.cases] == [case.values for case in product.cases]
+
     @pytest.mark.parametrize(
         ("change", "word"),
         [
             ({"name": ""}, "name"),
+            ({"only": [(16,)]}, "level of every factor"),
+            ({"only": [(8, 4)]}, "level of every factor"),
             ({"task": "module.function"}, "module:function"),
             ({"repeats": 0}, "at least 1"),
             ({"factors": {"seed": (1,)}}, "row's own"),

@@ -1,7 +1,6 @@
 """The cases: which problems on which sequences of meshes, by which models."""
 
 from collections.abc import Iterator
-from operator import itemgetter
 from typing import Final
 
 from comparisons.convergence.mesh.problems import PROBLEMS
@@ -52,13 +51,12 @@ def study(quick: bool) -> Study:
     The factor "size" is the number of cells along the contact, or, of chains of adaptive meshes, the largest number of
     unknowns.
     """
-    cases = set(_cases(quick))
+    cases = list(_cases(quick))
     factors = {
         "problem": tuple(_QUICK if quick else PROBLEMS), "sequence": tuple(SEQUENCES),
         "size": tuple(sorted({size for _, _, size, _ in cases})), "model": tuple(MODELS),
     }  # fmt: skip
-    keep = itemgetter(*factors)
-    return Study("mesh (quick)" if quick else "mesh", VERSION, TASK, factors, keep=lambda case: keep(case) in cases)
+    return Study("mesh (quick)" if quick else "mesh", VERSION, TASK, factors, only=cases)
 
 
 Case = tuple[str, str, int, str]

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, Literal, NamedTuple
 
-from comparisons.convergence.declared import listed
 from comparisons.lab.study import Study
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE
@@ -97,7 +96,7 @@ def study(quick: bool) -> Study:
 
 def study_of(name: str, meshes: Meshes, loops: Sequence[str] = tuple(LOOPS)) -> Study:
     """The study on these problems, meshes and frictions, by these loops."""
-    return listed(name, VERSION, TASK, list(_cases(meshes, loops)))
+    return Study.of(name, VERSION, TASK, _cases(meshes, loops))
 
 
 def _cases(meshes: Meshes, loops: Sequence[str]) -> Iterator[dict[str, Any]]:

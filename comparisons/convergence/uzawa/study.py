@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any, Final, NamedTuple
 
-from comparisons.convergence.declared import listed
 from comparisons.lab.study import Study
 from comparisons.paper.reference import load
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
@@ -120,7 +119,7 @@ def study(quick: bool) -> Study:
 
 def study_of(name: str, extent: Extent) -> Study:
     """The study of this extent."""
-    return listed(name, VERSION, TASK, list(_cases(extent)))
+    return Study.of(name, VERSION, TASK, _cases(extent))
 
 
 def _cases(extent: Extent) -> Iterator[dict[str, Any]]:

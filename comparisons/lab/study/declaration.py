@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -57,7 +57,8 @@ def case_key(study: str, version: int, values: Values) -> str:
 class Study:
     """A product of factors, and what is done for each case of it.
 
-    The cases are enumerated with the last factor running fastest, and the repeats inside it.
+    The cases are enumerated with the last factor running fastest, and the repeats inside it. `Study.of` declares a
+    study by its cases instead, of which the product may have many more.
 
     Parameters
     ----------
@@ -78,6 +79,8 @@ class Study:
         Repeat r of every combination has the seed `seed` + r, so that all methods meet the same data.
     keep : callable, optional
         The cases it is false for are left out.
+    only : sequence of tuples, optional
+        The combinations that there are, each with a level of every factor; all of them if not given.
     packages : tuple of str
         Distributions whose versions every row has to tell.
     fresh : bool
@@ -97,8 +100,19 @@ class Study:
     repeats: int = 1
     seed: int = 0
     keep: Callable[[Values], bool] | None = None
+    only: Sequence[tuple[Any, ...]] | None = None
     packages: tuple[str, ...] = PACKAGES
     fresh: bool = False
+
+    @classmethod
+    def of(cls, name: str, version: int, task: str, cases: Iterable[Values]) -> "Study":
+        """The study of just these cases, all with the same factors, whose values stand in the order they are met.
+
+        Its cases are in the order of the product all the same.
+        """
+        listed = list(cases)
+        factors = {factor: tuple(dict.fromkeys(case[factor] for case in listed)) for factor in listed[0]}
+        return cls(name, version, task, factors, only=[tuple(case[factor] for factor in factors) for case in listed])
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -123,9 +137,20 @@ class Study:
     def _combinations(self) -> list[dict[str, Any]]:
         return [
             {**dict(zip(self.factors, levels, strict=True)), "repeat": repeat, "seed": self.seed + repeat}
-            for levels in product(*self.factors.values())
+            for levels in (product(*self.factors.values()) if self.only is None else self._listed(self.only))
             for repeat in range(self.repeats)
         ]
+
+    def _listed(self, combinations: Sequence[tuple[Any, ...]]) -> Iterator[tuple[Any, ...]]:
+        """These combinations in the order of the product, each once."""
+        factors = [list(map(canonical, levels)) for levels in self.factors.values()]
+        try:
+            places = {tuple(texts.index(canonical(value)) for texts, value in zip(factors, each, strict=True))
+                      for each in combinations}  # fmt: skip
+        except ValueError as error:
+            raise InputError("Study.only", self.name, f"give a level of every factor ({error})") from error
+        for each in sorted(places):
+            yield tuple(levels[place] for levels, place in zip(self.factors.values(), each, strict=True))
 
     def declaration(self) -> dict[str, Any]:
         """The study in plain values; two studies are the same if and only if these are, see `same_study`.
