@@ -25,7 +25,7 @@ from comparisons.peers.measures import (
 )
 from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.models import CODES
-from comparisons.peers.tables import settings_of, tables_of
+from comparisons.peers.tables import FORMS, settings_of, tables_of
 
 SCHEMA: Final = "qvi-contact/peers/4"
 
@@ -40,7 +40,7 @@ def report(rows: Sequence[Row]) -> Document:
         "codes": CODES, "places": [_place(friction, here, known, pictures) for friction, here in by_friction(runs)],
     }  # fmt: skip
     tables, settings = tables_of(runs, costs, known), [*settings_of(runs, known), *environment_grids(rows)]
-    return render("comparisons.peers", "peers", values, tables, pictures, settings)
+    return render("comparisons.peers", "peers", values, tables, pictures, settings, forms=FORMS)
 
 
 def _command(runs: DataFrame, repetitions: int) -> str:

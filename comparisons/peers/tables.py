@@ -7,7 +7,7 @@ from pandas import DataFrame
 
 from comparisons.benchmark.reference import CONVERGED_FRICTION, PEERS
 from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, memory, percent, scientific, seconds
-from comparisons.lab.tables import Grid, grid_of
+from comparisons.lab.tables import Grid
 from comparisons.peers.codes.equilibrium import ONE_SENSE
 from comparisons.peers.measures import (
     OTHERS,
@@ -34,43 +34,6 @@ KINDS: Final = {
 }
 """Name of a `BracketKind`, or `ONE_SENSE` → what is bracketed."""
 
-_OTHERS: Final = {key: CODES[key].name for key in OTHERS}
-_COLUMNS: Final[Mapping[str, Mapping[str, str]]] = {
-    "compared": {
-        "friction": "μ", "target": "error", "seconds_own": "triangles", "seconds": "other code", "code": "which",
-        "time_ratio": "times as long", "unknowns_own": "unknowns of triangles", "unknowns": "of the other code",
-        "smallest_code": "which", "unknowns_ratio": "times as many",
-    },
-    "costs": {
-        "target": "error", "code": "code", "seconds": "time", "time_ratio": "over triangles", "quickest": "by",
-        "unknowns": "fewest unknowns", "unknowns_ratio": "over triangles", "smallest": "by",
-    },
-    "least": {
-        "friction": "μ", "code": "code", "shown": "smallest error", "unknowns": "unknowns", "seconds": "time",
-        "run": "by",
-    },
-    "intervals": {
-        "friction": "μ", "low": "P/2 from [N/mm]", "high": "to [N/mm]", "half": "half width", "unknowns": "unknowns",
-        "seconds": "time", "run": "by", **{key: f"{name} outside" for key, name in _OTHERS.items()},
-    },
-    "beside": {
-        "run": "interval", "unknowns": "unknowns", "seconds": "time", "low": "P/2 from [N/mm]", "high": "to [N/mm]",
-        "half": "half width", **_OTHERS,
-    },
-    "brackets": {
-        "model": "bracket", "label": "mesh", "unknowns": "unknowns", "status": "status", "lower": "lower P/2 [N/mm]",
-        "upper": "upper P/2 [N/mm]", "width": "half width", "strain_error": "stress error", "sure": "guaranteed",
-        "seconds": "time", "spread": "spread", "peak": "memory", "kind": "of",
-    },
-    "rows": {
-        "model": "model", "label": "mesh", "unknowns": "unknowns", "status": "status", "half_force": "P/2 [N/mm]",
-        "shown": "error", "setup": "set-up", "seconds": "time", "spread": "spread", "peak": "memory",
-        "residual": "residual",
-    },
-    "failures": {"model": "model", "friction": "μ", "label": "mesh", "status": "status", "message": "message"},
-}  # fmt: skip
-"""Kind of table → its columns and their headings."""
-
 
 def force(value: float) -> str:
     """P/2 [N/mm], to the digits that are resolved."""
@@ -85,7 +48,7 @@ def _first(value: float) -> str:
     return scientific(value, 1)
 
 
-_FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
+FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     "friction": "{:g}".format, "target": _first, "code": _code, "smallest_code": _code, "seconds_own": seconds,
     "seconds": seconds, "setup": lambda times: seconds(min(times, default=None)), "time_ratio": factor,
     "unknowns_own": count, "unknowns": count, "unknowns_ratio": factor, "half_force": force, "spread": percent,
@@ -93,9 +56,10 @@ _FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     "width": scientific, "strain_error": scientific, "sure": lambda sure: "yes" if sure else "no",
     "kind": lambda kind: KINDS.get(kind, NOTHING), "message": lambda text: text or NOTHING,
 }  # fmt: skip
+"""Column of a table → how its values read."""
 
 
-def tables_of(runs: DataFrame, costs: DataFrame, known: Mapping[float, Reference]) -> dict[str, Grid]:
+def tables_of(runs: DataFrame, costs: DataFrame, known: Mapping[float, Reference]) -> dict[str, DataFrame | Grid]:
     """The tables by name; `costs` is that of `costs_of`."""
     shown = runs.assign(
         shown=list(map(_error, runs.error, runs.floor)), half=0.5 * (runs.high - runs.low) / runs.low,
@@ -103,25 +67,21 @@ def tables_of(runs: DataFrame, costs: DataFrame, known: Mapping[float, Reference
         upper=runs.upper.where(runs.guaranteed),
     )  # fmt: skip
     least = least_of(shown)
-    tables = {
-        "costs": _grid("compared", compared_of(costs)),
-        "least": _grid("least", least.assign(shown=list(map(_error, least.lasting, least.floor)))),
-        "intervals": _grid("intervals", intervals_of(shown)), "failures": _grid("failures", shown[~shown.solved]),
+    tables: dict[str, DataFrame | Grid] = {
+        "costs": compared_of(costs),
+        "least": least.assign(shown=list(map(_error, least.lasting, least.floor))),
+        "intervals": intervals_of(shown), "failures": shown[~shown.solved],
         "missing": Grid("", ("code", "how to get it"), [(_code(key), CODES[key].remedy) for key in missing(runs)]),
         "reported": _reported_table(runs, known.get(CONVERGED_FRICTION)),
     }  # fmt: skip
     for friction, here in by_friction(shown):
         name, bracket = slug(friction), here.code == BRACKET
-        tables[f"costs-{name}"] = _grid("costs", costs[costs.friction == friction])
+        tables[f"costs-{name}"] = costs[costs.friction == friction]
         if here.bounded.any():
-            tables[f"beside-{name}"] = _grid("beside", _told(beside_of(here)))
-        tables[f"brackets-{name}"] = _grid("brackets", here[bracket])
-        tables[f"rows-{name}"] = _grid("rows", here[~bracket])
+            tables[f"beside-{name}"] = _told(beside_of(here))
+        tables[f"brackets-{name}"] = here[bracket]
+        tables[f"rows-{name}"] = here[~bracket]
     return tables
-
-
-def _grid(kind: str, frame: DataFrame) -> Grid:
-    return grid_of(frame, _COLUMNS[kind], _FORMS)
 
 
 def _error(error: float, floor: float) -> str:

@@ -50,9 +50,9 @@ def made_again(name):
     module, figures = (import_module(f"comparisons.convergence.{name}.{part}") for part in ("report", "figures"))
     values, render = {}, module.render
 
-    def recorded(package, stem, found, *others):
+    def recorded(package, stem, found, *others, **forms):
         values.update(found)
-        return render(package, stem, found, *others)
+        return render(package, stem, found, *others, **forms)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "drawn", lambda *_: "drawn")

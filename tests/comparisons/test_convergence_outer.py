@@ -206,8 +206,8 @@ class TestReport:
         assert values["counts"] == {"plain": (3, 4), "Anderson": (4, 4), "condensed": (4, 4)}
         assert (values["exact_runs"], values["missing"], values["limit"]) == (1, 0, None)
         assert values["exact"] < 0.01
-        limits = tables_of(runs_of(rows))["limits"].rows
-        assert ("8 contacts", "1 of 2", "0.5", "2 (cycling)", "none") in limits
+        limits = tables_of(runs_of(rows))["limits"].to_numpy().tolist()
+        assert ["8 contacts", "1 of 2", "0.5", "2 (cycling)", "none"] in limits
 
     @pytest.mark.usefixtures("outlined")
     def test_a_case_that_died_is_a_failure(self, rows):
@@ -241,9 +241,10 @@ class TestReport:
     def test_the_spread_from_mesh_to_mesh(self, rows):
         plates = [row for row in rows if row.case["problem"] == "plate" and row.case["loop"] == "plain"]
         far = [changed(row, factor=rate) for row, rate in zip(plates, (0.1, 0.4), strict=True)]
-        assert tables_of(runs_of(far))["spread"].rows == [("plate", "0.1", "2 of 2", "0.1", "0.4", "4")]
+        spread = tables_of(runs_of(far))["spread"].to_numpy().tolist()
+        assert spread == [["plate", 0.1, "2 of 2", 0.1, 0.4, pytest.approx(4.0)]]
         lost = changed(far[1], status="cycling", course="cycles")
-        assert tables_of(runs_of([far[0], lost]))["spread"].rows[0][2] == "1 of 2"
+        assert tables_of(runs_of([far[0], lost]))["spread"].share.tolist() == ["1 of 2"]
 
     def test_a_loop_that_was_stopped_has_not_failed_to_converge(self, rows):
         victim = next(row for row in rows if row.case["loop"] == "plain" and row.case["problem"] == "contacts")
@@ -258,7 +259,7 @@ class TestReport:
         stopped, cycling = (runs_of([changed(row, **end) if row is victim else row for row in rows]) for end in ends)
         values = values_of(stopped)
         assert (values["limit"], values["stuck"], values["still"]) == (200, 0, 1)
-        assert "0.5 (0.96)" in tables_of(stopped)["limits"].rows[0][-1]
+        assert "0.5 (0.96)" in tables_of(stopped)["limits"].falling[0]
         values = values_of(cycling)
         assert (values["limit"], values["stuck"], values["still"]) == (None, 1, 0)
         assert values["stuck_at"] == "8 contacts at μ = 0.5"

@@ -199,7 +199,7 @@ class TestNumbers:
         assert found(none)["safe"] == 0
         assert found(every)["safe"] == 1
         assert found([*none, *every])["largest"] == "none"
-        assert "> 16" in tables_of(runs_of(every))["limit-table"].rows[0]
+        assert tables_of(runs_of(every))["limit-table"].settles.tolist()[0] == "> 16"
 
     def test_a_printed_step_that_is_too_long_on_some_meshes(self, row):
         rows = [*self.searched(row, 1.3, 1.2, 1.1), *self.meshes(row, [1, 2, 4], [1.0, 1.0, 1.0])]
@@ -219,7 +219,7 @@ class TestNumbers:
     def test_whether_the_normal_step_matters(self, row):
         same = [self.mapped(row, 0.1, 30, normal=normal) for normal in (0.5, 1.0)]
         other = [self.mapped(row, 0.1, count, normal=normal) for count, normal in ((30, 0.5), (None, 1.0))]
-        assert [tables_of(runs_of(each))["maps"].rows[0][-1] for each in (same, other)] == ["no", "yes"]
+        assert [tables_of(runs_of(each))["maps"].matters[0] for each in (same, other)] == ["no", "yes"]
 
     @pytest.mark.usefixtures("outlined")
     def test_a_case_that_died_is_left_out_and_counted(self, rows):

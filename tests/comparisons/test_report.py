@@ -9,6 +9,7 @@ from io import StringIO
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from pandas import DataFrame
 
 from comparisons.lab.cells import is_numeric, number_in, position, sort_key
 from comparisons.lab.report import Document, environment_grids, fill, findings_of, numbers, show, write_report
@@ -257,6 +258,14 @@ def test_a_template_that_forgets_or_repeats_is_refused(changes, message):
 def test_a_number_that_is_missing_is_an_error():
     with pytest.raises(Exception, match="'fastest' is undefined"):
         fill("{{ fastest }}", "sample", {}, {}, {})
+
+
+def test_a_template_names_the_columns_of_a_frame():
+    frame = DataFrame({"time": [0.5, math.nan], "left out": [1, 2], "solver": ["a", "b"]})
+    template = '{{ table("times", {"solver": "solver", "time": "median time"}) }}'
+    text = fill(template, "sample", {}, {"times": frame}, {}, forms={"time": numbers.seconds}).text
+    (grid,) = parts_of(text)
+    assert (grid.headings, grid.rows) == (("solver", "median time"), [("a", "500 ms"), ("b", "none")])
 
 
 def test_the_terminal_has_findings_tables_and_files(report, folder, capsys):

@@ -6,8 +6,7 @@ import pytest
 
 from comparisons.lab.study import Row, read_csv
 from comparisons.scaling import report as reports
-from comparisons.scaling.measures import scaling_of, values_of
-from comparisons.scaling.report import report
+from comparisons.scaling.report import report, scaling_of, values_of
 from comparisons.scaling.study import declared
 from comparisons.scaling.task import VALUES, run
 

@@ -8,11 +8,10 @@ from typing import Any, Final
 from pandas import DataFrame, Series
 
 from comparisons.convergence.bodies import PLACE
-from comparisons.convergence.outer.study import CONDENSED, LOOPS, PLAIN
+from comparisons.convergence.outer.study import CONDENSED, INNER, LOOPS, MAX_ITERATIONS, PATIENCE, PLAIN, TOLERANCE
 from comparisons.convergence.solves import in_words
 from comparisons.lab.report.numbers import NOTHING, count, fixed, listing, scientific, seconds, significant
 from comparisons.lab.study import Row, frame_of, largest_of
-from comparisons.lab.tables import Grid, grid_of
 
 SOLUTIONS: Final = {"open": 0.0, "slip": 5.0 / 3.0, "stick": 17.0 / 9.0}
 """The three solutions of the problem that has them: state → pressure r_N; by hand, see `bodies`."""
@@ -23,41 +22,12 @@ _NUMBERS: Final = (
 )  # fmt: skip
 """Columns that are numbers, NaN where a run has none; see `task`."""
 
-_FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
+FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     "friction": fixed("g"), "steps": count, "seconds": seconds, "accuracy": scientific,
     **dict.fromkeys(("rate", "ratio", "linearised", "exact", "bound", "root"), significant),
     **dict.fromkeys(("quicker", "typical", "slowest", "smallest", "largest", "spread"), partial(significant, digits=2)),
 }  # fmt: skip
 """Column of a table → how its numbers read."""
-
-_HEADINGS: Final = {
-    "loops": {
-        "loop": "loop", "share": "solved", "hard": "of those that plain does not solve",
-        "quicker": "iterations over plain", "typical": "time over condensed", "slowest": "at most",
-    },
-    "limits": {
-        "body": "problem", "share": "μ solved", "farthest": "largest", "fails": "fails at μ (how)",
-        "falling": "stopped while converging at μ (contraction)",
-    },
-    "contraction": {
-        "body": "problem", "friction": "μ", "status": "status", "rate": "observed contraction",
-        "interval": "95 % interval", "linearised": "linearised at the solution", "exact": "exact", "bound": "bound μγ",
-        "root": "bound μ√κ", "states": "slipping / open / all points",
-    },
-    "spread": {
-        "name": "problem", "friction": "μ", "share": "meshes with a contraction", "smallest": "smallest",
-        "largest": "largest", "spread": "largest over smallest",
-    },
-    "meshes": {
-        "name": "problem", "friction": "μ", "cells": "cells a side", "status": "status", "rate": "contraction",
-        "linearised": "linearised", "bound": "bound μγ", "steps": "iterations",
-    },
-    "runs": {
-        "body": "problem", "friction": "μ", "loop": "loop", "status": "status", "steps": "iterations",
-        "rate": "contraction", "seconds": "time", "ratio": "over condensed", "accuracy": "certified accuracy",
-    },
-}  # fmt: skip
-"""Table → its columns and their headings."""
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
@@ -116,7 +86,8 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         "counts": {loop: (int(each.solved.sum()), len(each)) for loop, each in by_loop(found)},
         "least": direct.steps.min(), "most": direct.steps.max(), "low": found.friction.min(),
         "high": found.friction.max(), "worst": largest_of(ratios, runs), **_of_contraction(found), **_of_bound(found),
-        **_of_starts(runs[runs.problem == "three"]),
+        **_of_starts(runs[runs.problem == "three"]), "loops": {name: loop.options() for name, loop in LOOPS.items()},
+        "inner": INNER, "tolerance": TOLERANCE, "iterations": MAX_ITERATIONS, "patience": PATIENCE,
     }  # fmt: skip
 
 
@@ -166,15 +137,14 @@ def solution_found(run: Any) -> str:
     return name if abs(SOLUTIONS[name] + run.normal) < 1e-6 else "none of the three"
 
 
-def tables_of(runs: DataFrame) -> dict[str, Grid]:
+def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
     found, meshes = single(runs), on_meshes(runs)
-    frames = {
+    return {
         "loops": _loops(found), "limits": _limits(found), "contraction": _contraction(found[found.loop == PLAIN]),
         "spread": _spread(meshes), "meshes": meshes, "runs": found,
+        "solutions": _solutions(runs[runs.problem == "three"]),
     }  # fmt: skip
-    tables = {name: grid_of(frame, _HEADINGS[name], _FORMS) for name, frame in frames.items()}
-    return {**tables, "solutions": _solutions_table(runs[runs.problem == "three"])}
 
 
 def _loops(found: DataFrame) -> DataFrame:
@@ -230,12 +200,12 @@ def _share(good: Series) -> str:
     return f"{int(good.sum())} of {len(good)}"
 
 
-def _solutions_table(several: DataFrame) -> Grid:
-    """Which of three solutions each loop finds."""
+def _solutions(several: DataFrame) -> DataFrame:
+    """Which of three solutions each loop finds, from each start."""
     starts = sorted(several.start.dropna().unique())
-    rows = []
+    lines = []
     for loop, found in by_loop(several):
         ends = {run.start: solution_found(run) for run in found.itertuples()}
         only = next(iter(ends.values())) if found.start.isna().all() else NOTHING
-        rows.append((loop, *(ends.get(start, only) for start in starts)))
-    return Grid("", ("loop", *(f"start s = {start:g}" for start in starts)), rows)
+        lines.append({"loop": loop, **{f"start s = {start:g}": ends.get(start, only) for start in starts}})
+    return DataFrame(lines, columns=["loop", *(f"start s = {start:g}" for start in starts)])

@@ -12,7 +12,7 @@ from comparisons.convergence.sequences.task import EVERY, WAYS
 from comparisons.lab.report import Document, environment_grids, render
 from comparisons.lab.report.numbers import scientific, significant
 from comparisons.lab.study import DONE, Row
-from comparisons.lab.tables import Columns, Grid, grid_of
+from comparisons.lab.tables import Form
 
 ELEMENTS: Final = {"hct": "triangles", "bfs": "rectangles"}
 
@@ -22,7 +22,7 @@ def report(rows: Sequence[Row], quick: bool = False) -> Document:
     runs = runs_of(rows)
     return render(
         "comparisons.convergence.sequences", "convergence-sequences-quick" if quick else "convergence-sequences",
-        {"quick": quick, **values_of(runs)}, {"runs": _table(runs)}, {}, environment_grids(rows),
+        {"quick": quick, **values_of(runs)}, {"runs": _table(runs)}, {}, environment_grids(rows), forms=_FORMS,
     )  # fmt: skip
 
 
@@ -70,16 +70,13 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
     }  # fmt: skip
 
 
-_COLUMNS: Final[Columns] = {
-    "title": "sequence", "mesh": "element", "way": "way", "share": "solved", "iterations": "iterations after the first",
-    "later": ("a later problem", partial(significant, digits=2)), "whole": ("all problems", significant),
-    "force": ("difference of forces", lambda value: "–" if value != value else scientific(value)),
-    "accuracy": ("worst accuracy", scientific),
+_FORMS: Final[dict[str, Form]] = {
+    "later": partial(significant, digits=2), "whole": significant, "accuracy": scientific,
+    "force": lambda value: "–" if value != value else scientific(value),
 }  # fmt: skip
 
 
-def _table(runs: DataFrame) -> Grid:
-    """All runs."""
+def _table(runs: DataFrame) -> DataFrame:
+    """All runs, in words."""
     titles, shares = runs.sequence.map(lambda name: CHAINS[name].title), runs[["solved", "planned"]].astype(str)
-    shown = runs.assign(title=titles, mesh=runs.element.map(ELEMENTS), share=shares.agg(" of ".join, axis=1))
-    return grid_of(shown, _COLUMNS)
+    return runs.assign(title=titles, mesh=runs.element.map(ELEMENTS), share=shares.agg(" of ".join, axis=1))

@@ -9,8 +9,8 @@ from pandas import DataFrame, Series, to_numeric
 from comparisons.convergence.bodies import PLACE
 from comparisons.convergence.rates import growth_order
 from comparisons.convergence.solves import in_words
-from comparisons.convergence.uzawa.study import HALF, METHODS
-from comparisons.convergence.uzawa.task import TARGETS
+from comparisons.convergence.uzawa.study import HALF, METHODS, MOST
+from comparisons.convergence.uzawa.task import ITERATIONS, LONG, NEAR, SEARCHED, STILL, TARGETS
 from comparisons.lab.report.numbers import (
     NOTHING,
     count,
@@ -23,7 +23,7 @@ from comparisons.lab.report.numbers import (
     span,
 )
 from comparisons.lab.study import Row, frame_of, largest_of
-from comparisons.lab.tables import Grid, crossed, grid_of
+from comparisons.lab.tables import Grid, crossed
 from comparisons.paper.reference import load
 
 SOON: Final = "to 1e-04"
@@ -97,6 +97,8 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         **_of_paper(paper_runs(runs)), **_of_limits(searches_of(runs)), **_of_accuracy(runs),
         "slow": int(of(runs, "mesh")["to 1e-06"].isna().sum()), "meshes": len(of(runs, "mesh")),
         "orders": span(growth(runs).order, lambda order: f"{-order:.2f}".replace("-", "−")),
+        "steps": ITERATIONS, "long": LONG, "longest": MOST, "searched": SEARCHED, "near": NEAR, "still": STILL,
+        "methods": {name: method.options for name, method in METHODS.items()},
     }  # fmt: skip
 
 
@@ -157,7 +159,7 @@ def growth(runs: DataFrame) -> DataFrame:
             "growth": growth_order(found.cells, found.condition), "most": found[SOON].max(),
             "beyond": listing([f"{cells}²" for cells in short.cells]),
         })  # fmt: skip
-    return DataFrame(lines, columns=list(_HEADINGS["growth"]))
+    return DataFrame(lines, columns=["friction", "order", "growth", "most", "beyond"])
 
 
 def _power(order: float | None) -> str:
@@ -165,7 +167,7 @@ def _power(order: float | None) -> str:
     return NOTHING if order is None or order != order else f"h^{'−' if order >= 0.0 else ''}{abs(order):.2f}"
 
 
-_FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
+FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     "friction": fixed("g"), "seconds": seconds, "accuracy": scientific,
     **dict.fromkeys(("printed", "after", "after_printed_rule", "force"), fixed(".2f")),
     **dict.fromkeys(("before", "error", "tractions"), partial(percent, digits=2)),
@@ -177,53 +179,16 @@ _FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
 }  # fmt: skip
 """Column of a table → how its numbers read."""
 
-_HEADINGS: Final[Mapping[str, Mapping[str, str]]] = {
-    "paper": {
-        "friction": "μ", "printed": "P/2 printed [N/mm]", "after": "after 30, accumulating rule",
-        "after_printed_rule": "after 30, printed rule", "force": "solution", "before": "error of P/2 at the start",
-        "error": "after 30", "tractions": "of tractions after 30", SOON: "iterations to 1e-4", "to 1e-06": "to 1e-6",
-        "quickest": "to 1e-4 by the quickest step", "factor": "times fewer", "condition": "condition",
-        "linearised": "contraction, linearised", "share": "ω_T over its limit",
-    },
-    "limit-table": {
-        "where": "problem", "step": "step", "settles": "largest that settles (share)", "smallest": "fails at (share)",
-        "foreseen": "linearised (share)", "part": "slipping or open (share)", "open": "points open",
-        "limit": "2 / λ_max, all points", "observed": "observed",
-    },
-    "growth": {
-        "friction": "μ", "order": "iterations to 1e-4 grow like", "most": "most", "growth": "the condition like",
-        "beyond": "printed ω_T too long on",
-    },
-    "meshes": {
-        "friction": "μ", "cells": "cells a side", "omega_T": "ω_T", "condition": "condition",
-        "linearised": "contraction, linearised", "to 1e-02": "iterations to 1e-2", "to 1e-03": "to 1e-3",
-        "to 1e-04": "to 1e-4", "to 1e-06": "to 1e-6", "accuracy": "certified accuracy at the end",
-    },
-    "maps": {
-        "where": "problem", "pairs": "pairs of steps", "failing": "do not settle",
-        SOON: "iterations to 1e-4 of the quickest", "best": "its ω_T (share)", "matters": "ω_N matters",
-    },
-    "accuracy": {
-        "where": "problem", "run": "method", "target": "target", "status": "status", "iterations": "iterations",
-        "seconds": "time", "accuracy": "certified accuracy",
-    },
-}  # fmt: skip
-"""Table → its columns and their headings."""
 
-
-def tables_of(runs: DataFrame) -> dict[str, Grid]:
+def tables_of(runs: DataFrame) -> dict[str, DataFrame | Grid]:
     """The tables by name."""
     meshes, equal = of(runs, "mesh").sort_values(["friction", "cells"]), of(runs, *METHODS)
-    frames = {
-        "paper": paper_runs(runs), "limit-table": _limits(searches_of(runs)), "growth": growth(runs), "meshes": meshes,
-        "maps": _maps(of(runs, "map")), "accuracy": equal,
+    close = meshes.linearised.map(partial(significant, digits=4))
+    return {
+        "paper": paper_runs(runs), "limit-table": _limits(searches_of(runs)), "growth": growth(runs),
+        "meshes": meshes.assign(contraction=close), "maps": _maps(of(runs, "map")), "accuracy": equal,
+        "reach": crossed(equal.assign(problem=equal["where"]), "problem", "run", _tightest, tuple(METHODS)),
     }  # fmt: skip
-    closer = {"meshes": {"linearised": partial(significant, digits=4)}}
-    tables = {
-        name: grid_of(frame, _HEADINGS[name], {**_FORMS, **closer.get(name, {})}) for name, frame in frames.items()
-    }
-    reach = crossed(equal.assign(problem=equal["where"]), "problem", "run", _tightest, tuple(METHODS))
-    return {**tables, "reach": reach}
 
 
 def _limits(found: DataFrame) -> DataFrame:

@@ -6,7 +6,9 @@ The template of an experiment is `report.md` in its folder, Markdown with number
 
     {{ figure("errors", "Error against time") }}
 
-    {{ table("times") }}
+    {{ table("times", {"solver": "solver", "time": "median time"}) }}
+
+A table is made by the program, or it is a frame, of which the template names the columns and their headings.
 """
 
 import re
@@ -15,11 +17,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.lab.report import numbers
-from comparisons.lab.tables import Grid, markdown_table
+from comparisons.lab.tables import Form, Grid, grid_of, markdown_table
 from qvi_contact.errors import InputError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    Tables = Mapping[str, Grid | DataFrame]
 
 NO_PICTURES: Final = "Not drawn: pictures need matplotlib, `python -m pip install 'qvi-contact[plot]'`."
 
@@ -64,42 +71,47 @@ def render(
     package: str,
     name: str,
     values: Mapping[str, Any],
-    tables: Mapping[str, Grid],
+    tables: "Tables",
     figures: Mapping[str, str],
     settings: Sequence[Grid] = (),
     *,
+    forms: Mapping[str, Form] | None = None,
     template: str = "report.md",
 ) -> Document:
     """The report of an experiment, by a template in its folder; see `fill`."""
     text = files(package).joinpath(template).read_text(encoding="utf-8")
-    return fill(text, name, values, tables, figures, settings)
+    return fill(text, name, values, tables, figures, settings, forms)
 
 
 def fill(
     template: str,
     name: str,
     values: Mapping[str, Any],
-    tables: Mapping[str, Grid],
+    tables: "Tables",
     figures: Mapping[str, str],
     settings: Sequence[Grid] = (),
+    forms: Mapping[str, Form] | None = None,
 ) -> Document:
     """The report by this template.
 
     Parameters
     ----------
     template : str
-        Markdown in which Jinja finds `values` by their names, ``table(name)``, ``figure(name, title)`` and
-        ``settings``. None is printed as "none"; numbers are printed by the filters of `numbers`.
+        Markdown in which Jinja finds `values` by their names, ``table(name)``, of a frame ``table(name, columns)``
+        with its columns and their headings, ``figure(name, title)`` and ``settings``. None is printed as "none";
+        numbers are printed by the filters of `numbers`.
     name : str
         Stem of the report's files.
     values : Mapping
         Name → number or text.
     tables : Mapping
-        Name → table; its title and note are not used, as the template says them better.
+        Name → frame, or table; its title and note are not used, as the template says them better.
     figures : Mapping
         Name → picture, see `qvi_contact.plots.inline.svg_text`; empty where it could not be drawn.
     settings : sequence of Grid
         What it takes to do it again, see `environment_grids`.
+    forms : Mapping, optional
+        Column of a frame → what makes a text of its values.
 
     Raises
     ------
@@ -110,7 +122,7 @@ def fill(
     """
     from jinja2 import Environment, StrictUndefined
 
-    shown = _Exhibits(name, tables, figures)
+    shown = _Exhibits(name, tables, figures, forms)
     environment = Environment(
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
         finalize=lambda value: numbers.NOTHING if value is None else value, autoescape=False,
@@ -132,14 +144,18 @@ def picture_file(report: str, figure: str) -> str:
 class _Exhibits:
     """Tables and figures as the template asks for them."""
 
-    def __init__(self, report: str, tables: Mapping[str, Grid], figures: Mapping[str, str]) -> None:
-        self._report, self._tables, self._figures = report, tables, figures
+    def __init__(
+        self, report: str, tables: "Tables", figures: Mapping[str, str], forms: Mapping[str, Form] | None
+    ) -> None:
+        self._report, self._tables, self._figures, self._forms = report, tables, figures, forms
         self._shown: Counter[str] = Counter()
 
-    def table(self, name: str) -> str:
-        """The table with an anchor."""
+    def table(self, name: str, columns: Mapping[str, str] | None = None) -> str:
+        """The table with an anchor; of a frame these columns, by the headings that they get."""
         self._shown[name] += 1
-        return f"{_anchor(name)}{markdown_table(self._tables[name])}"
+        found = self._tables[name]
+        grid = found if isinstance(found, Grid) else grid_of(found, columns or [*found], self._forms)
+        return f"{_anchor(name)}{markdown_table(grid)}"
 
     def figure(self, name: str, title: str) -> str:
         """The picture with an anchor."""

@@ -8,7 +8,7 @@ from pandas import DataFrame
 from comparisons.lab.report import Document, environment_grids, findings_of, render
 from comparisons.lab.report.numbers import count, fixed, scientific
 from comparisons.lab.study import Row, frame_of
-from comparisons.lab.tables import Grid, grid_of
+from comparisons.lab.tables import Grid
 from comparisons.peers.pin.study import FINITE, MEASURED, OWN
 
 SCHEMA: Final = "qvi-contact/peers-pin/1"
@@ -20,10 +20,9 @@ PUBLISHED: Final = (
 """u_x [mm] on the axis at the hole by Code_Aster, μ = 0.1, 820 quadrilaterals: small strain, finite strain."""
 
 _COLUMNS: Final = ("friction", "sectors", "model", "status", "message", *MEASURED, "unknowns", "residual")
-_NUMBERS: Final[dict[str, Any]] = {
-    "friction": ("μ", "{:g}".format), "sectors": "edges in a quarter", "model": "model", "ended": "status",
-    **{name: (what, fixed(".7g")) for name, what in MEASURED.items()}, "unknowns": ("unknowns", count),
-    "residual": ("residual", lambda value: scientific(value, 1)),
+_FORMS: Final[dict[str, Any]] = {
+    "friction": "{:g}".format, **dict.fromkeys(MEASURED, fixed(".7g")), "unknowns": count,
+    "residual": lambda value: scientific(value, 1),
 }  # fmt: skip
 
 
@@ -32,10 +31,10 @@ def report(rows: Sequence[Row]) -> Document:
     runs = _runs(rows)
     values = {"command": _command(runs), "apart": _apart(runs), "finite": _finite(runs)}
     tables = {
-        "numbers": grid_of(runs.assign(ended=runs.message.where(runs.message != "", runs.status)), _NUMBERS),
+        "numbers": runs.assign(ended=runs.message.where(runs.message != "", runs.status)),
         "published": Grid("", ("test, mesh", "small strain [mm]", "finite strain [mm]"), PUBLISHED),
     }
-    return render("comparisons.peers.pin", "peers-pin", values, tables, {}, environment_grids(rows))
+    return render("comparisons.peers.pin", "peers-pin", values, tables, {}, environment_grids(rows), forms=_FORMS)
 
 
 def document_of(rows: Sequence[Row], report: Document) -> dict[str, Any]:
