@@ -10,7 +10,7 @@ from comparisons.lab.options import ListCommand, json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 
 if TYPE_CHECKING:
-    from comparisons.lab.study import StoredStudy
+    from comparisons.lab.reported import Reported
 
 STORE = "results/solvers/solvers.sqlite"
 QUICK_STORE = "results/solvers/solvers-quick.sqlite"
@@ -45,7 +45,7 @@ def solvers(options: RunOptions, quick: bool, only: tuple[str, ...], out: Path, 
     part = "is for all solvers: with --only give --store FILE, --out FOLDER"
     options = options.apart(QUICK_STORE if quick else None, part if only else "")
     found = run_and_report(options, study, report_of, out)
-    found.tell({"schema": "qvi-contact/solvers/1", **found.document(**_counted(found.stored))} if as_json else None)
+    found.tell({"schema": "qvi-contact/solvers/1", **found.document(**_counted(found))} if as_json else None)
 
 
 def _chosen(only: Sequence[str]) -> tuple[str, ...]:
@@ -66,16 +66,14 @@ def _chosen(only: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in present if not only or name in only)
 
 
-def _counted(stored: "StoredStudy") -> dict[str, Any]:
+def _counted(found: "Reported") -> dict[str, Any]:
     """Outcomes of every solver, and the tables as text."""
     from comparisons.solvers.measures import OUTCOMES, runs_of, told_by
-    from comparisons.solvers.tables import tables_of
 
-    runs = runs_of(stored.rows)
     return {
-        "outcomes": told_by(runs)[[*OUTCOMES]].to_dict("index"),
+        "outcomes": told_by(runs_of(found.stored.rows))[[*OUTCOMES]].to_dict("index"),
         "tables": {
             name: [dict(zip(grid.headings, row, strict=True)) for row in grid.rows]
-            for name, grid in tables_of(runs).items()
+            for name, grid in found.report.tables.items()
         },
     }

@@ -14,7 +14,7 @@ A table is made by the program, or it is a frame, of which the template names th
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -48,12 +48,15 @@ class Document:
         Markdown.
     pictures : Mapping
         Name of a file → the picture in it, SVG.
+    tables : Mapping
+        Name → table, in the order in which they are shown; none of a report that was read.
 
     """
 
     name: str
     text: str
     pictures: Mapping[str, str]
+    tables: Mapping[str, Grid] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: str | Path) -> "Document":
@@ -133,7 +136,7 @@ def fill(
     )
     shown.check(text)
     pictures = {picture_file(name, each): svg for each, svg in figures.items() if svg}
-    return Document(name, re.sub(r"\n{3,}", "\n\n", text).strip() + "\n", pictures)
+    return Document(name, re.sub(r"\n{3,}", "\n\n", text).strip() + "\n", pictures, shown.grids)
 
 
 def picture_file(report: str, figure: str) -> str:
@@ -149,13 +152,14 @@ class _Exhibits:
     ) -> None:
         self._report, self._tables, self._figures, self._forms = report, tables, figures, forms
         self._shown: Counter[str] = Counter()
+        self.grids: dict[str, Grid] = {}
 
     def table(self, name: str, columns: Mapping[str, str] | None = None) -> str:
         """The table with an anchor; of a frame these columns, by the headings that they get."""
         self._shown[name] += 1
         found = self._tables[name]
-        grid = found if isinstance(found, Grid) else grid_of(found, columns or [*found], self._forms)
-        return f"{_anchor(name)}{markdown_table(grid)}"
+        self.grids[name] = found if isinstance(found, Grid) else grid_of(found, columns or [*found], self._forms)
+        return f"{_anchor(name)}{markdown_table(self.grids[name])}"
 
     def figure(self, name: str, title: str) -> str:
         """The picture with an anchor."""
