@@ -1,6 +1,6 @@
 """Convergence: in the mesh, of the outer loop, of the paper's Uzawa iteration, and of sequences of problems.
 
-Each study is a package: `study` declares it by a function ``study(quick) -> Study`` and says what is compared, `task`
-does a case, `measures` and `figures` make numbers, tables and pictures of rows, `report.md` is the template of the
+Each study is a package: `study` declares it by a function ``study(quick) -> Study``, says what is compared and does a
+case, `measures` and `figures` make numbers, tables and pictures of rows, `report.md` is the template of the
 report, and `report` fills it in from the stored rows alone by a function ``report(rows, quick) -> Document``.
 """

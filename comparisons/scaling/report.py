@@ -29,7 +29,7 @@ def report(rows: Sequence[Row], quick: bool = False) -> Document:
 def scaling_of(rows: Sequence[Row]) -> DataFrame:
     """One line for each number of processes, means of its repeats.
 
-    Columns are processes, first, whole and used [s], see `task.run`, values, solved (in the worst repeat), cores, load
+    Columns are processes, first, whole and used [s], see `study.run`, values, solved (in the worst repeat), cores, load
     (programs that wanted to run when it began, in the mean of the minute before), rate [1/s], speed and work, over
     those of the fewest processes, and efficiency, the speed over the processes that it takes.
     """

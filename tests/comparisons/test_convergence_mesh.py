@@ -11,10 +11,9 @@ from pandas import DataFrame, concat
 
 from comparisons.cli import group
 from comparisons.convergence import command
-from comparisons.convergence.mesh import figures, study, task
+from comparisons.convergence.mesh import figures, study
 from comparisons.convergence.mesh.corner import exponent
-from comparisons.convergence.mesh.data import meshes_of
-from comparisons.convergence.mesh.errors import Overview
+from comparisons.convergence.mesh.errors import Overview, meshes_of
 from comparisons.convergence.mesh.measures import spacing, values_of
 from comparisons.convergence.mesh.orders import advantage, cost, fitted_order, orders_of, successive_orders
 from comparisons.convergence.mesh.problems import FORCE, PROBLEMS, TRACTIONS, Expected, towards
@@ -261,7 +260,7 @@ class TestRun:
 
     def test_all_are_certified(self, rows):
         assert [row.reason for row in rows if row.status != "done"] == []
-        assert all(row.certificate["passed"] and row.certificate["accuracy"] < task.TOLERANCE for row in rows)
+        assert all(row.certificate["passed"] and row.certificate["accuracy"] < study.TOLERANCE for row in rows)
 
     def test_energies_and_forces_are_those_of_the_plate(self, rows):
         found = Overview(meshes_of(rows))
@@ -353,7 +352,7 @@ class TestBrokenChains:
 
     @staticmethod
     def result(sequence, model="equilibrium", size=2000):
-        return task.run({"problem": "plate 0.2", "sequence": sequence, "size": size, "model": model})
+        return study.run({"problem": "plate 0.2", "sequence": sequence, "size": size, "model": model})
 
     @pytest.mark.usefixtures("impatient")
     def test_a_later_solve_that_fails_has_a_record(self, rows):
@@ -372,7 +371,7 @@ class TestBrokenChains:
         assert values_of(seen)["certified"] == values_of(seen)["solves"] - 1
 
     def test_a_mesh_that_cannot_be_made_has_one_too(self, monkeypatch):
-        monkeypatch.setattr(task, "refine", partial(refine, thinnest=0.1))
+        monkeypatch.setattr(study, "refine", partial(refine, thinnest=0.1))
         found = self.result("goal")
         assert found["meshes"][-1]["status"] == "thin_cells"
         assert "thin" in found["meshes"][-1]["message"]

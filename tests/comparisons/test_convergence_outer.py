@@ -20,8 +20,7 @@ from comparisons.convergence.linearised import linearised
 from comparisons.convergence.outer import figures
 from comparisons.convergence.outer.measures import on_meshes, runs_of, solution_found, tables_of, values_of
 from comparisons.convergence.outer.report import report
-from comparisons.convergence.outer.study import LOOPS, study, study_of
-from comparisons.convergence.outer.task import run
+from comparisons.convergence.outer.study import LOOPS, run, study, study_of
 from comparisons.convergence.rates import first_lasting, growth_order, rate_of
 from comparisons.lab.report import write_report
 from comparisons.lab.study import DONE

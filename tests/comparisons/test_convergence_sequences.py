@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from comparisons.convergence.sequences.report import report, runs_of, values_of
-from comparisons.convergence.sequences.study import CHAINS
-from comparisons.convergence.sequences.task import EVERY, WAYS, run
+from comparisons.convergence.sequences.study import CHAINS, EVERY, WAYS, run
 from tests.comparisons.convergence_parts import committed_rows, committed_text
 
 

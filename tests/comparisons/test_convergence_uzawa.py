@@ -7,7 +7,8 @@ import pytest
 from pandas.testing import assert_frame_equal
 
 from comparisons.convergence.bodies import SLIDING_LIMIT, reference
-from comparisons.convergence.uzawa import figures, task
+from comparisons.convergence.uzawa import figures
+from comparisons.convergence.uzawa import study as task
 from comparisons.convergence.uzawa.measures import growth, paper_runs, runs_of, tables_of, values_of
 from comparisons.convergence.uzawa.report import report
 from comparisons.convergence.uzawa.study import Extent, study, study_of

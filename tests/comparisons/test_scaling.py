@@ -7,8 +7,7 @@ import pytest
 from comparisons.lab.study import Row, read_csv
 from comparisons.scaling import report as reports
 from comparisons.scaling.report import report, scaling_of, values_of
-from comparisons.scaling.study import declared
-from comparisons.scaling.task import VALUES, run
+from comparisons.scaling.study import VALUES, declared, run
 
 COMMITTED = Path(reports.__file__).parents[1] / "reports" / "scaling"
 

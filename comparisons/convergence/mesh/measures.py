@@ -7,10 +7,10 @@ import numpy as np
 from pandas import DataFrame
 
 from comparisons.convergence.mesh.errors import NAMES, Overview, ends_among, slug
-from comparisons.convergence.mesh.orders import EXPECTED, advantage, cost
+from comparisons.convergence.mesh.orders import EXPECTED, FLAT, SAME, STEADY, advantage, cost
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
 from comparisons.convergence.mesh.references import FLOOR
-from comparisons.convergence.mesh.study import BRACKET, COMPANION, STRICT, UNIFORM
+from comparisons.convergence.mesh.study import BRACKET, COMPANION, INNER, MODELS, SEQUENCES, STRICT, TOLERANCE, UNIFORM
 from comparisons.lab.report.numbers import span
 
 TARGETS: Final = (1e-3, 1e-4, 1e-5)
@@ -35,7 +35,9 @@ def values_of(overview: Overview) -> dict[str, Any]:
         "solves": len(meshes), "certified": int(meshes.solved.sum()), "brackets": len(tried),
         "open": int(tried.gap.isna().sum()), "change_at": changes.idxmax() if len(changes) else None,
         "change": changes.max(), "exact": [problem.title for problem in overview.exact],
-        "spacing": spacing(overview), **_of_costs(overview), **_of_orders(overview), **_of_brackets(overview),
+        "spacing": spacing(overview), "same": SAME, "steady": STEADY, "flat": FLAT, "tolerance": TOLERANCE,
+        "inner": INNER, "sequences": SEQUENCES, "models": MODELS, **_of_costs(overview),
+        **_of_orders(overview), **_of_brackets(overview),
     }  # fmt: skip
 
 

@@ -1,17 +1,21 @@
 """What the meshes are compared with: exact and external values where there are any, else our most certain."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from pandas import DataFrame, Series
 
-from comparisons.convergence.mesh.data import Meshes
 from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Problem
 from comparisons.convergence.mesh.study import COMPANION, EQUILIBRIUM, REFERENCE, SEQUENCES, UNIFORM
 from comparisons.convergence.mesh.tractions import difference, size
+
+if TYPE_CHECKING:
+    from comparisons.convergence.mesh.errors import Overview
 
 FLOOR: Final = 1e-8
 """Relative errors that the accuracy asked of the solves leaves."""
@@ -36,7 +40,7 @@ class Reference:
         return max(self.uncertainty / self.unit, FLOOR)
 
 
-def references_of(meshes: Meshes, problem: Problem) -> dict[str, Reference]:
+def references_of(meshes: Overview, problem: Problem) -> dict[str, Reference]:
     """Measure → what it is compared with: force, energy, tractions, ends of zones."""
     found = {measure: list(_numbers(meshes, problem, measure)) for measure in (FORCE, ENERGY)}
     found |= {TRACTIONS: list(_fields(meshes, problem)), **_ends(meshes, problem)}
@@ -47,7 +51,7 @@ def references_of(meshes: Meshes, problem: Problem) -> dict[str, Reference]:
     }
 
 
-def _numbers(meshes: Meshes, problem: Problem, measure: str) -> Iterator[Reference]:
+def _numbers(meshes: Overview, problem: Problem, measure: str) -> Iterator[Reference]:
     """What is known, else the mean of both models on the finest adaptive mesh, and the middle of the closest bounds."""
     if measure in problem.known:
         known = problem.known[measure]
@@ -66,7 +70,7 @@ def _numbers(meshes: Meshes, problem: Problem, measure: str) -> Iterator[Referen
         yield Reference(value, abs(best.gap) / 2.0, abs(value), source, best.sequence)
 
 
-def _fields(meshes: Meshes, problem: Problem) -> Iterator[Reference]:
+def _fields(meshes: Overview, problem: Problem) -> Iterator[Reference]:
     """Exact tractions, else those of the finest meshes, uncertain by their distance to the mesh before."""
     if problem.tractions is not None:
         lines = meshes.of(problem, UNIFORM).tractions.iloc[-1].lines
@@ -80,7 +84,7 @@ def _fields(meshes: Meshes, problem: Problem) -> Iterator[Reference]:
             yield Reference(last, difference(last, before), size(last, last.lines), source)
 
 
-def _ends(meshes: Meshes, problem: Problem) -> dict[str, list[Reference]]:
+def _ends(meshes: Overview, problem: Problem) -> dict[str, list[Reference]]:
     """Kind of an end of a zone → what is known, or what each mesh that has a coarser one before it says."""
     finest = meshes.of(problem, UNIFORM).iloc[-1]
     length = float(np.ptp(finest.tractions.lines))
@@ -95,7 +99,7 @@ def _ends(meshes: Meshes, problem: Problem) -> dict[str, list[Reference]]:
     return found
 
 
-def _candidates(meshes: Meshes, problem: Problem, kind: str, length: float) -> Iterator[Reference]:
+def _candidates(meshes: Overview, problem: Problem, kind: str, length: float) -> Iterator[Reference]:
     """What the meshes say of an end, and how uncertain that is.
 
     The middle of the root and the extrapolated end, uncertain by what is not known on the mesh and by twice the

@@ -20,7 +20,7 @@ _NUMBERS: Final = (
     "start", "iterations", "factor", "low", "high", "linearised", "exact", "sharper", "kappa", "normal", "slipping",
     "open", "points",
 )  # fmt: skip
-"""Columns that are numbers, NaN where a run has none; see `task`."""
+"""Columns that are numbers, NaN where a run has none; see `study.run`."""
 
 FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     "friction": fixed("g"), "steps": count, "seconds": seconds, "accuracy": scientific,

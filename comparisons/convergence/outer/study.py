@@ -1,11 +1,17 @@
-"""The study: problems × meshes × μ × loops, and what the loops are."""
+"""The study: problems × meshes × μ × loops, what the loops are, and what is done for a case: residuals and theory."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, Literal, NamedTuple
 
+import numpy as np
+
+from comparisons.convergence.bodies import Reference, exact_contraction, reference
+from comparisons.convergence.rates import rate_of
+from comparisons.convergence.solves import ending, timed
 from comparisons.lab.study import Study
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE
+from solvers.uniqueness import uniqueness_bound
 
 INNER: Final = "direct:clarabel"
 """Inner solver of all loops."""
@@ -55,7 +61,7 @@ LOOPS: Final[Mapping[str, Loop]] = {
 VERSION: Final = 1
 """To be raised when the task computes something else."""
 
-TASK: Final = "comparisons.convergence.outer.task:run"
+TASK: Final = "comparisons.convergence.outer.study:run"
 
 Meshes = Mapping[tuple[str, int], tuple[float, ...]]
 
@@ -107,3 +113,50 @@ def _cases(meshes: Meshes, loops: Sequence[str]) -> Iterator[dict[str, Any]]:
                 several = problem == "three" and LOOPS[loop].variant is not None
                 for start in STARTS if several else (None,):
                     yield {"problem": problem, "cells": cells, "friction": friction, "loop": loop, "start": start}
+
+
+def run(case: Mapping[str, Any]) -> dict[str, Any]:
+    """Task of the study: solve a problem by a loop.
+
+    Returns
+    -------
+    dict
+        status, message, iterations : how it ended
+        seconds : wall times of repeated solves, factorisation included
+        residuals : of every outer iteration (of the interior point method where there is no loop)
+        course, factor, low, high : see `rates.Rate`
+        linearised : contraction by `linearised` at the solution of the condensed method; None without one
+        exact : that known in closed form, None where none is
+        sharper, kappa : 1/γ and κ^(−1/2) of `solvers.uniqueness`, None where they were not computed
+        normal, tangential : resultants of σ_N and σ_T, in the unit of the problem's data × length
+        slipping, open, points : numbers of contact points, slipping and open ones of the reference
+        certificate : see `plain_certificate`
+
+    """
+    loop, place = LOOPS[case["loop"]], (case["problem"], case["cells"], case["friction"])
+    start = {} if case["start"] is None else {"initial": np.full(1, case["start"])}
+    known = reference(*place)
+    solution, seconds = timed(place, **loop.options(), **start)
+    residuals = [entry.residual for entry in solution.history]
+    rate = rate_of(residuals, TOLERANCE)
+    qvi, unit = solution.problem, known.body.force
+    return {
+        **ending(solution), "seconds": seconds, "residuals": residuals,
+        "course": rate.course, "factor": rate.factor, "low": rate.low, "high": rate.high,
+        **_theory(case, loop, known),
+        "normal": unit * qvi.resultant(solution.z), "tangential": unit * float(qvi.W @ qvi.tangential(solution.z)),
+    }  # fmt: skip
+
+
+def _theory(case: Mapping[str, Any], loop: Loop, known: Reference) -> dict[str, Any]:
+    step = loop.damping if loop.variant in ("plain", "damped") else None
+    local, bound = known.linearised, uniqueness_bound(known.body.qvi)
+    exact = case["problem"] == "contacts" and step is not None
+    return {
+        "linearised": None if local is None or step is None else local.outer_contraction(step),
+        "exact": exact_contraction(case["friction"], step) if exact and step is not None else None,
+        "sharper": bound.sharper, "kappa": bound.bound,
+        "slipping": None if local is None else int(local.slipping.sum()),
+        "open": None if local is None else int(local.open.sum()),
+        "points": known.body.qvi.m,
+    }  # fmt: skip

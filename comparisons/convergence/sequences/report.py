@@ -7,8 +7,7 @@ from typing import Any, Final
 import numpy as np
 from pandas import DataFrame
 
-from comparisons.convergence.sequences.study import CHAINS
-from comparisons.convergence.sequences.task import EVERY, WAYS
+from comparisons.convergence.sequences.study import CHAINS, EVERY, WAYS
 from comparisons.lab.report import Document, environment_grids, render
 from comparisons.lab.report.numbers import scientific, significant
 from comparisons.lab.study import DONE, Row

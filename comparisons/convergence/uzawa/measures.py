@@ -9,8 +9,7 @@ from pandas import DataFrame, Series, to_numeric
 from comparisons.convergence.bodies import PLACE
 from comparisons.convergence.rates import growth_order
 from comparisons.convergence.solves import in_words
-from comparisons.convergence.uzawa.study import HALF, METHODS, MOST
-from comparisons.convergence.uzawa.task import ITERATIONS, LONG, NEAR, SEARCHED, STILL, TARGETS
+from comparisons.convergence.uzawa.study import HALF, ITERATIONS, LONG, METHODS, MOST, NEAR, SEARCHED, STILL, TARGETS
 from comparisons.lab.report.numbers import (
     NOTHING,
     count,
@@ -34,7 +33,7 @@ _NUMBERS: Final = (
     "condition", "open", "points", "force", "iterations", "settles", "last_error", "last_change", "largest", "smallest",
     "foreseen", "printed", "after", "after_printed_rule", "before", "tractions",
 )  # fmt: skip
-"""Columns that are numbers, NaN where a run has none; see `task`."""
+"""Columns that are numbers, NaN where a run has none; see `study.run`."""
 
 _TARGETS: Final = tuple(f"to {target:.0e}" for target in TARGETS)
 
