@@ -17,7 +17,8 @@ import qvi_contact
 import qvi_contact.types
 
 ROOT = Path(__file__).parent.parent
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = DECLARED["project"]
 MADE_BY_THE_PACKAGE = {
     "Certificate", "ContactLine", "ContactResult", "ContactState", "Discretization", "EnergyRoot", "Feasibility",
     "FrictionQVI", "History", "InputError", "Iteration", "LimitLoad", "LimitRefinement", "Mechanism", "ProblemFile",
@@ -83,6 +84,15 @@ def test_a_file_of_the_user_that_has_taken_the_name_of_a_package_is_named(tmp_pa
     code = f"import sys; sys.path[:0] = {folders}; from qvi_contact import QVIError"
     done = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=False)
     assert f"ImportError: 'solvers' is {path}" in done.stderr
+
+
+@pytest.mark.parametrize(("package", "patterns"), DECLARED["tool"]["setuptools"]["package-data"].items())
+def test_all_files_of_a_package_are_installed(package, patterns):
+    """But for code, and the reports, which belong to the repository."""
+    folder = ROOT / package
+    installed = {path for pattern in patterns for path in folder.glob(pattern)}
+    files = [path for path in folder.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc")]
+    assert [path for path in files if path not in installed and folder / "reports" not in path.parents] == []
 
 
 def test_one_version():

@@ -7,7 +7,7 @@ from comparisons.benchmark import measures
 from comparisons.benchmark.figures import picture
 from comparisons.benchmark.reference import CONVERGED_FRICTION
 from comparisons.benchmark.study import WALL, WHOLE
-from comparisons.benchmark.tables import peers, tables_of, wall_tables
+from comparisons.benchmark.tables import FORMS, WALL_FORMS, peers, tables_of, wall_tables
 from comparisons.lab.report import Document, drawn, environment_grids, render
 from comparisons.lab.study import StoredStudy
 
@@ -33,7 +33,8 @@ def report(whole: StoredStudy, graded: StoredStudy, loops: StoredStudy | None = 
         "threads": _environment(whole, "threads"), "limit": loops and _environment(loops, "timeout_seconds"),
     }  # fmt: skip
     figures = {"times": drawn("benchmark", partial(picture, frames, friction, values["threads"]))}
-    return render("comparisons.benchmark", WHOLE, values, tables_of(frames), figures, environment_grids(rows))
+    settings = environment_grids(rows)
+    return render("comparisons.benchmark", WHOLE, values, tables_of(frames), figures, settings, forms=FORMS)
 
 
 def document_of(whole: StoredStudy, graded: StoredStudy, loops: StoredStudy | None = None) -> dict[str, Any]:
@@ -55,7 +56,8 @@ def wall_report(study: StoredStudy) -> Document:
         "element": next((row.case["element"] for row in study.rows), None),
         "threads": _environment(study, "threads"), "limit": _environment(study, "timeout_seconds"),
     }  # fmt: skip
-    return render("comparisons.benchmark", WALL, values, wall_tables(walls), {}, environment_grids(study.rows),
+    tables = wall_tables(walls, measures.wall_growth(walls))
+    return render("comparisons.benchmark", WALL, values, tables, {}, environment_grids(study.rows), forms=WALL_FORMS,
                   template="wall.md")  # fmt: skip
 
 

@@ -1,15 +1,12 @@
-"""The tables of both reports, declared by their columns."""
+"""The tables of both reports: what makes texts of their columns, and what stands in them besides the measures."""
 
 from typing import Any, Final
 
 from pandas import DataFrame
 
-from comparisons.benchmark.measures import wall_growth
 from comparisons.benchmark.reference import CONVERGED_FRICTION, MEANINGLESS, PEERS, settled_error
 from comparisons.lab.report.numbers import NOTHING, fixed, listing, memory, percent, scientific, seconds, significant
-from comparisons.lab.tables import Columns, Form, Grid, grid_of
-
-_COUNT: Final = fixed(".0f")
+from comparisons.lab.tables import Form
 
 
 def _cells(value: float) -> str:
@@ -21,72 +18,44 @@ def _error(value: float | None) -> str:
     return f"< {scientific(MEANINGLESS, 1)}" if value is not None and value < MEANINGLESS else scientific(value)
 
 
-def _same(form: Form, *names: str) -> Columns:
-    """Columns of one form, each headed by its name."""
-    return {name: (name.replace("_", " "), form) for name in names}
-
-
-_CELLS: Final[Columns] = _same(_cells, "cells")
-_FRICTION: Final[Columns] = {"friction": ("μ", fixed("g"))}
-_ENDS: Final[Columns] = _same(_cells, "from", "to")
-_TIMES: Final[Columns] = {
-    **_CELLS, "path": "path", **_FRICTION, **_same(seconds, "assembly", "solve"), "spread": ("spread", percent),
-    **_same(seconds, "factorisation", "interior_point", "certificate", "rest"),
-    "ratio_own": ("solve over own", fixed(".2f")), "ratio_fastest": ("over fastest", fixed(".2f")),
-    "fastest": "fastest", "runs": ("runs", _COUNT),
-}  # fmt: skip
-_ANSWERS: Final[Columns] = {
-    **_CELLS, "path": "path", **_FRICTION, **_same(_COUNT, "unknowns"), "status": "status",
-    **_same(_COUNT, "iterations", "corrections"), "half_force": ("P/2 [N/mm]", fixed(".8f")),
-    "half_force_error": ("error of P/2", scientific), "accuracy": ("residual", scientific),
-}  # fmt: skip
-_PLAIN: Final[Columns] = {
-    **_CELLS, "path": "beside", "backend": "library", "version": "version", **_same(seconds, "analysis", "numeric"),
-    "plain": ("together", seconds), "runs": "runs", "message": "remark",
-}  # fmt: skip
-_MEMORY: Final[Columns] = {
-    **_CELLS, "path": "path", "peak": ("peak", memory), "imports": ("before", memory),
-    "more": ("more, by unknown [bytes]", _COUNT),
-}  # fmt: skip
-_POWER: Final = fixed(".2f")
-_GROWTH: Final[Columns] = {
-    "path": "path", **_FRICTION, **_ENDS, "solve": ("solve", _POWER), "whole": ("with assembly", _POWER),
-    **_same(_POWER, "own_factorisation", "fastest_factorisation"),
-}  # fmt: skip
-_LOOPS: Final[Columns] = {
-    **_CELLS, "loop": "method", **_FRICTION, "status": "status", **_same(_COUNT, "iterations"),
-    "solve": ("solve", seconds), "ratio": ("over condensed", lambda value: significant(value, 4)),
-    "half_force_difference": ("difference in P", scientific), "message": "remark",
-}  # fmt: skip
-_GRADED: Final[Columns] = {
-    **_CELLS, "grading": ("grading", fixed("g")), **_FRICTION, **_same(_COUNT, "unknowns"), "status": "status",
-    "half_force": ("P/2 [N/mm]", fixed(".5f")), "error": ("error", _error), "whole": ("time", seconds),
-    "runs": "runs", "met": ("meets", listing),
-}  # fmt: skip
-_PEERS: Final[Columns] = {
-    "code": "code", **_CELLS, "half_force": ("P/2 [N/mm]", fixed(".5f")), "error": ("error", _error),
-    "seconds": ("reported time", seconds),
-}  # fmt: skip
-_WALLS: Final[Columns] = {
-    "blocks": ("blocks a side", _COUNT), "load": ("load", fixed("g")), "contact_points": ("points", _COUNT),
-    **_same(_COUNT, "unknowns"), "status": "status", "form": "unknowns kept", **_same(_COUNT, "iterations"),
-    "accuracy": ("residual", scientific), **_same(seconds, "assembly", "solve"),
-    "factorisation": ("factorisation of K", seconds), "ratio": ("solve over factorisation", fixed(".1f")),
-    "peak": ("memory", memory), "message": ("remark", lambda text: text or NOTHING),
-}  # fmt: skip
-_WALL_GROWTH: Final[Columns] = {
-    "load": ("load", fixed("g")), **_same(_COUNT, "from", "to"), "solve": ("exponent", _POWER),
+_TIMES: Final = ("assembly", "solve", "factorisation", "interior_point", "certificate", "rest", "analysis", "numeric",
+                 "plain", "whole", "seconds")  # fmt: skip
+_POWERS: Final = {"solve": "power", "whole": "power_with_assembly"}
+_COMMON: Final[dict[str, Form]] = {
+    **dict.fromkeys(_TIMES, seconds), **dict.fromkeys(("friction", "load", "grading"), fixed("g")), "peak": memory,
+    **dict.fromkeys(("unknowns", "iterations", "corrections", "runs", "contact_points", "blocks"), fixed(".0f")),
+    "accuracy": scientific,
+    **dict.fromkeys((*_POWERS.values(), "own_factorisation", "fastest_factorisation"), fixed(".2f")),
 }  # fmt: skip
 
+FORMS: Final[dict[str, Form]] = {
+    **_COMMON, **dict.fromkeys(("cells", "from", "to"), _cells), "spread": percent, "imports": memory,
+    **dict.fromkeys(("ratio_own", "ratio_fastest"), fixed(".2f")), "more": fixed(".0f"), "met": listing,
+    "half_force": fixed(".8f"), "force": fixed(".5f"), "error": _error, "ratio": lambda value: significant(value, 4),
+    **dict.fromkeys(("half_force_error", "half_force_difference"), scientific),
+}  # fmt: skip
+"""Column of the tables on the plate → how its values read."""
 
-def tables_of(frames: dict[str, Any]) -> dict[str, Grid]:
+WALL_FORMS: Final[dict[str, Form]] = {
+    **_COMMON, **dict.fromkeys(("from", "to"), fixed(".0f")), "ratio": fixed(".1f"),
+    "message": lambda text: text or NOTHING,
+}  # fmt: skip
+"""The same of the tables on walls."""
+
+
+def tables_of(frames: dict[str, Any]) -> dict[str, DataFrame]:
     """The tables of the plate by name."""
+    solves, rounded = frames["solves"], {"half_force": "force"}
     return {
-        "times-table": grid_of(frames["solves"], _TIMES), "answers": grid_of(frames["solves"], _ANSWERS),
-        "plain": grid_of(frames["plain"], _PLAIN), "memory": grid_of(frames["memory"], _MEMORY),
-        "growth": grid_of(frames["growth"], _GROWTH), "loops": grid_of(frames["loops"], _LOOPS),
-        "graded": grid_of(frames["graded"], _GRADED), "peers": grid_of(frames["peers"], _PEERS),
+        "times-table": solves, "answers": solves, **{name: frames[name] for name in ("plain", "memory", "loops")},
+        "growth": frames["growth"].rename(columns=_POWERS),
+        **{name: frames[name].rename(columns=rounded) for name in ("graded", "peers")},
     }  # fmt: skip
+
+
+def wall_tables(walls: DataFrame, growth: DataFrame) -> dict[str, DataFrame]:
+    """The tables of the walls by name."""
+    return {"walls": walls, "growth": growth.rename(columns=_POWERS)}
 
 
 def peers() -> DataFrame:
@@ -95,8 +64,3 @@ def peers() -> DataFrame:
     return reported.assign(
         cells=reported.cells.astype(float), error=[settled_error(each.half_force, CONVERGED_FRICTION) for each in PEERS]
     )
-
-
-def wall_tables(walls: DataFrame) -> dict[str, Grid]:
-    """The tables of the walls by name."""
-    return {"walls": grid_of(walls, _WALLS), "growth": grid_of(wall_growth(walls), _WALL_GROWTH)}
