@@ -29,6 +29,8 @@ from qvi_contact.plots.style import has_matplotlib
 from qvi_contact.refinement import lines as line_refinement
 from tests.comparisons.convergence_parts import committed_text, made_again, rows_of
 
+FAILED = ["problem", "meshes", "cells", "model", "status", "message"]
+
 NAN = float("nan")
 GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
 
@@ -331,7 +333,7 @@ class TestRun:
         (gone,) = (row for row in rows if row.case["size"] == 16 and row.case["problem"] == "plate 1")
         failed = replace(gone, status="timeout", reason="more than 1 s", result={}, certificate=None)
         found = Overview(meshes_of([*lost, failed]))
-        (line,) = [row for row in failures(found).rows if "timeout" in row]
+        (line,) = [row for row in failures(found)[FAILED].itertuples(index=False) if row.status == "timeout"]
         assert line == ("plate 1", "uniform", "size 16", "equilibrium", "timeout", "more than 1 s")
         assert values_of(found)["certified"] == values_of(found)["solves"] - 1 == len(found.meshes) - 1
         assert len(found.curve(PROBLEMS["plate 1"], FORCE, "uniform")) == 2
@@ -366,7 +368,7 @@ class TestBrokenChains:
         assert statuses == ["solved", "solved", "unsolved"]
         chain = next(row for row in rows if row.case["sequence"] == "goal")
         seen = Overview(meshes_of([*(row for row in rows if row is not chain), replace(chain, result=found)]))
-        (line,) = [row for row in failures(seen).rows if "unsolved" in row]
+        (line,) = [row for row in failures(seen)[FAILED].itertuples(index=False) if row.status == "unsolved"]
         assert line == ("plate 0.2", "goal", "size 300", "equilibrium", "unsolved", last["message"])
         assert values_of(seen)["certified"] == values_of(seen)["solves"] - 1
 
@@ -415,22 +417,22 @@ def test_a_reference_of_the_same_models_proves_nothing(rows):
     known = found.references["plate 1"]
     found.references["plate 1"] = {**known, "energy": replace(known["energy"], sequence="reference")}
     assert values_of(found)["guaranteed"] == 0
-    (line,) = tables_of(found)["brackets"].rows
-    assert line[:4] == ("plate 1", "4", "4", "these models")
+    (line,) = tables_of(found)["brackets"][["problem", "number", "inside", "own"]].to_numpy().tolist()
+    assert line == ["plate 1", 4, 4, True]
 
 
 def test_an_end_is_not_judged_by_itself(rows):
     found = Overview(meshes_of([row for row in rows if row.case["problem"] == "block"]))
     known = found.references["block"]
-    assert tables_of(found)["zones"].rows[0][5:7] == ("17 × 8", "2.0e-2")
+    assert tuple(tables_of(found)["zones"].iloc[0, 5:7]) == ("17 × 8", "2.0e-2")
     own = replace(known["stick ends"], sequence="uniform", uncertainty=0.1)
     found.references["block"] = {**known, "stick ends": own}
-    assert tables_of(found)["zones"].rows[0][5:7] == ("17 × 8", "gave the value")
+    assert tuple(tables_of(found)["zones"].iloc[0, 5:7]) == ("17 × 8", "gave the value")
 
 
 def test_costs_are_known_to_the_spacing_of_meshes(rows):
     assert spacing(Overview(meshes_of(rows))) == pytest.approx(4.0)
-    assert tables_of(Overview(meshes_of([])))["costs"].rows == []
+    assert tables_of(Overview(meshes_of([])))["costs"].empty
 
 
 def test_a_force_without_a_reference_has_no_costs(rows):
@@ -438,7 +440,9 @@ def test_a_force_without_a_reference_has_no_costs(rows):
     found = Overview(meshes_of([row for row in rows if row.case["problem"] == "plate 1"]))
     del found.references["plate 1"][FORCE]
     assert (values_of(found)["judged"], values_of(found)["spacing"]) == (0, None)
-    assert {cell for row in tables_of(found)["costs"].rows for cell in row[2:]} == {""}
+    costs = tables_of(found)["costs"]
+    assert costs[["low", "high", "uniform", "graded"]].isna().all(axis=None)
+    assert set(costs.times) == {""}
 
 
 def test_a_reference_makes_errors_below_it_meaningless(rows):

@@ -13,7 +13,7 @@ from comparisons.convergence.mesh.problems import ENERGY, FORCE, TRACTIONS, Prob
 from comparisons.convergence.mesh.references import end_of
 from comparisons.convergence.mesh.study import APART, BRACKET, COMPANION, EQUILIBRIUM, GRADED, STRICT, UNIFORM
 from comparisons.lab.report.numbers import NOTHING, fixed, scientific, seconds, significant
-from comparisons.lab.tables import Columns, Form, Grid, grid_of
+from comparisons.lab.tables import Form, Grid, grid_of
 
 
 def _known(form: Form) -> Form:
@@ -25,33 +25,17 @@ _NINE: Final = _known(partial(significant, digits=9))
 _ORDER: Final = _known(lambda order: f"{round(order, 2) + 0.0:.2f}")
 
 
-def tables_of(overview: Overview) -> dict[str, Grid]:
+def tables_of(overview: Overview) -> dict[str, DataFrame | Grid]:
     """The tables by name."""
     meshes = dict(iter(_with_models(overview).groupby("problem")))
     single = {f"meshes-{slug(each)}": _meshes(overview, each, meshes[each.name]) for each in overview.problems}
+    costs, exact = costs_of(overview), [problem.name for problem in overview.exact]
     return {
-        "costs": _costs(overview), "brackets": grid_of(brackets_of(overview), _BRACKETS),
-        "models": grid_of(models_of(overview), _MODELS), "zones": _grid(_zones(overview)),
-        "references": _grid(_references(overview)), "orders": _orders(overview), "failures": failures(overview),
-        **single,
+        "costs": costs.assign(times=list(map(_times, costs.low, costs.high))), "brackets": brackets_of(overview),
+        "models": models_of(overview), "zones": DataFrame(_zones(overview)),
+        "references": DataFrame(_references(overview)), "failures": failures(overview),
+        "orders": overview.orders[~overview.orders.problem.isin(exact)], **single,
     }  # fmt: skip
-
-
-def _grid(lines: "Iterator[dict[str, str]]") -> Grid:
-    """Lines with a text under each heading."""
-    rows = list(lines)
-    return Grid("", tuple(rows[0]) if rows else (), [tuple(row.values()) for row in rows])
-
-
-def _costs(overview: Overview) -> Grid:
-    """Unknowns needed for given errors of the force."""
-    costs = costs_of(overview)
-    headings: Columns = {
-        "problem": "problem", "target": ("relative error of the force", partial(scientific, digits=1)),
-        **{sequence: (f"unknowns, {name}", _known(_cost)) for sequence, name in NAMES.items()},
-        "times": "equal cells over the best of the others",
-    }  # fmt: skip
-    return grid_of(costs.assign(times=list(map(_times, costs.low, costs.high))), headings)
 
 
 def _cost(unknowns: float) -> str:
@@ -66,15 +50,9 @@ def _times(low: float, high: float) -> str:
     return f"> {least}" if high != high else f"{least} to {significant(high, 2)}"
 
 
-def _orders(overview: Overview) -> Grid:
-    """Observed beside expected orders."""
-    shown = overview.orders[~overview.orders.problem.isin([problem.name for problem in overview.exact])]
-    headings: Columns = {
-        "problem": "problem", "measure": "measure", "sequence": ("meshes", NAMES.__getitem__),
-        "last": ("observed, last two", _ORDER), "fitted": ("observed, last three", _ORDER),
-        "expected": ("expected", _known("{:.3g}".format)), "reason": "because", "verdict": "verdict",
-    }  # fmt: skip
-    return grid_of(shown, headings)
+_BOUNDS: Final = ("lower", "upper", "gap", "guaranteed", "bracketed")
+_ERRORS: Final = {FORCE: "its error", ENERGY: "energy error", TRACTIONS: "tractions' error"}
+_OWN: Final = {True: "these models", False: "elsewhere"}
 
 
 def _gap(gap: float) -> str:
@@ -85,18 +63,14 @@ def _change(change: float) -> str:
     return "0" if abs(change) < CLOSED else scientific(change)
 
 
-_BRACKETS: Final[Columns] = {
-    "problem": "problem", "number": "guaranteed brackets", "inside": "enclose the reference",
-    "own": ("which is from", {True: "these models", False: "elsewhere"}.__getitem__),
-    "gap": ("closest, relative gap", _gap), "on": "on",
+FORMS: Final[dict[str, Form]] = {
+    "target": partial(scientific, digits=1), **dict.fromkeys(NAMES, _known(_cost)), "own": _OWN.__getitem__,
+    "gap": _gap, "change": _known(_change), "sequence": NAMES.__getitem__, "last": _ORDER, "fitted": _ORDER,
+    "expected": _known("{:.3g}".format), "unknowns": fixed(".0f"), "seconds": seconds,
+    **dict.fromkeys(("force", f"force {STRICT}", f"force {COMPANION}", "lower", "upper"), _NINE),
+    **dict.fromkeys((f"error of {name}" for name in _ERRORS), _known(str)),
 }  # fmt: skip
-"""Whether guaranteed bounds enclose the reference, and how close they get."""
-
-_MODELS: Final[Columns] = {
-    "problem": "problem", "stresses": "force by stresses", "displacements": "force by displacements",
-    "change": ("law on whole edges changes the force by", _known(_change)), "on": "on",
-}  # fmt: skip
-"""On which side of the reference both models are, and what the law on whole edges changes."""
+"""Column of a table → how its values read."""
 
 
 def _zones(overview: Overview) -> Iterator[dict[str, str]]:
@@ -152,20 +126,14 @@ def _meshes(overview: Overview, problem: Problem, meshes: DataFrame) -> Grid:
     stress, length = problem.units
     ends = ends_among(overview.references[problem.name])
     meshes = meshes.assign(**{end: [_end(each, end) for each in meshes.ends] for end in ends})
-    headings: Columns = {
-        "sequence": ("meshes", NAMES.__getitem__), "cells": "cells", "unknowns": ("unknowns", fixed(".0f")),
-        "force": (f"force [{stress} {length}]", _NINE),
-        **{f"error of {name}": (heading, _known(str)) for name, heading in _ERRORS.items()},
+    headings = {
+        "sequence": "meshes", "cells": "cells", "unknowns": "unknowns", "force": f"force [{stress} {length}]",
+        **{f"error of {name}": heading for name, heading in _ERRORS.items()},
         **{end: f"{end} at [{length}]" for end in ends},
-        f"force {STRICT}": ("force, law on whole edges", _NINE),
-        f"force {COMPANION}": ("force by displacements", _NINE), "lower": ("lower energy", _NINE),
-        "upper": ("upper energy", _NINE), "kind": "bounds", "seconds": ("time", seconds),
+        f"force {STRICT}": "force, law on whole edges", f"force {COMPANION}": "force by displacements",
+        "lower": "lower energy", "upper": "upper energy", "kind": "bounds", "seconds": "time",
     }  # fmt: skip
-    return grid_of(meshes.reindex(columns=list(headings)), headings)
-
-
-_BOUNDS: Final = ("lower", "upper", "gap", "guaranteed", "bracketed")
-_ERRORS: Final = {FORCE: "its error", ENERGY: "energy error", TRACTIONS: "tractions' error"}
+    return grid_of(meshes.reindex(columns=list(headings)), headings, FORMS)
 
 
 def _kind(mesh: Any) -> str:
@@ -182,13 +150,9 @@ def _end(ends: Any, kind: str) -> str:
     return f"{significant(end['position'], 4)}{other}"
 
 
-def failures(overview: Overview) -> Grid:
+def failures(overview: Overview) -> DataFrame:
     """Meshes without a certified answer, and bounds that are missing."""
     meshes = overview.meshes
     open_ = meshes[meshes.solved & (meshes.model == BRACKET) & meshes.gap.isna()]
     open_ = open_.assign(status="bound missing", message=open_.reasons.map(" ".join))
-    headings = {
-        "problem": "problem", "sequence": "meshes", "cells": "cells", "model": "model", "status": "status",
-        "message": "message",
-    }  # fmt: skip
-    return grid_of(concat([meshes[~meshes.solved], open_]), headings)
+    return concat([meshes[~meshes.solved], open_]).rename(columns={"sequence": "meshes"})
