@@ -4,7 +4,7 @@ from comparisons.lab.report import Document, environment_grids, render
 from comparisons.lab.study import StoredStudy
 from comparisons.solvers.figures import figures
 from comparisons.solvers.measures import runs_of
-from comparisons.solvers.tables import left_out, settings, tables_of
+from comparisons.solvers.tables import FORMS, left_out, settings, tables_of
 from comparisons.solvers.values import values_of
 
 
@@ -13,4 +13,5 @@ def report_of(study: StoredStudy) -> Document:
     runs = runs_of(study.rows)
     grids = [settings(runs), left_out(runs), *environment_grids(study.rows)]
     values = values_of(study.declaration, runs)
-    return render("comparisons.solvers", study.declaration["name"], values, tables_of(runs), figures(runs), grids)
+    name, tables = study.declaration["name"], tables_of(runs)
+    return render("comparisons.solvers", name, values, tables, figures(runs), grids, forms=FORMS)

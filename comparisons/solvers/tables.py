@@ -1,18 +1,18 @@
 """The tables of the report."""
 
 from collections import Counter
-from collections.abc import Callable
+from functools import partial
 from itertools import chain
 from typing import Final
 
 from pandas import DataFrame, Series, concat
 
 from comparisons.lab.report.numbers import NOTHING, count, percent, scientific, seconds, significant
-from comparisons.lab.tables import Columns, Form, Grid, crossed, grid_of
+from comparisons.lab.tables import Form, Grid, crossed
 from comparisons.solvers import measures
 from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE, Backend
 from comparisons.solvers.measures import CONE_ENERGY, ERRORS, UNDOUBLED
-from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
+from comparisons.solvers.outcomes import FALSE_ALARM
 from comparisons.solvers.tasks import INNER, OUTER
 from comparisons.solvers.values import ranking
 from solvers.inner.registry import how_to_install
@@ -27,9 +27,19 @@ KINDS: Final = {
 _WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # the fastest time
 _LONGEST_LIST: Final = 40
 _UNKNOWN: Final = Backend(NOTHING, {})  # of stored rows
+_SIZES: Final = ("unknowns", "condensed", "points", "equations")
+_SHARES: Final = ("open", "stick", "slip")
+
+FORMS: Final[dict[str, Form]] = {
+    **dict.fromkeys(("share", "true", "spread", "within", *_SHARES), percent),
+    **dict.fromkeys((*ERRORS, "condition"), scientific), **dict.fromkeys((FALSE_ALARM, *_SIZES), count),
+    **dict.fromkeys(("mean", "smallest", "largest", "power"), partial(significant, digits=2)),
+    "iterations": significant, "words": lambda words: words or NOTHING,
+}  # fmt: skip
+"""Column of a table → how its values read."""
 
 
-def tables_of(runs: DataFrame) -> dict[str, Grid]:
+def tables_of(runs: DataFrame) -> dict[str, DataFrame | Grid]:
     """The tables by name."""
     return {
         "overview": overview(runs), "truth": truth(runs), "first": first(runs),
@@ -45,42 +55,31 @@ def _joined(runs: DataFrame, *names: str) -> list[str]:
     return [", ".join(each) for each in zip(*(runs[name] for name in names), strict=True)]
 
 
-def _short(form: Callable[..., str]) -> Form:
-    """A form with two digits."""
-    return lambda value: form(value, 2)
-
-
-def first(runs: DataFrame) -> Grid:
+def first(runs: DataFrame) -> DataFrame:
     """Who solves most at the accuracy in the middle, and then most within twice the fastest time."""
-    rows = [
-        (name, solver, f"{solved} of {given}", percent(within))
+    lines = [
+        (name, solver, f"{solved} of {given}", within)
         for kind, name in KINDS.items()
         for solver, solved, given, within in ranking(runs, kind)
     ]
-    return Grid("", ("kind of task", "solver", "solved", "within 2 × of the fastest"), rows)
+    return DataFrame(lines, columns=["kind", "solver", "solved", "within"])
 
 
-def powers(runs: DataFrame) -> Grid:
+def powers(runs: DataFrame) -> DataFrame:
     """How the median error follows the tolerance asked for."""
-    rows = [
-        (solver, significant(power, 2), "one more cone" if solver in CONE_ENERGY else "as it is")
-        for solver, power in measures.error_powers(runs).items()
-    ]
-    return Grid("", ("solver", "power of the tolerance", "how it gets the energy"), rows)
+    found = measures.error_powers(runs)
+    energy = ["one more cone" if solver in CONE_ENERGY else "as it is" for solver in found]
+    return DataFrame({"solver": [*found], "power": [*found.values()], "energy": energy})
 
 
-def overview(runs: DataFrame) -> Grid:
+def overview(runs: DataFrame) -> DataFrame:
     """Shares certified, by kind of task and level, and how often "solved" was untrue."""
     names = [f"{kind}, {level}" for kind in KINDS for level in LEVELS]
     by_kind = concat({kind: measures.of_kind(runs, kind) for kind in KINDS}, names=["which"]).reset_index("which")
     columns = by_kind.which + ", " + by_kind.level
     shares = by_kind.certified.groupby([by_kind.solver, columns]).agg(_share).unstack().reindex(columns=names)
     told = shares.join(measures.told_by(runs)[["share", FALSE_ALARM]], how="outer").reindex(runs.solver.unique())
-    headings: Columns = {
-        **{name: name for name in ("solver", *names)},
-        "share": ("untrue", percent), FALSE_ALARM: ("false alarms", count),
-    }  # fmt: skip
-    return grid_of(told.rename_axis("solver").reset_index(), headings)
+    return told.rename_axis("solver").reset_index()
 
 
 def _share(certified: "Series[bool]") -> str:
@@ -92,21 +91,16 @@ def _certified(runs: DataFrame) -> str:
     return _share(runs.certified)
 
 
-def truth(runs: DataFrame) -> Grid:
+def truth(runs: DataFrame) -> DataFrame:
     """What was said of each inner problem, beside whether it was true."""
     told = measures.told_by(runs).reset_index()
-    headings: Columns = {
-        "solver": "solver", RIGHT: "said solved, true", UNTRUE: "said solved, untrue",
-        "nobody": "of these without any certified answer", FALSE_ALARM: "said infeasible, untrue",
-        MODEST: "gave up, certified", GAVE_UP: "gave up", NO_ANSWER: "no answer", "true": ("\"solved\" true", percent),
-    }  # fmt: skip
-    return grid_of(told.assign(true=1.0 - told.share), headings)
+    return told.assign(true=1.0 - told.share)
 
 
-def speeds(chosen: DataFrame) -> Grid:
+def speeds(chosen: DataFrame) -> DataFrame:
     """Shares of the profile, and shifted geometric means, by solver."""
     told = concat([_speeds_at(chosen[chosen.level == level]).add_prefix(f"{level}: ") for level in LEVELS], axis=1)
-    return grid_of(told.reindex(chosen.solver.unique()).rename_axis("solver").reset_index(), ["solver", *told])
+    return told.reindex(chosen.solver.unique()).rename_axis("solver").reset_index()
 
 
 def _speeds_at(runs: DataFrame) -> DataFrame:
@@ -120,18 +114,14 @@ def _speeds_at(runs: DataFrame) -> DataFrame:
     })  # fmt: skip
 
 
-def errors(runs: DataFrame) -> Grid:
+def errors(runs: DataFrame) -> DataFrame:
     """Medians of the certificate's errors of single inner problems, and of iterations."""
     groups = runs[runs.feasible & (runs.task == INNER)].groupby(["solver", "level"], sort=False)
     medians = groups[[*ERRORS, "iterations", "spread"]].median()
     failed = [
         f"{size - sure} of {size}" for sure, size in groups.certified.agg(["sum", "size"]).itertuples(index=False)
     ]
-    headings: Columns = {
-        "solver": "solver", "level": "level", **{name: (name, scientific) for name in ERRORS},
-        "iterations": ("iterations", significant), "spread": ("spread of times", percent), "failed": "failed",
-    }  # fmt: skip
-    return grid_of(medians.reset_index().assign(failed=failed), headings)
+    return medians.reset_index().assign(failed=failed)
 
 
 def kinds(runs: DataFrame) -> Grid:
@@ -153,26 +143,19 @@ def twins(runs: DataFrame) -> Grid:
     return Grid("", ("solver", *(f"{name}: {text}" for name in names for text in ("certified", "no answer"))), rows)
 
 
-_RATIOS: Final[Columns] = {
-    "mean": ("mean ratio", _short(significant)), "smallest": ("smallest", _short(significant)),
-    "largest": ("largest", _short(significant)),
-}  # fmt: skip
-
-
-def warm(runs: DataFrame) -> Grid:
+def warm(runs: DataFrame) -> DataFrame:
     """Time of warm over that of cold sequences."""
     found = measures.by_solver(measures.warm_ratios(runs)).reset_index()
     found["kept"] = [TABLE.get(solver, _UNKNOWN).keeps or NOTHING for solver in found.solver]
     found["faster"] = [f"{each.below} of {each.number}" for each in found.itertuples()]
-    return grid_of(found, {"solver": "solver", "kept": "what it keeps", **_RATIOS, "faster": "faster"})
+    return found
 
 
-def forms(runs: DataFrame) -> Grid:
+def forms(runs: DataFrame) -> DataFrame:
     """Time in all unknowns over that of the condensed form."""
     names = {INNER: "inner problem", OUTER: "outer loop"}
     found = {name: measures.by_solver(measures.condensed_ratios(runs, task)) for task, name in names.items()}
-    told = concat(found, names=["what", "solver"]).reset_index()
-    return grid_of(told, {"solver": "solver", "what": "what", **_RATIOS, "number": "problems"})
+    return concat(found, names=["what", "solver"]).reset_index()
 
 
 def infeasible(runs: DataFrame) -> Grid:
@@ -186,7 +169,7 @@ def _words(runs: DataFrame) -> str:
     return ", ".join(f"{word} ({number})" for word, number in sorted(counts.items()))
 
 
-def failures(runs: DataFrame) -> Grid:
+def failures(runs: DataFrame) -> DataFrame:
     """Runs that ended without an answer or by a failure of the back end, grouped by what was said."""
     lost = runs[runs.lost]
     lost = lost.assign(
@@ -195,24 +178,14 @@ def failures(runs: DataFrame) -> Grid:
     )  # fmt: skip
     key = ["solver", "status", "words"]
     found = lost.groupby(key, as_index=False).agg(runs=("where", "size"), where=("where", "first"))
-    headings: Columns = {
-        "solver": "solver", "status": "what happened", "runs": "runs", "where": "for example",
-        "words": ("in its words", lambda words: words or NOTHING),
-    }  # fmt: skip
-    return grid_of(found.sort_values("runs", ascending=False, kind="stable").head(_LONGEST_LIST), headings)
+    return found.sort_values("runs", ascending=False, kind="stable").head(_LONGEST_LIST)
 
 
-def problems(runs: DataFrame) -> Grid:
+def problems(runs: DataFrame) -> DataFrame:
     """Sizes and conditions of the problems."""
     found = runs.dropna(subset="facts").drop_duplicates("problem")
-    sizes, shares = ("unknowns", "condensed", "points", "equations"), ("open", "stick", "slip")
-    facts = DataFrame([*found.facts], columns=[*sizes, "condition", *shares]).astype(float)
-    headings: Columns = {
-        "problem": "problem", "kind": "kind", **{name: (name, count) for name in sizes},
-        "points": ("contact points", count), "condition": ("condition of K", scientific),
-        **{name: (name, percent) for name in shares},
-    }  # fmt: skip
-    return grid_of(facts.assign(problem=found.problem.array, kind=found.kind.array), headings)
+    facts = DataFrame([*found.facts], columns=[*_SIZES, "condition", *_SHARES]).astype(float)
+    return facts.assign(problem=found.problem.array, kind=found.kind.array)
 
 
 def settings(runs: DataFrame) -> Grid:

@@ -234,16 +234,16 @@ class TestOutcomes:
         assert runs.certified.tolist() == [True, False]
         assert runs.time.isna().tolist() == [False, True]
         assert (numbers_of(runs)["often"], numbers_of(runs)["seldom"]) == (["qp:osqp (100 % of 1)"], 1)
-        grid = tables.truth(runs)
-        assert [line[:3] for line in grid.rows] == [("qp:quadprog", "1", "0"), ("qp:osqp", "0", "1")]
-        assert tables.overview(runs).rows[1][-2] == "100 %"
+        told = tables.truth(runs)[["solver", RIGHT, UNTRUE]].to_numpy().tolist()
+        assert told == [["qp:quadprog", 1, 0], ["qp:osqp", 0, 1]]
+        assert tables.overview(runs).share.tolist() == [0.0, 1.0]
 
     def test_shares_are_of_what_was_called_solved(self):
         runs = [run(problem=name) for name in ("plate_4", "plate_8", "plate_16")]
         runs += [run(solver="b", outcomes={UNTRUE: 1, RIGHT: 2, GAVE_UP: 5}, certified=False)]
         runs = measures.frame_of(runs)
         assert numbers_of(runs)["often"] == ["b (33 % of 3)"]
-        assert [cells[-1] for cells in tables.truth(runs).rows] == ["100 %", "67 %"]
+        assert tables.truth(runs).true.tolist() == [1.0, pytest.approx(2.0 / 3.0)]
 
     def test_a_false_alarm_is_shown_as_such(self, monkeypatch):
         honest = {**CASE, "solver": "qp:quadprog"}
@@ -251,7 +251,7 @@ class TestOutcomes:
         rows.append(row({**CASE, "solver": "qp:osqp"}, said_by_fake(monkeypatch, Status.INFEASIBLE, solver="qp:osqp")))
         runs = measures.runs_of(rows)
         assert numbers_of(runs)["alarms"] == 1
-        assert [line[-1] for line in tables.overview(runs).rows] == ["0", "1"]
+        assert tables.overview(runs)[FALSE_ALARM].tolist() == [0, 1]
 
     def test_the_lie_that_a_problem_without_solution_is_solved(self, monkeypatch):
         found = said_by_fake(monkeypatch, Status.SOLVED, solver="qp:osqp", problem="pulled_block")
@@ -410,7 +410,7 @@ class TestMeasures:
         assert runs.loc[1, [*measures.OUTCOMES]].to_dict() == {**dict.fromkeys(measures.OUTCOMES, 0), NO_ANSWER: 1}
         assert measures.performance_ratios(runs)["qp:scs"].tolist() == [math.inf]
         assert numbers_of(runs)["lost"] == 1
-        assert tables.failures(runs).rows[0][:3] == ("qp:scs", "timeout", "1")
+        assert tables.failures(runs).iloc[0][["solver", "status", "runs"]].tolist() == ["qp:scs", "timeout", 1]
 
     def test_times_of_problems_without_a_solution_are_no_part_of_profiles(self):
         assert measures.performance_ratios(measures.frame_of([run(problem="pulled_block")])).empty
