@@ -33,20 +33,9 @@ FOLDER = Path(__file__).parent / "problems"
 class FrictionContact(qpbenchmark.TestSet):
     """All problems, with dense matrices, so that every solver can take part."""
 
-    @property
-    def title(self) -> str:
-        """Title of the report."""
-        return "Frictional contact test set"
-
-    @property
-    def description(self) -> str:
-        """Beginning of the report."""
-        return "Quadratic programs inside frictional contact problems, condensed and full, dense matrices."
-
-    @property
-    def sparse_only(self) -> bool:
-        """Every solver takes part."""
-        return False
+    title = "Frictional contact test set"
+    description = "Quadratic programs inside frictional contact problems, condensed and full, dense matrices."
+    sparse_only = False
 
     def __iter__(self) -> Iterator[qpbenchmark.Problem]:
         """Yield the problems, by name."""
@@ -58,20 +47,9 @@ class FrictionContact(qpbenchmark.TestSet):
 class FrictionContactSparse(FrictionContact):
     """The problems in all unknowns, with sparse matrices, for solvers that take those."""
 
-    @property
-    def title(self) -> str:
-        """Title of the report."""
-        return "Frictional contact test set, sparse"
-
-    @property
-    def description(self) -> str:
-        """Beginning of the report."""
-        return "Quadratic programs inside frictional contact problems, in all unknowns, sparse matrices."
-
-    @property
-    def sparse_only(self) -> bool:
-        """Only solvers that take sparse matrices."""
-        return True
+    title = "Frictional contact test set, sparse"
+    description = "Quadratic programs inside frictional contact problems, in all unknowns, sparse matrices."
+    sparse_only = True
 
     def __iter__(self) -> Iterator[qpbenchmark.Problem]:
         """Yield the problems in all unknowns, by name."""
