@@ -4,6 +4,10 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import Any
+
+from qvi_contact import ContactProblem, ContactResult, Discretization, solve
+from qvi_contact.gallery import compressed_plate
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,16 @@ class Reference:
     table: dict[float, float]
     figures: dict[float, tuple[int, float]]
     exact_without_friction: float
+
+    def plate(self, friction: float) -> ContactProblem:
+        """The example on the paper's mesh."""
+        return compressed_plate(
+            friction, (self.cells, self.cells), young=self.young, poisson=self.poisson, displacement=self.displacement
+        )
+
+    def uzawa(self, problem: Discretization, **options: Any) -> ContactResult:
+        """The paper's iteration with its step."""
+        return solve(problem, method="uzawa", omega_T=self.omega_T / problem.scales.displacement, **options)
 
 
 @cache

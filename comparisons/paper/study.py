@@ -9,7 +9,6 @@ import numpy as np
 from comparisons.paper.reference import Reference, load
 from qvi_contact import ContactResult, Discretization, discretize, principal_stresses, solve
 from qvi_contact.basics.terminal import Advance
-from qvi_contact.gallery import compressed_plate
 from solvers import available
 
 SHRINKING = 100.0
@@ -120,23 +119,13 @@ def run(advance: Advance) -> PaperStudy:
     return PaperStudy(reference, rows, _cycle(reference))
 
 
-def _problem(reference: Reference, friction: float) -> Discretization:
-    plate = compressed_plate(
-        friction, cells=(reference.cells, reference.cells), young=reference.young, poisson=reference.poisson,
-        displacement=reference.displacement,
-    )  # fmt: skip
-    return discretize(plate, element="bfs")
-
-
 def _row(reference: Reference, friction: float, printed: float, advance: Advance) -> Row:
-    problem = _problem(reference, friction)
-    step = reference.omega_T / problem.scales.displacement
+    problem = discretize(reference.plate(friction), element="bfs")
     accumulating, as_printed = (
-        solve(problem, method="uzawa", rule=rule, omega_T=step, iterations=reference.iterations)
-        for rule in ("accumulating", "printed")
+        reference.uzawa(problem, rule=rule, iterations=reference.iterations) for rule in ("accumulating", "printed")
     )
     decay = SHRINKING if friction == 0.0 else None
-    converged = solve(problem, method="uzawa", tolerance=TOLERANCE, omega_T=step, step_decay=decay)
+    converged = reference.uzawa(problem, tolerance=TOLERANCE, step_decay=decay)
     plain = solve(problem, inner=REFERENCE_INNER, tolerance=TOLERANCE, variant="plain")
     condensed = solve(problem, method="condensed", tolerance=TOLERANCE)
     strict = solve(problem, inner=STRICT_INNER, tolerance=TOLERANCE)
@@ -156,9 +145,8 @@ def _back_ends(problem: Discretization, friction: float, advance: Advance) -> It
 
 def _cycle(reference: Reference) -> tuple[float, ...]:
     """Values of P/2 in the last iterations of the frictionless run with a constant step, each once."""
-    problem = _problem(reference, 0.0)
-    step = reference.omega_T / problem.scales.displacement
-    result = solve(problem, method="uzawa", omega_T=step)
+    problem = discretize(reference.plate(0.0), element="bfs")
+    result = reference.uzawa(problem)
     unit = problem.scales.stress * problem.scales.length
     forces = [-unit * record.normal_resultant for record in result.history[-8:]]
     distinct = [b for a, b in pairwise(sorted(forces)) if b - a > 1e-6 * abs(b)]

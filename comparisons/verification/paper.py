@@ -4,14 +4,13 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Final
 
-from comparisons.paper.reference import Reference, load
+from comparisons.paper.reference import load
 from comparisons.paper.study import SHRINKING, half_force, largest_principal_stress
 from comparisons.verification.elements import BOTH, RECTANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE, mean_pressure, traction_difference
 from comparisons.verification.proof import Proof, certified
 from comparisons.verification.row import Kind, Row, absolute, relative
 from qvi_contact import ContactResult, Discretization, solve
-from qvi_contact.gallery import compressed_plate
 
 PROBLEMS: Final = Chapter()
 
@@ -45,10 +44,9 @@ def printed_stresses(quick: bool) -> Iterator[Row]:
 @PROBLEMS.on("plate-methods", *BOTH)
 def methods_on_the_paper_mesh(element: Element, quick: bool) -> Iterator[Row]:
     """The solution on the paper's four cells by methods that share no iteration, against the condensed one."""
-    reference = load()
     for friction in (0.1,) if quick else (0.05, 0.1, 0.2, 0.3):
-        condensed = solve(_problem(reference, friction, element), method="condensed")
-        for name, other in _others(element, reference, friction, quick):
+        condensed = solve(_problem(friction, element), method="condensed")
+        for name, other in _others(element, friction, quick):
             proof = certified(condensed, other)
             source = f"{name}; ours: condensed interior point"
             force = half_force(other)
@@ -63,38 +61,28 @@ def methods_on_the_paper_mesh(element: Element, quick: bool) -> Iterator[Row]:
 @PROBLEMS.on("plate-without-friction", *BOTH)
 def without_friction(element: Element, _: bool) -> Iterator[Row]:
     """μ = 0: the stress is uniform and P/2 = E U."""
-    reference = load()
-    result = solve(_problem(reference, 0.0, element))
-    exact, source = reference.exact_without_friction, f"P/2 = E U; {_PAPER}, section 5"
+    result = solve(_problem(0.0, element))
+    exact, source = load().exact_without_friction, f"P/2 = E U; {_PAPER}, section 5"
     yield relative(f"P/2 [{FORCE}]", half_force(result), exact, 1e-9, source, certified(result))
     largest = largest_principal_stress(result)
     yield relative("largest |principal stress| [MPa]", largest, exact, 1e-9, "|σ_yy| = E U / height", certified(result))
 
 
-def _problem(reference: Reference, friction: float, element: Element = RECTANGLES) -> Discretization:
+def _problem(friction: float, element: Element = RECTANGLES) -> Discretization:
     """On the paper's mesh; what is bounded are tractions at Gauss points, which Uzawa's steps are made for."""
-    cells = (reference.cells, reference.cells)
-    size, young, poisson = reference.displacement, reference.young, reference.poisson
-    plate = compressed_plate(friction, cells, young=young, poisson=poisson, displacement=size)
-    return element.discretized(plate, contact_rows="gauss")
+    return element.discretized(load().plate(friction), contact_rows="gauss")
 
 
 @cache
 def _uzawa(friction: float) -> ContactResult:
     """The state after the paper's number of iterations."""
-    reference = load()
-    problem = _problem(reference, friction)
-    step = reference.omega_T / problem.scales.displacement
-    return solve(problem, method="uzawa", rule="accumulating", omega_T=step, iterations=reference.iterations)
+    return load().uzawa(_problem(friction), rule="accumulating", iterations=load().iterations)
 
 
 @cache
 def _converged_uzawa(friction: float, element: Element = RECTANGLES) -> ContactResult:
     """The limit of the same iteration; without friction the step must shrink."""
-    reference = load()
-    problem = _problem(reference, friction, element)
-    step = reference.omega_T / problem.scales.displacement
-    return solve(problem, method="uzawa", omega_T=step, step_decay=SHRINKING if friction == 0.0 else None)
+    return load().uzawa(_problem(friction, element), step_decay=SHRINKING if friction == 0.0 else None)
 
 
 def _limit(friction: float) -> Proof:
@@ -103,9 +91,7 @@ def _limit(friction: float) -> Proof:
     return Proof(proof.passed, f"{proof.text} of the limit")
 
 
-def _others(
-    element: Element, reference: Reference, friction: float, quick: bool
-) -> Iterator[tuple[str, ContactResult]]:
+def _others(element: Element, friction: float, quick: bool) -> Iterator[tuple[str, ContactResult]]:
     yield "Uzawa (4.1)-(4.4), converged", _converged_uzawa(friction, element)
     for inner in _INNERS[:2] if quick else _INNERS:
-        yield f"fixed point, {inner}", solve(_problem(reference, friction, element), inner=inner)
+        yield f"fixed point, {inner}", solve(_problem(friction, element), inner=inner)
