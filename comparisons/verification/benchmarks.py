@@ -9,13 +9,14 @@ import numpy as np
 from comparisons.verification import balance, rollers
 from comparisons.verification.elements import QUINTIC, TRIANGLES, Chapter, Element
 from comparisons.verification.examples import file_problem
+from comparisons.verification.exhibits import MM, SI, Curve, Graph, shown
 from comparisons.verification.limits import oblique
-from comparisons.verification.measures import mean_pressure
+from comparisons.verification.measures import angles, degrees, mean_pressure
 from comparisons.verification.proof import both, certified, certified_companion
+from comparisons.verification.rollers import persson
 from comparisons.verification.row import Kind, Row, absolute, at_least, relative
-from comparisons.verification.two_models import two_models
+from comparisons.verification.two_models import by_both_models, two_models
 from qvi_contact import ContactLine, ContactProblem
-from qvi_contact.basics.checks import FloatArray
 from qvi_contact.gallery import (
     CORNER_EXPONENTS,
     block_corner,
@@ -39,6 +40,7 @@ _BY_NGSOLVE: Final = {0.0: 0.758518, 0.1: 0.738677}
 
 _DEPTH: Final = 20  # how often triangles at a corner are halved
 _NEAR: Final = (1e-5, 1e-3)  # distances from it within which the pressure is a power
+_DRAWN: Final = (1e-5, 1e-2)  # those that are drawn
 
 
 @PROBLEMS.on("rings", TRIANGLES, QUINTIC, few=1)
@@ -50,11 +52,21 @@ def lame_rings(element: Element, quick: bool) -> Iterator[Row]:
     yield relative("mean pressure [Pa]", ours, 9.2592593e6, 1e-6, "Lamé", proof)
     ours = _second_harmonic(joint)
     yield relative("amplitude of cos 2θ [Pa]", ours, 1.3571791e5, 1e-4, "Michell", proof)
-    known = 9.2592593e6 + 1.3571791e5 * np.cos(2.0 * _angles(joint))
+    known = 9.2592593e6 + 1.3571791e5 * np.cos(2.0 * angles(joint))
     error = float(np.abs(-joint.normal_stress / known - 1.0).max())
     yield absolute("largest relative error of the pressure", error, 0.0, 5e-4, "Lamé and Michell, at all points", proof)
     if not quick:
         yield from two_models(result, "joint", 1e-5, 1e-6)
+
+
+@shown("rings", lambda: rings(4), SI)
+def _rings_graph(quick: bool) -> Graph:
+    """The pressure between the rings has a constant part and one in cos 2θ."""
+    line = TRIANGLES.solve(rings(4 if quick else 8, 1e5)).contacts["joint"]
+    theta = np.linspace(0.0, 90.0)
+    known = Curve("Lamé and Michell", theta, 9.2592593 + 0.13571791 * np.cos(2.0 * np.deg2rad(theta)))
+    ours = Curve("stresses", degrees(line), -line.normal_stress / 1e6)
+    return Graph("angle θ [°]", "pressure [MPa]", (ours,), (known,))
 
 
 @PROBLEMS.on("press-fit", TRIANGLES, QUINTIC, few=1)
@@ -71,6 +83,23 @@ def fitted_shaft(element: Element, quick: bool) -> Iterator[Row]:
             yield from two_models(result, "shaft", 1e-5, 1e-5)
 
 
+@shown("press-fit", lambda: press_fit(2), MM)
+def _fit_graph(quick: bool) -> Graph:
+    """Stresses along a radius: constant in the shaft, of Lamé's form in the hub."""
+    # radial and circumferential stress on the line θ = 45°
+    result = TRIANGLES.solve(press_fit(4 if quick else 8, 0.2))
+    radius = np.linspace(1.0, 49.0, 24)  # none is that of the fit
+    xx, yy, xy = result.stress(radius / np.sqrt(2.0), radius / np.sqrt(2.0)).T
+    fine = np.concatenate([np.linspace(0.0, 24.999), np.linspace(25.001, 50.0)])
+    radial, around = (
+        np.where(fine < 25.0, -61.8, 61.8 / 3.0 * (1.0 + sign * (50.0 / np.maximum(fine, 25.0)) ** 2))
+        for sign in (-1.0, 1.0)
+    )
+    known = Curve("radial stress, Lamé", fine, radial), Curve("circumferential stress, Lamé", fine, around)
+    ours = Curve("radial", radius, (xx + yy) / 2.0 + xy), Curve("circumferential", radius, (xx + yy) / 2.0 - xy)
+    return Graph("radius [mm]", "stress [MPa]", ours, known)
+
+
 @PROBLEMS.on("cylinder-in-bore", TRIANGLES, QUINTIC, few=1)
 def bore(element: Element, quick: bool) -> Iterator[Row]:
     """A cylinder in the bore of a large plate, without friction: Persson's closed form."""
@@ -83,6 +112,14 @@ def bore(element: Element, quick: bool) -> Iterator[Row]:
         yield relative(f"mean pressure, {name} [MPa]", ours, known, tolerance, source, proof)
     if element is TRIANGLES and not quick:
         yield from two_models(result, "bore", 1e-3, 1e-3)
+
+
+@shown("cylinder-in-bore", lambda: cylinder_in_bore(2, extent=2.0), MM)
+def _bore_graph(quick: bool) -> Graph:
+    """The pressure in the bore, and Persson's closed form."""
+    line = TRIANGLES.solve(cylinder_in_bore(6 if quick else 12)).contacts["bore"]
+    ours = Curve("stresses", degrees(line), -line.normal_stress).until(75.0)
+    return Graph("angle θ from the load [°]", "pressure [MPa]", (ours,), (persson(),))
 
 
 @PROBLEMS.on("loaded-pin", TRIANGLES, QUINTIC, few=1)
@@ -111,6 +148,24 @@ def pin(element: Element, quick: bool) -> Iterator[Row]:
         yield from two_models(result, "pin", 2e-3, 1e-3)
 
 
+@shown("loaded-pin", lambda: loaded_pin(4), MM)
+def _pin_graph(quick: bool) -> Graph:
+    """Pressure and shear around the pin by stresses and by displacements."""
+    line, other = by_both_models(loaded_pin(4 if quick else 12), "pin")
+    return Graph(
+        "angle θ from the load [°]",
+        "traction [MPa]",
+        (
+            Curve("pressure, stresses", degrees(line), -line.normal_stress),
+            Curve("shear, stresses", degrees(line), line.tangential_stress),
+        ),
+        (
+            Curve("pressure, displacements", degrees(other), -other.normal_stress).ordered(),
+            Curve("shear, displacements", degrees(other), other.tangential_stress).ordered(),
+        ),
+    )
+
+
 @PROBLEMS.on("corner-rates", TRIANGLES)
 def sticking_corner(element: Element, quick: bool) -> Iterator[Row]:
     """A block that sticks to a large one: σ ~ r^(λ−1) in its corners makes energies converge like h^(2λ)."""
@@ -125,6 +180,22 @@ def sticking_corner(element: Element, quick: bool) -> Iterator[Row]:
             yield from two_models(results[-1], "base", 5e-3, 5e-3)
 
 
+@shown("corner-rates", lambda: block_corner(None, 1))
+def _rates_graph(quick: bool) -> Graph:
+    """From mesh to mesh the energy changes by powers of h that the corners dictate."""
+    # differences of the energies of uniform meshes, each half as coarse as the one before
+    ours, known = [], []
+    cells = np.array([1, 2, 4] if quick else [1, 2, 4, 8])
+    for friction, name in ((None, "stuck"), (0.0, "without friction")):
+        energies = [TRIANGLES.solve(block_corner(friction, int(count))).energies.complementary for count in cells]
+        sizes, apart = 1.0 / cells[:-1], -np.diff(energies) / energies[-1]
+        power = 2.0 * CORNER_EXPONENTS[friction]
+        ours.append(Curve(f"{name}", sizes, np.abs(apart)))
+        known.append(Curve(f"slope 2λ = {power:.4g}", sizes, np.abs(apart[-1]) * (sizes / sizes[-1]) ** power))
+    label = "change of the energy [-]"
+    return Graph("size of cells h [length]", label, tuple(ours), tuple(known), logarithmic=True)
+
+
 @PROBLEMS.on("sliding-corner", TRIANGLES)
 def sliding_corner(element: Element, quick: bool) -> Iterator[Row]:
     """The same block sliding: the pressure near the leading corner, on triangles halved towards it."""
@@ -136,6 +207,23 @@ def sliding_corner(element: Element, quick: bool) -> Iterator[Row]:
         yield absolute(f"λ from the pressure, μ = {friction:g}", ours, known, 1e-3, source, proof)
         if not quick:
             yield from two_models(result, "base", 1e-2, 1e-2)
+
+
+@shown("sliding-corner", lambda: block_corner(0.3, 1, 3))
+def _corner_graph(quick: bool) -> Graph:
+    """Near the corner the pressure is a power of the distance."""
+    ours, known = [], []
+    for friction in (0.0, 0.5) if quick else (0.0, 0.1, 0.3, 0.5):
+        line = TRIANGLES.solve(block_corner(friction, 1, _DEPTH)).contacts["base"]
+        away = 1.0 - line.x
+        near = (away > _DRAWN[0]) & (away < _DRAWN[1])
+        r, pressure, exponent = away[near], -line.normal_stress[near], CORNER_EXPONENTS[friction]
+        ours.append(Curve(f"μ = {friction:g}", r, pressure))
+        ends, middle = np.array(_DRAWN), int(np.argmin(np.abs(np.log(r / 1e-4))))
+        known.append(
+            Curve(f"slope λ − 1, λ = {exponent:.4f}", ends, pressure[middle] * (ends / r[middle]) ** (exponent - 1.0))
+        )
+    return Graph("distance from the corner r [length]", "pressure / E [-]", tuple(ours), tuple(known), logarithmic=True)
 
 
 PROBLEMS.update(rollers.PROBLEMS)
@@ -188,21 +276,17 @@ _BY_STRESSES_ALONE: Final = ("masonry wall", "jointed slope")
 """Many blocks, whose displacements cost a hundred times what their stresses do."""
 
 
-def _angles(line: ContactLine) -> FloatArray:
-    return np.asarray(np.arctan2(line.y, line.x))
-
-
 def _second_harmonic(line: ContactLine) -> float:
     """Amplitude of cos 2θ in the pressure [stress]."""
-    wave = np.cos(2.0 * _angles(line))
+    wave = np.cos(2.0 * angles(line))
     return float(-(line.weights @ (line.normal_stress * wave)) / (line.weights @ wave**2))
 
 
 def _means(line: ContactLine, low: float, high: float) -> tuple[float, float]:
     """Mean pressure at the points between two angles, ours and Persson's [stress]."""
-    angles = _angles(line)
-    weights = np.where((angles > low) & (angles < high), line.weights, 0.0)
-    ours, known = ((weights @ pressure) / weights.sum() for pressure in (-line.normal_stress, persson_pressure(angles)))
+    theta = angles(line)
+    weights = np.where((theta > low) & (theta < high), line.weights, 0.0)
+    ours, known = ((weights @ pressure) / weights.sum() for pressure in (-line.normal_stress, persson_pressure(theta)))
     return float(ours), float(known)
 
 

@@ -1,6 +1,7 @@
 """Chapter on the problem files of the folder examples."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -9,21 +10,25 @@ import numpy as np
 from comparisons.settled import SETTLED
 from comparisons.settled import SOURCE as DISPLACEMENT_CODES
 from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Chapter, Element
+from comparisons.verification.exhibits import Curve, Graph, M, shown
 from comparisons.verification.measures import edge_states, ellipse, runs, traction_difference, value_at
 from comparisons.verification.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
 from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, enclosed, relative, word
 from comparisons.verification.ssnv128 import SOURCE as CODE_ASTER
 from comparisons.verification.ssnv128 import TANGENTIAL_FORCE
-from comparisons.verification.two_models import two_models
+from comparisons.verification.two_models import by_both_models, two_models
 from qvi_contact import (
     ContactProblem,
     ContactResult,
     History,
     InputError,
     ProblemFile,
+    RectilinearMesh,
+    TriangleMesh,
     load_problem,
     loop_area,
 )
+from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.companion import CompanionResult, solve_companion
 from solvers import Status
 
@@ -195,6 +200,50 @@ def gravity_dam(element: Element, quick: bool) -> Iterator[Row]:
     yield from _from_both_sides(element, "gravity_dam", "thrust", factor, "μ (W - U)/H, factor of sliding")
     if not quick:
         yield from two_models(result, "base", 1e-9, 1e-4)
+
+
+@shown("examples/gravity_dam", lambda: replace(file_problem("gravity_dam"), mesh=_dam_mesh()), M)
+def _dam_graph(_: bool) -> Graph:
+    """Effective pressure, shear and uplift in the base of the dam."""
+    line, other = by_both_models(file_problem("gravity_dam"), "base")
+    ours = (
+        Curve("effective pressure, stresses", line.x, -line.effective_normal_stress),
+        Curve("shear, stresses", line.x, np.abs(line.tangential_stress)),
+    )
+    water = Curve("uplift", line.x, line.pore_pressure).ordered()
+    uplift = np.interp(other.x, water.x, water.y)
+    known = (
+        Curve("effective pressure, displacements", other.x, -other.normal_stress - uplift).ordered(),
+        Curve("shear, displacements", other.x, np.abs(other.tangential_stress)).ordered(),
+        water,
+    )
+    return Graph("x [m]", "traction [MPa]", ours, known)
+
+
+def _dam_mesh() -> TriangleMesh:
+    """The dam of the file and the rock below it, on few triangles."""
+    x = np.array([-30.0, -15.0, 0.0, 8.0, 16.0, 24.0, 39.0, 54.0])
+    y = np.array([-25.0, -12.0, 0.0, 9.5, 19.0, 28.0, 30.0])
+    middle_x, middle_y = (x[1:] + x[:-1]) / 2.0, (y[1:] + y[:-1]) / 2.0
+    body = (middle_y < 0.0)[:, None] | ((middle_x > 0.0) & (middle_x < 24.0))[None]
+    whole = TriangleMesh.of_rectangles(RectilinearMesh(x, y, body))
+    above = np.maximum(whole.vertices[:, 1], 0.0) / 30.0
+    vertices = np.column_stack([whole.vertices[:, 0] * (1.0 - above * 19.0 / 24.0), whole.vertices[:, 1]])
+    mesh = TriangleMesh(vertices, whole.cells).with_joint("base", lambda x, y: (y == 0.0) & (x > 0.0) & (x < 24.0))
+    named: dict[str, Callable[[FloatArray, FloatArray], BoolArray]] = {
+        "upstream": lambda x, y: (x == 0.0) & (y > 0.0) & (y < 28.0),
+        "freeboard": lambda x, y: (x == 0.0) & (y > 28.0),
+        "crest": lambda _, y: y == 30.0,
+        "downstream": lambda x, y: (x > 0.0) & (y > 0.0) & (y < 30.0),
+        "reservoir floor": lambda x, y: (x < 0.0) & (y == 0.0),
+        "rock downstream": lambda x, y: (x > 24.0) & (y == 0.0),
+        "rock left": lambda x, _: x == -30.0,
+        "rock right": lambda x, _: x == 54.0,
+        "underground": lambda _, y: y == -25.0,
+    }
+    for name, edges in named.items():
+        mesh = mesh.with_edges(name, edges)
+    return mesh
 
 
 @PROBLEMS.on("examples/half_discs", TRIANGLES)

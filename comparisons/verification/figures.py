@@ -1,5 +1,6 @@
-"""The picture of a run: error over tolerance of every row."""
+"""Pictures of a run, from its rows: error over tolerance of all of them, and what bodies are out of balance by."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.lab.report.drawing import grid, legend_below
@@ -14,13 +15,11 @@ if TYPE_CHECKING:
 
 Document = dict[str, Any]
 
+_BROKEN: Final = "broken off"
 _LOOKS: Final = {
-    Kind.ANALYTIC.value: (BLUE, "o"),
-    Kind.PUBLISHED.value: (ORANGE, "s"),
-    Kind.EXTERNAL.value: (VERMILLION, "^"),
-    Kind.METHODS.value: (GREEN, "D"),
-    None: (GREY, "P"),
-}
+    Kind.ANALYTIC: (BLUE, "o"), Kind.PUBLISHED: (ORANGE, "s"), Kind.EXTERNAL: (VERMILLION, "^"),
+    Kind.METHODS: (GREEN, "D"), _BROKEN: (GREY, "P"),
+}  # fmt: skip
 _NARROW: Final = 4.2  # width of a picture for a small screen [inch]
 _ROUNDING: Final = 1e-17  # imbalances below are drawn here
 _LEAST, _MOST = 1e-4, 1e2  # what lies beyond is drawn on the edge
@@ -28,20 +27,24 @@ _LEAST, _MOST = 1e-4, 1e2  # what lies beyond is drawn on the edge
 
 def overview(document: Document) -> "Figure":
     """One line for each problem, one mark for each row; left of 1 is within the tolerance."""
+    from pandas import DataFrame
+
     problems = list(problems_of(document))
+    rows = DataFrame([{**row, "line": line} for line, each in enumerate(problems) for row in each["rows"]])
+    rows["place"] = rows.ratio.astype(float).fillna(_MOST).clip(_LEAST, _MOST)
     figure = new_figure(9.0, 1.4 + 0.17 * len(problems))
     axes = figure.subplots()
+    kinds = rows.kind.fillna(_BROKEN)
     for kind, (colour, marker) in _LOOKS.items():
-        _marks(axes, problems, kind, colour, marker)
-    _failures(axes, problems)
+        if (chosen := rows[kinds == kind]).size:
+            look: dict[str, Any] = {"marker": marker, "markerfacecolor": "none", "markersize": 5}
+            axes.plot(chosen.place, chosen.line, color=colour, linestyle="none", label=str(kind), **look)
+    if (failed := rows[~rows.passed]).size:
+        axes.plot(failed.place, failed.line, "kx", markersize=9, label="failed")
     axes.axvline(1.0, color="black", linewidth=1.0)
-    axes.set_xscale("log")
+    _line_by_line(axes, [each["name"] for each in problems])
     axes.set_xlim(_LEAST / 1.5, _MOST * 1.5)
-    axes.set_yticks(range(len(problems)), [problem["name"] for problem in problems])
-    axes.set_ylim(len(problems) - 0.5, -0.5)
     axes.set_xlabel("error / tolerance [-]; marks on the edges lie on or beyond them")
-    grid(axes)
-    axes.set_axisbelow(True)
     figure.legend(loc="outside upper center", ncols=6, frameon=False)
     return figure
 
@@ -57,36 +60,16 @@ def conservation(document: Document) -> "Figure":
         x = [max(row["ours"], _ROUNDING) for row in shown]
         y = [names.index(row["quantity"].split(", ")[0]) for row in shown]
         axes.plot(x, y, color=colour, marker=marker, linestyle="none", markerfacecolor="none", label=model)
-    axes.set_xscale("log")
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(len(names) - 0.5, -0.5)
+    _line_by_line(axes, names)
     axes.set_xlabel("imbalance / forces [-]")
-    grid(axes)
-    axes.set_axisbelow(True)
     legend_below(figure, 2, 9)
     return figure
 
 
-def _marks(axes: "Axes", problems: list[Document], kind: str | None, colour: str, marker: str) -> None:
-    points = [
-        (_place(row), line) for line, problem in enumerate(problems) for row in problem["rows"] if row["kind"] == kind
-    ]
-    if points:
-        x, y = zip(*points, strict=True)
-        label = kind or "broken off"
-        look: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": "none", "markerfacecolor": "none"}
-        axes.plot(x, y, markersize=5, label=label, **look)
-
-
-def _failures(axes: "Axes", problems: list[Document]) -> None:
-    points = [
-        (_place(row), line) for line, problem in enumerate(problems) for row in problem["rows"] if not row["passed"]
-    ]
-    if points:
-        x, y = zip(*points, strict=True)
-        axes.plot(x, y, color="black", marker="x", linestyle="none", markersize=9, label="failed")
-
-
-def _place(row: Document) -> float:
-    ratio = _MOST if row["ratio"] is None else row["ratio"]
-    return float(min(max(ratio, _LEAST), _MOST))
+def _line_by_line(axes: "Axes", names: Sequence[str]) -> None:
+    """Logarithmic to the right, and downwards a line for each name."""
+    axes.set_xscale("log")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    grid(axes)
+    axes.set_axisbelow(True)

@@ -7,9 +7,10 @@ from typing import Final
 import numpy as np
 
 from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Chapter, Element
+from comparisons.verification.exhibits import MM, Curve, Graph, shown
 from comparisons.verification.proof import bounded, by_hand, certified, infeasible
 from comparisons.verification.row import Row, absolute, at_most, relative, word
-from comparisons.verification.two_models import two_models
+from comparisons.verification.two_models import by_both_models, two_models
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -162,6 +163,19 @@ def wedge(element: Element, quick: bool) -> Iterator[Row]:
         yield from two_models(result, "bottom", 1e-9, 1e-2)
 
 
+@shown("wedge", lambda: on_a_slope(0.2))
+def _wedge_graph(quick: bool) -> Graph:
+    """The force that pushes the block uphill, over friction: both bounds lie on the formula."""
+    frictions, fine = np.array([0.0, 0.2] if quick else [0.0, 0.1, 0.2, 0.3]), np.linspace(0.0, 0.3)
+    limits = [TRIANGLES.limit_load(on_a_slope(float(friction)), ["F"]) for friction in frictions]
+    ours = (
+        Curve("F/G that the mesh carries", frictions, np.array([limit.lower for limit in limits])),
+        Curve("F/G that a mechanism allows", frictions, np.array([limit.upper for limit in limits])),
+    )
+    known = Curve("(tan α + μ)/(1 − μ tan α)", fine, np.array([slope_factor(float(friction)) for friction in fine]))
+    return Graph("coefficient of friction μ [-]", "F/G [-]", ours, (known,))
+
+
 @PROBLEMS.on("oblique-block", TRIANGLES, QUINTIC, few=1)
 def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
     """A block 40 × 20 on a plane tilted by 30°, pressed by 300: a shear of 99 % of μN holds, one of 101 % slides."""
@@ -176,6 +190,22 @@ def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
         yield relative(f"factor that the {quantity} carries", ours, 2.0, 1e-6, "μN over half of it", bounded(limit))
     if not quick:
         yield from two_models(holds, "plane", 1e-9, 1e-3)
+
+
+@shown("oblique-block", lambda: oblique(0.99), MM)
+def _oblique_graph(_: bool) -> Graph:
+    """At 99 % of the friction force the shear is just below its bound."""
+    line, other = by_both_models(oblique(0.99), "plane")
+    along, beside = np.hypot(line.x, line.y), np.hypot(other.x, other.y)
+    ours = (
+        Curve("bound μp, stresses", along, line.friction_bound),
+        Curve("shear, stresses", along, np.abs(line.tangential_stress)),
+    )
+    known = (
+        Curve("bound μp, displacements", beside, other.friction_bound).ordered(),
+        Curve("shear, displacements", beside, np.abs(other.tangential_stress)).ordered(),
+    )
+    return Graph("length along the plane [mm]", "traction [MPa]", ours, known)
 
 
 @PROBLEMS.named("unbalanced")

@@ -76,6 +76,16 @@ def traction_difference(ours: ContactLine, theirs: ContactLine, unit: float) -> 
     return max(float(np.abs(one - other).max()) for one, other in pairs) / unit
 
 
+def angles(line: ContactLine | CompanionContact) -> FloatArray:
+    """Directions of the points from the origin [rad]."""
+    return np.asarray(np.arctan2(line.y, line.x))
+
+
+def degrees(line: ContactLine | CompanionContact) -> FloatArray:
+    """The same [°]."""
+    return np.asarray(np.rad2deg(angles(line)))
+
+
 def mean_pressure(line: ContactLine | CompanionContact) -> float:
     """Normal force over length [stress]."""
     return float(line.normal_force / line.weights.sum())

@@ -6,12 +6,14 @@ from typing import Final
 import numpy as np
 
 from comparisons.verification.elements import QUINTIC, TRIANGLES, Chapter, Element
-from comparisons.verification.measures import ellipse
+from comparisons.verification.exhibits import MM, Curve, Graph, shown
+from comparisons.verification.measures import angles, degrees, ellipse
 from comparisons.verification.proof import both, by_hand, certified
 from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, relative, word
 from comparisons.verification.two_models import two_models
 from qvi_contact import ContactLine, ContactState, History
-from qvi_contact.gallery import cylinder_in_bore, cylinder_on_block, half_discs, press_fit_torque
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.gallery import cylinder_in_bore, cylinder_on_block, half_discs, persson_pressure, press_fit_torque
 
 PROBLEMS: Final = Chapter()
 
@@ -38,6 +40,15 @@ def hertz(element: Element, quick: bool) -> Iterator[Row]:
         yield relative(quantity, peak, 3585.36, 1e-3, "Hertz; a/R = 0.12: how far half planes reach", certified(whole))
 
 
+@shown("cylinder-on-block", lambda: cylinder_on_block(1.0, 2, 0), MM)
+def _hertz_graph(quick: bool) -> Graph:
+    """The pressure under the cylinder is Hertz's ellipse."""
+    line = TRIANGLES.solve(cylinder_on_block(0.01, 4 if quick else 6, 2 if quick else 4)).contacts["contact"]
+    x = np.linspace(0.0, 0.9, 200)
+    known = Curve("Hertz", x, 358.536 * _ellipse(x / 0.62146))
+    return Graph("x [mm]", "pressure [MPa]", (Curve("stresses", line.x, -line.normal_stress),), (known,))
+
+
 @PROBLEMS.on("half-discs", TRIANGLES, QUINTIC, few=1)
 def cattaneo(element: Element, quick: bool) -> Iterator[Row]:
     """Two half discs pressed together and sheared, of one material: Hertz, Cattaneo and Mindlin.
@@ -59,6 +70,22 @@ def cattaneo(element: Element, quick: bool) -> Iterator[Row]:
         yield relative(quantity, stick, 0.496511 * root, least, f"Cattaneo, Mindlin; {reach}", proof)
         if not quick and share < 1e-3:
             yield from two_models(result, "contact", 1e-9, 1e-3)
+
+
+@shown("half-discs", lambda: half_discs(1.0, 2, 0), MM)
+def _cattaneo_graph(quick: bool) -> Graph:
+    """Shear stays below the bound in the middle, which sticks, and reaches it outside."""
+    line = TRIANGLES.solve(half_discs(1e-4, 4 if quick else 6, 2 if quick else 4)).contacts["contact"]
+    x, height = np.linspace(-0.9, 0.9, 400), 0.2 * 93.51351
+    bound = height * _ellipse(x / 0.680778)
+    shear = bound - height * 0.496511 / 0.680778 * _ellipse(x / 0.496511)
+    known = Curve("bound μp, Hertz", x, bound), Curve("shear, Cattaneo and Mindlin", x, shear)
+    place = 100.0 * line.x
+    ours = (
+        Curve("bound μp, stresses", place, -200.0 * line.normal_stress),
+        Curve("shear, stresses", place, 1e3 * np.abs(line.tangential_stress)),
+    )
+    return Graph("x [0.01 mm]", "traction [kPa]", ours, known)
 
 
 @PROBLEMS.on("slip-torque", TRIANGLES, QUINTIC, few=1)
@@ -86,6 +113,23 @@ def slip_torque(element: Element, quick: bool) -> Iterator[Row]:
         yield from two_models(element.solve(press_fit_torque(0.2, 0.5 * limit, sectors=6)), "shaft", 1e-4, 1e-4)
 
 
+@shown("slip-torque", lambda: press_fit_torque(0.2, 47066.77, sectors=2), MM)
+def _torque_graph(quick: bool) -> Graph:
+    """The torque grows with the turn until all of the fit slips, and no further."""
+    # the torque over the turn of the bore: two rings in series until all of the fit slips
+    stiffness = 4.0 * np.pi * (206e3 / 2.6) / (1.0 / 5.0**2 - 1.0 / 50.0**2)
+    first = FULL_SLIP / stiffness
+    turns = first * (np.array([0.5, 1.5]) if quick else np.array([0.25, 0.5, 0.75, 0.9, 1.1, 1.25, 1.5, 2.0]))
+    torques = [_torque_at(float(turn)) for turn in turns]
+    known = Curve("2π μ p R² at most", 1e3 * first * np.array([0.0, 1.0, 2.0]), FULL_SLIP * np.array([0.0, 1.0, 1.0]))
+    ours = Curve("stresses", 1e3 * turns, np.array(torques) / 1e3)
+    return Graph("turn of the bore [mrad]", "torque [N m/mm]", (ours,), (known._replace(y=known.y / 1e3),))
+
+
+def _torque_at(turn: float) -> float:
+    return _torque(TRIANGLES.solve(press_fit_torque(0.2, turn=5.0 * turn)).contacts["shaft"])
+
+
 @PROBLEMS.on("cylinder-in-bore-friction", TRIANGLES)
 def klang(element: Element, quick: bool) -> Iterator[Row]:
     """The cylinder in a bore with μ = 0.4: Klang's problem, Code_Aster's SSNV127, whose curve was digitised.
@@ -98,7 +142,7 @@ def klang(element: Element, quick: bool) -> Iterator[Row]:
     for count in (1,) if quick else (1, _STEPS):
         history = klang_history(element, count)
         line, proof = history.steps[-1].contacts["bore"], both(*map(certified, history.steps))
-        near = np.where(np.abs(np.arctan2(line.y, line.x)) < np.deg2rad(15.0), line.weights, 0.0)
+        near = np.where(np.abs(angles(line)) < np.deg2rad(15.0), line.weights, 0.0)
         ours = float(-(near @ line.normal_stress) / near.sum())
         source = f"Klang; digitised, load in {count} step{'s' if count > 1 else ''}: only 8 % are asked for"
         yield relative("mean pressure, 0° to 15° [MPa]", ours, 17.8, 0.08, source, proof, Kind.PUBLISHED)
@@ -110,6 +154,28 @@ def klang(element: Element, quick: bool) -> Iterator[Row]:
             yield from two_models(history.steps[-1], "bore", 1e-3, 1e-2)
 
 
+@shown("cylinder-in-bore-friction", lambda: cylinder_in_bore(2, 0.4, extent=2.0), MM)
+def _klang_graph(quick: bool) -> Graph:
+    """Pressure, and shear over μ, which meets it where the bore slips: both depend on the steps of the load."""
+    # pressure after one and after many steps of the load, and how much of the friction bound shear has taken
+    ours = []
+    for count in (1, 3 if quick else 10):
+        line = klang_history(TRIANGLES, count, 4 if quick else 8).steps[-1].contacts["bore"]
+        steps = f"{count} step{'s' if count > 1 else ''}"
+        ours += [
+            Curve(f"pressure, {steps}", degrees(line), -line.normal_stress).until(75.0),
+            Curve(f"shear over μ, {steps}", degrees(line), np.abs(line.tangential_stress) / 0.4).until(75.0),
+        ]
+    read = Curve("pressure that was read from Klang's curve", np.array([0.0, 15.0]), np.array([17.8, 17.8]))
+    return Graph("angle θ from the load [°]", "pressure, shear / μ [MPa]", tuple(ours), (persson(), read))
+
+
+def persson() -> Curve:
+    """The closed form without friction."""
+    theta = np.linspace(0.0, 75.0, 200)
+    return Curve("Persson, without friction", theta, persson_pressure(np.deg2rad(theta)))
+
+
 def klang_history(element: Element, count: int, sectors: int = 8) -> History:
     """Klang's problem with its load in so many equal steps."""
     shares = np.linspace(0.0, 1.0, count + 1)[1:].tolist()
@@ -119,9 +185,13 @@ def klang_history(element: Element, count: int, sectors: int = 8) -> History:
 def _sticks_until(line: ContactLine) -> float:
     """Largest angle [°] of a point that sticks; zero if none does."""
     sticks = line.state == ContactState.STICK
-    return float(np.rad2deg(np.arctan2(line.y, line.x)[sticks].max(initial=0.0)))
+    return float(degrees(line)[sticks].max(initial=0.0))
 
 
 def _torque(line: ContactLine) -> float:
     """Size of the moment of the shear about the origin, around which the line is closed [stress × length²]."""
     return float(abs(line.weights @ (line.tangential_stress * np.hypot(line.x, line.y))))
+
+
+def _ellipse(x: FloatArray) -> FloatArray:
+    return np.sqrt(np.maximum(1.0 - x**2, 0.0))

@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator
 
+from comparisons.verification.elements import TRIANGLES
 from comparisons.verification.measures import mean_pressure
 from comparisons.verification.proof import both, certified, certified_companion
 from comparisons.verification.row import Kind, Row, at_least, at_most, relative
-from qvi_contact import ContactResult
-from qvi_contact.companion import solve_companion
+from qvi_contact import ContactLine, ContactProblem, ContactResult
+from qvi_contact.companion import CompanionContact, solve_companion
 
 
 def two_models(result: ContactResult, contact: str, tolerance: float, apart: float) -> Iterator[Row]:
@@ -20,3 +21,8 @@ def two_models(result: ContactResult, contact: str, tolerance: float, apart: flo
     yield at_most("gap of the energies over the strain energy", width, apart, 0.0, source, proof, Kind.METHODS)
     if found.guaranteed:
         yield at_least("the same, upper not below lower", width, 0.0, 1e-9, source, proof)
+
+
+def by_both_models(problem: ContactProblem, contact: str) -> tuple[ContactLine, CompanionContact]:
+    """A contact by stresses and by displacements on the same triangles."""
+    return TRIANGLES.solve(problem).contacts[contact], TRIANGLES.companion(problem).contacts[contact]
