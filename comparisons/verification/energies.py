@@ -1,7 +1,4 @@
-"""Chapter on the displacement model beside the equilibrium model: forces, and energies from both sides.
-
-Problems on energy brackets belong here: a function that yields rows, and its name in `CHAPTER`.
-"""
+"""Chapter on the displacement model beside the equilibrium model: forces, and energies from both sides."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -76,10 +73,9 @@ def energies_without_friction(element: Element, quick: bool) -> Iterator[Row]:
 @PROBLEMS.on("energies-tresca", *BOTH)
 def energies_under_a_given_bound(element: Element, quick: bool) -> Iterator[Row]:
     """Tresca's law: the bound is given, and lower ≤ upper energy on every mesh."""
+    contact = Contact.tresca("top", 10.0, gap=-_DISPLACEMENT, name="plate")
     for n in (4,) if quick else (4, 8, 16, 32):
-        contact = Contact.tresca("top", 10.0, gap=-_DISPLACEMENT, name="plate")
-        problem = _plate((n, n), contact)
-        lower, upper, proof = _energies(element, problem)
+        lower, upper, proof = _energies(element, _plate((n, n), contact))
         yield _ordered(lower, upper, f"bound 10 MPa, {n}² cells", proof)
 
 

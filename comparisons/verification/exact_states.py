@@ -1,6 +1,6 @@
 """Chapter on states whose Airy function both elements contain: nothing is left to approximate."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import product
 from typing import Final, Literal
 
@@ -20,6 +20,7 @@ from qvi_contact import (
     Symmetry,
     Traction,
 )
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Condition
@@ -83,16 +84,12 @@ def side_traction_stops_slip(element: Element, quick: bool) -> Iterator[Row]:
 def bending(element: Element, quick: bool) -> Iterator[Row]:
     """Pure bending by end tractions, σ_xx = m y: end moment m h³/12 and strain energy c11 m² h³ w / 24."""
     moment = 7.0
-    for name, mesh, material in _bodies(quick):
-        state = pure_bending(material, moment)
-        result = element.solve(problem_from_state(state, mesh, material, _sides("tt", "tt", "tt", "uu")))
-        where = _where(name, material)
+    for result, state, c, where in _states(element, quick, lambda m: pure_bending(m, moment), "tt", "tt", "tt", "uu"):
         yield _stress(result, state, f"σ_xx = m y; {where}")
         end = -moment * _HEIGHT**3 / 12.0
         ours, proof = result.resultant("right").moment, certified(result)
         yield relative("moment on the right end [stress length²]", ours, end, TOLERANCE, f"−m h³/12; {where}", proof)
-        energy = float(material.compliance[0, 0]) * moment**2 * _HEIGHT**3 * _WIDTH / 24.0
-        yield _energy(result, energy, f"c11 m² h³ w / 24; {where}")
+        yield _energy(result, c[0, 0] * moment**2 * _HEIGHT**3 * _WIDTH / 24.0, f"c11 m² h³ w / 24; {where}")
 
 
 @PROBLEMS.on("cantilever", *BOTH)
@@ -100,47 +97,38 @@ def timoshenko_cantilever(element: Element, quick: bool) -> Iterator[Row]:
     """Cantilever loaded at its end with its exact end displacements, free at y = ±h/2: Timoshenko's solution."""
     slope = 3.0
     shear = -slope * _HEIGHT**2 / 8.0
-    for name, mesh, material in _bodies(quick):
-        state = cantilever(material, slope, shear)
-        result = element.solve(problem_from_state(state, mesh, material, _sides("tt", "uu", "tt", "uu")))
-        where = _where(name, material)
+    states = _states(element, quick, lambda m: cantilever(m, slope, shear), "tt", "uu", "tt", "uu")
+    for result, state, c, where in states:
         yield _stress(result, state, f"Timoshenko and Goodier, Theory of Elasticity, art. 21; {where}")
         force = -shear * _HEIGHT - slope * _HEIGHT**3 / 24.0
         ours, proof = result.resultant("right").y, certified(result)
         yield relative("end force [stress length]", ours, force, TOLERANCE, f"k h³/12; {where}", proof)
-        bent = float(material.compliance[0, 0]) * slope**2 * _HEIGHT**3 * _WIDTH**3 / 72.0
-        sheared = float(material.compliance[2, 2]) * slope**2 * _HEIGHT**5 * _WIDTH / 240.0
+        bent = c[0, 0] * slope**2 * _HEIGHT**3 * _WIDTH**3 / 72.0
+        sheared = c[2, 2] * slope**2 * _HEIGHT**5 * _WIDTH / 240.0
         yield _energy(result, bent + sheared, f"c11 k² h³ w³/72 + c33 k² h⁵ w/240; {where}")
 
 
 @PROBLEMS.on("simple-shear", *BOTH)
 def simple_shear(element: Element, quick: bool) -> Iterator[Row]:
     """Uniform shear τ by displacements of all sides: shear force τ w and strain energy c33 τ² h w / 2."""
-    for name, mesh, material in _bodies(quick):
-        state = uniform(material, xy=5.0)
-        result = element.solve(problem_from_state(state, mesh, material, _sides("uu", "uu", "uu", "uu")))
-        where = _where(name, material)
+    for result, state, c, where in _states(element, quick, lambda m: uniform(m, xy=5.0), "uu", "uu", "uu", "uu"):
         yield _stress(result, state, f"σ_xy = τ; {where}")
         ours, proof = result.resultant("top").x, certified(result)
         yield relative("shear force on the top [stress length]", ours, 10.0, TOLERANCE, f"τ w; {where}", proof)
-        energy = float(material.compliance[2, 2]) * 25.0 * _HEIGHT * _WIDTH / 2.0
-        yield _energy(result, energy, f"c33 τ² h w / 2; {where}")
+        yield _energy(result, c[2, 2] * 25.0 * _HEIGHT * _WIDTH / 2.0, f"c33 τ² h w / 2; {where}")
 
 
 @PROBLEMS.on("column", *BOTH)
 def column(element: Element, quick: bool) -> Iterator[Row]:
     """Column under its own weight, φ = ρ g y, held at the base: σ_yy = ρ g (y − h)."""
     weight = 4.0
-    for name, mesh, material in _bodies(quick):
-        state = gravity_column(material, weight, _LOW + _HEIGHT)
-        result = element.solve(problem_from_state(state, mesh, material, _sides("uu", "tt", "tt", "tt")))
-        where = _where(name, material)
+    states = _states(element, quick, lambda m: gravity_column(m, weight, _LOW + _HEIGHT), "uu", "tt", "tt", "tt")
+    for result, state, c, where in states:
         yield _stress(result, state, f"σ_yy = ρ g (y − h); {where}")
         total = weight * _WIDTH * _HEIGHT
         ours, proof = result.resultant("bottom").y, certified(result)
         yield relative("weight on the base [stress length]", ours, total, TOLERANCE, f"ρ g h w; {where}", proof)
-        energy = float(material.compliance[0, 0]) * weight**2 * _HEIGHT**3 * _WIDTH / 6.0
-        yield _energy(result, energy, f"c11 (ρ g)² h³ w / 6; {where}")
+        yield _energy(result, c[0, 0] * weight**2 * _HEIGHT**3 * _WIDTH / 6.0, f"c11 (ρ g)² h³ w / 6; {where}")
 
 
 @PROBLEMS.on("incompressible", *BOTH, few=1)
@@ -179,19 +167,20 @@ def _cases(quick: bool) -> list[tuple[tuple[str, tuple[tuple[int, int], float]],
     return list(product(meshes, planes))
 
 
-def _bodies(quick: bool) -> Iterator[tuple[str, RectilinearMesh, Material]]:
-    """Meshes of [0, 2] × [−½, ½] and materials."""
+def _states(
+    element: Element, quick: bool, state_of: Callable[[Material], ExactState], *kinds: str
+) -> Iterator[tuple[ContactResult, ExactState, FloatArray, str]]:
+    """Results on [0, 2] × [−½, ½], their exact states and compliances, and where that is.
+
+    `kinds` say what of the state is given on bottom, right, top and left, see `problem_from_state`.
+    """
+    given = dict(zip(("bottom", "right", "top", "left"), kinds, strict=True))
     for (name, (cells, grading)), plane in _cases(quick):
         mesh = RectilinearMesh.rectangle(cells, _WIDTH, _HEIGHT, origin=(0.0, _LOW), grading=grading)
-        yield name, mesh, _MATERIALS[plane == "strain"]
-
-
-def _sides(*kinds: str) -> dict[str, str]:
-    return dict(zip(("bottom", "right", "top", "left"), kinds, strict=True))
-
-
-def _where(name: str, material: Material) -> str:
-    return f"{name}, plane {material.plane}"
+        material = _MATERIALS[plane == "strain"]
+        state = state_of(material)
+        result = element.solve(problem_from_state(state, mesh, material, given))
+        yield result, state, material.compliance, f"{name}, plane {plane}"
 
 
 def _stress(result: ContactResult, state: ExactState, source: str) -> Row:
