@@ -8,6 +8,7 @@ import numpy as np
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE
 from comparisons.verification import slip
+from comparisons.verification.bodies import plate_under
 from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import Proof, both, by_hand, certified
@@ -54,9 +55,7 @@ _RATES_ON_TRIANGLES: Final = {"Tresca": (1.5, "h^1.5 or better: σ_T may jump at
 
 
 def _tresca(cells: int, grading: float) -> ContactProblem:
-    plate = compressed_plate(0.0, (cells, cells), grading=grading)
-    contact = Contact.tresca("top", 40.0, gap=-_PUSH, name="plate")
-    return replace(plate, conditions=[*plate.conditions[:3], contact])
+    return plate_under(Contact.tresca("top", 40.0, gap=-_PUSH, name="plate"), cells, grading)
 
 
 def _sticking(cells: int, grading: float) -> ContactProblem:

@@ -1,12 +1,12 @@
 """Chapter on the displacement model beside the equilibrium model: forces, and energies from both sides."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from comparisons.settled import SETTLED, SOURCE
+from comparisons.verification.bodies import plate_under
 from comparisons.verification.elements import BOTH, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import ENERGY, FORCE
 from comparisons.verification.proof import Proof, both, certified, certified_companion
@@ -39,7 +39,7 @@ def companion_force(element: Element, quick: bool) -> Iterator[Row]:
 def companion_without_friction(element: Element, quick: bool) -> Iterator[Row]:
     """Smooth plate: linear displacements are in the space, so that force and both energies are exact."""
     for n in (4,) if quick else (2, 8, 32):
-        problem = _plate((n, n), _GAP)
+        problem = plate_under(_GAP, n)
         companion, result = element.companion(problem), element.solve(problem)
         proof = both(certified(result), certified_companion(companion, guaranteed=True))
         force = companion.contacts["plate"].normal_force
@@ -54,7 +54,7 @@ def companion_without_friction(element: Element, quick: bool) -> Iterator[Row]:
 def energies_of_a_tied_plate(element: Element, quick: bool) -> Iterator[Row]:
     """Plate that sticks: the exact energy, and with it P/2 = 2 E/U, lies between those of the two models."""
     for n in (4, 8) if quick else (2, 4, 8, 16, 32, 64):
-        lower, upper, proof = _energies(element, _plate((n, n), Contact.tied("top", gap=-_DISPLACEMENT, name="plate")))
+        lower, upper, proof = _energies(element, plate_under(Contact.tied("top", gap=-_DISPLACEMENT, name="plate"), n))
         yield _ordered(lower, upper, f"{n}² cells", proof)
         low, high, settled = 2e3 * lower, 2e3 * upper, SETTLED[1.0]
         source = f"{SOURCE}; {n}² cells"
@@ -75,7 +75,7 @@ def energies_under_a_given_bound(element: Element, quick: bool) -> Iterator[Row]
     """Tresca's law: the bound is given, and lower ≤ upper energy on every mesh."""
     contact = Contact.tresca("top", 10.0, gap=-_DISPLACEMENT, name="plate")
     for n in (4,) if quick else (4, 8, 16, 32):
-        lower, upper, proof = _energies(element, _plate((n, n), contact))
+        lower, upper, proof = _energies(element, plate_under(contact, n))
         yield _ordered(lower, upper, f"bound 10 MPa, {n}² cells", proof)
 
 
@@ -92,12 +92,6 @@ def _energies(element: Element, problem: ContactProblem) -> tuple[float, float, 
 def _ordered(lower: float, upper: float, source: str, proof: Proof) -> Row:
     quantity, source = "lower energy −J*(τ) [stress length²]", f"−J*(τ) ≤ J(v) of the displacement model; {source}"
     return at_most(quantity, lower, upper, 1e-12 * abs(upper), source, proof)
-
-
-def _plate(cells: tuple[int, int], contact: Contact) -> ContactProblem:
-    """The compressed plate with another law on its top."""
-    rough = compressed_plate(1.0, cells)
-    return replace(rough, conditions=[*[c for c in rough.conditions if not isinstance(c, Contact)], contact])
 
 
 def _tilted(cells: tuple[int, int]) -> ContactProblem:

@@ -1,15 +1,15 @@
 """Chapter on the compressed plate against displacement codes."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE
+from comparisons.verification.bodies import plate_under
 from comparisons.verification.elements import EVERY, QUINTIC, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import certified
 from comparisons.verification.row import Kind, Row, at_least, at_most, relative, word
-from qvi_contact import Contact, ContactProblem, refine
+from qvi_contact import Contact, refine
 from qvi_contact.gallery import compressed_plate
 
 PROBLEMS: Final = Chapter()
@@ -67,21 +67,13 @@ def limits_of_the_force(element: Element, quick: bool) -> Iterator[Row]:
 @PROBLEMS.on("plate-between", *EVERY, few=1)
 def between_slip_and_stick(element: Element, quick: bool) -> Iterator[Row]:
     """Friction makes the plate stiffer than smooth, at most as stiff as one that sticks: E U ≤ P ≤ P_tied."""
-    count, grading = (_COARSE if quick else _GRADED)[element]
-    cells = (count, count)
-    tied = element.solve(_tied(cells, grading))
+    cells, grading = (_COARSE if quick else _GRADED)[element]
+    tied = element.solve(plate_under(Contact.tied("top", gap=-1e-3, name="plate"), cells, grading))
     for friction in (0.1, 0.5) if quick else (0.05, 0.1, 0.2, 0.5):
-        result = element.solve(compressed_plate(friction, cells, grading=grading))
+        result = element.solve(compressed_plate(friction, (cells, cells), grading=grading))
         force, proof = result.contacts["plate"].normal_force, certified(result, tied)
         source = "from J(u) ≤ J(v) and P U = 2 J(u) − ∫s|u_T|"
         quantity = f"P/2, μ = {friction:g} [{FORCE}]"
         yield at_least(quantity, force, 209.0, 1e-7, f"E U; {source}", proof)
         glued = tied.contacts["plate"].normal_force
         yield at_most(quantity, force, glued, 1e-7, f"P_tied on the same mesh; {source}", proof)
-
-
-def _tied(cells: tuple[int, int], grading: float) -> ContactProblem:
-    """The plate glued to what presses it."""
-    rough = compressed_plate(1.0, cells, grading=grading)
-    glued = Contact.tied("top", gap=-1e-3, name="plate")
-    return replace(rough, conditions=[*[c for c in rough.conditions if not isinstance(c, Contact)], glued])

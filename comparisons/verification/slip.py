@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
+from comparisons.verification.bodies import half_disc, half_discs, sheared_layer
 from comparisons.verification.elements import TRIANGLES, Chapter, Element
 from comparisons.verification.measures import energy_apart, halved
 from comparisons.verification.proof import Proof, both, by_hand, certified
 from comparisons.verification.row import Kind, Row, at_least, at_most, enclosed, word
-from comparisons.verification.slipping import half_disc, half_discs, sheared_layer
 from qvi_contact import Contact, ContactProblem, ContactResult, TriangleMesh
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.slip import SlipBounds, slip_bounds

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from comparisons.verification.bodies import half_disc, half_discs
 from comparisons.verification.measures import energy_apart
-from comparisons.verification.slipping import half_disc, half_discs
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
 from qvi_contact.bracket.bodies import bodies_of
 from qvi_contact.bracket.friction_ends import no_friction_operator

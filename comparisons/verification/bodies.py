@@ -1,10 +1,20 @@
-"""Bodies whose contacts slip in one sense: a half disc, two of them, a sheared layer."""
+"""Bodies of several chapters: the compressed plate under any law; and such as slip in one sense."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Region, Traction
+from qvi_contact.gallery import compressed_plate
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition
+
+
+def plate_under(contact: Contact, cells: int, grading: float = 1.0) -> ContactProblem:
+    """The compressed plate with this contact on its top."""
+    plate = compressed_plate(1.0, (cells, cells), grading=grading)
+    rest = [condition for condition in plate.conditions if not isinstance(condition, Contact)]
+    return replace(plate, conditions=[*rest, contact])
 
 
 def half_disc(friction: float = 0.3, push: tuple[float, float] = (2e-3, -2e-3), *, held: bool = True) -> ContactProblem:
