@@ -46,8 +46,7 @@ def companion_without_friction(element: Element, quick: bool) -> Iterator[Row]:
         yield relative(f"P/2 by displacements [{FORCE}]", force, 209.0, 1e-9, f"E U; {n}² cells", proof)
         exact, source = 209.0 * _DISPLACEMENT / 2.0, f"E U²/2; {n}² cells"
         yield relative(f"upper energy [{ENERGY}]", companion.energy, exact, 1e-10, source, proof)
-        lower = -result.energies.complementary
-        yield relative(f"lower energy [{ENERGY}]", lower, exact, 1e-10, source, proof)
+        yield relative(f"lower energy [{ENERGY}]", -result.energies.complementary, exact, 1e-10, source, proof)
 
 
 @PROBLEMS.on("energies-tied", *BOTH)

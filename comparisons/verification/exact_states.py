@@ -184,17 +184,14 @@ def _states(
 
 
 def _stress(result: ContactResult, state: ExactState, source: str) -> Row:
-    error = stress_error(result, state)
-    return absolute(_STRESS, error, 0.0, TOLERANCE, source, certified(result))
+    return absolute(_STRESS, stress_error(result, state), 0.0, TOLERANCE, source, certified(result))
 
 
 def _energy(result: ContactResult, exact: float, source: str) -> Row:
     ours = result.energies.strain
-    quantity = "strain energy [stress length²]"
-    return relative(quantity, ours, exact, TOLERANCE, source, certified(result))
+    return relative("strain energy [stress length²]", ours, exact, TOLERANCE, source, certified(result))
 
 
 def _no_slip(result: ContactResult, unit: float, source: str) -> Row:
     slip = float(np.abs(result.contacts["plate"].slip).max()) / unit
-    quantity = "largest |slip| over the compression"
-    return absolute(quantity, slip, 0.0, TOLERANCE, source, certified(result))
+    return absolute("largest |slip| over the compression", slip, 0.0, TOLERANCE, source, certified(result))

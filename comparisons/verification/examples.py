@@ -179,8 +179,7 @@ def gravity_column(element: Element, quick: bool) -> Iterator[Row]:
     result = _solved(element, "gravity_column")
     line, proof = result.contacts["ground"], certified(result)
     yield relative("N [N/m]", line.normal_force, 98100.0, _BALANCE, "ρ g w h", proof)
-    force = line.tangential_force / 98100.0
-    yield absolute("T over N", force, 0.0, _BALANCE, "symmetry in x", proof)
+    yield absolute("T over N", line.tangential_force / 98100.0, 0.0, _BALANCE, "symmetry in x", proof)
     middle = float(result.stress(0.5, 2.0)[1])
     source = "−ρ g (h − y), two widths above the ground"
     yield relative("σ_yy at mid-height [Pa]", middle, -49050.0, 1e-3, source, proof)
@@ -193,8 +192,7 @@ def gravity_dam(element: Element, quick: bool) -> Iterator[Row]:
     result = _solved(element, "gravity_dam")
     joint, proof = result.contacts["base"], certified(result)
     weight, uplift, thrust = 10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0
-    ours = joint.effective_normal_force
-    yield relative("effective N [MN/m]", ours, weight - uplift, _BALANCE, "W - U", proof)
+    yield relative("effective N [MN/m]", joint.effective_normal_force, weight - uplift, _BALANCE, "W - U", proof)
     yield relative("T [MN/m]", joint.tangential_force, thrust, _BALANCE, "H = γ h²/2", proof)
     factor = 0.75 * (weight - uplift) / thrust
     yield from _from_both_sides(element, "gravity_dam", "thrust", factor, "μ (W - U)/H, factor of sliding")
@@ -264,8 +262,7 @@ def half_discs(element: Element, _: bool) -> Iterator[Row]:
 def jointed_slope(element: Element, _: bool) -> Iterator[Row]:
     """A jointed slope pushed by water in its crack slides on its lowest bedding plane."""
     crack = _solved(element, "jointed_slope")
-    proof = certified(crack)
-    yield relative("thrust [kN/m]", crack.resultant("crack").x, -80.0, _BALANCE, "γ_w z²/2", proof)
+    yield relative("thrust [kN/m]", crack.resultant("crack").x, -80.0, _BALANCE, "γ_w z²/2", certified(crack))
     weight = 25.0 * 28.0 * np.sqrt(3.0)  # 28 √3 m² lie above the plane
     factor = weight * np.tan(np.arctan(0.7) - np.pi / 6.0) / 80.0
     yield from _from_both_sides(element, "jointed_slope", "water", factor, "W tan(φ - β)/V, plane failure")
@@ -341,8 +338,7 @@ def ssnv128(element: Element, quick: bool) -> Iterator[Row]:
     yield relative("T [Pa m]", force, TANGENTIAL_FORCE, 2e-3, source, proof, Kind.EXTERNAL)
     point_a = value_at(base, base.slip, 0.0)
     yield relative("u_x at point A [m]", point_a, 2.86e-5, 0.05, f"{CODE_ASTER}; ± 5 %", proof, Kind.PUBLISHED)
-    states = runs(edge_states(base))
-    yield word("zones from the left", states, "open, slip, stick", source, proof, Kind.EXTERNAL)
+    yield word("zones from the left", runs(edge_states(base)), "open, slip, stick", source, proof, Kind.EXTERNAL)
     yield from _by_displacements(quick, result, "base", 1e-3, shear=True)
 
 

@@ -106,8 +106,7 @@ def _sliding(result: ContactResult, state: ExactState, where: str) -> Iterator[R
 
 def _sticking(result: ContactResult, state: ExactState, where: str, tolerance: float = TOLERANCE) -> Iterator[Row]:
     base, proof = result.contacts["base"], certified(result)
-    error = stress_error(result, state)
-    yield absolute(_STRESS, error, 0.0, tolerance, f"Φ = −p x²/2 + a x³ y; {where}", proof)
+    yield absolute(_STRESS, stress_error(result, state), 0.0, tolerance, f"Φ = −p x²/2 + a x³ y; {where}", proof)
     normal, tangential = base.normal_force, base.tangential_force
     yield relative("N [stress length]", normal, 200.0, TOLERANCE, f"∫ p dx; {where}", proof)
     yield relative("T [stress length]", tangential, 20.0, tolerance, f"∫ 3a x² dx; {where}", proof)

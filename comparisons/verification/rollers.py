@@ -103,8 +103,7 @@ def slip_torque(element: Element, quick: bool) -> Iterator[Row]:
     torque, proof = _torque(sliding.contacts["shaft"]), certified(sliding)
     source = "2π μ p R²; the bore is turned until all of the fit slips"
     yield relative("torque in full slip [N mm/mm]", torque, limit, 1e-4, source, proof)
-    slipping = sliding.contacts["shaft"].shares["slip"]
-    yield absolute("part that slips [-]", slipping, 1.0, 0.0, "all of it", proof)
+    yield absolute("part that slips [-]", sliding.contacts["shaft"].shares["slip"], 1.0, 0.0, "all of it", proof)
     if not quick:
         above = element.solve(press_fit_torque(0.2, 1.001 * limit))
         ours = "solved" if certified(above).passed else "not solved"

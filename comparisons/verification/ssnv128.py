@@ -39,8 +39,7 @@ def displacement_model(element: Element, quick: bool) -> Iterator[Row]:
     for point, x, _ in SSNV128_DISPLACEMENTS:
         ours, quantity = value_at(base, base.slip, x), f"u_x at point {point} [m]"
         yield relative(quantity, ours, _SETTLED[point], 2e-3, f"{source}; ± 2e-9 m", proof, Kind.EXTERNAL)
-    force = base.tangential_force
-    yield relative("T [N/m]", force, TANGENTIAL_FORCE, 1e-3, f"{source}; ± 5 N/m", proof, Kind.EXTERNAL)
+    yield relative("T [N/m]", base.tangential_force, TANGENTIAL_FORCE, 1e-3, f"{source}; ± 5 N/m", proof, Kind.EXTERNAL)
     yield word("zones from the left", runs(edge_states(base)), "open, slip, stick", source, proof, Kind.EXTERNAL)
     ends = zone_ends(base)
     for name, end, exact in zip(("open", "slip"), ends, (3.28e-3, 29.84e-3), strict=False):
