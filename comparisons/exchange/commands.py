@@ -44,7 +44,7 @@ def qpbenchmark(folder: str, problems: tuple[str, ...]) -> None:
         qpbenchmark results/test_set/friction_contact.py --results-path results/test_set/qps.csv run
     """  # noqa: D301
     from comparisons.exchange import quadratic_programs as programs
-    from qvi_contact.basics.terminal import progress
+    from comparisons.lab.progress import progress
     from qvi_contact.basics.writing import writable_folder
     from qvi_contact.errors import InputError
     from qvi_contact.files.problem_file import load_problem

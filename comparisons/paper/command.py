@@ -24,9 +24,9 @@ def paper(out: Path | None, as_json: bool) -> None:
     point with quadratic and with second-order cone programs, and by every installed solver. With --json files are
     written only if --out is given.
     """
+    from comparisons.lab.progress import progress
     from comparisons.lab.report import show
     from comparisons.paper import report, study
-    from qvi_contact.basics.terminal import progress
     from qvi_contact.basics.writing import writable_folder
 
     folder = None

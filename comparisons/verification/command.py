@@ -24,12 +24,12 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
         python -m comparisons verify --out comparisons/reports/verification
         python -m comparisons verify --only ssnv128 limits --quick
     """  # noqa: D301
+    from comparisons.lab.progress import progress
     from comparisons.lab.report import show, write_report
     from comparisons.verification import registry, study
     from comparisons.verification.exhibits import pictures, results
     from comparisons.verification.report import as_json as json_of
     from comparisons.verification.report import report
-    from qvi_contact.basics.terminal import progress
     from qvi_contact.basics.writing import writable_folder
 
     chapters = registry.choose(only)

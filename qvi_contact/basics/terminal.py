@@ -1,4 +1,4 @@
-"""How the project's command lines behave: one-line errors, progress on standard error."""
+"""How the project's command lines behave: one-line errors, a console on standard error."""
 
 import io
 import os
@@ -159,25 +159,6 @@ def _complain(name: str, message: str) -> int:
 def _say(line: str) -> None:
     with suppress(OSError):  # there is no place left to complain at
         click.echo(line, err=True)
-
-
-@contextmanager
-def progress(title: str, steps: int) -> Iterator[Advance]:
-    """A progress bar on standard error, silent when that is not a terminal."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = error_console()
-    if not console.is_terminal:  # before release 14.3 of rich even a disabled bar writes an empty line
-        yield lambda *_: None
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(title, total=steps)
-
-        def advance(description: str = "") -> None:
-            bar.update(task, advance=1, description=f"{title}: {description}" if description else title)
-
-        yield advance
 
 
 def error_console() -> "Console":

@@ -15,10 +15,10 @@ from uuid import uuid4
 
 import pytest
 
+from comparisons.lab.progress import progress, rate
 from comparisons.lab.study import FAILURES, options, read_study, run_study
 from comparisons.lab.study import store as stores
 from comparisons.lab.study.children import Child, Crew, Terms
-from comparisons.lab.study.progress import rate, study_progress
 from comparisons.lab.worker import limits
 from comparisons.lab.worker.outcome import REFUSED
 from qvi_contact import InputError
@@ -401,25 +401,25 @@ class TestProgress:
         assert rate(speed) == text
 
     def test_silent_when_piped(self, capfd):
-        with study_progress("title", 1, 3) as advance:
+        with progress("title", 3, 1) as advance:
             advance("something")
         assert capfd.readouterr() == ("", "")
 
     def test_shown_on_a_terminal(self):
         shown = on_a_terminal(True)
-        for word in ("title", "3/3", "/s", "left"):
+        for word in ("title: μ = 0.15", "3/3", "/s", "left"):
             assert word in shown
         assert on_a_terminal(False) == ""
 
 
-def on_a_terminal(progress):
+def on_a_terminal(shown):
     """What a terminal gets on standard error of a run."""
     pty = pytest.importorskip("pty")
-    pause = 0.15 if progress else 0.0
+    pause = 0.15 if shown else 0.0
     script = (
-        "from comparisons.lab.study.progress import study_progress\nimport time\n"
-        f"with study_progress('title', 1, 3, {progress}) as advance:\n"
-        f"    for _ in range(2):\n        time.sleep({pause})\n        advance()\n    time.sleep({pause})"
+        "from comparisons.lab.progress import progress\nimport time\n"
+        f"with progress('title', 3, 1, shown={shown}) as advance:\n"
+        f"    for _ in range(2):\n        time.sleep({pause})\n        advance('μ = 0.15')\n    time.sleep({pause})"
     )
     ours, theirs = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}

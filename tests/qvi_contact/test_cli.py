@@ -159,23 +159,6 @@ def test_a_fault_of_the_program_is_not_blamed_on_the_input(monkeypatch):
         terminal.run(failing, "tool")
 
 
-def test_progress_is_silent_off_a_terminal(capfd):
-    with terminal.progress("paper", 2) as advance:
-        advance("first")
-        advance()
-    assert capfd.readouterr() == ("", "")
-
-
-def test_progress_on_a_terminal_tells_the_step(monkeypatch):
-    screen = io.StringIO()
-    monkeypatch.setattr(terminal, "error_console", lambda: Console(file=screen, force_terminal=True, width=100))
-    with terminal.progress("paper", 3) as advance:
-        advance("μ = 0.10")
-        advance("μ = 0.15")
-    assert "paper: μ = 0.15" in screen.getvalue()
-    assert "2/3" in screen.getvalue()
-
-
 def test_a_solve_under_way_is_shown_on_a_terminal(monkeypatch):
     """Method, iteration and residual; that one method takes the place of another one stays on the screen."""
     screen = io.StringIO()

@@ -7,10 +7,10 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from comparisons.lab.progress import progress
 from comparisons.lab.study import cluster, pool
 from comparisons.lab.study.children import Terms
 from comparisons.lab.study.declaration import Case, Study
-from comparisons.lab.study.progress import study_progress
 from comparisons.lab.study.store import finished_keys, writing
 from comparisons.lab.worker.outcome import CRAMPED, REFUSED, Outcome
 from qvi_contact.basics.cluster import check
@@ -122,14 +122,13 @@ def _check(workers: int, timeout: float | None, memory: int | None, threads: int
             raise InputError(name, value, "give a number above 0")
 
 
-def _do(run: StudyRun, terms: Terms, workers: int, dask: str | None, progress: bool) -> None:
+def _do(run: StudyRun, terms: Terms, workers: int, dask: str | None, shown: bool) -> None:
     with writing(run.store, run.study) as store:
         finished = store.keys()
         run.before = len(finished)
         pending = [case for case in run.study.cases if case.key not in finished]
-        total = len(run.study.cases)
         with (
-            study_progress(run.study.name, run.before, total, progress) as advance,
+            progress(run.study.name, len(run.study.cases), run.before, shown=shown) as advance,
             closing(_outcomes(terms, pending, workers, dask)) as outcomes,
         ):
             for case, outcome in outcomes:

@@ -1,6 +1,5 @@
-"""How far a study is: a bar on standard error with rate and time left, silent when that is not a terminal."""
+"""How far a run is: a bar on standard error with rate and time left, silent when that is not a terminal."""
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -14,25 +13,19 @@ _WINDOW = 3600.0  # seconds that the rate is taken over; cases may be long
 
 
 @contextmanager
-def study_progress(title: str, finished: int, total: int, shown: bool = True) -> Iterator[Advance]:
-    """A progress bar that begins with the rows an earlier run finished, which do not count for the rate."""
-    if not (shown and sys.stderr.isatty()):
+def progress(title: str, total: int, finished: int = 0, *, shown: bool = True) -> Iterator[Advance]:
+    """A progress bar that begins with what an earlier run has finished, which does not count for the rate."""
+    console = error_console()
+    if not (shown and console.is_terminal):  # before release 14.3 of rich even a disabled bar writes an empty line
         yield lambda *_: None
         return
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich import progress as rich
 
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _rate_column(), TimeElapsedColumn(),
-        TextColumn("left"), TimeRemainingColumn(),
+        rich.TextColumn("{task.description}"), rich.BarColumn(), rich.MofNCompleteColumn(), _rate_column(),
+        rich.TimeElapsedColumn(), rich.TextColumn("left"), rich.TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=error_console(), transient=True, speed_estimate_period=_WINDOW) as bar:
+    with rich.Progress(*columns, console=console, transient=True, speed_estimate_period=_WINDOW) as bar:
         task = bar.add_task(title, total=total, completed=finished)
 
         def advance(description: str = "") -> None:
