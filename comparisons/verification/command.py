@@ -26,13 +26,13 @@ def verify(out: Path | None, as_json: bool, only: tuple[str, ...], quick: bool, 
     """  # noqa: D301
     from comparisons.lab.progress import progress
     from comparisons.lab.report import show, write_report
-    from comparisons.verification import registry, study
+    from comparisons.verification import study
     from comparisons.verification.exhibits import pictures, results
     from comparisons.verification.report import as_json as json_of
     from comparisons.verification.report import report
     from qvi_contact.basics.writing import writable_folder
 
-    chapters = registry.choose(only)
+    chapters = study.choose(only)
     folder = None if out is None else writable_folder(out)
     # drawn first, so that a picture that fails costs no rows
     names = [name for problems in chapters.values() for name in problems] if folder else []

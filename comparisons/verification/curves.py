@@ -1,19 +1,34 @@
-"""Chapter on bodies that end at arcs and other curves: orders of convergence where a closed form is known."""
+"""Chapter on bodies that end at arcs and other curves: orders of convergence where a closed form is known.
+
+The ring is Lamé's, of radii 1 and 2. The plate with an elliptic hole is Kirsch's and Inglis', between two confocal
+ellipses, images of circles: z = ζ + m/ζ with |ζ| = 1 and |ζ| = OUTER. Tension 1 from all sides far away has the
+potentials (Muskhelishvili, Some Basic Problems of the Mathematical Theory of Elasticity, § 82a)
+
+    φ = (ζ − m/ζ)/2,   ψ = −(1 + m²) ζ/(ζ² − m)
+
+Both are quarters, and Young's modulus is 1.
+"""
 
 from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
 
-from comparisons.verification.curved import kirsch, kirsch_energy, lame, lame_energy, plate, ring, stretched
 from comparisons.verification.elements import Chapter, Element
 from comparisons.verification.measures import Stress, stress_deviation
 from comparisons.verification.proof import certified
 from comparisons.verification.row import Row, absolute, at_least
-from qvi_contact import ContactProblem
+from qvi_contact import ContactProblem, Material, Symmetry, Traction, TriangleMesh
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.gallery.meshes import arc, fan
 
 PROBLEMS: Final = Chapter()
 
+NU: Final = 0.3
+OUTER: Final = 2.0
+"""Radius of the ring over that of its bore, and of the plate in the plane of ζ."""
+M: Final = 0.25
+"""Of the ellipse: half axes 1 + m and 1 − m."""
 _SHORT: Final = 0.35  # of the order p − 1 on these meshes
 _COARSE, _FINE = 4, 8  # triangles across, half of those around
 _DEGREES: Final = tuple(Element(f"triangles of degree {p}", "hct", p) for p in (3, 4, 5, 6, 8))
@@ -52,3 +67,91 @@ def _orders(
 
 def _plate(size: int) -> ContactProblem:
     return stretched(plate(size, 2 * size))
+
+
+def ring(size: int) -> ContactProblem:
+    """A quarter of a ring under unit pressure inside, of so many cells across."""
+    angles = np.linspace(0.0, np.pi / 2.0, 2 * size + 1)
+    lines = [arc(radius, angles) for radius in np.linspace(1.0, OUTER, size + 1)]
+    mesh = fan(lines, closed=False, arcs=("inner", "outer"))
+    loads = Traction("inner", normal=-1.0, tangential=0.0), Traction("outer", normal=0.0, tangential=0.0)
+    return ContactProblem(mesh, Material(1.0, NU), [*loads, Symmetry("start"), Symmetry("end")])
+
+
+def lame(x: FloatArray, y: FloatArray) -> FloatArray:
+    """σ_xx, σ_yy, σ_xy (…, 3) of the ring."""
+    square, factor = x**2 + y**2, 1.0 / (OUTER**2 - 1.0)
+    radial, hoop = factor * (1.0 - OUTER**2 / square), factor * (1.0 + OUTER**2 / square)
+    parts = radial * x**2 + hoop * y**2, radial * y**2 + hoop * x**2, (radial - hoop) * x * y
+    return np.asarray(np.stack(parts, axis=-1) / np.asarray(square)[..., None])
+
+
+def lame_energy() -> float:
+    """Half of what unit pressure does on the widening of the bore, a quarter."""
+    return float(np.pi / 4.0 * ((1.0 - NU) + (1.0 + NU) * OUTER**2) / (OUTER**2 - 1.0))
+
+
+def plate(radial: int, around: int, *, curved: bool = True) -> TriangleMesh:
+    """A quarter of the plate between its ellipses "inner" and "outer", or chords of them."""
+    angles = np.linspace(0.0, np.pi / 2.0, around + 1)
+    mesh = fan([ellipse(radius)(angles) for radius in np.geomspace(1.0, OUTER, radial + 1)], closed=False)
+    mesh = TriangleMesh(np.where(np.abs(mesh.vertices) < 1e-14, 0.0, mesh.vertices), mesh.cells, mesh.edge_sets)
+    for name, radius in (("inner", 1.0), ("outer", OUTER)) if curved else ():
+        mesh = mesh.with_curve(name, ellipse(radius), 0.0, np.pi / 2.0)
+    return mesh
+
+
+def stretched(mesh: TriangleMesh) -> ContactProblem:
+    """The plate with a free hole, and the exact tractions on the outer ellipse."""
+    pulled = Traction("outer", x=lambda x, y: _pull(x, y)[0], y=lambda x, y: _pull(x, y)[1])
+    free = Traction("inner", normal=0.0, tangential=0.0)
+    return ContactProblem(mesh, Material(1.0, NU), [pulled, free, Symmetry("start"), Symmetry("end")])
+
+
+def ellipse(radius: float) -> Callable[[FloatArray], FloatArray]:
+    """The ellipse z = ζ + m/ζ with |ζ| given, by the angle of ζ."""
+    a, b = radius + M / radius, radius - M / radius
+    return lambda angle: np.column_stack([a * np.cos(angle), b * np.sin(angle)])
+
+
+def zeta_of(x: FloatArray, y: FloatArray) -> np.ndarray:
+    """ζ outside the hole."""
+    z = x + 1j * np.asarray(y)
+    root = np.sqrt(z**2 - 4.0 * M)
+    return np.asarray((z + np.where((root * z.conj()).real < 0.0, -root, root)) / 2.0)
+
+
+def kirsch(x: FloatArray, y: FloatArray) -> FloatArray:
+    """σ_xx, σ_yy, σ_xy (…, 3) of the plate."""
+    return _of_potentials(zeta_of(x, y))
+
+
+def _of_potentials(zeta: np.ndarray) -> FloatArray:
+    """Stresses of φ = (ζ − m/ζ)/2, ψ = −(1 + m²) ζ/(ζ² − m), tension 1 from all sides far away, at ζ (...)."""
+    z, slope = zeta + M / zeta, 1.0 - M / zeta**2
+    first = (1.0 + M / zeta**2) / 2.0  # dφ/dζ
+    phi = first / slope
+    second = (-M / zeta**3 * slope - first * 2.0 * M / zeta**3) / slope**3  # d²φ/dz²
+    psi = (1.0 + M**2) * (zeta**2 + M) / (zeta**2 - M) ** 2 / slope
+    trace, deviator = 4.0 * phi.real, 2.0 * (z.conj() * second + psi)
+    return np.stack([(trace - deviator.real) / 2.0, (trace + deviator.real) / 2.0, deviator.imag / 2.0], axis=-1)
+
+
+def _pull(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Tractions along x and y on an ellipse with the foci of the hole."""
+    zeta = zeta_of(x, y)
+    normal = zeta * (1.0 - M / zeta**2)
+    normal = normal / np.abs(normal)
+    xx, yy, xy = np.moveaxis(_of_potentials(zeta), -1, 0)
+    return np.asarray(xx * normal.real + xy * normal.imag), np.asarray(xy * normal.real + yy * normal.imag)
+
+
+def kirsch_energy() -> float:
+    """The strain energy of the plate, by 40 × 40 points of Gauss of ζ in polar coordinates."""
+    t, w = np.polynomial.legendre.leggauss(40)
+    half = (OUTER - 1.0) / 2.0
+    r, angle = np.meshgrid(1.0 + half * (1.0 + t), np.pi / 4.0 * (1.0 + t))
+    zeta = r * np.exp(1j * angle)
+    xx, yy, xy = np.moveaxis(_of_potentials(zeta), -1, 0)
+    density = (xx**2 + yy**2 - 2.0 * NU * xx * yy + 2.0 * (1.0 + NU) * xy**2) / 2.0
+    return float((np.outer(w, w) * half * np.pi / 4.0 * r * density * np.abs(1.0 - M / zeta**2) ** 2).sum())

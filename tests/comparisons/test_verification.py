@@ -16,7 +16,7 @@ from comparisons.cli import group
 from comparisons.lab.report import drawing, write_report
 from comparisons.lab.report.reader import parts_of
 from comparisons.lab.tables import Grid
-from comparisons.verification import plate, registry, study
+from comparisons.verification import plate, study
 from comparisons.verification.exhibits import EXHIBITS, pictures, results
 from comparisons.verification.figures import overview
 from comparisons.verification.report import as_json, report
@@ -37,7 +37,7 @@ def quiet(_=""):
 
 @pytest.fixture(scope="module")
 def quick():
-    return study.run(registry.CHAPTERS, quick=True, advance=quiet)
+    return study.run(study.CHAPTERS, quick=True, advance=quiet)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_no_reference_is_without_a_source(quick):
 
 
 def test_names_are_unique():
-    names = [name for chapter, problems in registry.CHAPTERS.items() for name in (chapter, *problems)]
+    names = [name for chapter, problems in study.CHAPTERS.items() for name in (chapter, *problems)]
     shared = {name for name in names if names.count(name) > 1}
     assert not shared
 
@@ -151,7 +151,7 @@ def test_a_crash_is_a_failed_row_with_the_reason(monkeypatch, capfd, tmp_path):
         [False],
     ]
     assert document["counts"] == {"rows": 4, "passed": 2, "failed": 2}
-    monkeypatch.setattr(registry.choose, "__defaults__", (chapters,))
+    monkeypatch.setattr(study.choose, "__defaults__", (chapters,))
     status, out, _ = command(monkeypatch, capfd, "--out", tmp_path)
     assert status == 1
     reason = "ZeroDivisionError: the mesh has no <cells> | none"
@@ -168,7 +168,7 @@ def test_the_manual_holds_the_rows(quick, manual):
 @pytest.mark.usefixtures("outlined")
 def test_every_chapter_says_what_it_shows(manual):
     """A chapter that the template does not know is an error, not left out."""
-    assert len(re.findall(r"^- \*Shows\*: .*$", manual.text, flags=re.MULTILINE)) == len(registry.CHAPTERS)
+    assert len(re.findall(r"^- \*Shows\*: .*$", manual.text, flags=re.MULTILINE)) == len(study.CHAPTERS)
     with pytest.raises(ValueError, match="number"):
         report({**DOCUMENT, "chapters": [{**DOCUMENT["chapters"][0], "name": "new"}]}, {})
 
@@ -226,7 +226,7 @@ def test_without_matplotlib_there_is_no_picture(monkeypatch, tmp_path):
 
 @pytest.mark.usefixtures("outlined")
 def test_two_runs_make_the_same_manual():
-    one, other = (report(study.run(registry.choose(["units"]), quick=True, advance=quiet), {}) for _ in range(2))
+    one, other = (report(study.run(study.choose(["units"]), quick=True, advance=quiet), {}) for _ in range(2))
     assert one == other
 
 
@@ -266,11 +266,11 @@ def test_an_unknown_name_lists_what_there_is(monkeypatch, capfd, name):
 
 
 def test_names_choose_chapters_and_problems():
-    chosen = registry.choose(["ssnv128", "units"])
+    chosen = study.choose(["ssnv128", "units"])
     assert list(chosen) == ["ssnv128", "invariance"]
     assert list(chosen["invariance"]) == ["units"]
     assert len(chosen["ssnv128"]) == 4
-    assert registry.choose([]) == registry.CHAPTERS
+    assert study.choose([]) == study.CHAPTERS
 
 
 @pytest.mark.usefixtures("outlined")
@@ -286,7 +286,7 @@ def test_json_is_one_document_and_nothing_else(monkeypatch, capfd):
 def test_the_committed_manual_has_all_problems_and_passed():
     text = (COMMITTED / "verification.md").read_text(encoding="utf-8")
     names = re.findall(r"^### `(.*)`$", text, flags=re.MULTILINE)
-    assert names == [name for problems in registry.CHAPTERS.values() for name in problems]
+    assert names == [name for problems in study.CHAPTERS.values() for name in problems]
     assert {cells[-1] for cells in markdown_rows(text)} == {"passed"}
     assert "--quick" not in text
 
