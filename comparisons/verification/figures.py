@@ -50,7 +50,7 @@ def overview(document: Document) -> "Figure":
 
 
 def conservation(document: Document) -> "Figure":
-    """For each problem in balance what stresses and displacements leave on a body, over the forces around it."""
+    """What each model leaves of the forces and moments on a body: rounding, or its error."""
     rows = [row for problem in problems_of(document) if problem["name"] == "conservation" for row in problem["rows"]]
     names = list(dict.fromkeys(row["quantity"].split(", ")[0] for row in rows))
     figure = new_figure(_NARROW, 1.3 + 0.17 * len(names))

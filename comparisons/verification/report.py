@@ -24,12 +24,6 @@ TOLERANCES: Final = {
 }
 """Tolerances that the template names."""
 
-_CONSERVATION: Final = "conservation"
-_CAPTIONS: Final = {
-    **{name: shown.caption for name, shown in EXHIBITS.items()},
-    _CONSERVATION: "What each model leaves of the forces and moments on a body: rounding, or its error.",
-}
-
 
 def as_json(document: Document) -> str:
     """The document as text."""
@@ -41,53 +35,24 @@ def report(document: Document, pictures: Mapping[str, str], results: Mapping[str
 
     The same document and pictures give the same one.
     """
-    results = {**_from_rows(document), **(results or {})}
-    chapters = {
-        chapter["name"]: [_problem(problem, pictures, results) for problem in chapter["problems"]]
-        for chapter in document["chapters"]
-    }
+    balance = {problem["name"] for problem in problems_of(document)} & {"conservation"}  # drawn from its rows
+    results = {name: drawn(f"result-{name}", partial(conservation, document)) for name in balance} | {**(results or {})}
     values = {
-        "rows": document["counts"]["rows"], "failed": list(_failed(document)), "tolerances": TOLERANCES,
-        "chapters": chapters, "machine": document["machine"], "versions": document["versions"],
-        "command": command_of(document),
+        **document, "rows": document["counts"]["rows"], "failed": list(_failed(document)), "tolerances": TOLERANCES,
+        "chapters": {chapter["name"]: [*map(_told, chapter["problems"])] for chapter in document["chapters"]},
+        "posed": pictures,
+        "captions": {name: EXHIBITS[name].caption if name in EXHIBITS else conservation.__doc__ for name in results},
     }  # fmt: skip
     figures = {
         "overview": drawn("verification-overview", partial(overview, document)),
-        **{_picture_name(name): picture for name, picture in pictures.items()},
-        **{_result_name(name): picture for name, picture in results.items()},
+        **{f"problem-{table_name(name)}": picture for name, picture in pictures.items()},
+        **{f"result-{table_name(name)}": picture for name, picture in results.items()},
     }
     return render("comparisons.verification", "verification", values, tables_of(document), figures)
 
 
-def command_of(document: Document) -> str:
-    """The command that computes the same."""
-    only = ["--only", *document["only"]] if document["only"] else []
-    return " ".join(["python -m comparisons verify", *only, *(["--quick"] if document["quick"] else [])])
-
-
-def _problem(problem: Document, pictures: Mapping[str, str], results: Mapping[str, str]) -> Document:
-    name = problem["name"]
-    exhibits = []
-    if name in pictures:
-        exhibits.append((_picture_name(name), f"{name}: bodies, loads, supports and contacts, on a coarser mesh"))
-    if name in results:
-        exhibits.append((_result_name(name), _CAPTIONS[name]))
-    return {"name": name, "about": escaped(problem["about"]), "table": table_name(name), "exhibits": exhibits}
-
-
-def _from_rows(document: Document) -> dict[str, str]:
-    """Pictures of results that the rows themselves hold, by the names of their problems."""
-    draw = partial(conservation, document)
-    names = [problem["name"] for problem in problems_of(document)]
-    return {name: drawn(f"result-{name}", draw) for name in names if name == _CONSERVATION}
-
-
-def _picture_name(problem: str) -> str:
-    return f"problem-{table_name(problem)}"
-
-
-def _result_name(problem: str) -> str:
-    return f"result-{table_name(problem)}"
+def _told(problem: Document) -> Document:
+    return {**problem, "about": escaped(problem["about"]), "table": table_name(problem["name"])}
 
 
 def _failed(document: Document) -> Iterator[Document]:
