@@ -159,8 +159,7 @@ def wedge(element: Element, quick: bool) -> Iterator[Row]:
     normal, shear = (1.0 + 0.1 * push) / slant, (push - 0.1) / slant
     yield relative("N/G at 0.99 of F", plane.normal_force, normal, 1e-9, source, proof)
     yield relative("|T|/G at 0.99 of F", abs(plane.tangential_force), shear, 1e-9, source, proof)
-    if not quick:
-        yield from two_models(result, "bottom", 1e-9, 1e-2)
+    yield from two_models(quick, result, "bottom", 1e-9, 1e-2)
 
 
 @shown("wedge", lambda: on_a_slope(0.2))
@@ -188,8 +187,7 @@ def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
     limit = element.limit_load(oblique(0.5), ["drag"])
     for quantity, ours in (("mesh", limit.lower), ("body", limit.upper)):
         yield relative(f"factor that the {quantity} carries", ours, 2.0, 1e-6, "μN over half of it", bounded(limit))
-    if not quick:
-        yield from two_models(holds, "plane", 1e-9, 1e-3)
+    yield from two_models(quick, holds, "plane", 1e-9, 1e-3)
 
 
 @shown("oblique-block", lambda: oblique(0.99), MM)
