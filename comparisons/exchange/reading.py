@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from solvers.certificate.certificate import Certificate
 from solvers.errors import InputError
 from solvers.exchange import (
     ContactState,
@@ -15,7 +16,6 @@ from solvers.exchange import (
     solve_local,
     state_of,
 )
-from solvers.solution.solution import QVISolution
 from solvers.solve import solve_qvi
 
 
@@ -96,9 +96,9 @@ def _fclib(path: str, options: dict[str, Any]) -> Report:
     problem, tolerance = held.problem, options.get("tolerance", 1e-8)
     known = {"solution": held.solution} if held.solution else {}
     known |= {f"guess {number}": guess for number, guess in enumerate(held.guesses, 1)}
-    judgements = [_judged(label, problem, state, tolerance) for label, state in known.items()]
+    judgements = [_judged(label, problem, state, problem.certify(state, tolerance)) for label, state in known.items()]
     state, solution = solve_local(problem, **options)
-    judgements.append(_judged("solved here", problem, state, tolerance, solution))
+    judgements.append(_judged("solved here", problem, state, solution.certificate))
     sizes = (problem.contacts, len(problem.q), len(problem.s))
     return Report(path, "FCLIB", held.title, *sizes, tuple(judgements), solution.status.value, solution.message)
 
@@ -112,24 +112,20 @@ def _archive(path: str, options: dict[str, Any]) -> Report:
         note = f"no Siconos error: {error.field} has no place in FCLIB"
     solution = solve_qvi(qvi, **options)
     found = {"solved here": solution} if known is None else {"solution": known, "solved here": solution}
-    judgements = tuple(_compared(label, problem, each) for label, each in found.items())
+    judgements = tuple(
+        _judged(label, problem, None if problem is None else state_of(problem, each), each.certificate)
+        for label, each in found.items()
+    )
     sizes = (qvi.m, qvi.n, qvi.p)
     return Report(path, "NumPy archive", "", *sizes, judgements, solution.status.value, solution.message, note)
 
 
-def _compared(label: str, problem: LocalProblem | None, solution: QVISolution) -> Judgement:
-    """A solution of a `FrictionQVI`."""
-    if problem is None:
-        return Judgement(label, solution.certificate.summary(), solution.certificate.accuracy, None, None)
-    tolerance = solution.certificate.tolerance
-    return _judged(label, problem, state_of(problem, solution), tolerance, solution)
-
-
 def _judged(
-    label: str, problem: LocalProblem, state: ContactState, tolerance: float, solution: QVISolution | None = None
+    label: str, problem: LocalProblem | None, state: ContactState | None, certificate: Certificate
 ) -> Judgement:
-    """A state; the certificate is that of the solution where there is one."""
-    certificate = solution.certificate if solution is not None else problem.certify(state, tolerance)
-    own, own_state = problem.dimensionless(state)
-    errors = siconos_error(problem, state.r, state.lam), siconos_error(own, own_state.r, own_state.lam)
+    """A state, with Siconos' measure where FCLIB has a form for its problem."""
+    errors: tuple[float | None, float | None] = (None, None)
+    if problem is not None and state is not None:
+        own, own_state = problem.dimensionless(state)
+        errors = siconos_error(problem, state.r, state.lam), siconos_error(own, own_state.r, own_state.lam)
     return Judgement(label, certificate.summary(), certificate.accuracy, *errors)

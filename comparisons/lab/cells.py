@@ -73,7 +73,5 @@ def sort_key(cell: str) -> str | None:
 
 def position(cell: str) -> tuple[int, float]:
     """Place of a cell in its column: numbers by their size, then words, all alike here, then cells that say nothing."""
-    if is_missing(cell):
-        return 2, 0.0
-    value = number_in(cell)
-    return (1, 0.0) if value is None else (0, value)
+    key = sort_key(cell)
+    return (2, 0.0) if key == "" else (1, 0.0) if key is None else (0, float(key))

@@ -1,6 +1,5 @@
 """Running a study: what is missing in the store is done, and written row by row."""
 
-import time
 from collections import Counter
 from collections.abc import Generator, Sequence
 from contextlib import closing
@@ -33,8 +32,6 @@ class StudyRun:
         Status → rows of this run.
     interrupted : bool
         Whether it was stopped from the keyboard.
-    seconds : float
-        Wall time.
 
     """
 
@@ -43,7 +40,6 @@ class StudyRun:
     before: int = 0
     statuses: Counter[str] = field(default_factory=Counter)
     interrupted: bool = False
-    seconds: float = 0.0
 
     @property
     def finished(self) -> int:
@@ -100,7 +96,6 @@ def run_study(
 
     """
     _check(workers, timeout, memory, threads)
-    began = time.monotonic()
     run = StudyRun(study, Path(store_path))
     run.before = len(finished_keys(run.store, study))
     if not run.complete:
@@ -112,7 +107,6 @@ def run_study(
         except KeyboardInterrupt:
             run.interrupted = True
             run.before = len(finished_keys(run.store, study)) - run.statuses.total()  # a row may be in, and not counted
-    run.seconds = time.monotonic() - began
     return run
 
 
