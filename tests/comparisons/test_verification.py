@@ -17,8 +17,7 @@ from comparisons.lab.report import drawing, write_report
 from comparisons.lab.report.reader import parts_of
 from comparisons.lab.tables import Grid
 from comparisons.verification import plate, study
-from comparisons.verification.exhibits import EXHIBITS, pictures, results
-from comparisons.verification.figures import overview
+from comparisons.verification.exhibits import EXHIBITS, overview, pictures, results
 from comparisons.verification.report import as_json, report
 from comparisons.verification.row import Kind, absolute
 from comparisons.verification.tables import HEADINGS, cells

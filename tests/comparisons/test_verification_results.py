@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from comparisons.verification import benchmarks, examples, limits
-from comparisons.verification.exhibits import EXHIBITS, figure
-from comparisons.verification.figures import conservation
+from comparisons.verification.exhibits import EXHIBITS, conservation, figure
 from comparisons.verification.proof import Proof
 from comparisons.verification.row import absolute, crash
 from comparisons.verification.study import as_record
