@@ -8,7 +8,7 @@ from typing import Any, Final
 from comparisons.lab.marks import escaped
 from comparisons.lab.report import Document as Report
 from comparisons.lab.report import drawn, render
-from comparisons.verification import benchmarks, exact_states, manufactured, strict
+from comparisons.verification.chapters import benchmarks, exact_states, manufactured, strict
 from comparisons.verification.exhibits import EXHIBITS, conservation, overview
 from comparisons.verification.tables import HEADINGS, cells, problems_of, table_name, tables_of
 

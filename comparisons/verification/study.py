@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from comparisons.lab.machine import machine, versions
-from comparisons.verification import (
+from comparisons.verification.chapters import (
     benchmarks,
     bounds,
     curves,

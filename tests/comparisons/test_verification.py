@@ -16,7 +16,8 @@ from comparisons.cli import group
 from comparisons.lab.report import drawing, write_report
 from comparisons.lab.report.reader import parts_of
 from comparisons.lab.tables import Grid
-from comparisons.verification import plate, study
+from comparisons.verification import study
+from comparisons.verification.chapters import plate
 from comparisons.verification.exhibits import EXHIBITS, overview, pictures, results
 from comparisons.verification.report import as_json, report
 from comparisons.verification.row import Kind, absolute

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from comparisons.verification import benchmarks, examples, limits
+from comparisons.verification.chapters import benchmarks, examples, limits
 from comparisons.verification.exhibits import EXHIBITS, conservation, figure
 from comparisons.verification.proof import Proof
 from comparisons.verification.row import absolute, crash

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from comparisons.verification import tables
+from comparisons.verification.chapters.not_unique import STATES, _violation
 from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Chapter
 from comparisons.verification.measures import between_points, edge_states, point_states, runs, value_at, zone_ends
-from comparisons.verification.not_unique import STATES, _violation
 from comparisons.verification.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
 from comparisons.verification.row import absolute, at_least, at_most, enclosed, relative, word
 from comparisons.verification.study import as_record

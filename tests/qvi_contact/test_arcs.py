@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from comparisons.verification.curves import lame, lame_energy
+from comparisons.verification.chapters.curves import lame, lame_energy
 from comparisons.verification.measures import stress_deviation
 from qvi_contact import (
     Contact,

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial.legendre import poly2leg
 from scipy.optimize import linprog
 
-from comparisons.verification.curves import (
+from comparisons.verification.chapters.curves import (
     NU,
     OUTER,
     M,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-import comparisons.verification.bounds as bounds_chapter
+import comparisons.verification.chapters.bounds as bounds_chapter
 from comparisons.verification.elements import Element
 from comparisons.verification.proof import by_hand
 from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve

@@ -10,7 +10,7 @@ import numpy as np
 from comparisons.convergence.mesh.corner import exponent
 from comparisons.convergence.mesh.tractions import Field, quadrature
 from comparisons.settled import SETTLED, UNCERTAINTY
-from comparisons.verification.ssnv128 import TANGENTIAL_FORCE
+from comparisons.verification.chapters.ssnv128 import TANGENTIAL_FORCE
 from qvi_contact import Contact, ContactProblem, Material, RectilinearMesh, Symmetry, Traction
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.exact import ExactState

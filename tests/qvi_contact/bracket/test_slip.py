@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from comparisons.verification.bodies import half_disc, sheared_layer
+from comparisons.verification.chapters.bodies import half_disc, sheared_layer
 from qvi_contact import Contact, ContactProblem, Displacement, Material, RectilinearMesh, Traction, solve
 from qvi_contact.bracket import bracket, slip_constants
 from qvi_contact.bracket.friction_ends import no_friction_operator

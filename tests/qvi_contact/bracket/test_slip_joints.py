@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from comparisons.verification.bodies import half_disc, half_discs
+from comparisons.verification.chapters.bodies import half_disc, half_discs
 from comparisons.verification.measures import energy_apart
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
 from qvi_contact.bracket.bodies import bodies_of

@@ -9,13 +9,13 @@ import numpy as np
 
 from comparisons.settled import SETTLED
 from comparisons.settled import SOURCE as DISPLACEMENT_CODES
+from comparisons.verification.chapters.ssnv128 import SOURCE as CODE_ASTER
+from comparisons.verification.chapters.ssnv128 import TANGENTIAL_FORCE
 from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Chapter, Element
 from comparisons.verification.exhibits import Curve, Graph, M, shown
 from comparisons.verification.measures import edge_states, ellipse, runs, traction_difference, value_at
 from comparisons.verification.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
 from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, enclosed, relative, word
-from comparisons.verification.ssnv128 import SOURCE as CODE_ASTER
-from comparisons.verification.ssnv128 import TANGENTIAL_FORCE
 from comparisons.verification.two_models import by_both_models, two_models
 from qvi_contact import (
     ContactProblem,
@@ -34,7 +34,7 @@ from solvers import Status
 
 PROBLEMS: Final = Chapter()
 
-FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
+FOLDER: Final = Path(__file__).resolve().parents[3] / "examples"
 _BALANCE: Final = 1e-9
 _OTHER_METHOD: Final = "qp:clarabel"
 _DRAG: Final = ("drag",)

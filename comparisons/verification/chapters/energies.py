@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from comparisons.settled import SETTLED, SOURCE
-from comparisons.verification.bodies import plate_under
+from comparisons.verification.chapters.bodies import plate_under
 from comparisons.verification.elements import BOTH, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import ENERGY, FORCE
 from comparisons.verification.proof import Proof, both, certified, certified_companion

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE
-from comparisons.verification.bodies import plate_under
+from comparisons.verification.chapters.bodies import plate_under
 from comparisons.verification.elements import EVERY, QUINTIC, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import certified

@@ -6,14 +6,15 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.verification import balance, rollers
+from comparisons.verification import balance
+from comparisons.verification.chapters import rollers
+from comparisons.verification.chapters.examples import file_problem
+from comparisons.verification.chapters.limits import oblique
+from comparisons.verification.chapters.rollers import persson
 from comparisons.verification.elements import QUINTIC, TRIANGLES, Chapter, Element
-from comparisons.verification.examples import file_problem
 from comparisons.verification.exhibits import MM, SI, Curve, Graph, shown
-from comparisons.verification.limits import oblique
 from comparisons.verification.measures import angles, degrees, mean_pressure
 from comparisons.verification.proof import both, certified, certified_companion
-from comparisons.verification.rollers import persson
 from comparisons.verification.row import Kind, Row, absolute, at_least, relative
 from comparisons.verification.two_models import by_both_models, two_models
 from qvi_contact import ContactLine, ContactProblem

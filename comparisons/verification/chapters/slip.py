@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.verification.bodies import half_disc, half_discs, sheared_layer
+from comparisons.verification.chapters.bodies import half_disc, half_discs, sheared_layer
 from comparisons.verification.elements import TRIANGLES, Chapter, Element
 from comparisons.verification.measures import energy_apart, halved
 from comparisons.verification.proof import Proof, both, by_hand, certified

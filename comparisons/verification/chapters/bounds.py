@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from comparisons.settled import LIMITS, LIMITS_SOURCE
-from comparisons.verification import slip
-from comparisons.verification.bodies import plate_under
+from comparisons.verification.chapters import slip
+from comparisons.verification.chapters.bodies import plate_under
 from comparisons.verification.elements import BOTH, EVERY, QUINTIC, RECTANGLES, TRIANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE
 from comparisons.verification.proof import Proof, both, by_hand, certified
