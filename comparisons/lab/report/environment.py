@@ -45,10 +45,8 @@ def _machines(rows: Sequence[Row]) -> Grid:
     headings = ("processor", "cores", "memory", "system", "Python", "rows")
     if known <= 1:
         return Grid("Machine", headings, lines)
-    note = (
-        f"The rows come from {known} kinds of machine or system: times can be compared only between rows of the same."
-    )
-    return Grid("Machines", headings, lines, note)
+    kinds = f"The rows come from {known} kinds of machine or system"
+    return Grid("Machines", headings, lines, f"{kinds}: times can be compared only between rows of the same.")
 
 
 def _machine(machine: Machine | None) -> tuple[str, ...]:

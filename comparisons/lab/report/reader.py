@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Final
 
 from comparisons.lab.tables import Grid
@@ -67,21 +67,14 @@ def headings(tokens: Sequence["Token"]) -> Iterator[tuple[int, str]]:
 
 def _items(tokens: Sequence["Token"]) -> list[str]:
     """Texts of the list that begins here."""
-    found = []
-    for token in tokens:
-        if token.type == "ordered_list_close":
-            break
-        if token.type == "inline":
-            found.append(words(token))
-    return found
+    inside = takewhile(lambda token: token.type != "ordered_list_close", tokens)
+    return [words(token) for token in inside if token.type == "inline"]
 
 
 def _grid(title: str, tokens: Sequence["Token"]) -> Grid:
     """The table that begins here."""
     rows: list[list[str]] = []
-    for token in tokens:
-        if token.type == "table_close":
-            break
+    for token in takewhile(lambda token: token.type != "table_close", tokens):
         if token.type == "tr_open":
             rows.append([])
         elif token.type == "inline":
