@@ -1,13 +1,17 @@
 """What a stress model and a displacement model say about the same problem on the same mesh."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from comparisons.verification.elements import TRIANGLES
+from comparisons.verification.exhibits import Curve
 from comparisons.verification.measures import mean_pressure
 from comparisons.verification.proof import both, certified, certified_companion
 from comparisons.verification.row import Kind, Row, at_least, at_most, relative
 from qvi_contact import ContactLine, ContactProblem, ContactResult
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.companion import CompanionContact, solve_companion
+
+_Value = Callable[[ContactLine | CompanionContact], FloatArray]
 
 
 def two_models(quick: bool, result: ContactResult, contact: str, tolerance: float, apart: float) -> Iterator[Row]:
@@ -25,6 +29,16 @@ def two_models(quick: bool, result: ContactResult, contact: str, tolerance: floa
         yield at_least("the same, upper not below lower", width, 0.0, 1e-9, source, proof)
 
 
-def by_both_models(problem: ContactProblem, contact: str) -> tuple[ContactLine, CompanionContact]:
-    """A contact by stresses and by displacements on the same triangles."""
-    return TRIANGLES.solve(problem).contacts[contact], TRIANGLES.companion(problem).contacts[contact]
+def curves_of_both(
+    problem: ContactProblem, contact: str, along: _Value, values: Mapping[str, _Value]
+) -> tuple[tuple[Curve, ...], tuple[Curve, ...]]:
+    """Values along a contact, by their names: of stresses, and of displacements on the same triangles."""
+    stresses, displacements = TRIANGLES.solve(problem), TRIANGLES.companion(problem)
+    ours, theirs = (
+        tuple(Curve(f"{name}, {model}", along(line), value(line)).ordered() for name, value in values.items())
+        for model, line in (
+            ("stresses", stresses.contacts[contact]),
+            ("displacements", displacements.contacts[contact]),
+        )
+    )
+    return ours, theirs

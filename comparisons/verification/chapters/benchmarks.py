@@ -16,7 +16,7 @@ from comparisons.verification.exhibits import MM, SI, Curve, Graph, shown
 from comparisons.verification.measures import angles, degrees, mean_pressure
 from comparisons.verification.proof import both, certified, certified_companion
 from comparisons.verification.row import Kind, Row, absolute, at_least, relative
-from comparisons.verification.two_models import by_both_models, two_models
+from comparisons.verification.two_models import curves_of_both, two_models
 from qvi_contact import ContactLine, ContactProblem
 from qvi_contact.gallery import (
     CORNER_EXPONENTS,
@@ -146,19 +146,9 @@ def pin(element: Element, quick: bool) -> Iterator[Row]:
 @shown("loaded-pin", lambda: loaded_pin(4), MM)
 def _pin_graph(quick: bool) -> Graph:
     """Pressure and shear around the pin by stresses and by displacements."""
-    line, other = by_both_models(loaded_pin(4 if quick else 12), "pin")
-    return Graph(
-        "angle θ from the load [°]",
-        "traction [MPa]",
-        (
-            Curve("pressure, stresses", degrees(line), -line.normal_stress),
-            Curve("shear, stresses", degrees(line), line.tangential_stress),
-        ),
-        (
-            Curve("pressure, displacements", degrees(other), -other.normal_stress).ordered(),
-            Curve("shear, displacements", degrees(other), other.tangential_stress).ordered(),
-        ),
-    )
+    values = {"pressure": lambda line: -line.normal_stress, "shear": lambda line: line.tangential_stress}
+    curves = curves_of_both(loaded_pin(4 if quick else 12), "pin", degrees, values)
+    return Graph("angle θ from the load [°]", "traction [MPa]", *curves)
 
 
 @PROBLEMS.on("corner-rates", TRIANGLES)

@@ -16,7 +16,7 @@ from comparisons.verification.exhibits import Curve, Graph, M, shown
 from comparisons.verification.measures import edge_states, ellipse, runs, traction_difference, value_at
 from comparisons.verification.proof import Proof, both, bounded, by_hand, certified, certified_companion, infeasible
 from comparisons.verification.row import Kind, Row, absolute, at_least, at_most, enclosed, relative, word
-from comparisons.verification.two_models import by_both_models, two_models
+from comparisons.verification.two_models import curves_of_both, two_models
 from qvi_contact import (
     ContactProblem,
     ContactResult,
@@ -202,19 +202,17 @@ def gravity_dam(element: Element, quick: bool) -> Iterator[Row]:
 @shown("examples/gravity_dam", lambda: replace(file_problem("gravity_dam"), mesh=_dam_mesh()), M)
 def _dam_graph(_: bool) -> Graph:
     """Effective pressure, shear and uplift in the base of the dam."""
-    line, other = by_both_models(file_problem("gravity_dam"), "base")
-    ours = (
-        Curve("effective pressure, stresses", line.x, -line.effective_normal_stress),
-        Curve("shear, stresses", line.x, np.abs(line.tangential_stress)),
-    )
-    water = Curve("uplift", line.x, line.pore_pressure).ordered()
-    uplift = np.interp(other.x, water.x, water.y)
-    known = (
-        Curve("effective pressure, displacements", other.x, -other.normal_stress - uplift).ordered(),
-        Curve("shear, displacements", other.x, np.abs(other.tangential_stress)).ordered(),
-        water,
-    )
-    return Graph("x [m]", "traction [MPa]", ours, known)
+    values = {
+        "effective pressure": lambda line: -line.normal_stress - _uplift(line.x),
+        "shear": lambda line: np.abs(line.tangential_stress),
+    }
+    ours, known = curves_of_both(file_problem("gravity_dam"), "base", lambda line: line.x, values)
+    return Graph("x [m]", "traction [MPa]", ours, (*known, Curve("uplift", ours[0].x, _uplift(ours[0].x))))
+
+
+def _uplift(x: FloatArray) -> FloatArray:
+    """The pressure of water in the joint [MPa], which falls from the full head to zero."""
+    return 0.00981 * 28.0 * (1.0 - x / 24.0)
 
 
 def _dam_mesh() -> TriangleMesh:

@@ -10,7 +10,7 @@ from comparisons.verification.elements import BOTH, QUINTIC, TRIANGLES, Chapter,
 from comparisons.verification.exhibits import MM, Curve, Graph, shown
 from comparisons.verification.proof import bounded, by_hand, certified, infeasible
 from comparisons.verification.row import Row, absolute, at_most, relative, word
-from comparisons.verification.two_models import by_both_models, two_models
+from comparisons.verification.two_models import curves_of_both, two_models
 from qvi_contact import (
     Contact,
     ContactProblem,
@@ -193,17 +193,9 @@ def oblique_block(element: Element, quick: bool) -> Iterator[Row]:
 @shown("oblique-block", lambda: oblique(0.99), MM)
 def _oblique_graph(_: bool) -> Graph:
     """At 99 % of the friction force the shear is just below its bound."""
-    line, other = by_both_models(oblique(0.99), "plane")
-    along, beside = np.hypot(line.x, line.y), np.hypot(other.x, other.y)
-    ours = (
-        Curve("bound μp, stresses", along, line.friction_bound),
-        Curve("shear, stresses", along, np.abs(line.tangential_stress)),
-    )
-    known = (
-        Curve("bound μp, displacements", beside, other.friction_bound).ordered(),
-        Curve("shear, displacements", beside, np.abs(other.tangential_stress)).ordered(),
-    )
-    return Graph("length along the plane [mm]", "traction [MPa]", ours, known)
+    values = {"bound μp": lambda line: line.friction_bound, "shear": lambda line: np.abs(line.tangential_stress)}
+    curves = curves_of_both(oblique(0.99), "plane", lambda line: np.hypot(line.x, line.y), values)
+    return Graph("length along the plane [mm]", "traction [MPa]", *curves)
 
 
 @PROBLEMS.named("unbalanced")
