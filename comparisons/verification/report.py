@@ -8,16 +8,16 @@ from typing import Any, Final
 from comparisons.lab.marks import escaped
 from comparisons.lab.report import Document as Report
 from comparisons.lab.report import drawn, render
-from comparisons.verification.chapters import benchmarks, exact_states, manufactured, strict
+from comparisons.verification.chapters import benchmarks, exact, friction, strict
 from comparisons.verification.exhibits import EXHIBITS, conservation, overview
 from comparisons.verification.tables import HEADINGS, cells, problems_of, table_name, tables_of
 
 Document = dict[str, Any]
 
 TOLERANCES: Final = {
-    "exact": exact_states.TOLERANCE,
-    "friction": manufactured.TOLERANCE,
-    "touching": manufactured.TOUCHING,
+    "exact": exact.TOLERANCE,
+    "friction": friction.TOLERANCE,
+    "touching": friction.TOUCHING,
     "excess": strict.EXCESS,
     "balance": benchmarks.BALANCE,
 }
