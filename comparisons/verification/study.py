@@ -1,10 +1,10 @@
 """The manual's chapters, and the run: every chosen problem is solved, and what comes back is plain data."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from comparisons.lab.machine import machine, versions
+from comparisons.lab.study.rows import finite_json
 from comparisons.verification.chapters import (
     benchmarks,
     bounds,
@@ -133,24 +133,10 @@ def rows_of(name: str, problem: Problem, quick: bool) -> list[Row]:
 
 def as_record(row: Row) -> Document:
     """A row as plain data."""
-    return {
-        "quantity": row.quantity,
-        "element": row.element,
-        "reference": _plain(row.reference),
-        "kind": None if row.kind is None else row.kind.value,
-        "source": row.source,
-        "ours": _plain(row.ours),
-        "error": _plain(row.error),
-        "measure": row.measure,
-        "tolerance": row.tolerance,
-        "ratio": _plain(row.ratio),
-        "proof": row.proof.text,
-        "certified": row.proof.passed,
-        "passed": row.passed,
-    }
-
-
-def _plain(value: float | str) -> float | str | None:
-    if isinstance(value, str):
-        return value
-    return float(value) if math.isfinite(value) else None
+    record = {
+        "quantity": row.quantity, "element": row.element, "reference": row.reference,
+        "kind": None if row.kind is None else row.kind.value, "source": row.source, "ours": row.ours,
+        "error": row.error, "measure": row.measure, "tolerance": row.tolerance, "ratio": row.ratio,
+        "proof": row.proof.text, "certified": row.proof.passed, "passed": row.passed,
+    }  # fmt: skip
+    return dict(finite_json(record, null=True))
