@@ -8,19 +8,9 @@ from types import SimpleNamespace
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from xdist import is_xdist_controller
 
-from qvi_contact.discretization import families
-from solvers import InputError
-from solvers.basics import watch
-from solvers.factorisation import set_default
-from solvers.factorisation.registry import VARIABLE
-from tests.effort import examples
-
-# neither time nor chance decides a test
-settings.register_profile("suite", max_examples=examples(50), deadline=None, derandomize=True)
-settings.load_profile("suite")
+# What is tested is imported below, where it is needed: the process that hands out the tests waits for no import of it.
 
 
 def pytest_addoption(parser):
@@ -28,28 +18,50 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    try:
-        set_default(config.getoption("factorisation"))
-    except InputError as error:
-        raise pytest.UsageError(str(error)) from error
+    if config.getoption("factorisation") is not None:
+        _force(config.getoption("factorisation"))
     config.option.loadscopereorder = False  # else files of few long tests come last, and one process waits for another
 
 
-@settings(max_examples=1)
-@given(st.none())
-def _first_example(_nothing):
-    """Hypothesis looks for whoever holds NumPy's generator, which it could not see among what is frozen, once."""
+def _force(name):
+    from solvers import InputError
+    from solvers.factorisation import set_default
+
+    try:
+        set_default(name)
+    except InputError as error:
+        raise pytest.UsageError(str(error)) from error
+
+
+def _hypothesis_starts():
+    """Neither time nor chance decides a test."""
+    from hypothesis import given, settings
+    from hypothesis import strategies as st
+
+    from tests.effort import examples
+
+    @settings(max_examples=1)
+    @given(st.none())
+    def first_example(_nothing):
+        """Hypothesis looks for whoever holds NumPy's generator, which it could not see among what is frozen, once."""
+
+    settings.register_profile("suite", max_examples=examples(50), deadline=None, derandomize=True)
+    settings.load_profile("suite")
+    return first_example
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection():
+def pytest_collection(session):
     """What is imported and collected stays: to look through it for garbage again and again is a third of the time."""
+    if is_xdist_controller(session):
+        return (yield)
+    first_example = _hypothesis_starts()
     gc.disable()
     try:
         return (yield)
     finally:
         gc.enable()
-        _first_example()
+        first_example()
         gc.freeze()
         gc.set_threshold(10_000, 20, 100)  # nor is it looked through at every few tests
 
@@ -66,7 +78,9 @@ def _forced_factorisation(request):
     if name is None:
         yield
         return
-    set_default(name)
+    from solvers.factorisation.registry import VARIABLE
+
+    _force(name)
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(os.environ, VARIABLE, name)
         yield
@@ -76,7 +90,7 @@ def _forced_factorisation(request):
 def bogner_fox_schmit():
     """Rectangles keep the Bogner-Fox-Schmit element where none is named: for files of tests about that element."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(families, "DEFAULT_ELEMENT", "bfs")
+        patch.setattr("qvi_contact.discretization.families.DEFAULT_ELEMENT", "bfs")
         yield
 
 
@@ -93,5 +107,5 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch):
     clock = Clock()
-    monkeypatch.setattr(watch, "time", SimpleNamespace(monotonic=lambda: clock.now))
+    monkeypatch.setattr("solvers.basics.watch.time", SimpleNamespace(monotonic=lambda: clock.now))
     return clock
