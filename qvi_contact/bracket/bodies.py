@@ -9,6 +9,7 @@ In `docs/theory.md`: (D26).
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -46,6 +47,8 @@ class Body:
 def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     """Each body alone, a joint that parts it from another one being a contact with an obstacle; tied joints part none.
 
+    The same problem gives the same bodies again, with what they have computed.
+
     Raises
     ------
     InputError
@@ -55,6 +58,18 @@ def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
     if not joints:
         return (Body(problem, {}),)
+    found = _PARTED.get(problem)
+    if found is None:
+        found = _PARTED[problem] = _parted(problem, joints)
+    return found
+
+
+_PARTED: WeakKeyDictionary[ContactProblem, tuple[Body, ...]] = WeakKeyDictionary()
+"""What problems have been parted into, as long as these are there: one bracket asks for the bodies three times."""
+
+
+def _parted(problem: ContactProblem, joints: tuple[Contact, ...]) -> tuple[Body, ...]:
+    """The bodies on both sides of joints that are not tied."""
     body = blocks_of_cells(problem)
     for joint in joints:
         near, far = problem.mesh.edges(joint.edges).cells.T

@@ -8,6 +8,7 @@ import pytest
 from comparisons.verification.chapters.bodies import half_disc, half_discs
 from comparisons.verification.measures import energy_apart
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
+from qvi_contact.bracket import bodies
 from qvi_contact.bracket.bodies import bodies_of
 from qvi_contact.bracket.friction_ends import no_friction_operator
 from qvi_contact.bracket.friction_norm import computed_norm, friction_norm
@@ -43,6 +44,14 @@ class TestBodies:
             side = float(np.sign(edges.normal[0] @ joint.normal[0]))
             assert side * sense * friction == friction
             assert edges.tangent[0] == pytest.approx(joint.tangent[0])
+
+    def test_one_bracket_parts_them_once(self, monkeypatch):
+        parted = []
+        blocks = bodies.blocks_of_cells
+        monkeypatch.setattr(bodies, "blocks_of_cells", lambda problem: parted.append(problem) or blocks(problem))
+        result = solve(half_discs(0.1), degree=3)
+        assert result.bracket.slip is not None
+        assert parted == [result.problem]
 
     def test_a_tied_joint_parts_nothing(self):
         problem = half_discs()
