@@ -67,14 +67,25 @@ def _tractions(solution: QVISolution) -> Vector:
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:
-    """What the ways end at, until the time is over."""
-    qvi, tolerance = solution.problem, solution.certificate.tolerance
+    """What the ways end at, until the time is over; those that begin at the same friction begin at the same state."""
+    begun: dict[float, QVISolution] = {}
     for first, count in WAYS:
-        state: QVISolution | None = None
-        for factor in np.linspace(first, 1.0, count + 1):
+        if expired():
+            return
+        if first not in begun:
+            begun[first] = _at_friction(first, solution, None)
+        step = begun[first]
+        state = step if step.solved else None
+        for factor in np.linspace(first, 1.0, count + 1)[1:]:
             if expired():
                 return
-            posed = qvi if factor == 1.0 else qvi.changed(mu=factor * qvi.mu)
-            step = solve_qvi(posed, "condensed", tolerance=tolerance, initial=state)
+            step = _at_friction(factor, solution, state)
             state = step if step.solved else state
         yield step
+
+
+def _at_friction(factor: float, solution: QVISolution, start: QVISolution | None) -> QVISolution:
+    """The problem of a solution with so many times its friction, solved from a state."""
+    qvi = solution.problem
+    posed = qvi if factor == 1.0 else qvi.changed(mu=factor * qvi.mu)
+    return solve_qvi(posed, "condensed", tolerance=solution.certificate.tolerance, initial=start)

@@ -1,5 +1,6 @@
 """Several certified solutions of one discrete problem, and the one that displacements confirm."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from qvi_contact import InputError, other_solutions, solve, solve_history
 from qvi_contact.bracket import branches
+from qvi_contact.bracket.parts import CellFields, bulk
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import Status, following
 
@@ -36,6 +38,34 @@ def test_the_one_nearest_to_displacements_comes_first(rectangles):
     errors = [abs(force(result) - known) for result in rectangles.results]
     assert errors.index(min(errors)) == 0
     assert errors[0] < 0.01 * abs(known)
+
+
+def test_distances_are_those_of_strains(rectangles):
+    """∫ (cσ − ε) : C : (cσ − ε) over ∫ ε : C : ε, by Gauss points of the stress in all cells."""
+    companion = rectangles.companion
+    for result, distance in zip(rectangles.results, rectangles.distances, strict=True):
+        fields = CellFields.of(result.discretization, result.dofs, companion.degree + 2)
+        strain = companion.cell_strain(*fields.t[:, -2:].T)
+        compliances = result.problem.compliances
+        nothing = replace(fields, stress=np.zeros_like(fields.stress))
+        apart, own = (bulk(each, compliances, strain).sum() for each in (fields, nothing))
+        assert distance == pytest.approx(np.sqrt(apart / own), rel=1e-9)
+
+
+def test_ways_that_begin_at_the_same_friction_begin_at_the_same_state(monkeypatch):
+    result = solve(compressed_plate(0.2, (2, 2)))
+    posed = []
+    solve_one = following.solve_qvi
+
+    def noted(qvi, *given, **options):
+        posed.append(options["initial"])
+        return solve_one(qvi, *given, **options)
+
+    monkeypatch.setattr(following, "solve_qvi", noted)
+    monkeypatch.setattr(following, "WAYS", ((0.4, 1), (0.4, 2), (1.3, 1)))
+    assert following.followed_solutions(result.solution) == (result.solution,)
+    assert [start is None for start in posed] == [True, False, False, False, True, False]
+    assert posed[1] is posed[2]
 
 
 def test_remarks_name_the_difference_and_the_choice(rectangles):
