@@ -22,7 +22,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.element.quadrature import EdgeQuadrature, adapted
+from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.mesh.edges import Edges, points_along, rounding_along, vectors_along
 from qvi_contact.mesh.mesh import Mesh
 from solvers import EnergyRoot
@@ -121,6 +121,8 @@ class PrescribedTraction:
         part of it that Φ makes up is value − φ d·n.
     potential : function of (x, y), or None
         φ [dimensionless] at points [length]; None where there is none.
+    constant : float or None
+        What Φ makes up of it, if that is known to be one number [dimensionless]; then `value` is that number.
 
     """
 
@@ -130,6 +132,7 @@ class PrescribedTraction:
     value: Callable[[FloatArray, FloatArray], FloatArray]
     potential: Callable[[FloatArray, FloatArray], FloatArray] | None = None
     turns: bool = False
+    constant: float | None = None
 
     def take(self, index: IntArray | BoolArray) -> "PrescribedTraction":
         """The same on some of the edges."""
@@ -137,6 +140,8 @@ class PrescribedTraction:
 
     def quadrature(self, vertices: FloatArray, points: int) -> EdgeQuadrature:
         """The part that Φ makes up, at Gauss points of parts of the edges; vertices (v, 2) [length]."""
+        if self.constant is not None:
+            return constant(self.constant, len(self.edges), points)
 
         def own(edge: IntArray, t: FloatArray) -> FloatArray:
             x, y = np.moveaxis(points_along(vertices, self.edges.take(edge), t), -1, 0)

@@ -53,7 +53,8 @@ def _traction(problem: ContactProblem, scales: Scales, given: Prescribed) -> Pre
 
     edges = problem.mesh.boundary.take(given.index)
     own = potential if has_body_force(problem) else None
-    return PrescribedTraction(given.name, edges, given.direction, value, own, given.turns)
+    number = None if own is not None or callable(given.value) else given.value / scales.stress
+    return PrescribedTraction(given.name, edges, given.direction, value, own, given.turns, number)
 
 
 def frictionless_corners(problem: ContactProblem) -> list[int]:

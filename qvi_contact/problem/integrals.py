@@ -1,7 +1,7 @@
 """Fields of the problem along edges, at points that integrate them."""
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
-from qvi_contact.element.quadrature import EdgeQuadrature, adapted
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate
+from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.mesh.edges import Edges, rounding_along
 from qvi_contact.mesh.mesh import Mesh
 
@@ -17,6 +17,9 @@ def along_edges(
         If the field fails, is not finite or is below the minimum somewhere; `name` is what it is called then.
 
     """
+    if not callable(field):
+        check_field(name, field, minimum=minimum)
+        return constant(field, len(edges), points)
 
     def values(edge: IntArray, t: FloatArray) -> FloatArray:
         return evaluate(name, field, *mesh.points_along(edges.take(edge), t), minimum=minimum)

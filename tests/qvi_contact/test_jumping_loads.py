@@ -15,7 +15,7 @@ from qvi_contact import (
 )
 from qvi_contact.command.outline import outline
 from qvi_contact.companion import solve_companion
-from qvi_contact.element.quadrature import adapted
+from qvi_contact.element.quadrature import adapted, constant
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.mechanism import upper_bound
 from qvi_contact.verification.claims import missed_tractions
@@ -61,6 +61,12 @@ class TestQuadrature:
     def test_polynomials_have_one_part(self):
         assert len(adapted(lambda edge, t: edge[:, None] + t**7, 5).edge) == 5
         assert len(adapted(lambda edge, t: np.where(edge[:, None] + t < 1.2345, 1.0, 0.0), 5).edge) < 70
+
+    @pytest.mark.parametrize(("value", "count"), [(-3.7, 3), (0.0, 2), (1.0, 0)])
+    def test_numbers_are_integrated_as_functions_are(self, value, count):
+        found, followed = constant(value, count, 5), adapted(lambda _, t: np.full(t.shape, value), count, 5)
+        for name in ("count", "edge", "t", "weights", "values", "error"):
+            assert np.array_equal(getattr(found, name), getattr(followed, name)), name
 
     @pytest.mark.parametrize("origin", [1e4, 5e5, 1e7])
     def test_far_from_the_origin(self, origin):
