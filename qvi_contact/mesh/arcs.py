@@ -43,10 +43,12 @@ def arc_offsets(chords: FloatArray, bend: FloatArray, t: FloatArray) -> FloatArr
         Shares of their lengths.
 
     """
-    along, across = _from_first(bend, np.broadcast_to(t, (len(chords), np.shape(t)[-1])))
+    count = len(chords)
+    shares = np.concatenate([np.broadcast_to(t, (count, np.shape(t)[-1])), np.ones((count, 1))], axis=1)
+    along, across = _from_first(bend, shares)
     across_chords = np.column_stack([-chords[:, 1], chords[:, 0]])
-    found = along[..., None] * chords[:, None] + across[..., None] * across_chords[:, None]
-    return np.asarray(stretches(bend)[:, None, None] * found)
+    found = along[:, :-1, None] * chords[:, None] + across[:, :-1, None] * across_chords[:, None]
+    return np.asarray(found / along[:, -1:, None])  # at the end of an edge its chord over its length
 
 
 def levelled(bend: FloatArray) -> FloatArray:
