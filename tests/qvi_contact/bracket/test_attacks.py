@@ -1,6 +1,7 @@
 """Attempts to refute the bounds: other meshes, wrong stresses, odd data, every side, units, and places."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -268,29 +269,31 @@ def perturbed(result, size, seed=0):
     return ContactResult(result.discretization, replace(result.solution, z=z + size * np.abs(z).max() * noise))
 
 
+@cache
+def solved_block(kind):
+    """A block under a plate that is driven by forces, or between two that it is tied to."""
+    if kind == "tied":
+        return solve(square(Contact.tied("bottom"), Contact.tied("top", gap=U), Contact.tresca("left", 0.1)))
+    plate = pressed(20.0)
+    contact = Contact.tresca("top", 20.0, name="plate")
+    contact = replace(contact, plate=RigidPlate(force_y=-200.0, moment=-30.0))
+    return solve(replace(plate, conditions=[*plate.conditions[:3], contact]))
+
+
 class TestWrongStresses:
     """Bounds of stresses that solve nothing hold as well, or are not called guaranteed."""
-
-    def driven(self):
-        plate = pressed(20.0)
-        contact = Contact.tresca("top", 20.0, name="plate")
-        contact = replace(contact, plate=RigidPlate(force_y=-200.0, moment=-30.0))
-        return replace(plate, conditions=[*plate.conditions[:3], contact])
-
-    def tied(self):
-        return square(Contact.tied("bottom"), Contact.tied("top", gap=U), Contact.tresca("left", 0.1))
 
     @pytest.mark.parametrize("kind", ["driven", "tied"])
     @pytest.mark.parametrize("size", [1e-3, 1.0])
     def test_noise(self, kind, size):
-        result = solve(getattr(self, kind)())
+        result = solved_block(kind)
         right = result.bracket
         assert right.guaranteed
         assert_consistent(bracket(perturbed(result, size)), right)
 
     def test_noise_where_tractions_are_given(self):
         """Noise in contact tractions of a driven plate breaks its balance: never a lower bound that is too high."""
-        result = solve(self.driven())
+        result = solved_block("driven")
         right = result.bracket
         for seed in range(2):
             assert bracket(perturbed(result, 1e-2, seed)).lower <= right.upper
@@ -334,36 +337,40 @@ class TestSticking:
         assert found.upper == pytest.approx(tied.upper, rel=1e-9)
 
 
+def walled_block(lines=(0.0, 0.1, 0.4, 1.0), unit=1.0, stress=1.0, start=0.0, mirrored=False):
+    """A block on a frictionless ground, a wall with a bound at its left (or right) side."""
+    x = 1.0 - np.asarray(lines)[::-1] if mirrored else np.asarray(lines)
+    wall, other = ("right", "left") if mirrored else ("left", "right")
+    mesh = RectilinearMesh(start + unit * x, start + unit * np.array([0.0, 0.4, 1.0]))
+    conditions = [
+        Contact.frictionless("bottom"),
+        Contact.tresca(wall, 5.0 * stress, gap=-1e-4 * unit, offset=2e-4 * unit),
+        *free(other),
+        Displacement("top", y=-U * unit),
+        Traction("top", x=0.0),
+    ]
+    return ContactProblem(mesh, Material(1e5 * stress, 0.3), conditions)
+
+
+@cache
+def walled_bracket():
+    return solve(walled_block()).bracket
+
+
 class TestInvariance:
     """The same problem said in another way."""
 
-    def problem(self, lines, unit=1.0, stress=1.0, start=0.0, mirrored=False):
-        """A block on a frictionless ground, a wall with a bound at its left (or right) side."""
-        x = 1.0 - np.asarray(lines)[::-1] if mirrored else np.asarray(lines)
-        wall, other = ("right", "left") if mirrored else ("left", "right")
-        mesh = RectilinearMesh(start + unit * x, start + unit * np.array([0.0, 0.4, 1.0]))
-        conditions = [
-            Contact.frictionless("bottom"),
-            Contact.tresca(wall, 5.0 * stress, gap=-1e-4 * unit, offset=2e-4 * unit),
-            *free(other),
-            Displacement("top", y=-U * unit),
-            Traction("top", x=0.0),
-        ]
-        return ContactProblem(mesh, Material(1e5 * stress, 0.3), conditions)
-
-    LINES = (0.0, 0.1, 0.4, 1.0)
-
     @pytest.mark.parametrize(("unit", "stress", "start"), [(1e-9, 1e12, 0.0), (1e9, 1e-9, 0.0), (1.0, 1.0, 1e6)])
     def test_units_and_place(self, unit, stress, start):
-        first = solve(self.problem(self.LINES)).bracket
-        other = solve(self.problem(self.LINES, unit, stress, start)).bracket
+        first = walled_bracket()
+        other = solve(walled_block(unit=unit, stress=stress, start=start)).bracket
         energy = unit**2 * stress
         assert other.guaranteed
         assert other.lower / energy == pytest.approx(first.lower, rel=1e-7)
         assert other.upper / energy == pytest.approx(first.upper, rel=1e-7)
 
     def test_mirrored(self):
-        first, other = (solve(self.problem(self.LINES, mirrored=mirrored)).bracket for mirrored in (False, True))
+        first, other = walled_bracket(), solve(walled_block(mirrored=True)).bracket
         assert other.lower == pytest.approx(first.lower, rel=1e-9)
         assert other.upper == pytest.approx(first.upper, rel=1e-9)
         np.testing.assert_allclose(other.cells[:, ::-1], first.cells, rtol=1e-4, atol=1e-6 * first.gap)
@@ -464,9 +471,14 @@ class TestShearThatCannotBe:
         assert found.lower <= found.upper
 
 
+@cache
+def solved_plate():
+    return solve(pressed(10.0, (2, 2)))
+
+
 def test_bounds_that_contradict_each_other_bound_no_error():
     """A lower bound above the upper one, as wrong data give, does not mean that the stress is exact."""
-    found = solve(pressed(10.0, (2, 2))).bracket
+    found = solved_plate().bracket
     assert found.relative_error > 0.0
     assert replace(found, lower=found.upper + found.strain).relative_error > found.relative_error
 
@@ -489,7 +501,7 @@ class TestBadInput:
     )
     def test_options(self, options):
         with pytest.raises(InputError, match=next(iter(options))):
-            bracket(solve(pressed(10.0, (2, 2))), **options)
+            bracket(solved_plate(), **options)
 
     def test_no_state(self):
         """Nothing holds the body: the load exceeds what friction carries."""

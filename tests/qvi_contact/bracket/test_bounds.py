@@ -45,9 +45,15 @@ CONVEX = {"tresca": tresca_plate, "tied": tied_plate, "frictionless": cylinder}
 
 
 @cache
-def bracket_of(name, cells, grading=1.0):
+def bracket_of(name, cells, grading):
     """Bracket of a convex problem on cells² cells."""
     return solve(CONVEX[name]((cells, cells), grading=grading)).bracket
+
+
+@cache
+def under_coulomb(cells):
+    """The plate with friction that slips, on cells² cells."""
+    return solve(compressed_plate(0.1, (cells, cells)))
 
 
 @pytest.mark.parametrize("name", CONVEX)
@@ -78,7 +84,7 @@ def test_gap_shrinks_at_the_expected_rate(name, low, high):
     Tied: its singularity, 2λ = 1.517 (Williams). Tresca: σ_xy is 0 on the free side and the bound beside it on the
     contact, a jump that a continuous stress cannot follow: the last edge misses h s |slip|.
     """
-    gaps = [bracket_of(name, n).gap for n in (4, 8, 16)]
+    gaps = [bracket_of(name, n, 1.0).gap for n in (4, 8, 16)]
     rates = np.log2(np.array(gaps[:-1]) / gaps[1:])
     assert rates.min() > low
     assert rates.max() < high
@@ -92,10 +98,9 @@ def test_grading_overcomes_the_corner():
 
 def test_hypercircle_bounds_the_true_error():
     """½ ‖σ − τ‖² ≤ gap, with σ from a much finer mesh, and the gap is not far above it."""
-    coarse, fine = solve(tied_plate((4, 4))), solve(tied_plate((32, 32), grading=0.85))
-    error = coarse.energies.complementary - fine.energies.complementary  # = ½ ‖σ − τ‖² for tied contacts
-    gap = coarse.bracket.gap
-    assert 0.0 < error <= gap < 20.0 * error
+    coarse, fine = bracket_of("tied", 4, 1.0), solve(tied_plate((32, 32), grading=0.85))
+    error = coarse.result.energies.complementary - fine.energies.complementary  # = ½ ‖σ − τ‖² for tied contacts
+    assert 0.0 < error <= coarse.gap < 20.0 * error
 
 
 def exact_states():
@@ -183,7 +188,7 @@ class TestCoulomb:
     """The friction bound held fixed."""
 
     def test_is_an_indicator(self):
-        found = solve(compressed_plate(0.1, (8, 8))).bracket
+        found = under_coulomb(8).bracket
         assert found.kind is BracketKind.GIVEN_BOUND
         assert not found.guaranteed
         assert "friction bound on 'plate'" in found.reasons[0]
@@ -192,13 +197,12 @@ class TestCoulomb:
         assert "Estimate, not a bound" in found.message
 
     def test_outer_part_vanishes_for_a_strict_fixed_point(self):
-        collocated = solve(compressed_plate(0.1, (8, 8)))
         strict = solve(compressed_plate(0.1, (8, 8)), inner="strict-direct:clarabel")
-        assert strict.bracket.outer <= 1e-5 * collocated.bracket.outer
+        assert strict.bracket.outer <= 1e-5 * under_coulomb(8).bracket.outer
         assert strict.bracket.result is strict  # admissible as it is: no second solve
 
     def test_gap_shrinks(self):
-        gaps = [solve(compressed_plate(0.1, (n, n))).bracket.gap for n in (8, 16)]
+        gaps = [under_coulomb(n).bracket.gap for n in (8, 16)]
         assert gaps[1] < 0.6 * gaps[0]
 
     def test_manufactured_slip(self):
@@ -210,21 +214,16 @@ class TestCoulomb:
 
 
 def test_indicator_is_largest_at_the_singular_corner():
-    cells = solve(tied_plate((8, 8))).bracket.cells
+    cells = bracket_of("tied", 8, 1.0).cells
     assert np.unravel_index(np.argmax(cells), cells.shape) == (7, 7)
 
 
 def test_marking_beats_uniform_refinement():
     """Half the gap for the unknowns of the uniform mesh, and no more lines than asked for."""
-    problem = tied_plate((4, 4))
-    while True:
-        adaptive = solve(problem).bracket
-        finer = refined_where_apart(problem, adaptive)
-        if finer.mesh.active.size > 256:
-            break
-        problem = finer
-    uniformly = solve(tied_plate((16, 16))).bracket
-    assert adaptive.gap < 0.3 * uniformly.gap
+    adaptive = bracket_of("tied", 4, 1.0)
+    while (finer := refined_where_apart(adaptive.problem, adaptive)).mesh.active.size <= 256:
+        adaptive = solve(finer).bracket
+    assert adaptive.gap < 0.3 * bracket_of("tied", 16, 1.0).gap
 
 
 def test_does_not_depend_on_units_or_place():
@@ -255,12 +254,12 @@ class TestBadInput:
 
     @pytest.mark.parametrize("share", [0.0, 1.5, np.nan, "half"])
     def test_share(self, share):
-        problem = tied_plate((2, 2))
+        found = bracket_of("tied", 2, 1.0)
         with pytest.raises(InputError, match="share"):
-            refined_where_apart(problem, solve(problem).bracket, share)
+            refined_where_apart(found.problem, found, share)
 
     def test_other_mesh(self):
-        found = solve(tied_plate((2, 2))).bracket
+        found = bracket_of("tied", 2, 1.0)
         with pytest.raises(InputError, match="mesh"):
             refined_where_apart(tied_plate((3, 2)), found)
 
