@@ -13,14 +13,24 @@ def square_lattice(divisions: int) -> tuple[FloatArray, IntArray]:
     return points, first[:, None] + np.array([0, 1, divisions + 2, divisions + 1])
 
 
+def _parts(number: IntArray, i: IntArray, j: IntArray, corners: list[tuple[int, int]]) -> IntArray:
+    """Numbers of the points that lie these steps across and up from the points (i, j), shape (c, corners)."""
+    return np.column_stack([number[j + up, i + across] for across, up in corners])
+
+
 def triangle_lattice(divisions: int) -> tuple[FloatArray, IntArray]:
     """Barycentric points (k, 3) of a triangle, and the corners (c, 3) of its parts."""
     n = divisions
-    index = {(i, j): k for k, (i, j) in enumerate((i, j) for j in range(n + 1) for i in range(n + 1 - j))}
-    points = np.array([(n - i - j, i, j) for i, j in index]) / n
-    upright = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < n]
-    turned = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < n - 1]
-    return points, np.array(upright + turned)
+    j, i = np.indices((n + 1, n + 1))
+    inside = i + j <= n
+    number = (np.cumsum(inside) - 1).reshape(inside.shape)  # of the points inside, row by row
+    i, j = i[inside], j[inside]
+    upright, turned = i + j < n, i + j < n - 1
+    parts = [
+        _parts(number, i[upright], j[upright], [(0, 0), (1, 0), (0, 1)]),
+        _parts(number, i[turned], j[turned], [(1, 0), (1, 1), (0, 1)]),
+    ]
+    return np.column_stack([n - i - j, i, j]) / n, np.concatenate(parts)
 
 
 def triangles_of(parts: IntArray) -> IntArray:

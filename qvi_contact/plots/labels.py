@@ -12,6 +12,7 @@ from qvi_contact.problem.conditions import CARTESIAN, LOCAL, Condition, Displace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from matplotlib.text import Text
 
 Spot: TypeAlias = tuple[FloatArray, dict[str, Any]]
@@ -70,12 +71,24 @@ def wrapped(text: str) -> str:
     return textwrap.fill(text, _WRAP, subsequent_indent="   ", break_on_hyphens=False)
 
 
+def _place_panels(figure: "Figure", axes: "Axes") -> None:
+    """Put all panels where they will be drawn; drawing them without a picture takes as long again."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+    for panel in figure.axes:
+        panel.apply_aspect()
+    locator = axes.get_axes_locator()
+    if locator is not None:  # a panel inside another one
+        axes.apply_aspect(locator(axes, None))
+
+
 def spread(axes: "Axes", written: Sequence[Written]) -> None:
     """Move each text to the first of its spots where it covers none of those before it; without one it stays."""
     figure = axes.get_figure(root=True)
     if figure is None or not written:
         return
-    figure.draw_without_rendering()  # sizes are known once the layout is
+    _place_panels(figure, axes)  # sizes are known once the layout is
     taken: list[Any] = []
     for text, spots in written:
         for place, align in (*spots, spots[0]):
