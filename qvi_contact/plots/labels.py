@@ -73,14 +73,13 @@ def wrapped(text: str) -> str:
 
 def _place_panels(figure: "Figure", axes: "Axes") -> None:
     """Put all panels where they will be drawn; drawing them without a picture takes as long again."""
+    if axes.get_axes_locator() is not None:  # a panel inside another one, which gets its place while that is drawn
+        figure.draw_without_rendering()
+        return
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
-    for panel in figure.axes:
-        panel.apply_aspect()
-    locator = axes.get_axes_locator()
-    if locator is not None:  # a panel inside another one
-        axes.apply_aspect(locator(axes, None))
+    axes.apply_aspect()
 
 
 def spread(axes: "Axes", written: Sequence[Written]) -> None:

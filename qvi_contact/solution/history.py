@@ -12,10 +12,11 @@ it ended in.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias
 
 import numpy as np
 
@@ -50,7 +51,32 @@ _PARALLEL = 1e-9  # sine of the angle between edges that face one way
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
+_NAME_ONE = "name a contact, or an edge set with a prescribed displacement"
+
 _Posed: TypeAlias = Callable[[int, Scales], Discretization]
+
+
+@dataclass(frozen=True)
+class _Drives:
+    """Displacements and forces of what may drive the body in one step, in pairs.
+
+    Attributes
+    ----------
+    contacts : mapping
+        Of each contact's obstacle along the tangent; x, y and rotation of a plate on edges that face several ways.
+    supports : mapping
+        Of each edge set with a prescribed displacement, by component, those along its tangent first.
+
+    """
+
+    contacts: Mapping[str, Sequence[tuple[float, float]]]
+    supports: Mapping[str, Mapping[str, tuple[float, float]]]
+
+    @classmethod
+    def of(cls, step: ContactResult, supports: Sequence[str]) -> Self:
+        """Those of a step, and of these edge sets."""
+        contacts = {name: _driving(step, name) for name in step.contacts}
+        return cls(contacts, {name: _supported(step, name) for name in supports})
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,16 +199,23 @@ class History:
             prescribed elsewhere move the body: the edge sets to name instead are listed.
 
         """
-        states = self._states
-        if not states:
+        drives = self._drives
+        if not drives:
             return np.zeros(0), np.zeros(0)
-        if not (isinstance(name, str) and any(name in step.contacts for step in states)):
+        if isinstance(name, str) and name in drives[0].contacts:
+            return self._contact_loop(name)
+        if isinstance(name, str) and name in drives[0].supports:
             return self._edge_loop(name)
-        if _faces_several_ways(states[0], name):
-            displacement, force = _of_plate(states, name)
-        else:
-            displacement, force = np.array([_obstacle(step, name) for step in states]).T
-        movers = [edges for edges in _displaced(states) if np.ptp(self._edge_loop(edges)[0]) > 0.0]
+        self._states[0].problem.mesh.edges(name)  # refuses a name that nothing has
+        raise InputError("name", name, _NAME_ONE)
+
+    def _contact_loop(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """The loop of a contact: that which does the most work, if there are several."""
+        if len({len(each.contacts[name]) for each in self._drives}) > 1:
+            raise InputError("name", name, "its plate is there in some steps only: give it in all of them, or in none")
+        pairs = np.array([each.contacts[name] for each in self._drives]).transpose(1, 2, 0)
+        displacement, force = pairs[np.argmax(np.ptp(pairs[:, 0], axis=1) * np.abs(pairs[:, 1]).max(axis=1))]
+        movers = [edges for edges in self._drives[0].supports if np.ptp(self._edge_loop(edges)[0]) > 0.0]
         if movers and not np.ptp(displacement) > 0.0:
             remedy = f"its obstacle does not move: name what drives the body, {' or '.join(map(repr, movers))}"
             raise InputError("name", name, remedy)
@@ -190,13 +223,20 @@ class History:
 
     def _edge_loop(self, name: str) -> tuple[FloatArray, FloatArray]:
         """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
-        steps = [_supported(step, name) for step in self._states]
+        steps = [each.supports[name] for each in self._drives]
         always = [component for component in steps[0] if all(component in each for each in steps)]
         pairs = [np.array([each[component] for each in steps]).T for component in always]
         found = [(displacement, force) for displacement, force in pairs]
         if not found:
-            raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
+            raise InputError("name", name, _NAME_ONE)
         return next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
+
+    @cached_property
+    def _drives(self) -> list[_Drives]:
+        """What drives the body in each step with a state: numbers, as each step may have to be read from a file."""
+        states = self._states
+        supports = _displaced(states[0]) if states else []
+        return [_Drives.of(step, supports) for step in states]
 
     @property
     def _states(self) -> Sequence[ContactResult]:
@@ -493,12 +533,11 @@ def _faces_several_ways(step: ContactResult, name: str) -> bool:
     return name in step.plates and bool(np.abs(across).max() > _PARALLEL)
 
 
-def _of_plate(states: Sequence[ContactResult], name: str) -> tuple[FloatArray, FloatArray]:
-    """The component of a plate's motion that does the most work, and its force or moment."""
-    pairs = [(astuple(step.plates[name]), astuple(step.plate_force(name))) for step in states]
-    motions, forces = np.array(pairs).transpose(1, 2, 0)
-    component = int(np.argmax(np.ptp(motions, axis=1) * np.abs(forces).max(axis=1)))
-    return motions[component], forces[component]
+def _driving(step: ContactResult, name: str) -> list[tuple[float, float]]:
+    """Motion and force of a contact's obstacle; by component if it is a plate on edges that face several ways."""
+    if not _faces_several_ways(step, name):
+        return [_obstacle(step, name)]
+    return list(zip(astuple(step.plates[name]), astuple(step.plate_force(name)), strict=True))
 
 
 def _obstacle(step: ContactResult, name: str) -> tuple[float, float]:
@@ -517,9 +556,9 @@ def _obstacle(step: ContactResult, name: str) -> tuple[float, float]:
     return along, float(line.weights @ line.tangential_stress)  # what works on the offset, along the tangents
 
 
-def _displaced(states: Sequence[ContactResult]) -> list[str]:
+def _displaced(step: ContactResult) -> list[str]:
     """Edge sets with a prescribed displacement."""
-    conditions = states[0].problem.conditions
+    conditions = step.problem.conditions
     return list(dict.fromkeys(condition.edges for condition in conditions if isinstance(condition, Displacement)))
 
 

@@ -304,6 +304,15 @@ def test_the_loop_of_a_pin_is_that_of_the_motion_that_does_the_work():
     assert force == pytest.approx([step.plate_force("hole").x for step in history.steps])
 
 
+def test_a_pin_in_some_steps_only_has_no_loop():
+    """A component of its motion in one step, and the rest of the hole in the other, are no path."""
+    pin = Contact.pin("hole", 0.3, (0.0, 0.0), 1.02, x=0.01)
+    history = solve_history([pinned(pin, mesh=ROUND), pinned(replace(pin, plate=None), mesh=ROUND)], degree=3)
+    assert len(history.steps) == 2
+    with pytest.raises(InputError, match="some steps"):
+        history.loop("hole")
+
+
 class TestWhatIsNotDetermined:
     """Motions that nothing resists are named with the place and what to do; stresses are what they are."""
 

@@ -183,24 +183,29 @@ class Made(Sequence):
 
 def test_memory_does_not_grow_with_the_steps(tmp_path):
     def used(number, _):
-        if number in (4, 12):
+        if number == 3:
+            tracemalloc.start()  # what is made only once, at the beginning, need not be traced
+        if number in (5, 12):
             gc.collect()
             seen.append(tracemalloc.get_traced_memory()[0])
 
     seen: list[int] = []
     offsets = 0.01 * np.sin(np.arange(12))
-    tracemalloc.start()
+    gc.collect()
+    gc.freeze()
     try:
         solve_history(Made(offsets), used, store=tmp_path / "steps", element="bfs")
     finally:
         tracemalloc.stop()
-    assert seen[1] - seen[0] < 8 * 5000  # without a store a step takes several times as much
+    assert seen[1] - seen[0] < 7 * 5000  # without a store a step takes several times as much
 
 
 @pytest.fixture(name="alive")
 def _alive(monkeypatch):
     """How many results that were read there are at the same time, at each reading."""
     read, counts = [], []
+    gc.collect()
+    gc.freeze()  # what is there already is not looked through again at each reading
 
     def reading(*given):
         gc.collect()
@@ -222,7 +227,7 @@ def _stored(tmp_path):
 
 def test_the_picture_keeps_no_step(stored, alive):
     assert history_figure(stored).axes
-    assert len(alive) >= len(STEPS) - 1
+    assert len(STEPS) - 1 <= len(alive) <= 3 * len(STEPS)  # forces, loops, and the first step
     assert max(alive) <= 3
 
 
