@@ -57,23 +57,23 @@ def project_tangential(rows: ContactRows, functional: FloatArray, fixed: IntArra
     ends = 2 * np.concatenate([edges.first, edges.second]) + np.tile(~horizontal(edges), 2)
     nodes, local = np.unique(ends, return_inverse=True)
     n, e = len(nodes), len(edges)
-    shape = nodal_quadratics(t)
     columns = np.column_stack([local[:e], local[e:], n + np.arange(e)])
-    at_point = np.repeat(columns, points.count, axis=0)
-    index = (np.repeat(np.arange(e * points.count), 3), at_point.ravel())
-    quadratic = sparse.csr_array((np.tile(shape, (e, 1)).ravel(), index), shape=(e * points.count, n + e))
+    at_points = np.tile(nodal_quadratics(t), (e, 1))
+    place = np.repeat(columns, points.count, axis=0).ravel(), 3 * np.arange(e * points.count + 1)
+    quadratic = sparse.csr_array((at_points.ravel(), *place), shape=(e * points.count, n + e))
+    weighted = sparse.csr_array(((points.weights[:, None] * at_points).ravel(), *place), shape=quadratic.shape)
 
     blind = np.flatnonzero(np.isin(nodes // 2, fixed))
-    seen = np.setdiff1d(np.arange(n + e), blind)
-    tested = sparse.csr_array((np.ones(len(seen)), (np.arange(len(seen)), seen)), shape=(len(seen), n + e))
-    trial = _linear_at_ends(columns, n + e, blind)
-    mass = quadratic.T @ (sparse.diags_array(points.weights) @ quadratic)
+    transposed = quadratic.T.tocsr()
+    system, right = transposed @ weighted, transposed @ functional
+    if not len(blind):
+        return np.asarray(quadratic @ linalg.spsolve(system.tocsc(), right))
+    seen, trial = np.setdiff1d(np.arange(n + e), blind), _linear_at_ends(columns, n + e, blind)
+    system, right = (system @ trial)[seen], right[seen]
     if len(seen) == trial.shape[1]:
-        solution = trial @ linalg.spsolve(sparse.csc_array(tested @ mass @ trial), tested @ (quadratic.T @ functional))
+        solution = trial @ linalg.spsolve(system.tocsc(), right)
     else:  # one edge with both ends prescribed: only the mean against the bubble is known
-        system = (tested @ mass @ trial).toarray()
-        right = np.asarray(quadratic.T @ functional)[seen]
-        solution = trial @ np.linalg.lstsq(system, right, rcond=None)[0]
+        solution = trial @ np.linalg.lstsq(system.toarray(), right, rcond=None)[0]
     return np.asarray(quadratic @ solution)
 
 
