@@ -17,8 +17,7 @@ from comparisons.convergence.mesh.errors import Overview, meshes_of
 from comparisons.convergence.mesh.measures import spacing, values_of
 from comparisons.convergence.mesh.orders import advantage, cost, fitted_order, orders_of, successive_orders
 from comparisons.convergence.mesh.problems import FORCE, PROBLEMS, TRACTIONS, Expected, towards
-from comparisons.convergence.mesh.report import report
-from comparisons.convergence.mesh.tables import failures, tables_of
+from comparisons.convergence.mesh.report import failures, report, tables_of
 from comparisons.convergence.mesh.tractions import Tractions, difference, size
 from comparisons.convergence.mesh.zones import LINE, POINT, ROOT, zone_ends
 from comparisons.lab.report import findings_of, write_report

@@ -40,8 +40,7 @@ from comparisons.peers.measures import (
     runs_of,
     values_of,
 )
-from comparisons.peers.report import SCHEMA, document_of, report
-from comparisons.peers.tables import FORMS, tables_of
+from comparisons.peers.report import FORMS, SCHEMA, document_of, report, tables_of
 from comparisons.settled import LIMITS, SETTLED, UNCERTAINTY
 from qvi_contact import InputError, solve
 from qvi_contact.basics import terminal

@@ -11,7 +11,8 @@ import pytest
 from pandas import DataFrame, Series
 
 from comparisons.lab.study import Row
-from comparisons.solvers import accuracies, figures, measures, tables, tasks
+from comparisons.solvers import accuracies, figures, measures, tasks
+from comparisons.solvers import report as tables
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE, outcome
 from comparisons.solvers.problems import PROBLEMS, Described, Instance, instance
 from comparisons.solvers.study import QUICK, declared, keep

@@ -11,7 +11,8 @@ from pandas import DataFrame
 from comparisons.lab.report import findings_of
 from comparisons.lab.study import Row, StoredStudy, read_csv
 from comparisons.lab.tables import grid_of
-from comparisons.solvers import figures, measures, tables
+from comparisons.solvers import figures, measures
+from comparisons.solvers import report as tables
 from comparisons.solvers.accuracies import LEVELS, TABLE, asked
 from comparisons.solvers.measures import frame_of
 from comparisons.solvers.outcomes import GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
