@@ -10,6 +10,7 @@ from comparisons.lab.report import drawn
 from comparisons.lab.report.drawing import grid, plain_ticks
 from comparisons.solvers import measures
 from comparisons.solvers.accuracies import LEVELS
+from comparisons.solvers.measures import HIGHLIGHTED, UNTIL
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
 from comparisons.solvers.tasks import INNER
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
@@ -18,12 +19,6 @@ from qvi_contact.plots.style import PURPLE, SKY, new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-UNTIL: Final = 100.0
-"""Largest ratio of times that profiles show."""
-
-HIGHLIGHTED: Final = 5
-"""Curves of a panel that have a colour."""
 
 _RATIOS: Final = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that axes tell
 KINDS: Final = ("inner", "sequence", "outer")

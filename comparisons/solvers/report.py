@@ -14,10 +14,9 @@ from comparisons.lab.tables import Form, Grid, crossed
 from comparisons.solvers import measures
 from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE, Backend
 from comparisons.solvers.figures import figures
-from comparisons.solvers.measures import CONE_ENERGY, ERRORS, UNDOUBLED, runs_of
+from comparisons.solvers.measures import CONE_ENERGY, ERRORS, UNDOUBLED, ranking, runs_of, values_of
 from comparisons.solvers.outcomes import FALSE_ALARM
 from comparisons.solvers.tasks import INNER, OUTER
-from comparisons.solvers.values import ranking, values_of
 from solvers.inner.registry import how_to_install
 
 KINDS: Final = {

@@ -13,10 +13,10 @@ from pandas import DataFrame, Series
 from comparisons.lab.study import Row
 from comparisons.solvers import accuracies, figures, measures, tasks
 from comparisons.solvers import report as tables
+from comparisons.solvers.measures import numbers_of
 from comparisons.solvers.outcomes import FALSE_ALARM, GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE, outcome
 from comparisons.solvers.problems import PROBLEMS, Described, Instance, instance
 from comparisons.solvers.study import QUICK, declared, keep
-from comparisons.solvers.values import numbers_of
 from qvi_contact import InputError
 from solvers import Status, available, solve_qvi
 from solvers.inner.guard import BackendFailure, attempt

@@ -14,12 +14,11 @@ from comparisons.lab.tables import grid_of
 from comparisons.solvers import figures, measures
 from comparisons.solvers import report as tables
 from comparisons.solvers.accuracies import LEVELS, TABLE, asked
-from comparisons.solvers.measures import frame_of
+from comparisons.solvers.measures import frame_of, numbers_of, ranking
 from comparisons.solvers.outcomes import GAVE_UP, MODEST, NO_ANSWER, RIGHT, UNTRUE
 from comparisons.solvers.problems import PROBLEMS
 from comparisons.solvers.report import report_of
 from comparisons.solvers.study import declared
-from comparisons.solvers.values import numbers_of, ranking
 
 COMMITTED = Path(__file__).parents[2] / "comparisons" / "reports" / "solvers"
 FAILED = {"certified": False, "outcomes": {UNTRUE: 1}}

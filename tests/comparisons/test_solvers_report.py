@@ -11,9 +11,8 @@ from comparisons.lab.report import drawing, findings_of, write_report
 from comparisons.lab.study import StoredStudy, read_csv, read_study
 from comparisons.solvers import command, study
 from comparisons.solvers.figures import figures
-from comparisons.solvers.measures import runs_of
+from comparisons.solvers.measures import runs_of, values_of
 from comparisons.solvers.report import report_of
-from comparisons.solvers.values import values_of
 from qvi_contact.basics import terminal
 from qvi_contact.plots import has_matplotlib
 
