@@ -4,12 +4,14 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
+
+from pandas import DataFrame
 
 from comparisons.lab.report import Document, drawn, findings_of, render, write_report
 from comparisons.lab.report.numbers import fixed, scientific, seconds
 from comparisons.lab.study.rows import finite_json
-from comparisons.lab.tables import Columns, Grid, grid_of
+from comparisons.lab.tables import Form, Grid
 from comparisons.paper import figures
 from comparisons.paper.measures import back_end_rows, figure_rows, table_rows, values_of
 from comparisons.paper.study import PaperStudy, half_force
@@ -28,6 +30,13 @@ PICTURES: "Mapping[str, Callable[[PaperStudy], Figure]]" = {
     "convergence": figures.convergence,
 }
 
+_FORMS: Final[dict[str, Form]] = {
+    **dict.fromkeys(("friction", "paper", "uzawa_30", "uzawa_30_printed_rule", "converged"), fixed(".2f")),
+    **dict.fromkeys(("uzawa_converged", "fixed_point_qp", "fixed_point_socp", "condensed", "strict"), fixed(".6f")),
+    **dict.fromkeys(("half_force_difference", "traction_difference"), scientific), "seconds": seconds,
+    "paper_minus_solution_percent": "{:+.2f} %".format,
+}  # fmt: skip
+
 
 def report(study: PaperStudy) -> Document:
     """The report; the same study gives the same one, but for times."""
@@ -36,32 +45,12 @@ def report(study: PaperStudy) -> Document:
 
 def _filled(study: PaperStudy, pictures: Mapping[str, str]) -> Document:
     versions = Grid("Versions", ("package", "version"), list(_versions().items()))
-    return render("comparisons.paper", "paper", values_of(study), tables_of(study), pictures, [versions])
-
-
-def tables_of(study: PaperStudy) -> dict[str, Grid]:
-    """The tables by name."""
-    from pandas import DataFrame
-
-    n, two, six = study.reference.iterations, fixed(".2f"), fixed(".6f")
-    uzawa: Columns = {"friction": "μ", "paper": ("paper", two), "uzawa_30": (f"Uzawa, {n} iterations", two)}
-    forces: Columns = {
-        **uzawa, "friction": ("μ", two), "uzawa_30_printed_rule": (f"as printed, {n} iterations", two),
-        "uzawa_converged": ("Uzawa, converged", six), "fixed_point_qp": ("fixed point, QP", six),
-        "fixed_point_socp": ("fixed point, SOCP", six), "condensed": ("condensed", six), "strict": ("strict", six),
-        "paper_minus_solution_percent": ("paper − solution", "{:+.2f} %".format),
+    ends = DataFrame(back_end_rows(study))
+    tables = {
+        "forces": DataFrame(table_rows(study)), "stresses": DataFrame(figure_rows(study)),
+        "solvers": ends.assign(share=ends.certified.astype(str) + "/" + ends.problems.astype(str)),
     }  # fmt: skip
-    stresses: Columns = {"figure": "figure", **uzawa, "converged": ("converged", two)}
-    solvers: Columns = {
-        "solver": "solver", "share": "certified", "half_force_difference": ("P/2, relative", scientific),
-        "traction_difference": ("tractions over mean pressure", scientific), "seconds": ("time", seconds),
-        "verdict": "agreement",
-    }  # fmt: skip
-    ends = [{**row, "share": f"{row['certified']}/{row['problems']}"} for row in back_end_rows(study)]
-    return {
-        "forces": grid_of(DataFrame(table_rows(study)), forces),
-        "stresses": grid_of(DataFrame(figure_rows(study)), stresses), "solvers": grid_of(DataFrame(ends), solvers),
-    }  # fmt: skip
+    return render("comparisons.paper", "paper", values_of(study), tables, pictures, [versions], forms=_FORMS)
 
 
 def as_document(study: PaperStudy) -> dict[str, Any]:
@@ -90,8 +79,6 @@ def _versions() -> dict[str, str]:
 
 def write(study: PaperStudy, folder: Path) -> tuple[Document, list[Path]]:
     """Write the report and its tables as CSV; each file appears whole or not at all."""
-    from pandas import DataFrame
-
     for name, rows in TABLES.items():
         write_text(folder / name, DataFrame(rows(study)).to_csv(index=False, lineterminator="\n"))
     made = report(study)

@@ -1,15 +1,14 @@
 """What became of the problems, from the stored rows alone."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from pandas import DataFrame
 
 from comparisons.lab.study import Row, frame_of
 from comparisons.wild.enumeration import EXISTS, NONE, UNDECIDED
 from comparisons.wild.generator import FAMILIES
 from comparisons.wild.study import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, WRONG
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 BROKEN: Final = "broken"
 """Outcome of a case that ended without a result: out of time or memory, or its process died."""
@@ -21,7 +20,7 @@ LONGEST: Final = 30.0
 _NEVER: Final = (WRONG, FOREIGN, ACCEPTED, BROKEN)
 
 
-def problems_of(rows: Sequence[Row]) -> "DataFrame":
+def problems_of(rows: Sequence[Row]) -> DataFrame:
     """One line a problem, family by family.
 
     The columns are those of `frame_of`, with outcome one of `ORDER`, seconds of building and solving, reason, why there
@@ -42,13 +41,13 @@ def problems_of(rows: Sequence[Row]) -> "DataFrame":
     return problems.assign(order=order).sort_values("order", kind="stable", ignore_index=True)
 
 
-def counts_of(problems: "DataFrame") -> dict[str, int]:
+def counts_of(problems: DataFrame) -> dict[str, int]:
     """Outcome → how many, in the order of `ORDER`."""
     counts = problems.outcome.value_counts()
     return {name: int(counts.get(name, 0)) for name in ORDER}
 
 
-def values_of(problems: "DataFrame") -> dict[str, Any]:
+def values_of(problems: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
     unanswered = problems[problems.outcome == OPEN]
     solvable, admissible = problems[problems.solvable], problems[problems.admissible]

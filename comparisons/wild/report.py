@@ -1,38 +1,31 @@
 """The report of the wild problems, from the stored rows alone."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+
+from pandas import DataFrame, crosstab
 
 from comparisons.lab.report import Document, environment_grids, render
 from comparisons.lab.report.numbers import seconds
 from comparisons.lab.study import Row
-from comparisons.lab.tables import Grid, grid_of
-from comparisons.wild.generator import FAMILIES
-from comparisons.wild.measures import ORDER, counts_of, problems_of, values_of
+from comparisons.wild.measures import ORDER, problems_of, values_of
 from comparisons.wild.study import NAME, OPEN
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 def report(rows: Sequence[Row]) -> Document:
     """The report; the same rows give the same one."""
     problems = problems_of(rows)
-    named = problems.assign(problem=problems.family + " " + problems.number.astype(str), time=problems.seconds)
-    bad, unanswered = named[named.trouble | named.slow], named[named.outcome == OPEN]
-    time = {"time": lambda value: seconds(value, 2)}
+    named = problems.assign(problem=problems.family + " " + problems.number.astype(str))
     tables = {
-        "outcomes": _outcomes(problems),
-        "troubles": grid_of(bad, ("problem", "status", "outcome", "time", "reason"), time),
-        "open": grid_of(unanswered, ("problem", "status", "time", "reason"), time),
-    }
-    return render("comparisons.wild", NAME, values_of(problems), tables, {}, environment_grids(rows))
+        "outcomes": _outcomes(problems), "troubles": named[named.trouble | named.slow],
+        "open": named[named.outcome == OPEN],
+    }  # fmt: skip
+    forms = {"seconds": lambda value: seconds(value, 2)}
+    settings = environment_grids(rows)
+    return render("comparisons.wild", NAME, values_of(problems), tables, {}, settings, forms=forms)
 
 
-def _outcomes(problems: "DataFrame") -> Grid:
-    rows = [
-        (family, str(len(chosen)), *map(str, counts_of(chosen).values()), seconds(chosen.seconds.max(), 2))
-        for family in FAMILIES
-        if len(chosen := problems[problems.family == family])
-    ]
-    return Grid("", ("family", "problems", *ORDER, "slowest"), rows)
+def _outcomes(problems: DataFrame) -> DataFrame:
+    """One line a family: how many problems, and how many of each outcome; seconds of the slowest."""
+    counts = crosstab(problems.family, problems.outcome).reindex(problems.family.unique(), columns=ORDER, fill_value=0)
+    families = problems.groupby("family")
+    return counts.assign(problems=families.size(), seconds=families.seconds.max()).reset_index()

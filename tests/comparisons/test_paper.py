@@ -366,7 +366,7 @@ class TestFiles:
         for mu, force in TABLE_1.items():
             assert re.search(rf"{mu:.2f} +{force} +{force} ", out)
         for number, (mu, stress) in FIGURES.items():
-            assert re.search(rf"{number} +{mu:.1f} +{stress} +{stress} ", out)
+            assert re.search(rf"{number} +{mu:.2f} +{stress} +{stress} ", out)
         for row in measures.back_end_rows(paper):
             assert re.search(rf"{row['solver']} +{row['certified']}/7 .*{row['verdict']}", out)
         assert str(tmp_path) in out
