@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 NO_ROWS: Final = "No rows."
 
 Form = Callable[[Any], str]
-Columns = Mapping[str, str | tuple[str, Form]]
 
 _BAR: Final = "\\|"
 _LONGEST: Final = 40  # letters of a name; what is longer is a sentence
@@ -32,9 +31,7 @@ class Grid(NamedTuple):
 
 
 def grid_of(
-    frame: "DataFrame",
-    headings: Sequence[str] | Columns,
-    forms: Mapping[str, Form] | None = None,
+    frame: "DataFrame", headings: Sequence[str] | Mapping[str, str], forms: Mapping[str, Form] | None = None
 ) -> Grid:
     """Columns of a frame as a table.
 
@@ -43,16 +40,14 @@ def grid_of(
     frame : DataFrame
         One line a row; an empty one needs no columns.
     headings : sequence of str, or Mapping
-        The columns, or column → its heading, alone or with what makes a text of its values.
+        The columns, or column → its heading.
     forms : Mapping, optional
-        The latter, by column, for several tables; `text` for all others.
+        Column → what makes a text of its values; `text` for all others.
 
     """
-    named: Columns = headings if isinstance(headings, Mapping) else {name: name for name in headings}
-    told = {name: (each, (forms or {}).get(name, text)) if isinstance(each, str) else each
-            for name, each in named.items()}  # fmt: skip
-    columns = [[form(value) for value in frame[name]] for name, (_, form) in told.items()] if len(frame) else []
-    return Grid("", tuple(heading for heading, _ in told.values()), list(zip(*columns, strict=True)))
+    named = headings if isinstance(headings, Mapping) else {name: name for name in headings}
+    told = [map((forms or {}).get(name, text), frame[name]) for name in named] if len(frame) else []
+    return Grid("", tuple(named.values()), list(zip(*told, strict=True)))
 
 
 def crossed(

@@ -79,7 +79,7 @@ def test_bars_in_headings_and_cells_are_escaped_once():
 
 def test_a_table_is_declared_by_its_columns():
     frame = DataFrame({"time": [0.5, None], "name": ["a", None], "other": [1, 2]})
-    grid = grid_of(frame, {"name": "solver", "time": ("time [s]", fixed(".2f"))})
+    grid = grid_of(frame, {"name": "solver", "time": "time [s]"}, {"time": fixed(".2f")})
     assert grid == Grid("", ("solver", "time [s]"), [("a", "0.50"), ("none", "none")])
     assert grid_of(frame, ("time",), {"time": fixed(".1f")}).rows == [("0.5",), ("none",)]
 
