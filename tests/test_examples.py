@@ -1,4 +1,8 @@
-"""Every file in the folder examples is solved, ends as its comments say, and has the numbers they promise."""
+"""Every file in the folder examples says what to expect, and keeps what it promises.
+
+The chapter of examples of the verification manual solves and certifies every file as it stands, see its quick run in
+`tests/comparisons/test_verification.py`, and measures forces that are known by hand. Here is what that leaves out.
+"""
 
 import runpy
 import sys
@@ -10,15 +14,12 @@ import pytest
 
 from qvi_contact import load_problem, solve
 from qvi_contact.gallery import compressed_plate, jointed_slope, masonry_wall, ssnv128
-from qvi_contact.mechanism import upper_bound
 from qvi_contact.solution.history import solve_history
-from qvi_contact.solution.limit import limit_load_factor
 from solvers import Status
 
 FOLDER = Path(__file__).parent.parent / "examples"
 FILES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem != "known")
-QUICK = {"ssnv128": "qp:daqp", "dry_stone_wall": "qp:daqp"}  # inner solvers that save the tests time
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -30,8 +31,7 @@ def example(name):
 
 @cache
 def answer(name):
-    options = {"inner": QUICK[name]} if name in QUICK else {}
-    return solve(example(name).problem, **{**options, **example(name).solve_options})
+    return solve(example(name).problem, **example(name).solve_options)
 
 
 def forces(name, contact):
@@ -54,13 +54,6 @@ def test_the_comments_say_what_to_expect(name):
     assert example(name).title
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name != "cyclic_shear"])
-def test_status(name):
-    expected = Status.INFEASIBLE if name == "dragged_block_slides" else Status.SOLVED
-    assert answer(name).status is expected
-    assert answer(name).certificate.passed == (expected is Status.SOLVED)
-
-
 def test_compressed_plate_is_that_of_the_gallery():
     same = solve(compressed_plate(0.2, cells=(16, 16), grading=0.9)).contacts["plate"]
     normal, tangential = forces("compressed_plate", "plate")
@@ -69,12 +62,9 @@ def test_compressed_plate_is_that_of_the_gallery():
     assert 209.0 < normal < 214.5
 
 
-def test_ssnv128():
+def test_ssnv128_is_that_of_the_gallery():
     problem, same = example("ssnv128").problem, ssnv128()
     assert problem.conditions == tuple(sorted(same.conditions, key=lambda c: "STC".index(type(c).__name__[0])))
-    normal, tangential = forces("ssnv128", "base")
-    assert normal == pytest.approx(2.0e6, rel=1e-9)
-    assert tangential == pytest.approx(-1.4053e6, rel=2e-3)
 
 
 def test_punch_carries_its_force_and_peaks_at_its_edges():
@@ -88,13 +78,6 @@ def test_punch_carries_its_force_and_peaks_at_its_edges():
     assert np.abs(line.x[line.state == 2]).min() > 0.74
 
 
-def test_bracket_obeys_statics():
-    normal, tangential = forces("bracket", "ground")
-    assert (normal, tangential) == (pytest.approx(10.0, rel=1e-9), pytest.approx(-3.0, rel=1e-9))
-    line = answer("bracket").contacts["ground"]
-    assert -(line.weights @ (line.x * line.normal_stress)) == pytest.approx(0.95 * 10.0, rel=1e-9)
-
-
 def test_hole_is_free_and_makes_the_block_softer():
     result = answer("block_with_hole")
     for edges in ("hole floor", "hole roof"):
@@ -102,37 +85,10 @@ def test_hole_is_free_and_makes_the_block_softer():
     assert result.contacts["plate"].normal_force == pytest.approx(22.02, rel=1e-3)
 
 
-def test_gravity_column_weighs_on_the_ground():
-    normal, tangential = forces("gravity_column", "ground")
-    assert normal == pytest.approx(98100.0, rel=1e-9)
-    assert tangential == pytest.approx(0.0, abs=1e-6 * normal)
-
-
-@pytest.mark.parametrize(("name", "factor"), [("dragged_block_holds", 1 / 0.99), ("dragged_block_slides", 1 / 1.01)])
-def test_dragged_block_has_its_limit_load(name, factor):
-    assert limit_load_factor(example(name).problem, ["drag"]) == pytest.approx(factor, rel=1e-6)
-
-
-def test_dragged_block_holds():
-    assert forces("dragged_block_holds", "base") == (pytest.approx(20.0), pytest.approx(-9.9))
+def test_a_dragged_block_slides_with_a_mechanism():
     slides = answer("dragged_block_slides")
     assert "friction on 'base'" in slides.message
     assert slides.mechanism.overload == pytest.approx(1.01, rel=1e-9)
-
-
-def test_stacked_blocks_hand_their_forces_on():
-    result = answer("stacked_blocks")
-    top = result.resultant("top")
-    for joint in ("lower", "upper"):
-        normal, tangential = forces("stacked_blocks", joint)
-        assert normal == pytest.approx(-top.y, rel=1e-9)
-        assert tangential == pytest.approx(top.x, rel=1e-9)
-        assert abs(tangential) < 0.4 * normal
-
-
-def test_dry_stone_wall_carries_what_lies_above():
-    for contact, weight in (("upper bed", 162.0), ("lower bed", 234.0), ("ground", 306.0)):
-        assert forces("dry_stone_wall", contact)[0] == pytest.approx(weight, rel=1e-9)
 
 
 def test_cyclic_shear_repeats_itself_and_costs_energy():
@@ -201,7 +157,6 @@ def test_blocks_are_those_of_the_gallery(name, made):
     assert {contact.name for contact in file.contacts} == {contact.name for contact in same.contacts}
     load = {"masonry_wall": "wind", "jointed_slope": "water"}[name]
     limit = script(name)["limit"]
-    assert upper_bound(file, [load])[0] == pytest.approx(limit.upper, rel=1e-9)
     assert limit.upper == pytest.approx({"wind": 10.27026, "water": 1.323803}[load], rel=1e-6)
 
 
