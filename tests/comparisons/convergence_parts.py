@@ -2,34 +2,20 @@
 
 from importlib import import_module
 from pathlib import Path
-from pkgutil import resolve_name
 
 import pytest
 
 from comparisons.convergence import command, solves
-from comparisons.lab.study import Outcome, pool, read_csv, read_study, run_study
-from comparisons.lab.worker.outcome import of_return
+from comparisons.lab.study import pool, read_csv, read_study, run_study
+from tests.comparisons.study_here import Here
 
 _COMMITTED = Path(command.__file__).parents[1] / "reports" / "convergence"
-
-
-class _Here:
-    """Does cases as a worker process does, without its imports; processes have tests of their own."""
-
-    def __init__(self, terms):
-        self._terms, self._task = terms, resolve_name(terms.task)
-
-    def run(self, values):
-        return Outcome(**of_return(self._task(values)), environment=self._terms.environment({}))
-
-    def close(self):
-        pass
 
 
 def rows_of(study, path):
     """The rows of all cases of a study, through its runner and a store at this path; each solve is timed once."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pool, "Crew", _Here)
+        patch.setattr(pool, "Crew", Here)
         patch.setattr(solves, "REPEATS", 1)
         assert run_study(study, path, progress=False).complete
     return read_study(path).rows

@@ -1,4 +1,4 @@
-"""The command `solvers`: a small study through the real runner, its report, bad stores and folders."""
+"""The command `solvers`: a small study through the runner in this process, its report, bad stores and folders."""
 
 import json
 import os
@@ -8,13 +8,14 @@ import sys
 import pytest
 
 from comparisons.lab.report import drawing, findings_of, write_report
-from comparisons.lab.study import StoredStudy, read_csv, read_study
+from comparisons.lab.study import StoredStudy, pool, read_csv, read_study
 from comparisons.solvers import command, study
 from comparisons.solvers.figures import figures
 from comparisons.solvers.measures import runs_of, values_of
 from comparisons.solvers.report import report_of
 from qvi_contact.basics import terminal
 from qvi_contact.plots import has_matplotlib
+from tests.comparisons.study_here import Here
 
 CHOSEN = ("qp:piqp", "qp:quadprog", "direct:osqp", "condensed")
 PROBLEMS = ("plate_4", "pulled_block")
@@ -27,6 +28,7 @@ def run(*words):
         patch.setattr(sys, "argv", ["comparisons", *map(str, words)])
         patch.setattr(study, "QUICK", PROBLEMS)
         patch.setattr(study, "LEVELS", {"mid": 1e-6})
+        patch.setattr(pool, "Crew", Here)
         with pytest.raises(SystemExit) as caught:
             terminal.run(command.solvers, "comparisons")
     return caught.value.code
