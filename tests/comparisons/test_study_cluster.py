@@ -6,6 +6,7 @@ import socket
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from importlib.util import find_spec
 from pathlib import Path
 from threading import Event, Timer
 
@@ -18,7 +19,7 @@ from tests.comparisons import study_dask
 from tests.comparisons.study_demo import DEMO, SMALL, ways
 from tests.comparisons.study_processes import MARK, ROOT, commands, comparable, eventually, marked, rows_in
 
-pytest.importorskip("distributed")
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask's clusters need the extra 'dask'")
 
 
 @pytest.fixture(scope="module")
