@@ -3,6 +3,8 @@
 Arrays over edges hold those of all contacts that have rows, one after the other; tied ones have none.
 """
 
+from functools import cache
+
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
@@ -33,8 +35,16 @@ def effective(discretization: Discretization, u: FloatArray, rows: ContactRows) 
 
 def coefficients(discretization: Discretization, values: FloatArray, degree: int) -> FloatArray:
     """Bernstein coefficients (e, degree + 1) of the polynomials nearest to values at the contact points (m,)."""
-    points = discretization.space.contact_rule.points
-    return np.asarray(values.reshape(-1, len(points)) @ np.linalg.pinv(bernstein.basis(degree, points)).T)
+    nearest = _nearest(degree, tuple(discretization.space.contact_rule.points.tolist()))
+    return np.asarray(values.reshape(-1, nearest.shape[1]) @ nearest.T)
+
+
+@cache
+def _nearest(degree: int, points: tuple[float, ...]) -> FloatArray:
+    """Matrix (degree + 1, q) from values at q points to the coefficients of the nearest polynomial."""
+    matrix = np.asarray(np.linalg.pinv(bernstein.basis(degree, np.array(points))))
+    matrix.flags.writeable = False
+    return matrix
 
 
 def traction_coefficients(

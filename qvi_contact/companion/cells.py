@@ -1,5 +1,7 @@
 """Which reference cell a mesh has, and which degrees."""
 
+from functools import cache
+
 import numpy as np
 
 from qvi_contact.companion.cell import Cell
@@ -28,4 +30,10 @@ def cell_for(mesh: Mesh, degree: int | None = None) -> Cell:
     chosen = kind.default if degree is None else degree
     if isinstance(chosen, bool) or not isinstance(chosen, int | np.integer) or chosen not in kind.degrees:
         raise InputError("degree", degree, f"give one of {', '.join(map(str, kind.degrees))}")
-    return kind(int(chosen))
+    return _cell(kind is Rectangle, int(chosen))
+
+
+@cache
+def _cell(on_rectangles: bool, degree: int) -> Cell:
+    """The same cell again for the same degree, with its numbers and matrices."""
+    return Rectangle(degree) if on_rectangles else Triangle(degree)

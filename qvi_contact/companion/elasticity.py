@@ -43,7 +43,8 @@ class Elasticity:
                 moduli = self.moduli[:, _ENTRIES[c]][:, :, _ENTRIES[d]]
                 weights = space.areas[:, None, None] * (slopes @ moduli @ slopes.swapaxes(1, 2))
                 blocks[:, :, c, :, d] = (weights.reshape(count, 4) @ local.reshape(4, n * n)).reshape(count, n, n)
-        blocks[space.curved.numbers] = self._curved_stiffness()
+        if len(space.curved):
+            blocks[space.curved.numbers] = self._curved_stiffness()
         K = space.assembled(blocks.reshape(count, 2 * n, 2 * n))
         return sparse.csr_array((K + K.T) / 2.0)
 

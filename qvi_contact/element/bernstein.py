@@ -41,9 +41,12 @@ def nodes(degree: int) -> FloatArray:
     return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree)))
 
 
+@cache
 def from_values(degree: int) -> FloatArray:
     """Matrix (degree + 1, degree + 1) from values at `nodes` to coefficients."""
-    return np.asarray(np.linalg.inv(basis(degree, nodes(degree))))
+    matrix = np.asarray(np.linalg.inv(basis(degree, nodes(degree))))
+    matrix.flags.writeable = False
+    return matrix
 
 
 def gauss_interpolation(count: int, t: FloatArray) -> FloatArray:
@@ -61,12 +64,15 @@ def to_samples(count: int) -> FloatArray:
     return matrix
 
 
+@cache
 def product_integrals(first: int, second: int) -> FloatArray:
     """∫₀¹ B_i B_j dt of the degrees `first` and `second`, shape (first + 1, second + 1)."""
     i, j = range(first + 1), range(second + 1)
     total = first + second
     table = [[comb(first, a) * comb(second, b) / (comb(total, a + b) * (total + 1)) for b in j] for a in i]
-    return np.array(table)
+    found = np.array(table)
+    found.flags.writeable = False
+    return found
 
 
 def absolute_integrals(weight: FloatArray, coefficients: FloatArray) -> FloatArray:

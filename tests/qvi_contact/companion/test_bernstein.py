@@ -28,6 +28,14 @@ def test_coefficients_of_a_polynomial(degree):
         assert found == pytest.approx(falling, abs=1e-13)
 
 
+@pytest.mark.parametrize(
+    "matrix", [bernstein.from_values(3), bernstein.product_integrals(2, 3), bernstein.to_samples(4)]
+)
+def test_matrices_that_all_share_cannot_be_changed(matrix):
+    with pytest.raises(ValueError, match="read-only"):
+        matrix[0, 0] = 1.0
+
+
 @pytest.mark.parametrize("count", [3, 21])
 def test_interpolation_from_gauss_points(count):
     """Polynomials of degree count − 1 are met, the next Legendre polynomial is taken for zero."""
