@@ -1,5 +1,6 @@
 """The condensed method on bodies: few iterations, settled values, and the answers of the fixed point."""
 
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -19,6 +20,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.solution.solver import posed
 from solvers import Status
 from solvers.condensed import method as module
 from solvers.condensed.central_path import CentralPath
@@ -31,6 +33,7 @@ from solvers.inequality.blocks import dense as dense_rows
 from solvers.inequality.linear import interface_of
 from solvers.inequality.traces import trace_coordinates
 from tests.effort import examples, thinned
+from tests.qvi_contact.frictions import with_friction
 
 pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # settled values and iterations on grids
 
@@ -53,15 +56,30 @@ def solved_in_few(problem):
     return result
 
 
+@cache
+def plate_on(cells, grading):
+    return posed(compressed_plate(1.0, (cells, cells), grading=grading))
+
+
+@cache
+def ground(cells):
+    return posed(ssnv128((cells, cells), 1.0))
+
+
+@cache
+def plate_solved_in_few(friction, cells, grading=1.0):
+    return solved_in_few(with_friction(plate_on(cells, grading), friction))
+
+
 @pytest.mark.parametrize(("friction", "cells"), thinned(product(FRICTIONS, (2, 4, 8, 16)), 22))
 def test_few_iterations_on_the_plate(friction, cells):
-    solved_in_few(compressed_plate(friction, (cells, cells)))
+    plate_solved_in_few(friction, cells)
 
 
 @pytest.mark.parametrize("friction", thinned(FRICTIONS, 5))
 def test_few_iterations_on_the_finer_plate(friction):
     """Force and energies are those of the 16² cells to a discretisation error, and stick reduces the force's rise."""
-    plate = solved_in_few(compressed_plate(friction, (32, 32))).contacts["plate"]
+    plate = plate_solved_in_few(friction, 32).contacts["plate"]
     assert 209.0 - 1e-6 < plate.normal_force < 214.36767
     assert np.abs(plate.tangential_stress).max() <= max(friction, 1e-9) * np.abs(plate.normal_stress).max()
 
@@ -70,24 +88,24 @@ def test_few_iterations_on_the_finer_plate(friction):
     ("friction", "cells", "grading"), thinned(in_turn((16, 0.7), (24, 0.8)) + in_turn((24, 0.8), (32, 0.85)), 11)
 )
 def test_few_iterations_on_graded_plates(friction, cells, grading):
-    solved_in_few(compressed_plate(friction, (cells, cells), grading=grading))
+    plate_solved_in_few(friction, cells, grading)
 
 
 @pytest.mark.parametrize("friction", thinned([0.02, 0.2, 1.0], 1))
 def test_few_iterations_on_4096_cells(friction):
-    solved_in_few(compressed_plate(friction, (64, 64)))
+    plate_solved_in_few(friction, 64)
 
 
 @pytest.mark.parametrize(("friction", "cells"), thinned(in_turn((8,), (16,)) + in_turn((16,), (32,)), 11))
 def test_few_iterations_where_contact_opens(friction, cells):
-    base = solved_in_few(ssnv128((cells, cells), friction)).contacts["base"]
+    base = solved_in_few(with_friction(ground(cells), friction)).contacts["base"]
     assert base.normal_force == pytest.approx(2e6, rel=1e-8)
 
 
 @pytest.mark.parametrize("cells", [8, 16])
 @pytest.mark.parametrize("friction", [3.0, 4.0, 5.0])
 def test_large_friction_is_solved_by_whatever_it_takes(friction, cells):
-    result = solve(ssnv128((cells, cells), friction))
+    result = solve(with_friction(ground(cells), friction))
     assert result.status is Status.SOLVED, result.message
     assert result.certificate.passed
     base = result.contacts["base"]
@@ -98,7 +116,7 @@ def test_large_friction_is_solved_by_whatever_it_takes(friction, cells):
 @pytest.mark.parametrize("cells", list(SETTLED)[: examples(2)])
 def test_settled_forces(cells):
     """To all printed digits, 1e-6 beyond what a direct solve of the assembled K has on 128² cells."""
-    plate = solved_in_few(compressed_plate(0.2, (cells, cells))).contacts["plate"]
+    plate = plate_solved_in_few(0.2, cells).contacts["plate"]
     assert plate.normal_force == pytest.approx(SETTLED[cells], rel=1e-9 if cells < 128 else 2e-9)
 
 

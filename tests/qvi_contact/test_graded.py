@@ -1,6 +1,5 @@
 """Strongly graded cells: exact discrete values where double precision holds them, a status where it does not."""
 
-from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -13,6 +12,7 @@ from solvers import Status
 from solvers.factorisation.augmented import ORTHOGONAL
 from solvers.solution.finish import LOOSEST, Outcome, finish
 from tests.effort import examples, thinned
+from tests.qvi_contact.frictions import with_friction
 
 BONDED = {
     (18, 0.6): 214.366845874428,
@@ -33,10 +33,7 @@ def meshed(cells, grading):
 
 
 def plate_on(cells, grading, friction):
-    """The same with another friction: all of them share matrices and factorisation, which take most of the time."""
-    known = meshed(cells, grading)
-    *sides, plate = known.problem.conditions
-    return posed(replace(known.problem, conditions=[*sides, replace(plate, friction=friction)]), before=known)
+    return with_friction(meshed(cells, grading), friction)
 
 
 @cache
