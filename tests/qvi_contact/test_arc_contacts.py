@@ -1,6 +1,7 @@
 """Contacts on arcs: a rigid shaft in a ring, Hertz on a quarter of a disc, arcs too coarse for what they carry."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -42,10 +43,15 @@ def test_rigid_shaft(rows):
     assert result.remarks == ()
 
 
+@cache
+def ring_under_a_plate():
+    """A rigid half ring is pressed on the outer circle."""
+    return ring(Contact("outer", friction=0.2, plate=RigidPlate(force_y=-0.1)), "inner", degree=4)
+
+
 def test_plate_on_an_arc():
-    """A rigid half ring pressed on the outer circle has the force that it is driven by."""
-    plate = RigidPlate(force_y=-0.1)
-    result = ring(Contact("outer", friction=0.2, plate=plate), "inner", degree=4)
+    """The plate has the force that it is driven by."""
+    result = ring_under_a_plate()
     assert result.status.value == "solved"
     assert result.resultant("outer").y == pytest.approx(-0.1, rel=1e-12)
 
@@ -126,7 +132,7 @@ def test_bracket_on_arcs(contact):
 
 
 def test_plate_of_both_models():
-    result = ring(Contact("outer", 0.2, plate=RigidPlate(force_y=-0.1)), "inner", degree=4)
+    result = ring_under_a_plate()
     companion = result.bracket.companion
     assert companion.plates["outer"].y == pytest.approx(result.plates["outer"].y, rel=2e-3)
 

@@ -329,13 +329,18 @@ LAWS = {
 }
 
 
+@cache
+def squeezed_whole():
+    return companion_of(squeezed(MESH))
+
+
 @pytest.mark.parametrize("joints", JOINTS.values(), ids=JOINTS)
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_closed_joints_are_not_there(joints, law):
     mesh = MESH
     for joint in joints:
         mesh = mesh.with_joint(*joint)
-    body = companion_of(squeezed(MESH))
+    body = squeezed_whole()
     companion = companion_of(squeezed(mesh, [Contact(name, **law) for name, *_ in joints]))
     x, y = np.random.default_rng(3).uniform(size=(2, 50)) * [[2.0], [1.0]]
     stress = body.stress(x, y)
