@@ -83,8 +83,9 @@ class CurvedCells:
         barycentric = _barycentric(t, len(which))
         found = barycentric @ self.corners[which]
         for s, (a, b) in enumerate(OPPOSITE):
-            first, second = barycentric[..., a], barycentric[..., b]
-            found += (first * second)[..., None] * _sum(self._bulges[s, which], second - first)
+            bent = self._bent(which, s)
+            first, second = barycentric[bent, :, a], barycentric[bent, :, b]
+            found[bent] += (first * second)[..., None] * _sum(self._bulges[s, which[bent]], second - first)
         return np.asarray(found)
 
     def jacobians(self, which: IntArray, t: FloatArray) -> FloatArray:
@@ -94,13 +95,18 @@ class CurvedCells:
             (self.corners[which].swapaxes(1, 2) @ _SLOPES)[:, None], (*barycentric.shape[:2], 2, 2)
         ).copy()
         for s, (a, b) in enumerate(OPPOSITE):
-            first, second = barycentric[..., a], barycentric[..., b]
-            q = self._bulges[s, which]
+            bent = self._bent(which, s)
+            first, second = barycentric[bent, :, a], barycentric[bent, :, b]
+            q = self._bulges[s, which[bent]]
             product = first[..., None] * _SLOPES[b] + second[..., None] * _SLOPES[a]
             slope = (first * second)[..., None] * _sum(legder(q, axis=1), second - first)
-            found += _sum(q, second - first)[..., None] * product[..., None, :]
-            found += slope[..., None] * (_SLOPES[b] - _SLOPES[a])
+            found[bent] += _sum(q, second - first)[..., None] * product[..., None, :]
+            found[bent] += slope[..., None] * (_SLOPES[b] - _SLOPES[a])
         return np.asarray(found)
+
+    def _bent(self, which: IntArray, side: int) -> IntArray:
+        """Places in `which` of the cells whose side of this number is an arc: mostly one of three is."""
+        return np.flatnonzero(self.bends[which, side].any(axis=1))
 
     def own(self, mesh: Mesh, which: IntArray, t: FloatArray) -> FloatArray:
         """Reference points t (k, q, 2) of this map from those (k, q, 2) of the mesh."""
