@@ -5,7 +5,7 @@ import io
 import re
 from typing import TYPE_CHECKING, Final
 
-from qvi_contact.plots.style import settings
+from qvi_contact.plots.style import laid_out, settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +26,7 @@ def svg_text(figure: "Figure", name: str) -> str:
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        Made by `qvi_contact.plots.style.new_figure` inside ``settings()``; its panels stay where they are put now.
+        Made by `qvi_contact.plots.style.new_figure` inside ``settings()``.
     name : str
         A word that no other picture of the page has: it makes the ids of the two different.
 
@@ -34,23 +34,11 @@ def svg_text(figure: "Figure", name: str) -> str:
     from matplotlib import rc_context
 
     with settings(), rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):
-        _lay_out(figure)
         text = io.StringIO()
-        figure.savefig(text, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+        with laid_out(figure, "svg", figure.dpi):
+            figure.savefig(text, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     whole = text.getvalue()
     return "\n".join(line.rstrip() for line in whole[whole.index("<svg") :].splitlines()) + "\n"
-
-
-def _lay_out(figure: "Figure") -> None:
-    """Place the panels for good, with texts as wide as in an SVG; `savefig` would draw the whole figure for that."""
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    engine = figure.get_layout_engine()
-    if engine is not None and figure.axes:
-        FigureCanvasSVG(figure)
-        figure.set_dpi(FigureCanvasSVG.fixed_dpi)
-        engine.execute(figure)
-        figure.set_layout_engine(None)
 
 
 def inline_svg(svg: str, name: str, label: str) -> str:

@@ -101,8 +101,30 @@ def save_figure(path: str | Path, figure: "Figure", dpi: float = 150.0) -> None:
 
     """
     suffix = picture_suffix(path)
-    with settings(), replacing(path) as temporary:
+    with settings(), replacing(path) as temporary, laid_out(figure, suffix[1:], dpi):
         figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_METADATA[suffix])
+
+
+@contextmanager
+def laid_out(figure: "Figure", kind: str, dpi: float) -> Iterator[None]:
+    """Panels are where a file of this kind has them, inside the block; `savefig` would draw all of it for that."""
+    from matplotlib.backend_bases import get_registered_canvas_class
+
+    engine, canvas, before = figure.get_layout_engine(), figure.canvas, figure.dpi
+    if engine is None or not figure.axes:
+        yield
+        return
+    writer = get_registered_canvas_class(kind)
+    writer(figure)  # its texts are as wide as those of the file
+    figure.set_dpi(writer.fixed_dpi or dpi)
+    try:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+        yield
+    finally:
+        figure.set_layout_engine(engine)
+        figure.set_dpi(before)
+        figure.set_canvas(canvas)
 
 
 def picture_suffix(path: str | Path) -> str:

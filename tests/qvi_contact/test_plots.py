@@ -772,21 +772,20 @@ class TestFigures:
         with pytest.raises(InputError, match="one length"):
             hysteresis_loop(Figure().subplots(), [0.0, 1.0], [0.0])
 
-    def test_settings_of_matplotlib_stay_as_they_are(self, tmp_path):
-        before = dict(mpl.rcParams)
-        save_figure(tmp_path / "a.svg", problem_figure(compressed_plate(0.2)))
-        assert dict(mpl.rcParams) == before
-
 
 @pytest.mark.parametrize(
     ("suffix", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF"), (".PNG", b"\x89PNG")]
 )
 def test_pictures_are_files_of_the_kind_their_name_says(tmp_path, suffix, start):
-    path = tmp_path / f"picture{suffix}"
+    path, known = tmp_path / f"picture{suffix}", dict(mpl.rcParams)
     contents = []
     for _ in range(2):
-        save_figure(path, problem_figure(compressed_plate(0.2)))
+        figure = problem_figure(compressed_plate(0.2))
+        layout = figure.get_layout_engine(), figure.canvas, figure.dpi
+        save_figure(path, figure)
         contents.append(path.read_bytes())
+        assert (figure.get_layout_engine(), figure.canvas, figure.dpi) == layout  # it can be changed, and saved again
+    assert dict(mpl.rcParams) == known
     assert contents[0].startswith(start)
     assert contents[0] == contents[1]
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
