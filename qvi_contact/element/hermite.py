@@ -70,9 +70,9 @@ def scaled_hermite(t: FloatArray, length: FloatArray, scale: FloatArray, derivat
 
     """
     length = np.asarray(length, dtype=float)
-    values = hermite(t, derivative) / length[..., None, None] ** derivative
-    ratio = length[..., None] / scale
-    return np.asarray(values * np.stack([np.ones_like(ratio), ratio], axis=-1))
+    values: FloatArray = hermite(t, derivative) / length[..., None, None] ** derivative
+    values[..., 1] *= length[..., None] / scale
+    return values
 
 
 def nodal_quadratics(t: FloatArray) -> FloatArray:

@@ -34,6 +34,11 @@ def solution_arrays(result: ContactResult, units: Units | None = None, title: st
     return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
 
 
+def solution_names(result: ContactResult) -> set[str]:
+    """Names of the `solution_arrays`, without writing the problem."""
+    return {"problem", "problem_missing", *answer_arrays(result)}
+
+
 def step_arrays(result: ContactResult) -> dict[str, Any]:
     """The same for a step of a history: problems of steps are alike, and not each is tried."""
     problem, missing = _problem_text(lambda: unread_toml(result.problem))

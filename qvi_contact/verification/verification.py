@@ -21,7 +21,7 @@ from qvi_contact.basics.checks import finite_number
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import OWN, Archive
 from qvi_contact.files.export import field_arrays
-from qvi_contact.files.stored import STORE, result_from_archive, solution_arrays
+from qvi_contact.files.stored import STORE, result_from_archive, solution_names
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.verification.claims import (
@@ -218,9 +218,15 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
 
 
 def _fields(result: ContactResult) -> dict[str, Any]:
-    """What a result says; nothing where contacts are gone that its energies need, so that all of it is missing."""
+    """What a result says, names of contacts that are others among it.
+
+    Nothing where contacts are gone that its energies need, so that all of it is missing.
+    """
+    if not result.has_state:
+        return {}
+    others = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
     try:
-        return field_arrays(result) if result.has_state else {}
+        return {**field_arrays(result), **others}
     except KeyError:
         return {}
 
@@ -266,7 +272,7 @@ def _claims(archive: Archive, found: Recomputed) -> dict[str, Any] | None:
     """Fields of an archive, whatever their names; one that is missing is an `InputError`. None for stored steps."""
     if STORE in archive.arrays:
         return None
-    others = OWN | solution_arrays(found.result).keys()
+    others = OWN | solution_names(found.result)
     return {name: archive.array(name) for name in (*found.fields, *archive.arrays) if name not in others}
 
 
@@ -307,7 +313,7 @@ def _rows(
     )  # fmt: skip
     if result.has_state:
         if claims is not None:
-            yield _entries(claims, result, found)
+            yield _entries(claims, found)
             yield from _agreements(claims, found)
         yield _limited(
             "friction bound", bound_difference(result, found), _BOUND * result.certificate.tolerance,
@@ -324,8 +330,8 @@ def _limited(name: str, value: float, limit: float, meaning: str) -> Check:
     return Check(name, float(value), limit, bool(value <= limit), meaning)
 
 
-def _entries(claims: Mapping[str, Any], result: ContactResult, found: Recomputed) -> Check:
-    names = unexpected(claims, result, found)
+def _entries(claims: Mapping[str, Any], found: Recomputed) -> Check:
+    names = unexpected(claims, found)
     shown = ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
     return Check(
         "entries", float(len(names)), 0.0, not names,

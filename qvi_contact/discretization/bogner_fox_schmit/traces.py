@@ -51,22 +51,27 @@ class GridTraces:
         return np.asarray(self.edges.normal.sum(axis=1))
 
     @cached_property
-    def stress_rows(self) -> FloatArray:
-        """Coefficients of (σ_xx, σ_yy, σ_xy) without φ, shape (n, q, 3, 16)."""
+    def _places(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """Columns and rows of cells (n, 1), and reference points there (n, q)."""
         along = np.broadcast_to(self.t, (len(self.edges), len(self.t)))
         far = np.broadcast_to(((self.sign + 1.0) / 2.0)[:, None], along.shape)
         tx = np.where(self.horizontal[:, None], along, far)
         ty = np.where(self.horizontal[:, None], far, along)
-        return self.grid.stress_rows(self.column[:, None], self.row[:, None], tx, ty)
+        return self.column[:, None], self.row[:, None], tx, ty
+
+    @cached_property
+    def stress_rows(self) -> FloatArray:
+        """Coefficients of (σ_xx, σ_yy, σ_xy) without φ, shape (n, q, 3, 16)."""
+        return self.grid.stress_rows(*self._places)
 
     def normal(self) -> sparse.csr_array:
         """Rows of σ_N: σ_yy on horizontal, σ_xx on vertical edges; shape (n q, N)."""
-        rows = self.stress_rows
-        return self._matrix(np.where(self.horizontal[:, None, None], rows[:, :, 1], rows[:, :, 0]))
+        xx, yy = (self.grid.component_rows(*self._places, component) for component in (0, 1))
+        return self._matrix(np.where(self.horizontal[:, None, None], yy, xx))
 
     def shear(self) -> sparse.csr_array:
         """Rows of σ_T: ±σ_xy by the sign of n; shape (n q, N)."""
-        return self._matrix(self.stress_rows[:, :, 2] * self.sign[:, None, None])
+        return self._matrix(self.grid.component_rows(*self._places, 2) * self.sign[:, None, None])
 
     def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N and σ_T of u (N,), shape (n q,) each."""
