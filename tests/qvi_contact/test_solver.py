@@ -88,13 +88,12 @@ def sheared_block():
     return ContactProblem(mesh, Material(1e3, 0.3), conditions)
 
 
-@pytest.mark.parametrize("status", [Status.STALLED, Status.INACCURATE])
-def test_a_certified_answer_is_not_given_up(monkeypatch, status):
-    """However the first solve has ended; the remark names the corner whose shear was given up."""
+def test_a_certified_answer_is_not_given_up(monkeypatch):
+    """However little the first solve has missed; the remark names the corner whose shear was given up."""
 
     def ends_so(qvi, **settings):
         solution = solve_qvi(qvi, **settings)
-        return solution if solution.solved else replace(solution, status=status)
+        return solution if solution.solved else replace(solution, status=Status.INACCURATE)
 
     monkeypatch.setattr(reach, "solve_qvi", ends_so)
     result = solve(sheared_block(), element="bfs")
