@@ -144,7 +144,7 @@ def _rest_of_top(mesh, x, y, active):
     return mesh, found
 
 
-@settings(max_examples=examples(30), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(20), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 @given(problems())
 def test_round_trip(problem):
     text = problem_to_toml(problem)

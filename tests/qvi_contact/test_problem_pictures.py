@@ -1,5 +1,7 @@
 """Symbols of problems on triangle meshes: runs of edges, and the same picture of a body that is turned."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
@@ -17,6 +19,7 @@ from qvi_contact import (
     Traction,
     TriangleMesh,
 )
+from qvi_contact.gallery import sliding_block
 from qvi_contact.plots import draw_problem, problem_figure
 from qvi_contact.plots.labels import value_range
 from qvi_contact.plots.style import cell_outlines
@@ -230,6 +233,12 @@ def test_rounding_in_functions_is_not_shown():
     assert value_range("gap", np.array([2e-9, 3e-9]), "mm").replace("\xa0", " ") == "gap = 2e−09 … 3e−09 mm"
 
 
+def covered(axes):
+    """Pairs of texts that overlap."""
+    boxes = [text.get_window_extent() for text in axes.texts]
+    return [pair for pair in combinations(boxes, 2) if pair[0].overlaps(pair[1])]
+
+
 def test_names_do_not_cover_each_other():
     """A thin wedge whose sides are all named, with a tip too narrow for two names."""
     corners = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 0.6), (0.0, 0.3)])
@@ -242,6 +251,14 @@ def test_names_do_not_cover_each_other():
         ContactProblem(mesh, Material(1e3, 0.3), [*conditions, Displacement("lower side", 0.0, 0.0)])
     )
     figure.draw_without_rendering()
-    boxes = [text.get_window_extent() for text in figure.axes[0].texts]
-    assert len(boxes) == 4
-    assert not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
+    assert len(figure.axes[0].texts) == 4
+    assert not covered(figure.axes[0])
+
+
+def test_names_are_placed_where_the_layout_puts_their_panel():
+    """Beside another panel, and with a legend that leaves the body little room."""
+    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
+    _, axes = (part.subplots() for part in figure.subfigures(1, 2))
+    draw_problem(axes, sliding_block()[0])
+    figure.draw_without_rendering()
+    assert not covered(axes)

@@ -299,13 +299,13 @@ def test_corners_given_up_on_the_way_are_remembered(tmp_path):
         base = Contact("bottom", 0.3, offset=offset, name="plate")
         return ContactProblem(mesh, Material(1000.0, 0.3), [base, held, *sides])
 
-    steps, told = [driven(offset) for offset in (0.0, 0.01, 0.02, 0.03, 0.01)], []
+    steps, told = [driven(offset) for offset in (0.0, 0.03, 0.01)], []
     whole = solve_history(steps, element="bfs")
     solve_history(steps, lambda number, _: told.append(number), store=tmp_path / "steps", element="bfs")
     assert len(told) > len(steps)
-    (tmp_path / "steps" / "step-000005.npz").unlink()
+    (tmp_path / "steps" / "step-000003.npz").unlink()
     told.clear()
     again = solve_history(steps, lambda number, _: told.append(number), store=tmp_path / "steps", element="bfs")
-    assert told == [5]
-    assert len(again.steps[4].discretization.freed)
+    assert told == [3]
+    assert len(again.steps[2].discretization.freed)
     same(again, whole)
