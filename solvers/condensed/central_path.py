@@ -6,8 +6,10 @@ unknown like the others, and the step goes along the tangent
 
     T ∝ (dlog τ, ds/s, dλ/λ),   norm² = (dlog τ)² + Σ W ((ds/s)² + (dλ/λ)²) / Σ W,
 
-pull and push counted as further s and λ, in the direction in which the curve was followed so far, with Newton steps
-normal to it (pseudo-arclength continuation, H. B. Keller, 1977).
+pull and push counted as further s and λ, with Newton steps normal to it (pseudo-arclength continuation, H. B. Keller,
+1977). Of the two directions it takes the one in which τ falls where det of Newton's matrix is positive and rises where
+it is negative: at a turn both change their signs, so the curve from τ = ∞ is followed to its end, and no step across a
+sharp turn can make it go back. Where the sign is not known, it is the direction in which the curve was followed so far.
 
 In `docs/theory.md`: (D7).
 """
@@ -23,7 +25,8 @@ _GROWTH = 1.5
 _NEAR = 0.5  # Newton corrections, relative to s and λ, up to which a point counts as on the curve
 _REACH = 0.8  # relative change of any s or λ in one step at most
 _RISE = 7.0  # of log τ, after which the curve is given up
-_LONGEST = 150  # steps along one curve
+_LONGEST = 250  # steps along one curve: where contact opens edge by edge, several for each
+_FOUND = 40  # steps to it
 _BEYOND = 3.0  # the turn is passed when log τ has fallen by this much
 
 
@@ -48,8 +51,9 @@ class CentralPath:
 
     @property
     def lost(self) -> bool:
-        """Whether τ has risen so far, or the curve is so long, that no turn back is to be hoped for."""
-        return self._log > self._start + _RISE or self._steps > _LONGEST
+        """Whether τ has risen so far, or the curve is so long or so far away, that no turn is to be hoped for."""
+        longest = _LONGEST if self._tangent is not None else _FOUND
+        return self._log > self._start + _RISE or self._steps > longest
 
     def advance(self) -> float:
         """Correct, and step along the curve if it is near; returns the change of log τ."""
@@ -62,8 +66,7 @@ class CentralPath:
         back = newton.step(target - point.products)
         tangent, change = self._relative(1.0, along), self._relative(0.0, back)
         tangent_unit = tangent / np.sqrt(self._metric @ tangent**2)
-        before = self._tangent if self._tangent is not None else np.concatenate([[-1.0], np.zeros(len(tangent) - 1)])
-        if self._metric @ (before * tangent_unit) < 0.0:
+        if self._backwards(tangent_unit):
             tangent_unit = -tangent_unit
         # The Newton step with log τ free, normal to the tangent.
         slope = float(self._metric @ (tangent_unit * tangent))
@@ -86,6 +89,13 @@ class CentralPath:
         method.point = point.moved(_sum(back, along, shift), fraction)
         self._log += fraction * shift
         return fraction * shift
+
+    def _backwards(self, tangent: Vector) -> bool:
+        """Whether a tangent points back along the curve."""
+        orientation = self._method.problem.system.orientation
+        if orientation:
+            return bool(orientation * tangent[0] > 0.0)
+        return bool((tangent[0] if self._tangent is None else -self._metric @ (self._tangent * tangent)) > 0.0)
 
     def _relative(self, log: float, step: Step) -> Vector:
         return np.concatenate([[log], step.relative_to(self._method.point)])

@@ -71,6 +71,7 @@ _HALVED = 0.5
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _HOPELESS = 0.3  # of the defect corrections' contraction
 _FAR_ENOUGH = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
+_LONG = 0.5  # of the way that Newton's method asks for
 _TURNS = 12
 _ONE_START = 300  # iterations of one start
 _LAST = (Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)  # no other start follows
@@ -127,6 +128,7 @@ class _Run:
     message: str = ""
     best: tuple[float, int] = (np.inf, 0)
     path: CentralPath | None = None
+    clear: Point | None = None  # the last point from which a step was long
     force: float = np.inf  # residual of the iteration before
     last_gap: float = np.inf  # gap of the iteration before
     kept: tuple[float, Point | None] = (np.inf, None)  # the best point, see `_worst`
@@ -312,7 +314,8 @@ def _correct(run: _Run, step: float) -> None:
 def _reach(run: _Run, gap: float) -> None:
     """Iterate to a gap, around turns of the central path; ends at the best point on the way."""
     run.last_gap = np.inf
-    run.path, run.force, run.unsettled, run.kept = None, np.inf, np.inf, (np.inf, run.interior.point)
+    run.path, run.clear, run.force, run.unsettled = None, None, np.inf, np.inf
+    run.kept = (np.inf, run.interior.point)
     _iterate_to(run, gap)
     run.interior.point = run.kept[1] or run.interior.point
 
@@ -420,12 +423,17 @@ def _stalled(run: _Run, measures: Measures) -> bool:
 
 
 def _turn(run: _Run, measures: Measures) -> None:
-    """Follow the central path from here on, if there is one."""
+    """Follow the central path from here on, if there is one.
+
+    It is looked for from the last point from which a step was long: where steps have become short, before the turn, the
+    iterate is far off the path, and Newton's matrix nearly singular there.
+    """
     if measures.slack > _ON_PATH:
         run.reason, run.message = Status.INNER_INFEASIBLE, f"bounds are violated by {measures.slack:.1e}"
     elif run.turns >= _TURNS or not run.interior.parameter() > 0.0:
         run.reason = Status.STALLED
     else:
+        run.interior.point = run.clear or run.interior.point
         run.path, run.turns = CentralPath(run.interior), run.turns + 1
 
 
@@ -433,7 +441,9 @@ def _advance(run: _Run, residuals: Residuals) -> None:
     """One iteration of the interior point method, or one step along the central path."""
     try:
         if run.path is None:
-            run.interior.iterate(residuals)
+            before = run.interior.point
+            if run.interior.iterate(residuals) >= _LONG:
+                run.clear = before
             return
         run.path.advance()
     except LinAlgError as error:
@@ -442,7 +452,7 @@ def _advance(run: _Run, residuals: Residuals) -> None:
     if run.path.lost:
         run.reason, run.message = Status.STALLED, "the interior point method stalled"
     elif run.path.passed:
-        run.path, run.best = None, (np.inf, len(run.history))
+        run.path, run.clear, run.best = None, None, (np.inf, len(run.history))
 
 
 def _record(run: _Run, measures: Measures) -> None:

@@ -161,6 +161,7 @@ class NewtonSystem(Protocol):
     longest : step that is taken at most, of the way to the nearest bound
     last_digits : whether forces have digits left where the gap is at its floor: iterations go on for them, and `saddle`
         can take its place
+    orientation : sign of the determinant of the matrix factorised last; 0 where it is not known
 
     """
 
@@ -168,6 +169,7 @@ class NewtonSystem(Protocol):
     stragglers: float
     longest: float
     last_digits: bool
+    orientation: int
 
     def norm(self, force: Vector) -> float:
         """√(fᵀ S⁻¹ f) of a force (k,): how far it moves the body; 0 where S is no longer definite to rounding."""
@@ -188,6 +190,7 @@ class DenseSystem:
 
     def __init__(self, S: Matrix) -> None:
         self._S = S
+        self.orientation = 1
 
     def norm(self, force: Vector) -> float:
         """See `NewtonSystem`."""
@@ -207,6 +210,8 @@ class DenseSystem:
         factor, pivots, info = dgetrf(H, overwrite_a=1)
         if info > 0 or not np.isfinite(factor).all():
             raise LinAlgError("it is singular")
+        swaps, negative = pivots != np.arange(len(pivots)), factor.diagonal() < 0.0
+        self.orientation = -1 if (np.count_nonzero(swaps) + np.count_nonzero(negative)) % 2 else 1
         return lambda force: np.asarray(scale * dgetrs(factor, pivots, scale * force)[0])
 
     @cached_property

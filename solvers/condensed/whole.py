@@ -128,6 +128,7 @@ class SparseSystem:
     stragglers = 0.02
     longest = 0.9999  # where nothing bends the way
     last_digits = False
+    orientation = 0  # PARDISO does not tell
 
     def __init__(self, whole: Whole, filling: "Filling") -> None:
         self._whole, self._filling = whole, filling

@@ -12,7 +12,7 @@ from solvers import FrictionQVI, Status, solve_qvi
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Newton
 from solvers.condensed.reduction import Reduction
-from solvers.condensed.systems import FRICTION_SHARES
+from solvers.condensed.systems import FRICTION_SHARES, DenseSystem
 from solvers.inequality.traces import Traces
 from tests.covering import every_pair
 from tests.effort import thinned
@@ -328,6 +328,25 @@ def test_the_best_of_several_starts_is_kept(monkeypatch):
         assert [start for start, _ in met] == [0, 1, 2, 3]
         assert not found.solved
         assert found.certificate.accuracy < 1e-4
+
+
+class NoBounds:
+    """A problem that adds nothing to the matrix."""
+
+    def slack_rows(self, slope):
+        return slope
+
+    def add_stiffness(self, H, ratio, rows):
+        pass
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_dense_systems_know_the_sign_of_the_determinant(seed):
+    matrix = np.random.default_rng(seed).normal(size=(7, 7))
+    system = DenseSystem(matrix)
+    solution = system.factorised(NoBounds(), np.ones(0), np.ones(0))(matrix[:, 0])
+    assert solution == pytest.approx(np.eye(7)[0], abs=1e-9)
+    assert system.orientation == np.linalg.slogdet(matrix)[0]
 
 
 def posed(qvi):
