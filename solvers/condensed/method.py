@@ -20,7 +20,8 @@
 | the time is over, see `watch`                                          | time_limit                    |
 
 After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path,
-unless the certificate passes already; of all starts the best point by its certificate is the result. So are
+after the third first those with which slacks fit most easily (`FITTING_SHARES`), unless the certificate passes already;
+of all starts the best point by its certificate is the result. So are
 smaller ones after the first two if the residual of y is above 1e-12 in the energy norm: the two multipliers of shear at
 an open point are proportional to that share, and lose as many digits in their difference.
 
@@ -43,7 +44,7 @@ from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
 from solvers.condensed.reduction import Reduction
-from solvers.condensed.systems import Base, Shares, Space, SystemName
+from solvers.condensed.systems import FITTING_SHARES, Base, Shares, Space, SystemName
 from solvers.condensed.warm_start import start_near
 from solvers.condensed.whole import Whole, obstacle
 from solvers.errors import InputError
@@ -134,7 +135,7 @@ class _Run:
     kept: tuple[float, Point | None] = (np.inf, None)  # the best point, see `_worst`
     unsettled: float = np.inf  # energy norm of the residual of y when last all else was reached
     before: int = 0  # iterations of earlier starts
-    elsewhere: bool = False  # whether its central path is another one than the usual
+    elsewhere: bool = False  # whether the path of an earlier start, with other shares, had to turn
     warm: bool = False  # whether it started near the answer to a problem before
     turns: int = 0
     began: float = 0.0
@@ -204,13 +205,16 @@ def _restarted(first: _Run, tolerance: float) -> _Run:
     best, run, accuracy = first, first, _accuracy(first)
     shares = first.space.shares
     others = [share for share in shares[1:] if share.late < shares[0].late or not inexact]
+    if first.reason is Status.INNER_INFEASIBLE and FITTING_SHARES not in shares:
+        others.insert(0, FITTING_SHARES)
     for share in [shares[0], *others] if first.warm else others:
         if accuracy <= tolerance:
             break
+        turned = run.elsewhere or run.turns > 0
         run = _start(first.qvi, first.space, first.options, share)
         run.history = first.history
         run.before = len(run.history)
-        run.elsewhere = share != shares[0] and not inexact
+        run.elsewhere = turned and share != shares[0] and not inexact
         run.best = (np.inf, run.before)
         _iterate(run)
         found = _accuracy(run)

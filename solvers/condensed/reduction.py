@@ -14,7 +14,7 @@ In `docs/theory.md`: (D4).
 import numpy as np
 
 from solvers.basics.types import Matrix, Sparse, Vector
-from solvers.condensed.systems import FRICTION_SHARES, Base, DenseSystem, Space
+from solvers.condensed.systems import FRICTION_SHARES, MANY_POINTS_SHARES, Base, DenseSystem, Space
 from solvers.factorisation.base import State
 from solvers.inequality.blocks import Rows, transposed
 from solvers.inequality.problem import FrictionQVI
@@ -32,7 +32,6 @@ class Reduction(Space):
     """
 
     name = "dense"
-    shares = FRICTION_SHARES
     stiffness: Matrix
 
     def __init__(self, qvi: FrictionQVI) -> None:
@@ -42,6 +41,8 @@ class Reduction(Space):
         self.stiffness = interface.stiffness
         self.E = interface.rows
         self.A = interface.A
+        self._many = not qvi.operator.condensing_pays(qvi)
+        self.shares = MANY_POINTS_SHARES if self._many else FRICTION_SHARES
 
     @property
     def size(self) -> int:
@@ -54,7 +55,7 @@ class Reduction(Space):
 
     def system(self, S: Matrix | Sparse) -> DenseSystem:
         """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
-        return DenseSystem(np.asarray(S))
+        return DenseSystem(np.asarray(S), many=self._many)
 
     def base(self, z: Vector) -> Base:
         """The reduced problem about z: one gradient and one forward elimination, at z = 0 those of a problem before."""

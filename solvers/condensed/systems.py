@@ -42,9 +42,15 @@ FRICTION_SHARES = (Shares(30.0, 1000.0), Shares(100.0, 100.0), Shares(1e4, 1e4),
 """Tried one after the other if need be: with 1 to the end the path often turns back where contact opens and friction is
 large, and with 1000 from the start where rows are dense."""
 
-MANY_POINTS_SHARES = (Shares(1.0, 30.0), Shares(30.0, 1000.0), Shares(1e4, 1e4), Shares(10.0, 10.0))
+FITTING_SHARES = Shares(1.0, 30.0)
+"""Tried next where slacks do not fit their tractions: close to a sliding limit those of walls fit with these alone."""
+
+MANY_POINTS_SHARES = (FITTING_SHARES, Shares(30.0, 1000.0), Shares(1e4, 1e4), Shares(10.0, 10.0))
 """The same where points are thousands: pressures are rounded off as much as friction at first, and beds open and slip
 without a step that is short."""
+
+MANY_POINTS_PATIENCE = 15  # close to the limit the gap hovers for a while and goes on
+MANY_POINTS_STRAGGLERS = 0.02
 
 SystemName: TypeAlias = Literal["dense", "sparse"]
 
@@ -94,7 +100,7 @@ class Space(ABC):
     """
 
     name: ClassVar[SystemName]
-    shares: ClassVar[tuple[Shares, ...]]
+    shares: tuple[Shares, ...]
     stiffness: Matrix | Sparse
     E: Rows
     A: Matrix
@@ -181,15 +187,14 @@ class NewtonSystem(Protocol):
 
 
 class DenseSystem:
-    """S (k, k) dense."""
+    """S (k, k) dense; `many`: whether contact points are many, as they are where systems are sparse by default."""
 
-    patience = 6
-    stragglers = 0.0
     longest = 0.99  # beyond, forces lose digits on graded meshes
     last_digits = True
 
-    def __init__(self, S: Matrix) -> None:
+    def __init__(self, S: Matrix, *, many: bool = False) -> None:
         self._S = S
+        self.patience, self.stragglers = (MANY_POINTS_PATIENCE, MANY_POINTS_STRAGGLERS) if many else (6, 0.0)
         self.orientation = 1
 
     def norm(self, force: Vector) -> float:

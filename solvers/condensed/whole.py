@@ -25,7 +25,14 @@ from numpy.linalg import LinAlgError
 from scipy.sparse import csc_array, csr_array, diags_array, eye_array, hstack, vstack
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
-from solvers.condensed.systems import MANY_POINTS_SHARES, Base, Solve, Space
+from solvers.condensed.systems import (
+    MANY_POINTS_PATIENCE,
+    MANY_POINTS_SHARES,
+    MANY_POINTS_STRAGGLERS,
+    Base,
+    Solve,
+    Space,
+)
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.unsymmetric import Refactorisation
 from solvers.inequality.blocks import Rows
@@ -124,8 +131,7 @@ class Filling(NamedTuple):
 class SparseSystem:
     """Newton's matrices as sparse ones of K's pattern."""
 
-    patience = 15  # close to the limit the gap hovers for a while and goes on
-    stragglers = 0.02
+    patience, stragglers = MANY_POINTS_PATIENCE, MANY_POINTS_STRAGGLERS
     longest = 0.9999  # where nothing bends the way
     last_digits = False
     orientation = 0  # PARDISO does not tell

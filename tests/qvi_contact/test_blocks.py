@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from comparisons.benchmark.wall import wall as wall_of_beds
 from qvi_contact import InputError, limit_load_factor, solve
 from qvi_contact.gallery import jointed_slope, masonry_wall
 from qvi_contact.mechanism import find_mechanism
@@ -129,3 +130,19 @@ def test_joints_that_open_have_forces_in_balance():
     result = solve(masonry_wall(5, 5, [(3, 0, 2, 3)], friction=0.3), method="condensed", system="sparse")
     assert result.status is Status.SOLVED
     assert result.solution.certificate.measures["stationarity"] <= 1e-12
+
+
+@pytest.mark.parametrize("system", ["dense", "sparse"])
+def test_a_wall_close_to_its_limit_takes_few_iterations_either_way(system):
+    """At 0.9 of the wind that the mesh carries; dense systems took 155 with the decisions of bodies of few points."""
+    result = solve(masonry_wall(wind=17.08), method="condensed", system=system)
+    assert result.status is Status.SOLVED, result.message
+    assert result.iterations <= 25
+
+
+def test_bounds_that_do_not_fit_are_met_with_less_weight_on_friction():
+    """Five sixths of the load under which it slides; the first start ends after 9 iterations, bounds violated."""
+    result = solve(wall_of_beds(4, 0.5), method="condensed", system="dense", element="bfs")
+    assert result.status is Status.SOLVED, result.message
+    assert 9 < result.iterations <= 35
+    assert not any("turning point" in remark for remark in result.remarks)
