@@ -286,19 +286,19 @@ def generated(count):
     )
 
 
-@generated(36)
+@generated(45)
 @given(st.data())
 def test_condensed(data):
     ends_well(data.draw, method="condensed", max_iterations=100)
 
 
-@generated(12)
+@generated(20)
 @given(st.data())
 def test_fixed_point(data):
     ends_well(data.draw, method="fixed-point", max_iterations=40)
 
 
-@generated(8)
+@generated(12)
 @given(st.data())
 def test_another_inner_solver(data):
     ends_well(data.draw, inner="direct:clarabel", form="full", max_iterations=25)
