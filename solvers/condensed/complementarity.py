@@ -233,6 +233,14 @@ class Complementarity:
         return self._energy + float(0.5 * y @ (self.S @ y) + self.c @ y)
 
     @cached_property
+    def least_share(self) -> float:
+        """The least weight of a bound, over the sum of those in its contact (`FrictionQVI.contacts`); 1 with none."""
+        if not len(self.weights):
+            return 1.0
+        contact = self._qvi.contacts[self._points]
+        return float((self.weights / np.bincount(contact, self.weights)[contact]).min())
+
+    @cached_property
     def traction_rows(self) -> Matrix:
         """The rows of B of the tractions themselves, dense."""
         return dense(self.B[: len(self.bounds)])

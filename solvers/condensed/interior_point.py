@@ -38,6 +38,8 @@ _RISE = 2.0  # of τ at most, in such a step
 _KEPT = 0.3  # of slacks and multipliers that are passed
 _MOST_CENTRING = 0.3  # of τ where steps may do so: at a turn for a few bounds τ would else stay where it is
 _PASSED_FROM = 10.0  # times the least τ, below which nothing is passed any more
+_UNFIT = 1e-9  # slack residual of bounds that were passed, above which τ waits
+_WAITS = 30.0  # at so many times the least τ: once it is there bounds are passed no more
 _START = 0.1  # least slack and multiplier at the start, of the scales
 _SMOOTHEST = 1.0  # √(4 pull push) at the start, of the scale of stress
 _SHARPER = 0.1  # of the shares of pull push, where it lags behind
@@ -207,12 +209,13 @@ class InteriorPoint:
         most = _MOST_CENTRING if self._few else 1.0
         centring = min(most, max((max(ahead, 0.0) / now) ** 3, 1e-6, (1.0 - reach) ** 3))
         damping = 1.0 if reach >= _SHORT else reach**2
-        target = max(centring * tau, self.least) * self.shares
+        target = max(centring * tau, self._lowest(residuals, tau)) * self.shares
         comp = target - products - damping * affine.products
-        step, length = _corrected(newton, point, comp, target)
+        passes = bool(self._few) and tau > _PASSED_FROM * self.least
+        step, length = _corrected(newton, point, comp, target, _HELD_UP if passes else 0.0)
         share = min(max(_STEP, reach), self.problem.system.longest)  # products keep at least what the step leaves
         length = self._in_neighbourhood(step, min(1.0, share * length))
-        if self._few and length < _HELD_UP and tau > _PASSED_FROM * self.least:
+        if passes and length < _HELD_UP:
             return self._past_few(step, length)
         self.point = point.moved(step, length)
         return length
@@ -239,6 +242,11 @@ class InteriorPoint:
         moved = self.point.moved(step, length)
         pairs = zip(moved.positive, self.point.positive, strict=True)
         return Point(moved.y, *(np.maximum(after, _KEPT * before) for after, before in pairs))
+
+    def _lowest(self, residuals: Residuals, tau: float) -> float:
+        """τ that may be aimed at; above the least one as long as bounds that were passed do not fit."""
+        waits = self._few and self.measures(residuals).slack > _UNFIT
+        return min(tau, _WAITS * self.least) if waits else self.least
 
     @property
     def _few(self) -> int:
@@ -329,12 +337,15 @@ class Newton:
         return y, s, lam
 
 
-def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector) -> tuple[Step, float]:
-    """Gondzio's correctors: bring outlying products nearer to the target as long as that lengthens the step."""
+def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector, least: float) -> tuple[Step, float]:
+    """Gondzio's correctors: bring outlying products nearer to the target as long as that lengthens the step.
+
+    Steps shorter than `least` are not corrected: they will go past the few bounds that stop them.
+    """
     step = newton.step(comp)
     length = _longest(point, step)
     for _ in range(_CORRECTORS):
-        if length > 0.95:
+        if length > 0.95 or length < least:
             break
         trial = point.moved(step, min(1.0, 1.1 * length + 0.1))
         products = trial.products

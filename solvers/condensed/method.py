@@ -21,9 +21,9 @@
 
 After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path,
 after the third first those with which slacks fit most easily (`FITTING_SHARES`), unless the certificate passes already;
-of all starts the best point by its certificate is the result. So are smaller ones after the first two if the residual of
-y is above 1e-12 in the energy norm: the two multipliers of shear at an open point are proportional to that share, and
-lose as many digits in their difference.
+of all starts the best point by its certificate is the result. So are smaller ones after the first two if the residual
+of y is above 1e-12 in the energy norm: the two multipliers of shear at an open point are proportional to that share,
+and lose as many digits in their difference.
 
 In `docs/theory.md`: (D8).
 """
@@ -62,7 +62,6 @@ _LARGEST_SADDLE = 2500  # unknowns of them
 _FORCE_FLOOR = 1e-8  # the same if it does not shrink any more
 _UNBALANCED = 1e-10  # error of the stress, in the energy norm and relative, that forces out of balance may make
 _PROGRESS = 0.7
-_SMALL_SHARE = 2e-3  # of the contact that belongs to one point, below which the gap has to be smaller
 _LEAST_GAP = 2e-17  # that is asked for: the interior point method goes no further than half of it
 _NO_GAP = 1e-19  # out of reach, so that iterations go on as long as they gain
 _FINER = 0.3  # of the gap that is asked for, at which iterations go on with the residuals alone
@@ -89,7 +88,8 @@ class CondensedOptions:
     Attributes
     ----------
     gap : complementarity at which the interior point method stops, relative to stress × displacement × length; less
-        by the square of the least share that a point has in the contact, where that is below 2e-3
+        by the square of the least share that a point's bound has in its contact, where that is below 2e-3, or 5e-4 in
+        sparse systems
     max_iterations : factorisations of the Newton matrix at most
     initial : the `Start` to begin near, optional; not used where it does not fit, or is not near
     system : linear systems of Newton's method: "dense" on what the contact feels, "sparse" in all unknowns, or "auto",
@@ -149,12 +149,11 @@ class _Run:
 
         At a distance r from where slip ends s λ is about r², in the unit of the gap: points of an edge of that length
         have no sticking or slipping of their own before the gap is well below. The more so for tractions, which are
-        λ over r.
+        λ over r. The length of r = 1 is that of the contact, each bed of a wall one of its own.
         """
-        weights = self.problem.weights
-        share = float(weights.min() / weights.sum()) if len(weights) else 1.0
-        least = _NO_GAP if self.problem.system.last_digits else _LEAST_GAP
-        return min(self.options.gap, max(self.options.gap * (share / _SMALL_SHARE) ** 2, least))
+        system = self.problem.system
+        least = _NO_GAP if system.last_digits else _LEAST_GAP
+        return min(self.options.gap, max(self.options.gap * (self.problem.least_share / system.small) ** 2, least))
 
     def relative(self, length: float) -> float:
         """An energy norm over that of the first step."""

@@ -165,6 +165,7 @@ class NewtonSystem(Protocol):
     patience : iterations without progress after which the central path is followed
     stragglers : share of slacks and multipliers that may not hold up all the others
     longest : step that is taken at most, of the way to the nearest bound
+    small : share of a contact that belongs to one bound, below which the gap has to be smaller
     last_digits : whether forces have digits left where the gap is at its floor: iterations go on for them, and `saddle`
         can take its place
     orientation : sign of the determinant of the matrix factorised last; 0 where it is not known
@@ -174,6 +175,7 @@ class NewtonSystem(Protocol):
     patience: int
     stragglers: float
     longest: float
+    small: float
     last_digits: bool
     orientation: int
 
@@ -190,6 +192,7 @@ class DenseSystem:
     """S (k, k) dense; `many`: whether contact points are many, as they are where systems are sparse by default."""
 
     longest = 0.99  # beyond, forces lose digits on graded meshes
+    small = 2e-3
     last_digits = True
 
     def __init__(self, S: Matrix, *, many: bool = False) -> None:

@@ -133,6 +133,7 @@ class SparseSystem:
 
     patience, stragglers = MANY_POINTS_PATIENCE, MANY_POINTS_STRAGGLERS
     longest = 0.9999  # where nothing bends the way
+    small = 5e-4  # edges are many rather than of many lengths
     last_digits = False
     orientation = 0  # PARDISO does not tell
 

@@ -10,10 +10,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array, issparse
+from scipy.sparse import csc_array, csr_array, issparse
+from scipy.sparse.csgraph import connected_components
 
 from solvers.basics.checks import real_array
-from solvers.basics.types import BoolVector, Sparse, Vector
+from solvers.basics.types import BoolVector, IntVector, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.choice import Structure
 from solvers.inequality.blocks import absolute_product, by_columns
@@ -279,6 +280,14 @@ class FrictionQVI:
         else the rows themselves.
         """
         return self._frame.tractions
+
+    @cached_property
+    def contacts(self) -> IntVector:
+        """(m,) a number for each contact: points hang together through the unknowns that their tractions feel."""
+        rows = csr_array(self.contact_rows)
+        touched = csr_array(abs(rows[: self.m]) + abs(rows[self.m :]))
+        common: Sparse = touched @ touched.T
+        return np.asarray(connected_components(common, directed=False)[1], dtype=np.int64)
 
     @property
     def _frame(self) -> ContactFrame:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from comparisons.benchmark.wall import wall as wall_of_beds
-from qvi_contact import InputError, limit_load_factor, solve
+from qvi_contact import InputError, discretize, limit_load_factor, solve
 from qvi_contact.gallery import jointed_slope, masonry_wall
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.plots import result_figure
@@ -138,6 +138,14 @@ def test_a_wall_close_to_its_limit_takes_few_iterations_either_way(system):
     result = solve(masonry_wall(wind=17.08), method="condensed", system=system)
     assert result.status is Status.SOLVED, result.message
     assert result.iterations <= 25
+
+
+@pytest.mark.parametrize("element", ["bfs", "hct"])
+def test_each_bed_is_a_contact(element):
+    """Their points have no unknown in common; head joints connect those of a masonry wall."""
+    contacts = discretize(wall_of_beds(3, 0.1), element=element).qvi.contacts
+    assert set(np.bincount(contacts)) == {len(contacts) // 3}
+    assert set(discretize(masonry_wall(2, 2, ())).qvi.contacts) == {0}
 
 
 def test_bounds_that_do_not_fit_are_met_with_less_weight_on_friction():

@@ -13,7 +13,7 @@ from solvers.errors import InputError
 from solvers.factorisation import FactorisationError, available_backends, set_default
 from solvers.factorisation.choice import condensing_pays
 from solvers.factorisation.unsymmetric import refactorisation
-from tests.solvers.conftest import random_problem
+from tests.solvers.conftest import random_problem, two_contacts
 from tests.solvers.test_condensed import LAWS, chain, difference
 
 UNSYMMETRIC = [name for name in ("pardiso", "superlu") if name in available_backends()]
@@ -105,6 +105,20 @@ def test_passing_few_bounds_does_not_open_the_gap(growth, expected, monkeypatch)
     assert interior.parameter() <= 2.0 * before
 
 
+@pytest.mark.parametrize(("share", "misfit", "expected"), [(0.05, 1e-6, 30.0), (0.05, 1e-12, 1.0), (0.0, 1e-6, 1.0)])
+def test_the_parameter_waits_for_bounds_that_were_passed(share, misfit, expected, monkeypatch):
+    """Nothing is passed any more where it is least; times that value, or what it is if that is less."""
+    _, problem = posed(chain(1))
+    interior = InteriorPoint(problem, 1.0)
+    monkeypatch.setattr(problem.system, "stragglers", share, raising=False)
+    interior.settle()
+    residuals = interior.residuals()
+    residuals = residuals._replace(slack=0.0 * residuals.slack + misfit * problem.stress_at(interior.point.y))
+    interior.measures(residuals)
+    assert interior._lowest(residuals, 1e3 * interior.least) == pytest.approx(expected * interior.least)
+    assert interior._lowest(residuals, interior.least) == pytest.approx(interior.least)
+
+
 @pytest.mark.parametrize("law", ["coulomb", "cap", "bilateral"])
 def test_friction_has_another_share_once_slacks_fit(law):
     """Products start on the path of the early one; what kinks aim at stays."""
@@ -140,6 +154,13 @@ def test_points_may_link_unknowns_that_k_does_not():
         mu=np.full(m, 0.4), W=np.full(m, 0.2),
     )  # fmt: skip
     assert difference(qvi, solved(qvi, "sparse"), solved(qvi, "dense")) < 1e-9
+
+
+def test_each_contact_is_a_whole_of_its_own():
+    """One point each of two bodies, with three bounds; a chain of equal points."""
+    line = chain(1)
+    for qvi, share in ((two_contacts(), 1.0 / 3.0), (line, 1.0 / (3.0 * line.m))):
+        assert posed(qvi)[1].least_share == pytest.approx(share)
 
 
 def test_norms_and_stiffness_are_those_of_the_dense_way():
