@@ -406,7 +406,7 @@ def _worst(run: _Run, measures: Measures, residuals: Residuals) -> float:
     if run.problem.system.last_digits:
         return measures.worst
     worst = max(_distance(run, measures), measures.force / _FORCE_FLOOR)
-    if measures.gap > _LATE or not run.base.strain_energy > 0.0:
+    if measures.gap > _LATE or worst >= run.kept[0] or not run.base.strain_energy > 0.0:
         return worst
     error = run.problem.system.norm(residuals.force) / float(np.sqrt(2.0 * run.base.strain_energy))
     return max(worst, error / _UNBALANCED)
