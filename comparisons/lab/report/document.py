@@ -26,8 +26,6 @@ from qvi_contact.errors import InputError
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    Tables = Mapping[str, Grid | DataFrame]
-
 NO_PICTURES: Final = "Not drawn: pictures need matplotlib, `python -m pip install 'qvi-contact[plot]'`."
 
 _FILTERS: Final = ("listing", "memory", "percent", "scientific", "seconds", "significant")
@@ -74,7 +72,7 @@ def render(
     package: str,
     name: str,
     values: Mapping[str, Any],
-    tables: "Tables",
+    tables: "Mapping[str, Grid | DataFrame]",
     figures: Mapping[str, str],
     settings: Sequence[Grid] = (),
     *,
@@ -90,7 +88,7 @@ def fill(
     template: str,
     name: str,
     values: Mapping[str, Any],
-    tables: "Tables",
+    tables: "Mapping[str, Grid | DataFrame]",
     figures: Mapping[str, str],
     settings: Sequence[Grid] = (),
     forms: Mapping[str, Form] | None = None,
@@ -148,7 +146,11 @@ class _Exhibits:
     """Tables and figures as the template asks for them."""
 
     def __init__(
-        self, report: str, tables: "Tables", figures: Mapping[str, str], forms: Mapping[str, Form] | None
+        self,
+        report: str,
+        tables: "Mapping[str, Grid | DataFrame]",
+        figures: Mapping[str, str],
+        forms: Mapping[str, Form] | None,
     ) -> None:
         self._report, self._tables, self._figures, self._forms = report, tables, figures, forms
         self._shown: Counter[str] = Counter()
