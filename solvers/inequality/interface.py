@@ -4,6 +4,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation
@@ -53,6 +54,15 @@ class ContactFrame:
     def equated(self) -> IntVector:
         """The columns in which rows of equations have an entry, sorted."""
         return columns_of(self.A)
+
+    @cached_property
+    def contacts(self) -> IntVector:
+        """See `FrictionQVI.contacts`."""
+        from scipy.sparse.csgraph import connected_components  # what only solves need is not loaded at the start
+
+        touched = csr_array(abs(self._halves[0]) + abs(self._halves[1]))
+        common: Sparse = touched @ touched.T
+        return np.asarray(connected_components(common, directed=False)[1], dtype=np.int64)
 
     @cached_property
     def tractions(self) -> tuple[Sparse, Vector]:

@@ -10,8 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array, issparse
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csc_array, issparse
 
 from solvers.basics.checks import real_array
 from solvers.basics.types import BoolVector, IntVector, Sparse, Vector
@@ -281,13 +280,10 @@ class FrictionQVI:
         """
         return self._frame.tractions
 
-    @cached_property
+    @property
     def contacts(self) -> IntVector:
         """(m,) a number for each contact: points hang together through the unknowns that their tractions feel."""
-        rows = csr_array(self.contact_rows)
-        touched = csr_array(abs(rows[: self.m]) + abs(rows[self.m :]))
-        common: Sparse = touched @ touched.T
-        return np.asarray(connected_components(common, directed=False)[1], dtype=np.int64)
+        return self._frame.contacts
 
     @property
     def _frame(self) -> ContactFrame:
