@@ -370,13 +370,14 @@ def _ruled(problem: ContactProblem) -> tuple[IntArray, IntArray]:
         if condition in problem.joints:
             continue
         chosen = _edges_of(problem.mesh, condition)
+        edges = boundary.take(chosen)
         for name in _names_of(condition, bool(parallel[chosen].all())):
             own = _LOCAL_FRAME if name in LOCAL else _CARTESIAN_FRAME
             other = chosen[~parallel[chosen] & (frame[chosen] == 1 - own)]
             if len(other):
                 _refuse_mixture(problem, condition, name, int(other[0]))
             frame[chosen] = np.where(parallel[chosen], frame[chosen], own)
-            slot = _slots(name, boundary.take(chosen), parallel[chosen])
+            slot = _slots(name, edges, parallel[chosen])
             taken = owner[slot, chosen]
             if (taken >= 0).any():
                 at = int(np.argmax(taken >= 0))
