@@ -101,6 +101,13 @@ class TestText:
         assert "qvi-contact solve a.toml" in said
         assert answer().discretization.space.family in said
 
+    def test_values_are_shown_over_the_axes_of_their_picture(self):
+        text = page()
+        width = float(re.search(r'id="contact-1--svg".*?viewBox="0 0 (\S+)', text, flags=re.DOTALL)[1])
+        outline = re.search(r'id="contact-1--patch_2">.*?d="M (\S+) \S+\s*L (\S+)', text, flags=re.DOTALL)
+        sides = [float(re.search(f'"{side}": ([0-9.]+)', text)[1]) for side in ("left", "right")]
+        assert sides == pytest.approx([float(x) / width for x in outline.groups()], abs=1e-6)
+
     def test_it_is_one_file_of_moderate_size(self):
         text = page()
         assert len(text) < 900_000

@@ -31,7 +31,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.plots.figures import problem_figure, result_figure
 from qvi_contact.plots.inline import inline_svg, svg_text
-from qvi_contact.plots.style import new_figure, settings
+from qvi_contact.plots.style import laid_out, new_figure, settings
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import ContactLine
@@ -169,8 +169,8 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
         axes = figure.subplots()
         contact_tractions(axes, line, units)
         figure.legend(loc="outside right upper", frameon=False)
-        figure.draw_without_rendering()
-        box, (low, high) = axes.get_position(), axes.get_xlim()
+        with laid_out(figure, "svg", figure.dpi):
+            box, (low, high) = axes.get_position(), axes.get_xlim()
     frame = {"low": low, "high": high, "left": float(box.x0), "right": float(box.x1)}
     return {
         "name": line.name,
