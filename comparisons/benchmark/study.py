@@ -14,7 +14,6 @@ from qvi_contact.errors import InputError
 from solvers.factorisation import resolve
 from solvers.factorisation.choice import CHOICES, SHARED
 
-VERSION: Final = 1
 TASK: Final = "comparisons.benchmark.task:"
 WHOLE, GRADED, LOOPS, WALL = "benchmark", "benchmark-graded", "benchmark-loops", "benchmark-wall"
 GENERAL, SUBDOMAINS = "general", "shared"
@@ -73,7 +72,7 @@ def whole(cells: Sequence[int], friction: Sequence[float], repeat: int | None, f
         "friction": (list(_each_once("friction", friction, check_not_negative)),), "runs": (repeat,),
         "sparse": (sparse(factorisation),),
     }  # fmt: skip
-    return Study(WHOLE, VERSION, f"{TASK}whole", factors, fresh=True)
+    return Study(WHOLE, 1, f"{TASK}whole", factors, fresh=True)
 
 
 def sparse(factorisation: str) -> str:
@@ -87,7 +86,7 @@ def graded(repeat: int | None, factorisation: str) -> Study:
         "mesh": tuple(map(list, MESHES)), "friction": GRADED_FRICTION, "runs": (repeat or GRADED_RUNS,),
         "sparse": (sparse(factorisation),),
     }  # fmt: skip
-    return Study(GRADED, VERSION, f"{TASK}graded", factors, fresh=True)
+    return Study(GRADED, 1, f"{TASK}graded", factors, fresh=True)
 
 
 def loops(cells: Sequence[int], friction: Sequence[float]) -> Study | None:
@@ -97,7 +96,7 @@ def loops(cells: Sequence[int], friction: Sequence[float]) -> Study | None:
     if min(cells) > max(loop.largest for loop in METHODS.values()):
         return None
     keep = lambda case: case["cells"] <= METHODS[case["loop"]].largest  # noqa: E731
-    return Study(LOOPS, VERSION, f"{TASK}loop", factors, keep=keep, fresh=True)
+    return Study(LOOPS, 1, f"{TASK}loop", factors, keep=keep, fresh=True)
 
 
 def walls(blocks: Sequence[int], loads: Sequence[float], element: str) -> Study:
@@ -108,4 +107,4 @@ def walls(blocks: Sequence[int], loads: Sequence[float], element: str) -> Study:
         "load": _each_once("load", loads or tuple(STATES), check_not_negative),
         "blocks": _each_once("blocks", blocks, check_at_least_one), "element": (element,),
     }  # fmt: skip
-    return Study(WALL, VERSION, f"{TASK}wall", factors, fresh=True)
+    return Study(WALL, 1, f"{TASK}wall", factors, fresh=True)

@@ -24,9 +24,6 @@ from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Contact
 
-TASK: Final = f"{__name__}:run"
-"""As `comparisons.lab.study` names it."""
-
 GETFEM: Final = "PYTHON_WITH_GETFEM"
 """Environment variable: another Python, in which GetFEM is installed."""
 
@@ -63,7 +60,7 @@ def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions
     def keep(case: Values) -> bool:
         return case["number"] in chosen[NAMED[case["model"]].family.counted]
 
-    return Study("peers", 2, TASK, factors, keep=keep, packages=(*PACKAGES, "ngsolve"))
+    return Study("peers", 2, run, factors, keep=keep, packages=(*PACKAGES, "ngsolve"))
 
 
 def check_meshes(friction: tuple[float, ...], cells: tuple[int, ...]) -> None:

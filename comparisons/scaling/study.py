@@ -14,10 +14,6 @@ from qvi_contact import stream_sweep
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 
-VERSION: Final = 1
-"""To be raised when the task computes something else."""
-
-TASK: Final = "comparisons.scaling.study:run"
 PROCESSES: Final = (1, 2)
 REPEATS: Final = 2
 
@@ -31,7 +27,7 @@ VALUES: Final = {False: 400, True: 24}
 def declared(processes: Sequence[int], quick: bool) -> Study:
     """The study of these numbers of processes, or a quick one of a coarse mesh and few values under another name."""
     factors = {"processes": tuple(dict.fromkeys(processes or PROCESSES)), "quick": (quick,)}
-    return Study("scaling-quick" if quick else "scaling", VERSION, TASK, factors, repeats=1 if quick else REPEATS)
+    return Study("scaling-quick" if quick else "scaling", 1, run, factors, repeats=1 if quick else REPEATS)
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,10 +12,8 @@ from comparisons.lab.study import Study
 from comparisons.lab.study.declaration import Values
 from comparisons.solvers.accuracies import LEVELS, METHODS, TABLE
 from comparisons.solvers.problems import PROBLEMS
-from comparisons.solvers.tasks import COLD, INNER, OUTER, TASKS, WARM
+from comparisons.solvers.tasks import COLD, INNER, OUTER, TASKS, WARM, solve_case
 
-VERSION: Final = 1
-TASK: Final = "comparisons.solvers.tasks:solve_case"
 FORMS: Final = ("full", "condensed")
 FULL_NAME, QUICK_NAME = "solvers", "solvers-quick"
 RUNS: Final = {FULL_NAME: 3, QUICK_NAME: 2}
@@ -39,7 +37,7 @@ def declared(solvers: Sequence[str], quick: bool = False) -> Study:
         "task": TASKS, "problem": problems, "form": FORMS, "level": tuple(LEVELS), "solver": tuple(solvers),
         "runs": (RUNS[name],),
     }  # fmt: skip
-    return Study(name, VERSION, TASK, factors, keep=_quick if quick else keep, packages=(*PACKAGES, *LIBRARIES))
+    return Study(name, 1, solve_case, factors, keep=_quick if quick else keep, packages=(*PACKAGES, *LIBRARIES))
 
 
 def keep(values: Values) -> bool:

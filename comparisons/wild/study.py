@@ -33,8 +33,6 @@ from solvers.certificate.feasibility import check_feasibility
 from solvers.factorisation import FactorisationError
 
 NAME: Final = "wild"
-TASK: Final = f"{__name__}:solve_case"
-VERSION: Final = 3
 EACH, QUICK = 250, 5
 """Problems of a family, in full and quick."""
 
@@ -67,7 +65,7 @@ def declared(families: Sequence[str], each: int) -> Study:
         if name not in FAMILIES:
             raise InputError("only", name, f"there is no such family: choose among {', '.join(FAMILIES)}")
     chosen = tuple(name for name in FAMILIES if not families or name in families)
-    return Study(NAME, VERSION, TASK, {"number": tuple(range(each)), "family": chosen}, packages=(*PACKAGES, "daqp"))
+    return Study(NAME, 3, solve_case, {"number": tuple(range(each)), "family": chosen}, packages=(*PACKAGES, "daqp"))
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:

@@ -252,7 +252,7 @@ CHOSEN = [
 def rows(tmp_path_factory):
     """Rows of a small part of the study, through the runner."""
     cases = [dict(zip(("problem", "sequence", "size", "model"), case, strict=True)) for case in CHOSEN]
-    small = Study.of("small", 1, study.TASK, cases)
+    small = Study.of("small", 1, study.run, cases)
     return rows_of(small, tmp_path_factory.mktemp("mesh") / "mesh.sqlite")
 
 

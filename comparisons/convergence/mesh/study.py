@@ -46,11 +46,6 @@ _CLOSING: Final = 1e-9  # gap over strain energy that is good enough
 _INTENDED: Final = (RefinementStatus.REACHED, RefinementStatus.UNKNOWNS, RefinementStatus.ROUNDS)
 """Ends of a chain that are no failures."""
 
-VERSION: Final = 2
-"""To be raised when the task computes something else."""
-
-TASK: Final = "comparisons.convergence.mesh.study:run"
-
 _QUICK: Final = ("plate 0.2", "plate 1", "punch smooth", "block")
 _CONVEX: Final = ("plate 0", "plate 1", "punch smooth")
 _STRICT_CELLS: Final = 32
@@ -77,7 +72,7 @@ def study(quick: bool) -> Study:
         "problem": tuple(_QUICK if quick else PROBLEMS), "sequence": tuple(SEQUENCES),
         "size": tuple(sorted({size for _, _, size, _ in cases})), "model": tuple(MODELS),
     }  # fmt: skip
-    return Study("mesh (quick)" if quick else "mesh", VERSION, TASK, factors, only=cases)
+    return Study("mesh (quick)" if quick else "mesh", 2, run, factors, only=cases)
 
 
 Case = tuple[str, str, int, str]

@@ -58,11 +58,6 @@ LOOPS: Final[Mapping[str, Loop]] = {
 }
 """All loops, in the order of tables and legends."""
 
-VERSION: Final = 1
-"""To be raised when the task computes something else."""
-
-TASK: Final = "comparisons.convergence.outer.study:run"
-
 Meshes = Mapping[tuple[str, int], tuple[float, ...]]
 
 FULL: Final[Meshes] = {
@@ -102,7 +97,7 @@ def study(quick: bool) -> Study:
 
 def study_of(name: str, meshes: Meshes, loops: Sequence[str] = tuple(LOOPS)) -> Study:
     """The study on these problems, meshes and frictions, by these loops."""
-    return Study.of(name, VERSION, TASK, _cases(meshes, loops))
+    return Study.of(name, 1, run, _cases(meshes, loops))
 
 
 def _cases(meshes: Meshes, loops: Sequence[str]) -> Iterator[dict[str, Any]]:

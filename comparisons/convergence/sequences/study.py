@@ -107,17 +107,12 @@ CHAINS: Final = {
 }  # fmt: skip
 """Name → sequence; in the last one the contact grows with each step."""
 
-VERSION: Final = 1
-"""To be raised when the task computes something else."""
-
-TASK: Final = "comparisons.convergence.sequences.study:run"
-
 
 def study(quick: bool) -> Study:
     """The study, or a quick one of coarse meshes and few steps under another name."""
     name = "convergence-sequences-quick" if quick else "convergence-sequences"
     factors = {"sequence": tuple(CHAINS), "element": ("hct", "bfs"), "quick": (quick,)}
-    return Study(name, VERSION, TASK, factors)
+    return Study(name, 1, run, factors)
 
 
 WAYS: Final = ("single", "cold", "warm")

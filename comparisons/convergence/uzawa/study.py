@@ -56,11 +56,6 @@ METHODS: Final[Mapping[str, Method]] = {
 }
 """Name → method, in the order of tables and legends."""
 
-VERSION: Final = 2
-"""To be raised when the task computes something else."""
-
-TASK: Final = "comparisons.convergence.uzawa.study:run"
-
 HALF: Final = 0.5
 """Steps of runs that are not about steps, as a share of the limits."""
 
@@ -134,7 +129,7 @@ def study(quick: bool) -> Study:
 
 def study_of(name: str, extent: Extent) -> Study:
     """The study of this extent."""
-    return Study.of(name, VERSION, TASK, _cases(extent))
+    return Study.of(name, 2, run, _cases(extent))
 
 
 def _cases(extent: Extent) -> Iterator[dict[str, Any]]:

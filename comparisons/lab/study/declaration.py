@@ -14,6 +14,7 @@ from comparisons.lab.worker.plain import canonical, plain
 from qvi_contact.errors import InputError
 
 Values = Mapping[str, Any]
+Task = str | Callable[[Any], Mapping[str, Any]]
 
 OWN_NAMES: Final = frozenset({
     "case", "certificate", "environment", "finished", "key", "load_average", "machine", "memory_mib", "position",
@@ -66,11 +67,12 @@ class Study:
         Name of the study.
     version : int
         To be raised when the task changes what it computes: earlier rows are then another study's.
-    task : str
-        ``"module:function"``, importable wherever the study runs. The function takes a case (a mapping, see `Case`)
-        and returns a mapping of plain values (see `plain`); its entry "certificate", if there is one, is kept apart.
-        It has to take all its randomness from ``case["seed"]``. What its module imports at the top is loaded before
-        any time is taken; what is loaded on first use counts for a worker's first case, unless the module uses it once.
+    task : function or str
+        A function of a module, or its name ``"module:function"``, importable wherever the study runs. It takes a case
+        (a mapping, see `Case`) and returns a mapping of plain values (see `plain`); its entry "certificate", if there
+        is one, is kept apart. It has to take all its randomness from ``case["seed"]``. What its module imports at the
+        top is loaded before any time is taken; what is loaded on first use counts for a worker's first case, unless the
+        module uses it once.
     factors : Mapping
         Factor → tuple of its plain values, e.g. problem, mesh, friction, method, settings.
     repeats : int
@@ -95,7 +97,7 @@ class Study:
 
     name: str
     version: int
-    task: str
+    task: Task
     factors: Mapping[str, tuple[Any, ...]]
     repeats: int = 1
     seed: int = 0
@@ -105,7 +107,7 @@ class Study:
     fresh: bool = False
 
     @classmethod
-    def of(cls, name: str, version: int, task: str, cases: Iterable[Values]) -> "Study":
+    def of(cls, name: str, version: int, task: Task, cases: Iterable[Values]) -> "Study":
         """The study of just these cases, all with the same factors, whose values stand in the order they are met.
 
         Its cases are in the order of the product all the same.
@@ -117,14 +119,19 @@ class Study:
     def __post_init__(self) -> None:
         if not self.name:
             raise InputError("Study.name", self.name, "give the study a name")
-        if not _TASK.fullmatch(self.task):
-            raise InputError("Study.task", self.task, "give 'module:function'")
+        if not _TASK.fullmatch(self.task_name):
+            raise InputError("Study.task", self.task_name, "give a function of a module, or 'module:function'")
         if self.repeats < 1:
             raise InputError("Study.repeats", self.repeats, "give at least 1")
         factors = {name: _levels(name, values) for name, values in self.factors.items()}
         object.__setattr__(self, "factors", MappingProxyType(factors))
         if not self.cases:
             raise InputError("Study.keep", self.name, "no case is left")
+
+    @property
+    def task_name(self) -> str:
+        """The task as ``"module:function"``."""
+        return self.task if isinstance(self.task, str) else f"{self.task.__module__}:{self.task.__qualname__}"
 
     @cached_property
     def cases(self) -> tuple[Case, ...]:
@@ -159,8 +166,8 @@ class Study:
         """
         digest = hashlib.sha256("".join(case.key for case in self.cases).encode()).hexdigest()
         return {
-            "name": self.name, "version": self.version, "task": self.task, "repeats": self.repeats, "seed": self.seed,
-            "factors": [[name, list(levels)] for name, levels in self.factors.items()],
+            "name": self.name, "version": self.version, "task": self.task_name, "repeats": self.repeats,
+            "seed": self.seed, "factors": [[name, list(levels)] for name, levels in self.factors.items()],
             "cases": len(self.cases), "digest": digest,
         }  # fmt: skip
 

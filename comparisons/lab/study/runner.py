@@ -101,7 +101,7 @@ def run_study(
     if not run.complete:
         if dask is not None:
             check(dask)
-        terms = Terms(study.task, study.packages, threads, timeout, memory, study.fresh)
+        terms = Terms(study.task_name, study.packages, threads, timeout, memory, study.fresh)
         try:
             _do(run, terms, workers, dask, progress)
         except KeyboardInterrupt:

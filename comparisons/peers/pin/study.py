@@ -12,9 +12,6 @@ from comparisons.peers.study import answer_of, check_meshes
 from qvi_contact import TriangleMesh
 from qvi_contact.gallery import loaded_pin
 
-TASK: Final = f"{__name__}:run"
-"""As `comparisons.lab.study` names it."""
-
 MEASURED: Final[Mapping[str, str]] = {
     "moved": "u_x on the axis at the hole [mm]",
     "normal": "∫ pressure [N/mm]",
@@ -56,7 +53,7 @@ def pin_study(friction: tuple[float, ...], sectors: tuple[int, ...], missing: Se
     factors: dict[str, tuple[Any, ...]] = {
         "friction": tuple(dict.fromkeys(friction)), "sectors": tuple(sorted(set(sectors))), "model": models,
     }  # fmt: skip
-    return Study("peers-pin", 1, TASK, factors, packages=(*PACKAGES, "ngsolve"))
+    return Study("peers-pin", 1, run, factors, packages=(*PACKAGES, "ngsolve"))
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
