@@ -7,7 +7,7 @@ from typing import Final
 
 import click
 
-from comparisons.lab.options import ListCommand, json_option, out_option
+from comparisons.lab.options import ListCommand, NotNegative, json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 from comparisons.peers import LEVELS
 
@@ -27,16 +27,15 @@ def _shown(defaults: Mapping[str, tuple[float, ...]]) -> str:
 @study_options(f"{_FOLDER}/peers.sqlite", timeout=300.0)
 @click.option("--problem", type=click.Choice([_PLATE, _PIN]), default=_PLATE, show_default=True,
               help="The compressed plate, or the loaded pin of NAFEMS.")  # fmt: skip
-@click.option("--friction", type=float, multiple=True, show_default=_shown(_FRICTION),
+@click.option("--friction", type=NotNegative(), multiple=True, show_default=_shown(_FRICTION),
               help="Coefficients of friction; may take several numbers.")  # fmt: skip
-@click.option("--cells", type=int, multiple=True, show_default=_shown(_CELLS),
+@click.option("--cells", type=click.IntRange(1), multiple=True, show_default=_shown(_CELLS),
               help="Cells along a side of equal and of corner-graded meshes, or edges of the pin in a quarter; "
               "may take several numbers.")  # fmt: skip
-@click.option("--levels", type=int, default=LEVELS, show_default=True,
+@click.option("--levels", type=click.IntRange(1, LEVELS), default=LEVELS, show_default=True,
               help="Number of meshes of the plate graded to the corner and to the end of the stick zone.")  # fmt: skip
-@click.option(
-    "--repeat", type=int, default=5, help="Largest number of repetitions within 5 s, for the plate.", show_default=True
-)
+@click.option("--repeat", type=click.IntRange(1), default=5, show_default=True,
+              help="Largest number of repetitions within 5 s, for the plate.")  # fmt: skip
 @click.option("--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not.")
 @json_option
 @out_option(_FOLDER)

@@ -12,7 +12,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
-from comparisons.lab.checks import check_at_least_one, check_not_negative, check_some
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
 from comparisons.lab.study.children import environment
@@ -42,13 +41,9 @@ def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions
     Raises
     ------
     InputError
-        If a value is wrong, or the Python that should have GetFEM has not.
+        If the Python that should have GetFEM has not.
 
     """
-    check_meshes(friction, cells)
-    check_at_least_one("repeat", repetitions)
-    if not 1 <= levels <= LEVELS:
-        raise InputError("levels", levels, f"give a whole number from 1 to {LEVELS}")
     missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}
     factors: dict[str, tuple[Any, ...]] = {
         "friction": tuple(dict.fromkeys(friction)),
@@ -61,15 +56,6 @@ def peers_study(friction: tuple[float, ...], cells: tuple[int, ...], repetitions
         return case["number"] in chosen[NAMED[case["model"]].family.counted]
 
     return Study("peers", 2, run, factors, keep=keep, packages=(*PACKAGES, "ngsolve"))
-
-
-def check_meshes(friction: tuple[float, ...], cells: tuple[int, ...]) -> None:
-    """Coefficients of friction and numbers of cells are there, and may be such; else `InputError`."""
-    for name, values in (("friction", friction), ("cells", cells)):
-        check_some(name, values)
-    for mu in friction:
-        check_not_negative("friction", mu)
-    check_at_least_one("cells", min(cells))
 
 
 def missing_codes() -> tuple[str, ...]:

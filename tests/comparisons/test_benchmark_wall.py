@@ -7,13 +7,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from comparisons.benchmark import study
 from comparisons.benchmark.measures import wall_values, walls_of
 from comparisons.benchmark.report import wall_report
 from comparisons.benchmark.wall import wall
 from comparisons.cli import group
 from comparisons.lab.study import StoredStudy, read_csv
-from qvi_contact import InputError, solve
+from qvi_contact import solve
 
 COMMITTED = Path(__file__).parents[2] / "comparisons" / "reports" / "benchmark"
 
@@ -86,7 +85,8 @@ def test_the_committed_report_is_that_of_the_committed_rows():
     assert (values["solved"], values["walls"]) == (11, 12)
 
 
-@pytest.mark.parametrize("wrong", [{"blocks": (0,)}, {"element": "q2"}, {"loads": (-0.1,)}])
+@pytest.mark.parametrize("wrong", [("--blocks", "0"), ("--element", "q2"), ("--load", "-0.1")])
 def test_bad_settings_are_refused(wrong):
-    with pytest.raises(InputError):
-        study.walls(**({"blocks": (2,), "loads": (), "element": "bfs"} | wrong))
+    done = CliRunner().invoke(group, ["benchmark", "--problem", "wall", *wrong])
+    assert done.exit_code == 2
+    assert f"Invalid value for '{wrong[0]}'" in done.stderr

@@ -10,8 +10,7 @@ import pytest
 from comparisons.lab.study import read_csv
 from comparisons.peers.codes import own_pin
 from comparisons.peers.pin import report as reports
-from comparisons.peers.pin.study import MODELS, OWN, pin_study, plain_pin, run
-from qvi_contact.errors import InputError
+from comparisons.peers.pin.study import MODELS, OWN, plain_pin, run
 
 COMMITTED = Path(reports.__file__).parents[2] / "reports" / "peers"
 MOVED = {0.0: 0.758518, 0.1: 0.738677}
@@ -46,13 +45,6 @@ def test_ngsolve_moves_as_far_on_the_same_triangles():
     found = run({"friction": 0.1, "sectors": 4, "model": name})
     assert found["moved"] == pytest.approx(MOVED[0.1], rel=2e-3)
     assert found["carried"] == pytest.approx(1e4, rel=1e-6)
-
-
-@pytest.mark.parametrize(("friction", "sectors"), [((), (6,)), ((-0.1,), (6,)), ((np.nan,), (6,)), ((0.1,), (0,))])
-def test_wrong_values_are_refused(friction, sectors):
-    """Before a process starts."""
-    with pytest.raises(InputError):
-        pin_study(friction, sectors, ())
 
 
 @pytest.fixture(scope="module")

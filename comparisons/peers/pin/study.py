@@ -8,7 +8,7 @@ import numpy as np
 from comparisons.lab.machine import PACKAGES
 from comparisons.lab.study import Study
 from comparisons.peers.meshes import counter_clockwise
-from comparisons.peers.study import answer_of, check_meshes
+from comparisons.peers.study import answer_of
 from qvi_contact import TriangleMesh
 from qvi_contact.gallery import loaded_pin
 
@@ -40,15 +40,7 @@ _FORCE, _RADIUS, _EYE, _HALF = 1e4, 50.0, 100.0, 10.0  # of `loaded_pin`, upper 
 
 
 def pin_study(friction: tuple[float, ...], sectors: tuple[int, ...], missing: Sequence[str]) -> Study:
-    """Every model whose code is installed, at every coefficient μ, with so many edges of the hole in a quarter.
-
-    Raises
-    ------
-    InputError
-        If a value is wrong.
-
-    """
-    check_meshes(friction, sectors)
+    """Every model whose code is installed, at every coefficient μ, with so many edges of the hole in a quarter."""
     models = tuple(name for name, (code, *_) in MODELS.items() if code not in missing)
     factors: dict[str, tuple[Any, ...]] = {
         "friction": tuple(dict.fromkeys(friction)), "sectors": tuple(sorted(set(sectors))), "model": models,
