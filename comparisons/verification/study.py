@@ -1,48 +1,26 @@
 """The manual's chapters, and the run: every chosen problem is solved, and what comes back is plain data."""
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from typing import Any, Final
 
 from comparisons.lab.machine import machine, versions
 from comparisons.lab.study.rows import finite_json
-from comparisons.verification.chapters import (
-    benchmarks,
-    bounds,
-    curves,
-    energies,
-    exact,
-    examples,
-    friction,
-    invariance,
-    limits,
-    not_unique,
-    paper,
-    plate,
-    ssnv128,
-    strict,
-)
 from comparisons.verification.row import Chapters, Problem, Row, crash
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.errors import InputError
 
 Document = dict[str, Any]
 
+_NAMES: Final = (
+    "paper", "exact", "friction", "ssnv128", "benchmarks", "curves", "limits", "not-unique", "invariance", "plate",
+    "energies", "bounds", "strict", "examples",
+)  # fmt: skip
+
 CHAPTERS: Final[Chapters] = {
-    "paper": paper.PROBLEMS,
-    "exact": exact.PROBLEMS,
-    "friction": friction.PROBLEMS,
-    "ssnv128": ssnv128.PROBLEMS,
-    "benchmarks": benchmarks.PROBLEMS,
-    "curves": curves.PROBLEMS,
-    "limits": limits.PROBLEMS,
-    "not-unique": not_unique.PROBLEMS,
-    "invariance": invariance.PROBLEMS,
-    "plate": plate.PROBLEMS,
-    "energies": energies.PROBLEMS,
-    "bounds": bounds.PROBLEMS,
-    "strict": strict.PROBLEMS,
-    "examples": examples.PROBLEMS,
+    name: import_module(f"comparisons.verification.chapters.{name.replace('-', '_')}").PROBLEMS for name in _NAMES
 }
+"""The manual in its order: each chapter is a module of its name."""
 
 
 def choose(names: Sequence[str], chapters: Chapters = CHAPTERS) -> Chapters:
