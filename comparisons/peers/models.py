@@ -1,6 +1,6 @@
 """The models that are compared: one line each, a curve each.
 
-A further model is a further line in `MODELS`; a further code is a module in `codes` with MODULE and `build` (see
+A further model is a further line in `MODELS`; a further code is a module in `codes` with `build` (see
 `codes.process.Code`), and a line in `CODES`.
 """
 

@@ -5,12 +5,10 @@ The package is loaded by `build`, not before.
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from qvi_contact import ContactProblem
-
-MODULE: Final = "qvi_contact"
 
 
 def build(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from qvi_contact.bracket.slip import SlipBounds
     from qvi_contact.discretization.families import ElementName
 
-MODULE: Final = "qvi_contact"
-
 TOLERANCE: Final = 1e-8
 """That the certificate must confirm."""
 

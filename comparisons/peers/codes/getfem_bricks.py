@@ -12,8 +12,6 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final
 
-MODULE: Final = "getfem"
-
 TOLERANCE: Final = 1e-8
 """Of GetFEM's Newton method."""
 

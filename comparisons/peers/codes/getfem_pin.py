@@ -11,8 +11,6 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final
 
-MODULE: Final = "getfem"
-
 TOLERANCE: Final = 1e-11
 """Of GetFEM's Newton method; equations of the contact are lengths, and small beside forces."""
 

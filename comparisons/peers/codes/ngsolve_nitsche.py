@@ -22,8 +22,6 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Any, Final
 
-MODULE: Final = "ngsolve"
-
 VARIANTS: Final = {"symmetric": 1.0, "incomplete": 0.0, "skew": -1.0}
 """Variant of the method → θ."""
 

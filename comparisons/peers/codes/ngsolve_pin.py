@@ -17,8 +17,6 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, Final
 
-MODULE: Final = "ngsolve"
-
 ACCEPTED: Final = 1e-11
 """Largest residual of a solution: norm at the free unknowns over the force; equations of the contact are lengths."""
 
