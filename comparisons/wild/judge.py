@@ -20,10 +20,11 @@ from itertools import chain
 from typing import Final
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss
+from numpy.polynomial.polynomial import polyder, polyval
 
 from qvi_contact import Contact, ContactProblem, ContactResult, Displacement, Traction
 from qvi_contact.basics.checks import Field, FloatArray
+from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
 
 _DISTANCE: Final = 1e-3
@@ -36,28 +37,18 @@ _SAID: Final = 4.0
 """Times `ContactResult.stress_rounding`, which the result says of itself, that are no errors either."""
 
 
-def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
-    points, weights = leggauss(count)
-    return (points + 1.0) / 2.0, weights / 2.0
-
-
-_POINTS, _WEIGHTS = _gauss(4)
+_POINTS, _WEIGHTS = gauss_legendre(4)
 _NOTHING: Final = 1e-6  # share of the stress that the data suggest
 _ZERO: Final = 1e-14  # share of the largest compliance that is none
 _REST: Final = 1e-6  # strain whose stress is taken where they suggest none; ν → −1 is far stiffer than E
 
 
-def _lagrange(t: FloatArray) -> FloatArray:
-    """Values at t (n,) of the four polynomials that are 1 at one sample point each; (n, 4)."""
-    powers = np.vander(_POINTS, increasing=True)
-    return np.asarray(np.vander(t, 4, increasing=True) @ np.linalg.inv(powers))
-
-
-_DERIVATIVE: Final = (np.vander(_POINTS, 4, increasing=True)[:, :3] * [1.0, 2.0, 3.0]) @ np.linalg.inv(
-    np.vander(_POINTS, increasing=True)
-)[1:]
+_LAGRANGE: Final = np.linalg.inv(np.vander(_POINTS, increasing=True))
+"""Coefficients (4, 4) by powers of the four polynomials that are 1 at one sample point each."""
+_DERIVATIVE: Final = polyval(_POINTS, polyder(_LAGRANGE)).T
 """Derivatives at the sample points from the values there; (4, 4)."""
-_ENDS: Final = _lagrange(np.array([0.0, 1.0]))
+_ENDS: Final = polyval(np.array([0.0, 1.0]), _LAGRANGE).T
+"""Values at both ends; (2, 4)."""
 
 
 def _places(lines: FloatArray) -> FloatArray:
@@ -219,7 +210,7 @@ def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
 
 def _mean(problem: ContactProblem, edges: GridEdges, value: Field) -> FloatArray:
     """The mean of a field on each edge (edges,)."""
-    points, weights = _gauss(8)
+    points, weights = gauss_legendre(8)
     x, y = problem.grid.points_along(edges, points)
     return np.asarray(_values(value, x, y) @ weights)
 
