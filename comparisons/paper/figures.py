@@ -85,8 +85,7 @@ def convergence(study: PaperStudy) -> "Figure":
         grid(panel)
         panel.legend()
     right.xaxis.get_major_locator().set_params(integer=True)
-    left.set_ylabel("relative error of P/2")
-    left.set_ylim(bottom=1e-13)
+    left.set(ylabel="relative error of P/2", ylim=(1e-13, None))
     return figure
 
 
@@ -108,8 +107,7 @@ def table_1(study: PaperStudy) -> "Figure":
               label=f"Uzawa after {n} iterations")  # fmt: skip
     axes.plot(friction, [row.printed for row in study.rows], color="black", marker="x", linestyle="none",
               markersize=7, label="paper, Table 1")  # fmt: skip
-    axes.set_xlabel("friction coefficient μ [-]")
-    axes.set_ylabel("P/2 [N/mm]")
+    axes.set(xlabel="friction coefficient μ [-]", ylabel="P/2 [N/mm]")
     axes.set_title("Table 1 is the state after 30 iterations, not the solution" if n == 30 else "Table 1")
     grid(axes)
     axes.legend()

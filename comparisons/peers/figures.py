@@ -146,14 +146,11 @@ def _error_axes(axes: "Axes", runs: DataFrame, cost: Cost) -> None:
     """Errors against a cost, both logarithmic; labels at 1, 2 and 5 times powers of ten where others were few."""
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log", xlabel=cost.label, ylabel="relative error of P/2 [-]")
     costs = runs[cost.column]
     if len(costs) and max(costs) < _NARROW * min(costs):
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.set_xlabel(cost.label)
-    axes.set_ylabel("relative error of P/2 [-]")
 
 
 def _band(axes: "Axes", low: float, high: float) -> None:
@@ -259,8 +256,7 @@ def _mesh_axis(axes: "Axes", runs: DataFrame) -> None:
     numbers = sorted(set(runs.number))
     counted = FAMILIES[runs.mesh.iloc[0]].counted
     axes.set_xticks(range(len(numbers)), [f"{each}²" if counted else f"{each}" for each in numbers])
-    axes.set_xlim(-0.6, len(numbers) - 0.4)
-    axes.set_xlabel("cells [-]" if counted else "level [-]")
+    axes.set(xlim=(-0.6, len(numbers) - 0.4), xlabel="cells [-]" if counted else "level [-]")
 
 
 def _label(name: str) -> str:

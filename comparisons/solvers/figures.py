@@ -88,8 +88,7 @@ def _profile_panel(axes: "Axes", ratios: DataFrame, looks: Mapping[str, tuple[st
         axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
                   markevery=max(1, len(x) // 6), label=label, zorder=2)  # fmt: skip
     _log_axis(axes, _RATIOS[_RATIOS.index(1.0) :])
-    axes.set_xlim(1.0, UNTIL)
-    axes.set_ylim(-0.02, 1.02)
+    axes.set(xlim=(1.0, UNTIL), ylim=(-0.02, 1.02))
     grid(axes)
     if coloured:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=8, frameon=False)
@@ -117,8 +116,7 @@ def truth(runs: DataFrame) -> "Figure | None":
         if shares[outcome].any():
             axes.barh(shares.index, shares[outcome], left=starts[outcome], color=colour, hatch=hatch,
                       edgecolor="white", linewidth=0.4, label=outcome)  # fmt: skip
-    axes.set_xlim(0.0, 1.0)
-    axes.set_xlabel("share of the inner problems that have a solution [-]")
+    axes.set(xlim=(0.0, 1.0), xlabel="share of the inner problems that have a solution [-]")
     figure.legend(loc="outside upper center", ncols=6, fontsize=8, frameon=False)
     return figure
 

@@ -148,16 +148,12 @@ def _draw(name: str, quick: bool) -> "Figure":
 def figure(graph: Graph) -> "Figure":
     """The picture of a graph, narrow enough for a small screen."""
     found = new_figure(_WIDTH, _HEIGHT + _LINE * (len(graph.known) + len(graph.ours)))
-    axes = found.subplots()
-    if graph.logarithmic:
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+    axes, scale = found.subplots(), "log" if graph.logarithmic else "linear"
+    axes.set(xscale=scale, yscale=scale, xlabel=graph.x, ylabel=graph.y)
     for curve, style in zip(graph.known, _KNOWN, strict=False):
         axes.plot(curve.x, curve.y, color=GREY, linestyle=style, linewidth=1.2, label=curve.label)
     for curve, (colour, marker) in zip(graph.ours, _OURS, strict=False):
         _marks(axes, curve, colour, marker)
-    axes.set_xlabel(graph.x)
-    axes.set_ylabel(graph.y)
     grid(axes)
     axes.set_axisbelow(True)
     legend_below(found, 1, 9)
