@@ -167,7 +167,15 @@ class Discretization(Posed, Stated):
         scales : Scales, optional
             Units of the dimensionless problem; those of the problem by default.
 
+        Raises
+        ------
+        InputError
+            If the problem is on another mesh.
+
         """
+        if not problem.mesh.same_as(self.problem.mesh):
+            remedy = "it is on another mesh than the problem discretised before: give both the same mesh and element"
+            raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
         return _discretized(problem, self.space, scales or Scales.of(problem), self.freed, self)
 
     def _again(self, scales: Scales, freed: IntArray) -> Discretization:

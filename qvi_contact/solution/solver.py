@@ -10,7 +10,7 @@ from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import ElementName
+from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.impossible import judged
@@ -135,9 +135,16 @@ def posed(
 
     `solve` takes it in place of the problem, with all options but ``element``, ``degree`` and ``contact_rows``. What it
     has in common with a problem `before`, posed with the same options on the same mesh, is shared.
+
+    Raises
+    ------
+    InputError
+        If the problem or an option is wrong, or `before` is on another mesh or of another element.
+
     """
     if before is not None:
-        return _fitted(before.following(problem), options)
+        fitting = problem if element is None else with_element(problem, element)
+        return _fitted(before.following(fitting), options)
     rows = rows_for(method, contact_rows)
     return _fitted(discretize(problem, element=element, degree=degree, contact_rows=rows), options)
 

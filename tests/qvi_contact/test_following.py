@@ -9,6 +9,7 @@ from qvi_contact import (
     Contact,
     ContactProblem,
     Displacement,
+    InputError,
     Material,
     Polynomial,
     RectilinearMesh,
@@ -18,6 +19,7 @@ from qvi_contact import (
 )
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.problem.conditions import RigidPlate
+from qvi_contact.solution.solver import posed
 
 ELEMENTS = pytest.mark.parametrize("element", ["bfs", "hct"])
 VECTORS = ("f", "load", "n0", "t0", "mu", "W", "b", "cohesion", "cap")
@@ -136,3 +138,22 @@ def test_one_factorisation_and_one_schur_complement_serve_the_sequence(element):
     assert after.qvi.interface.stiffness is stiffness
     alone = solve(block(friction=0.6, push=-1.5), element=element)
     assert shared.contacts["ground"].normal_stress == pytest.approx(alone.contacts["ground"].normal_stress, abs=1e-10)
+
+
+def test_a_problem_on_another_mesh_or_element_is_refused():
+    triangles, rectangles = posed(block(), element="hct"), posed(block(), element="bfs")
+    finer = replace(block(), mesh=RectilinearMesh.rectangle((4, 2), 2.0, 1.0))
+    for before, problem, element in [
+        (triangles, block(), "bfs"),
+        (rectangles, block(), "hct"),
+        (rectangles, finer, "bfs"),
+        (triangles, finer, "hct"),
+    ]:
+        with pytest.raises(InputError, match=r"ContactProblem\.mesh"):
+            posed(problem, before=before, element=element)
+
+
+def test_rectangles_are_cut_for_a_problem_before_on_triangles():
+    before = posed(block(), element="hct")
+    after = posed(block(push=-2.0), before=before, element="hct")
+    assert after.qvi.K is before.qvi.K
