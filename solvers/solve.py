@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from solvers.basics.checks import function_or_none
 from solvers.basics.narration import Narration, narrated
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
@@ -16,6 +17,7 @@ from solvers.basics.watch import Progress, expired, tell, watched
 from solvers.condensed.method import CondensedOptions, solve_condensed
 from solvers.errors import InputError, SolveError, SolverUnavailableError
 from solvers.factorisation import FactorisationError
+from solvers.factorisation.choice import Request
 from solvers.fixed_point.forms import CONDENSED_LIMIT
 from solvers.fixed_point.method import FixedPointOptions, initial_pressure, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
@@ -37,6 +39,7 @@ _WORTH_A_RETRY = (
     Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
 )  # fmt: skip
 _GENERAL = ("method", "inner", "tolerance", "throw", "factorisation", "threads", "time_limit", "verbose")
+_TOLERANCE = 1e-8
 _STARTED = ("condensed", "fixed-point")  # methods that take a start
 _START = "initial"
 """Option that chooses no method: a state is for the condensed method and the fixed point, a pressure for the latter."""
@@ -66,7 +69,7 @@ def solve_qvi(
     qvi: FrictionQVI,
     method: str | None = None,
     inner: str | None = None,
-    tolerance: float = 1e-8,
+    tolerance: float = _TOLERANCE,
     throw: bool = False,
     factorisation: str = "auto",
     threads: int | None = None,
@@ -124,9 +127,8 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
-        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
-    check_choice(method, inner)
+    general = {"tolerance": tolerance, "factorisation": factorisation, "threads": threads}
+    check_settings({"method": method, "inner": inner, **general, **options})
     inner, qvi = _strict(qvi, method, inner)
     chosen = default_method({"method": method, "inner": inner, **options})
     by_default = method is None and chosen == "condensed"
@@ -178,6 +180,20 @@ def check_choice(method: object, inner: object) -> None:
         raise SolverUnavailableError("method", method, f"choose one of {', '.join(METHODS)}")
     if inner is not None:
         check_name(inner)
+
+
+def check_settings(settings: Mapping[str, Any]) -> None:
+    """Raise what `solve_qvi` raises of these keyword arguments for any problem, before anything is computed."""
+    tolerance = settings.get("tolerance", _TOLERANCE)
+    if not (isinstance(tolerance, int | float) and 0 < tolerance < 1):
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    check_choice(settings.get("method"), settings.get("inner"))
+    function_or_none("callback", settings.get("callback"))
+    _ = Request.checked(settings.get("factorisation", "auto"), settings.get("threads"))
+    method = default_method(settings)
+    left_out = (*_GENERAL, _START) if method in _STARTED else _GENERAL  # a start is checked with the problem
+    given = {name: value for name, value in settings.items() if name not in left_out}
+    _ = _options(_OPTIONS[method], method, given)
 
 
 def _attempt(qvi: FrictionQVI, method: str, inner: str, tolerance: float, options: dict[str, Any]) -> QVISolution:

@@ -24,7 +24,7 @@ from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, str
 from qvi_contact.bracket.senses import SlippingStress, stress_under_slip
 from qvi_contact.bracket.slip import SlipBounds, slip_bounds
 from qvi_contact.companion import CompanionResult, solve_companions
-from qvi_contact.companion.cells import kind_of
+from qvi_contact.companion.cells import cell_for, kind_of
 from qvi_contact.companion.scope import check_scope
 from qvi_contact.errors import InputError
 from qvi_contact.solution.followed import allowed_misfit
@@ -35,6 +35,7 @@ from solvers import Iteration
 from solvers.basics.narration import narrated
 from solvers.basics.watch import watched
 from solvers.factorisation import FactorisationError
+from solvers.solve import check_settings
 
 _BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
 _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
@@ -111,12 +112,13 @@ def bracket(
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     check_scope(result.problem)
-    given = given_problem(result)
-    if degree is None:
-        degree = kind_of(given.discretization.problem.mesh).beside(given.discretization.space.degree)
+    kind, beside = kind_of(result.problem.mesh), result.discretization.space.degree
+    degree = cell_for(result.problem.mesh, kind.beside(beside) if degree is None else degree).degree
     options: dict[str, Any] = {"callback": callback}
     if max_iterations is not None:
         options["max_iterations"] = max_iterations
+    check_settings(options)
+    given = given_problem(result)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: bracket", verbose) as story:
         story.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress = admissible_stress(given, result, tolerance, **options)

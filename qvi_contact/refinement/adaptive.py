@@ -23,13 +23,17 @@ from qvi_contact.refinement.rounds import K, Settings, Strategy
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.limit import checked_loads
 from qvi_contact.solution.result import ContactResult
+from solvers.basics.checks import function_or_none
 from solvers.basics.narration import Narration, narrated
 from solvers.basics.watch import watched
+from solvers.solve import check_settings
 
 _COLUMNS = {
     "round": ">5", "cells": ">8", "unknowns": ">9", "value": ">16.9g", "estimate": ">9.1e", "guaranteed": ">10",
     "seconds": ">9.2f",
 }  # fmt: skip
+
+_OF_SPACES = ("element", "degree", "contact_rows")  # options that are not the solver's
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
 """Called with the record of a round."""
@@ -186,6 +190,7 @@ def refine(
         options,
         _truth("guaranteed", guaranteed),
     )
+    function_or_none("callback", callback)
     title = f"qvi_contact {__version__}: refine"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
         story.begin({"target": f"{settings.target:g}", "cells at first": problem.mesh.cell_count})
@@ -219,6 +224,7 @@ def _refined_for(
     """By quantity and kind of mesh."""
     if isinstance(quantity, LimitFactor):
         return _limit_refined(problem, result, quantity, settings, told)
+    check_settings({name: value for name, value in settings.options.items() if name not in _OF_SPACES})
     measure = Measure.of(problem, quantity)
     if isinstance(problem.mesh, TriangleMesh):
         return _refined(TriangleRefinement(settings, measure), problem, result, measure, told)

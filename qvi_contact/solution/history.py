@@ -36,11 +36,12 @@ from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.solver import rows_for, solve
 from solvers import Status
+from solvers.basics.checks import function_or_none
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.narration import narrated
 from solvers.basics.types import load
 from solvers.basics.watch import expired, watched
-from solvers.solve import takes_state
+from solvers.solve import check_settings, takes_state
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -302,6 +303,8 @@ def solve_history(
         If there is no step, mesh or contacts change, or the store cannot be written or holds another history.
 
     """
+    function_or_none("callback", callback)
+    check_settings(options)
     title = f"qvi_contact {__version__}: solve_history"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
         steps = _Problems.of(problems, element, kept=store is None)

@@ -23,7 +23,7 @@ from solvers.factorisation import FactorisationError
 from solvers.inner.names import is_strict
 from solvers.solution.finish import out_of_time
 from solvers.solution.start import Start
-from solvers.solve import check_choice, default_method, facts_of, takes_initial
+from solvers.solve import check_settings, default_method, facts_of, takes_initial
 
 _CONDENSED_ONLY = ("gap",)  # options
 _COUNTS = ("max_iterations", "iterations")
@@ -106,9 +106,9 @@ def solve(
         for option, value in (("element", element), ("degree", degree), ("contact_rows", contact_rows)):
             if value is not None:
                 raise InputError(option, value, "belongs to discretize: this problem is discretised already")
-    check_choice(method, inner)
     throw = bool(options.pop("throw", False))
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
+    check_settings(settings)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: solve", verbose) as story:
         chosen = problem
         if isinstance(chosen, ContactProblem):

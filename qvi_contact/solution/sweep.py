@@ -18,6 +18,7 @@ from qvi_contact.solution.result import ContactResult, overall_status
 from qvi_contact.solution.sweep_rows import COLUMNS, Parameter, SweepRow, outcome_of, table_of
 from qvi_contact.solution.sweep_run import SweepRun, SweepTask, checked_values
 from solvers import Status
+from solvers.basics.checks import function_or_none
 from solvers.basics.narration import narrated
 from solvers.basics.watch import expired, watched
 
@@ -142,6 +143,7 @@ def solve_sweep(
         If a value or a name is wrong.
 
     """
+    function_or_none("callback", callback)
     title = f"qvi_contact {__version__}: solve_sweep"
     with watched(time_limit), narrated(title, verbose, COLUMNS, iterations=False) as story:
         task = SweepTask.of(

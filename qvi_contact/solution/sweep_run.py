@@ -21,7 +21,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import posed, solve
 from qvi_contact.solution.sweep_rows import Parameter
 from solvers import Status
-from solvers.solve import takes_state
+from solvers.solve import check_settings, takes_state
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +68,7 @@ class SweepTask:
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
         space = {"element": element, "degree": degree, "contact_rows": contact_rows}
+        check_settings(options)
         chosen = _checked_names(problem, parameter, names)
         warm = warm_start and takes_state(options)
         return cls(with_element(problem, element), parameter, chosen, space, options, warm)

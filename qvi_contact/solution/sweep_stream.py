@@ -21,6 +21,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.sweep_rows import COLUMNS, Parameter, SweepRow
 from qvi_contact.solution.sweep_run import SweepRun, SweepTask, checked_values
 from solvers import Status
+from solvers.basics.checks import function_or_none
 from solvers.basics.narration import narrated
 from solvers.basics.types import load
 from solvers.basics.watch import expired, left, watched
@@ -86,6 +87,7 @@ def stream_sweep(
         If a worker process is lost. Rows that were written stay.
 
     """
+    function_or_none("callback", callback)
     title = f"qvi_contact {__version__}: stream_sweep"
     kept, crew = load("qvi_contact.files.sweep_store"), Crew(workers, dask)
     with watched(time_limit), narrated(title, verbose, COLUMNS, iterations=False) as story:

@@ -45,6 +45,12 @@ def one_of(field: str, value: object, choices: Iterable[str], remedy: str = "") 
     return value
 
 
+def function_or_none(field: str, value: object) -> None:
+    """Say that `field` must be a function, or left out."""
+    if value is not None and not callable(value):
+        raise InputError(field, value, "give a function, or leave it out")
+
+
 def real_array(field: str, value: object, remedy: str = "give real numbers") -> NDArray[np.float64]:
     """A copy as an array of float64; `InputError` for anything but real numbers, such as complex ones and texts."""
     try:
