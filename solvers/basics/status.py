@@ -53,8 +53,9 @@ _ADVICE = {
     Status.INFEASIBLE_ON_MESH: "Stresses of this mesh cannot carry the load, but those of the body may: use smaller "
     "cells at the ends of the contacts, or triangles of a higher degree (such as degree 5). A limit analysis "
     "(limit_load_factor, or qvi-contact limit) tells how much the mesh and the body carry.",
-    Status.INNER_INFEASIBLE: "The iteration ended at a friction bound under which no traction carries the load. There "
-    "may be no solution: start from the result of a smaller load (initial=…), or reduce it.",
+    Status.INNER_INFEASIBLE: "No equilibrium within Coulomb's bounds was found. This is no proof that there is none, "
+    "but the load may be beyond what friction can carry. A limit analysis (limit_load_factor, or qvi-contact limit) "
+    "gives that limit from both sides. Below the limit, start from the result of a smaller load (initial=…).",
     Status.ILL_CONDITIONED: "The linear system is too ill-conditioned for double precision: use less grading, or "
     "cells less thin.",
     Status.UNBOUNDED: "The energy has no minimum: check that K is positive definite, with no free mode left.",
