@@ -31,7 +31,7 @@ FOLDER = "results/benchmark"
               help="Leave out the other methods: the plain loop, the loop of condensed QPs, and Uzawa's.")  # fmt: skip
 @click.option("--factorisation", metavar="NAME", default="auto", show_default=True,
               help="Factorisation to measure, see: qvi-contact methods")  # fmt: skip
-@click.option("--limit", type=click.FloatRange(0.0, min_open=True), default=120.0, show_default=True,
+@click.option("--limit", type=float, default=120.0, show_default=True,
               help="Seconds after which another method, or a wall, is stopped.")  # fmt: skip
 @out_option(FOLDER)
 @json_option
@@ -70,8 +70,9 @@ def benchmark(
     from comparisons.benchmark import study
     from comparisons.benchmark.report import document_of, report, wall_document, wall_report
     from comparisons.lab.reported import run_and_report
+    from qvi_contact.basics.checks import positive_number
 
-    limited = replace(options, timeout=limit)
+    limited = replace(options, timeout=positive_number("limit", limit))
     if problem == "wall":
         walls = study.walls(blocks, load, element)
         found = run_and_report(limited.inside("wall.sqlite"), walls, wall_report, out)

@@ -362,7 +362,8 @@ class TestCommandLine:
         [(("--cells", "0"), "cells"), (("--cells", "4", "x"), "x"), (("--cells",), "--cells"),
          (("--friction", "0.2", "-0.1"), "friction"), (("--friction", "nan"), "friction"),
          (("--threads", "0"), "threads"), (("--repeat", "0"), "repeat"), (("--factorisation", "mumps"), "mumps"),
-         (("--jsn",), "jsn"), (("--out", ""), "folder"), (("--limit", "0"), "limit"),
+         (("--jsn",), "jsn"), (("--out", ""), "folder"),
+         (("--limit", "0"), "limit"), (("--limit", "nan"), "limit"), (("--limit", "inf"), "limit"),
          (("--problem", "wall", "--element", "q2"), "q2")],
     )  # fmt: skip
     def test_bad_options_are_one_line(self, capfd, tmp_path, monkeypatch, arguments, word):
