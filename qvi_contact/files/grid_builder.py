@@ -1,10 +1,11 @@
 """From the document of a problem file to its rectilinear mesh."""
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.errors import InputError
 from qvi_contact.files.located import located
 from qvi_contact.files.problem_document import Axis, Document, Missing, Rectangle, RefineTable, Segment
@@ -26,7 +27,7 @@ def grid_mesh(document: Document) -> RectilinearMesh:
     for index, rectangle in enumerate(table.remove):
         removed[_cells(f"mesh.remove[{index}]", mesh, rectangle)] = True
     with located("mesh.remove"):
-        mesh = RectilinearMesh(x, y, ~removed)
+        mesh = _without(x, y, removed, table.remove)
     for index, edges in enumerate(document.edges):
         with located(f"edges[{index}]", edges):
             if edges.side is None:
@@ -38,6 +39,15 @@ def grid_mesh(document: Document) -> RectilinearMesh:
                 raise InputError("direction", None, "segments are for triangles: on a grid give direction and at")
             mesh = mesh.with_joint(joint.name, joint.direction, joint.at, joint.start, joint.stop)
     return mesh if table.refine is None else _refined(mesh, table.refine)
+
+
+def _without(x: FloatArray, y: FloatArray, removed: BoolArray, rectangles: Sequence[Rectangle]) -> RectilinearMesh:
+    """The grid without cells; an error shows the rectangles that the file removes, not the array made of them."""
+    try:
+        return RectilinearMesh(x, y, ~removed)
+    except InputError as error:
+        value = [rectangle.model_dump(exclude_none=True) for rectangle in rectangles]
+        raise InputError(error.field, value, error.remedy) from error
 
 
 def _lines(path: str, axis: Axis | None) -> FloatArray:

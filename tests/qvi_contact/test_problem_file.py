@@ -285,6 +285,11 @@ def test_an_error_names_its_place_and_the_remedy(old, new, field, words):
     assert "None" not in str(error)
 
 
+def test_a_body_without_cells_is_refused_with_the_rectangles_that_were_written():
+    error = refusal(SMALL.replace("y = [0.0, 1.0]", "y = [0.0, 1.0]\nremove = [{ x = [0.0, 1.0] }]"))
+    assert (error.field, error.value) == ("mesh.remove", [{"x": [0.0, 1.0]}])
+
+
 def test_the_rich_file_is_fine():
     file = problem_from_toml(RICH)
     assert solve(file.problem, **file.solve_options).status == "solved"
