@@ -8,7 +8,17 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    model_validator,
+)
 
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_size import check_size
@@ -42,6 +52,13 @@ def _one_line(text: str) -> str:
 def _not_tiny(value: float) -> float:
     if 0.0 < value < 1.0 / _LARGEST:
         raise InputError("", value, f"give at least {1.0 / _LARGEST:g}: take other units if you need less")
+    return value
+
+
+def _no_truth(value: object) -> object:
+    """For Python `true` is the number 1."""
+    if isinstance(value, bool):
+        raise InputError("", value, "give 1")
     return value
 
 
@@ -671,7 +688,7 @@ class SweepTable(Table):
 class Document(Table):
     """A whole problem file."""
 
-    version: Literal[1]
+    version: Annotated[Literal[1], BeforeValidator(_no_truth)]
     """Version of this format: `version = 1`."""
     title: str = ""
     """Heading of pictures and reports: `title = "Dam on rock"`."""

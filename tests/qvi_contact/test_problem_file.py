@@ -204,6 +204,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
     [
         ("version = 1", "", "version", "add this key"),
         ("version = 1", "version = 2", "version", "give 1"),
+        ("version = 1", "version = true", "version", "give 1"),
         ("[mesh]", "[msh]", "msh", "did you mean mesh"),
         ("friction = 0.2", "frictoin = 0.2", "contacts[0].frictoin", "did you mean friction"),
         ("friction = 0.2", "", "contacts[0].friction", "coefficient of friction"),
