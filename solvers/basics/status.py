@@ -23,7 +23,7 @@ class Status(StrEnum):
 
     @property
     def advice(self) -> str:
-        """What to do about it, in one sentence."""
+        """What it means and what to do about it."""
         return _ADVICE[self]
 
     @property
