@@ -52,6 +52,7 @@ class Complementarity:
     B : (q, k) rows
     weights : (q,) W of each bound
     early_shares, shares : (q,) what s λ is on the central path, relative, until slacks fit their tractions and after
+    start : the least multiplier at the start, of the scale of displacement
     friction : (q,) mu where a bound depends on the pressure, else 0
     pressed : (q,) the normal bound of the pressure on which a bound depends, −1 without one
     coulomb : the bounds that depend on the pressure of a normal bound
@@ -66,7 +67,7 @@ class Complementarity:
     def __init__(
         self, qvi: FrictionQVI, space: Space, base: Base, stress: float, shares: Shares = FRICTION_SHARES[0]
     ) -> None:
-        self._shares = shares
+        self._shares, self.start = shares, shares.start
         self._qvi, self._space, self.stress = qvi, space, stress
         frictionless = Frictionless.of(np.flatnonzero(qvi.frictionless), space.E_T, qvi.W)
         self._equations = Equations.of(space.A, frictionless, space.size)
@@ -102,7 +103,8 @@ class Complementarity:
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
         self.weights: Vector = qvi.W[self._points]
         self.sizes: Vector = np.where(is_cap | (self._sign == 0.0), 1.0, 1.0 + mu)
-        self.early_shares, self.shares = (np.where(self._sign == 0.0, 1.0, share) for share in self._shares)
+        early, late = self._shares.early, self._shares.late
+        self.early_shares, self.shares = (np.where(self._sign == 0.0, 1.0, share) for share in (early, late))
         self.split: IntVector = np.flatnonzero(qvi.bilateral & (qvi.mu > 0.0) & ~qvi.frictionless)
         self.split_weights: Vector = qvi.W[self.split]
         self._rubs: IntVector = np.flatnonzero(rubs & qvi.bilateral[self._points])  # bounds of points in `split`

@@ -40,7 +40,7 @@ _MOST_CENTRING = 0.3  # of τ where steps may do so: at a turn for a few bounds 
 _PASSED_FROM = 10.0  # times the least τ, below which nothing is passed any more
 _UNFIT = 1e-9  # slack residual of bounds that were passed, above which τ waits
 _WAITS = 30.0  # at so many times the least τ: once it is there bounds are passed no more
-_START = 0.1  # least slack and multiplier at the start, of the scales
+_START = 0.1  # least slack at the start, of the scale of stress
 _SMOOTHEST = 1.0  # √(4 pull push) at the start, of the scale of stress
 _SHARPER = 0.1  # of the shares of pull push, where it lags behind
 _FINEST = 1e-17  # gap below which slacks and multipliers lose their digits
@@ -157,7 +157,7 @@ class InteriorPoint:
         smooth = np.hypot(normal, _SMOOTHEST * problem.stress)
         s = np.maximum(problem.slack(y, smooth), _START * problem.stress * problem.sizes)
         early = problem.early_shares
-        lam = _START * self.displacement * early / np.maximum(problem.sizes, s / problem.stress)
+        lam = problem.start * self.displacement * early / np.maximum(problem.sizes, s / problem.stress)
         self.point = Point(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
         self.shares, self.settled = np.concatenate([early, np.zeros(len(normal))]), False
         kink = self.point.pull * self.point.push / max(self.parameter(), _LEAST)  # the same at all points

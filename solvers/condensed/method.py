@@ -21,9 +21,10 @@
 
 After the third, fourth and sixth other shares of friction in s λ are tried (`FRICTION_SHARES`), each on its own path,
 after the third first those with which slacks fit most easily (`FITTING_SHARES`), unless the certificate passes already;
-of all starts the best point by its certificate is the result. So are smaller ones after the first two if the residual
-of y is above 1e-12 in the energy norm: the two multipliers of shear at an open point are proportional to that share,
-and lose as many digits in their difference.
+of all starts the best point by its certificate is the result. Sparse systems have a start near the bonded solution too
+(`NEAR_BONDED_SHARES`): it is the first of large ones, and the last of others. Smaller shares are tried after the first
+two statuses if the residual of y is above 1e-12 in the energy norm: the two multipliers of shear at an open point are
+proportional to that share, and lose as many digits in their difference.
 
 In `docs/theory.md`: (D8).
 """

@@ -25,17 +25,19 @@ if TYPE_CHECKING:
 
 
 class Shares(NamedTuple):
-    """s λ of friction bounds and caps over s λ of normal bounds on a central path.
+    """s λ of friction bounds and caps over s λ of normal bounds on a central path, and where it begins.
 
     Attributes
     ----------
     early : until slacks fit their tractions
     late : from there on
+    start : the least multiplier at the start, of the scale of displacement
 
     """
 
     early: float
     late: float
+    start: float = 0.1
 
 
 FRICTION_SHARES = (Shares(30.0, 1000.0), Shares(100.0, 100.0), Shares(1e4, 1e4), Shares(10.0, 10.0))
@@ -48,6 +50,10 @@ FITTING_SHARES = Shares(1.0, 30.0)
 MANY_POINTS_SHARES = (FITTING_SHARES, Shares(30.0, 1000.0), Shares(1e4, 1e4), Shares(10.0, 10.0))
 """The same where points are thousands: pressures are rounded off as much as friction at first, and beds open and slip
 without a step that is short."""
+
+NEAR_BONDED_SHARES = FITTING_SHARES._replace(start=0.002)
+"""A start nearer to the bonded solution. From larger multipliers the pressure of large walls gathers at first in the
+last cells of the lowest bed, where the central path may turn; small problems take more iterations from here."""
 
 MANY_POINTS_PATIENCE = 15  # close to the limit the gap hovers for a while and goes on
 MANY_POINTS_STRAGGLERS = 0.02

@@ -13,7 +13,8 @@ Newton's matrix is K plus, with D = diag(λ/s), one 2 × 2 block at each contact
                                            [−mu p' (D₊ − D₋)  Σ_T D]
 
 Σ_N, Σ_T over the bounds of either traction, p' = dp/dσ_N, which is −1 but at bilateral points. It has K's pattern: it
-is analysed once, and filled by one sparse matrix G, entries of H = entries of K + G (M_NN, M_TN, M_TT).
+is analysed once, and filled by one sparse matrix G, which adds G (M_NN, M_TN, M_TT) to those of K's entries that
+contact points touch.
 
 In `docs/theory.md`: (D33).
 """
@@ -29,6 +30,7 @@ from solvers.condensed.systems import (
     MANY_POINTS_PATIENCE,
     MANY_POINTS_SHARES,
     MANY_POINTS_STRAGGLERS,
+    NEAR_BONDED_SHARES,
     Base,
     Solve,
     Space,
@@ -42,15 +44,19 @@ if TYPE_CHECKING:
     from solvers.condensed.complementarity import Complementarity
 
 
+_NEAR_FROM = 12_000  # contact points, above which a start near the bonded solution is the first, else the last
+
+
 class Whole(Space):
     """The maps between z and the coordinates y = (x, t), with those of `Reduction`."""
 
     name = "sparse"
-    shares = MANY_POINTS_SHARES
     stiffness: Sparse
 
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi, self._linear = qvi, qvi.linear_system
+        near = (NEAR_BONDED_SHARES,)
+        self.shares = near + MANY_POINTS_SHARES if qvi.m > _NEAR_FROM else MANY_POINTS_SHARES + near
         diagonal = qvi.K.diagonal()
         self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         rows = qvi.contact_rows if qvi.traces is None else qvi.traces.rows
@@ -119,13 +125,29 @@ class Whole(Space):
 
 
 class Filling(NamedTuple):
-    """A pattern in compressed rows, K's entries in it, and G (entries, 3m) by which blocks are added."""
+    """A pattern in compressed rows, K's entries in it, and what blocks change.
+
+    Attributes
+    ----------
+    starts, columns : the pattern of H (n, n)
+    entries : those of K, its diagonal 1
+    touched : unknowns whose rows and columns a contact point changes; `diagonal` their places in the pattern
+    changed : places in the pattern at which blocks add; `G` (changed, 3m) by what
+    beside : places in the pattern in touched rows or columns; `row`, `column` theirs among `touched`, the number of
+        touched ones for any other
+
+    """
 
     starts: IntVector
     columns: IntVector
     entries: Vector
+    touched: IntVector
     diagonal: IntVector
+    changed: IntVector
     G: Sparse
+    beside: IntVector
+    row: IntVector
+    column: IntVector
 
 
 class SparseSystem:
@@ -140,7 +162,7 @@ class SparseSystem:
     def __init__(self, whole: Whole, filling: "Filling") -> None:
         self._whole, self._filling = whole, filling
         self._size = len(filling.starts) - 1
-        self._rows = np.repeat(np.arange(self._size, dtype=np.int32), np.diff(filling.starts))
+        self._values = np.empty_like(filling.entries)  # of H, whichever was filled last
         self._factor = whole.refactorisation(filling.starts, filling.columns)
 
     def norm(self, force: Vector) -> float:
@@ -149,13 +171,10 @@ class SparseSystem:
 
     def factorised(self, problem: "Complementarity", ratio: Vector, slope: Vector) -> Solve:
         """See `NewtonSystem`; scaled to a diagonal of 1. Only the last one can be solved with."""
-        filling = self._filling
-        values = filling.entries + filling.G @ problem.blocks(ratio, slope)
-        if not np.isfinite(values).all():
+        blocks = problem.blocks(ratio, slope)
+        if not np.isfinite(blocks).all():
             raise LinAlgError("it is not finite")
-        scale = 1.0 / np.sqrt(np.maximum(values[filling.diagonal], 1.0))
-        values *= scale[self._rows]
-        values *= scale[filling.columns]
+        values, scale = self._filled(blocks)
         try:
             self._factor.factorise(values)
         except FactorisationError as error:
@@ -167,6 +186,19 @@ class SparseSystem:
             return self._whole.with_traces(scale * self._factor.solve(scale * force[: self._size]))
 
         return solve
+
+    def _filled(self, blocks: Vector) -> tuple[Vector, Vector]:
+        """H's entries, rows and columns scaled to a diagonal of 1, and the scale (n,): 1 where no contact point is."""
+        filling = self._filling
+        values = self._values
+        np.copyto(values, filling.entries)
+        values[filling.changed] += filling.G @ blocks
+        own = 1.0 / np.sqrt(np.maximum(values[filling.diagonal], 1.0))
+        factors = np.append(own, 1.0)
+        values[filling.beside] *= factors[filling.row] * factors[filling.column]
+        scale = np.ones(self._size)
+        scale[filling.touched] = own
+        return values, scale
 
 
 def obstacle(qvi: FrictionQVI) -> str:
@@ -200,12 +232,20 @@ def _filling(K: Sparse, N: SparseRows, T: SparseRows) -> Filling:
         pattern = np.union1d(own, np.concatenate([missing, (missing % n) * n + missing // n]))
         entries = np.zeros(len(pattern))
         entries[_places(pattern, own)] = K.data
-    starts = np.concatenate([[0], np.cumsum(np.bincount(pattern // n, minlength=n))])
+    rows, columns = pattern // n, pattern % n
+    starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
     points = np.concatenate([number * m + point for number, (point, *_) in enumerate(products)])
     values = np.concatenate([value for *_, value in products])
-    G = csc_array((values, (_places(pattern, keys), points)), (len(pattern), 3 * m))
-    columns = pattern % n
-    return Filling(starts, columns, entries, np.flatnonzero(pattern // n == columns), G)
+    changed, places = np.unique(_places(pattern, keys), return_inverse=True)
+    touched = np.unique(rows[changed])
+    G = csc_array((values, (places, points)), (len(changed), 3 * m))
+    number = np.full(n, len(touched), dtype=np.int32)
+    number[touched] = np.arange(len(touched), dtype=np.int32)
+    beside = np.flatnonzero((number[rows] < len(touched)) | (number[columns] < len(touched)))
+    diagonal = _places(pattern, touched * (n + 1))
+    return Filling(
+        starts, columns, entries, touched, diagonal, changed, G, beside, number[rows[beside]], number[columns[beside]]
+    )
 
 
 def _places(pattern: IntVector, keys: IntVector) -> IntVector:
