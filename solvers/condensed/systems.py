@@ -53,7 +53,7 @@ without a step that is short."""
 
 NEAR_BONDED_SHARES = FITTING_SHARES._replace(start=0.002)
 """A start nearer to the bonded solution. From larger multipliers the pressure of large walls gathers at first in the
-last cells of the lowest bed, where the central path may turn; small problems take more iterations from here."""
+last cells of the lowest bed, where steps become short; small problems take more iterations from here."""
 
 MANY_POINTS_PATIENCE = 15  # close to the limit the gap hovers for a while and goes on
 MANY_POINTS_STRAGGLERS = 0.02
