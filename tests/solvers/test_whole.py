@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse import csc_array, eye_array, random_array
 
 from solvers import FrictionQVI, solve_qvi
+from solvers.condensed import whole as whole_module
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Step
 from solvers.condensed.systems import Shares
@@ -161,6 +162,24 @@ def test_each_contact_is_a_whole_of_its_own():
     line = chain(1)
     for qvi, share in ((two_contacts(), 1.0 / 3.0), (line, 1.0 / (3.0 * line.m))):
         assert posed(qvi)[1].least_share == pytest.approx(share)
+
+
+@pytest.mark.parametrize("law", ["coulomb", "cap"])
+def test_large_problems_start_near_the_bonded_solution(law, monkeypatch):
+    """Multipliers are a fiftieth, and the end is the same; the other start comes next."""
+    qvi = chain(0, **LAWS[law])
+    usual, lam = solved(qvi, "sparse"), first_multipliers(qvi)
+    monkeypatch.setattr(whole_module, "_NEAR_FROM", 0)
+    assert first_multipliers(qvi) == pytest.approx(0.02 * lam)
+    assert first_multipliers(qvi, 1) == pytest.approx(lam)
+    assert difference(qvi, solved(qvi, "sparse"), usual) < 1e-9
+
+
+def first_multipliers(qvi, start=0):
+    """λ at the start of that number."""
+    space = Whole(qvi)
+    problem = Complementarity(qvi, space, space.base(np.zeros(qvi.n)), 1.0, space.shares[start])
+    return InteriorPoint(problem, 1.0).point.lam
 
 
 def test_norms_and_stiffness_are_those_of_the_dense_way():
