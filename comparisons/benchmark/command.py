@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.lab.options import ListCommand, NotNegative, json_option, out_option
+from comparisons.lab.options import FiniteRange, ListCommand, json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 
 FOLDER = "results/benchmark"
@@ -17,13 +17,13 @@ FOLDER = "results/benchmark"
               show_default=True)  # fmt: skip
 @click.option("--blocks", type=click.IntRange(1), multiple=True, default=(8, 16, 32), show_default=True,
               help="Blocks along a side of a wall; may take several numbers.")  # fmt: skip
-@click.option("--load", type=NotNegative(), multiple=True,
+@click.option("--load", type=FiniteRange(0.0), multiple=True,
               help="Load of a wall from the side, over its weight.  [default: 0.02, 0.3, 0.45]")  # fmt: skip
 @click.option("--element", type=click.Choice(["bfs", "hct"]), default="bfs", help="Element of a wall.",
               show_default=True)  # fmt: skip
 @click.option("--cells", type=click.IntRange(1), multiple=True, default=(64, 128, 256, 512),
               show_default=True, help="Cells along a side; may take several numbers.")  # fmt: skip
-@click.option("--friction", type=NotNegative(), multiple=True, default=(0.1, 0.2, 0.5), show_default=True,
+@click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.1, 0.2, 0.5), show_default=True,
               help="Coefficients of friction; may take several numbers.")  # fmt: skip
 @click.option("--repeat", type=click.IntRange(1), help="Repetitions of each run.  "
               "[default: 5 to 128² cells, 3 to 512²; 20 on graded meshes]")  # fmt: skip
@@ -31,7 +31,7 @@ FOLDER = "results/benchmark"
               help="Leave out the other methods: the plain loop, the loop of condensed QPs, and Uzawa's.")  # fmt: skip
 @click.option("--factorisation", metavar="NAME", default="auto", show_default=True,
               help="Factorisation to measure, see: qvi-contact methods")  # fmt: skip
-@click.option("--limit", type=float, default=120.0, show_default=True,
+@click.option("--limit", type=FiniteRange(0.0, min_open=True), default=120.0, show_default=True,
               help="Seconds after which another method, or a wall, is stopped.")  # fmt: skip
 @out_option(FOLDER)
 @json_option
@@ -70,9 +70,8 @@ def benchmark(
     from comparisons.benchmark import study
     from comparisons.benchmark.report import document_of, report, wall_document, wall_report
     from comparisons.lab.reported import run_and_report
-    from qvi_contact.basics.checks import positive_number
 
-    limited = replace(options, timeout=positive_number("limit", limit))
+    limited = replace(options, timeout=limit)
     if problem == "wall":
         walls = study.walls(blocks, load, element)
         found = run_and_report(limited.inside("wall.sqlite"), walls, wall_report, out)

@@ -40,11 +40,8 @@ def _spread(words: Sequence[str], names: set[str]) -> Iterator[str]:
         yield word
 
 
-class NotNegative(click.FloatRange):
-    """Type of options that take finite numbers ≥ 0."""
-
-    def __init__(self) -> None:
-        super().__init__(min=0.0)
+class FiniteRange(click.FloatRange):
+    """Type of options that take finite numbers of a range; click's own lets nan and inf pass."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """The number."""

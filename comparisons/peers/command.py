@@ -7,7 +7,7 @@ from typing import Final
 
 import click
 
-from comparisons.lab.options import ListCommand, NotNegative, json_option, out_option
+from comparisons.lab.options import FiniteRange, ListCommand, json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 from comparisons.peers import LEVELS
 
@@ -27,7 +27,7 @@ def _shown(defaults: Mapping[str, tuple[float, ...]]) -> str:
 @study_options(f"{_FOLDER}/peers.sqlite", timeout=300.0)
 @click.option("--problem", type=click.Choice([_PLATE, _PIN]), default=_PLATE, show_default=True,
               help="The compressed plate, or the loaded pin of NAFEMS.")  # fmt: skip
-@click.option("--friction", type=NotNegative(), multiple=True, show_default=_shown(_FRICTION),
+@click.option("--friction", type=FiniteRange(0.0), multiple=True, show_default=_shown(_FRICTION),
               help="Coefficients of friction; may take several numbers.")  # fmt: skip
 @click.option("--cells", type=click.IntRange(1), multiple=True, show_default=_shown(_CELLS),
               help="Cells along a side of equal and of corner-graded meshes, or edges of the pin in a quarter; "
