@@ -91,6 +91,7 @@ def _assembled(posed: Posed, rows: _Rows) -> FrictionQVI:
         traces=Traces(sparse.csc_array(Y), sparse.csc_array(interpolation)),
         edges=_edge_rows(posed.space),
         structure=energy.structure(elimination),
+        places=energy.places(elimination),
         **rows.data,
     )
 

@@ -200,6 +200,10 @@ class Energy(Protocol):
         """K as a tree of subdomains, a function of the interface; None where the family has no such structure."""
         ...
 
+    def places(self, elimination: Elimination) -> FloatArray | None:
+        """Where the unknowns are (n, 2); None where libraries find orders of elimination that are as good without."""
+        ...
+
     def coefficients(self, u: FloatArray) -> FloatArray:
         """All coefficients of Φ from the degrees of freedom u (N,), those inside cells too: what `stress` takes."""
         ...

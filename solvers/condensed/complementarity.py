@@ -27,7 +27,7 @@ from typing import Final
 
 import numpy as np
 
-from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate import body_scales
 from solvers.condensed.equations import Equations
 from solvers.condensed.frictionless import Frictionless
@@ -73,7 +73,7 @@ class Complementarity:
         self._equations = Equations.of(space.A, frictionless, space.size)
         self._lay_out()
         self._lay_out_rows()
-        self.S: Matrix | Sparse = self._equations.quadratic(space.stiffness)
+        self.S: Matrix | SparseRows = self._equations.quadratic(space.stiffness)
         self.system: NewtonSystem = space.system(self.S)
         self.rebase(base)
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.sparse import csr_array
 
-from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.condensed.frictionless import Frictionless
 from solvers.inequality.blocks import Rows, are_few, dense
 
@@ -65,7 +65,7 @@ class Equations:
             y[self._pivots] = solve_triangular(self._R, self._Q.T @ (self._scale * right))
         return y
 
-    def quadratic(self, S: Matrix | Sparse) -> Matrix | Sparse:
+    def quadratic(self, S: Matrix | SparseRows) -> Matrix | SparseRows:
         """MᵀSM (u, u); sparse only where there are no equations."""
         free, pivots = self.free, self._pivots
         if len(free) == S.shape[0]:

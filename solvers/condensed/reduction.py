@@ -13,7 +13,7 @@ In `docs/theory.md`: (D4).
 
 import numpy as np
 
-from solvers.basics.types import Matrix, Sparse, Vector
+from solvers.basics.types import Matrix, SparseRows, Vector
 from solvers.condensed.systems import FRICTION_SHARES, MANY_POINTS_SHARES, Base, DenseSystem, Space
 from solvers.factorisation.base import State
 from solvers.inequality.blocks import Rows, transposed
@@ -53,7 +53,7 @@ class Reduction(Space):
         """Rowsᵀ (k, q), which turns multipliers of rows (q, k) into forces."""
         return transposed(rows)
 
-    def system(self, S: Matrix | Sparse) -> DenseSystem:
+    def system(self, S: Matrix | SparseRows) -> DenseSystem:
         """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
         return DenseSystem(np.asarray(S), many=self._many)
 

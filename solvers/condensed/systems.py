@@ -16,7 +16,7 @@ from numpy.linalg import LinAlgError
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from solvers.basics.types import Matrix, Sparse, Vector
+from solvers.basics.types import Matrix, SparseRows, Vector
 from solvers.factorisation.base import State
 from solvers.inequality.blocks import Rows
 
@@ -107,7 +107,7 @@ class Space(ABC):
 
     name: ClassVar[SystemName]
     shares: tuple[Shares, ...]
-    stiffness: Matrix | Sparse
+    stiffness: Matrix | SparseRows
     E: Rows
     A: Matrix
 
@@ -141,7 +141,7 @@ class Space(ABC):
         """Rowsᵀ (k, q), which turns multipliers of rows (q, k) into forces."""
 
     @abstractmethod
-    def system(self, S: Matrix | Sparse) -> "NewtonSystem":
+    def system(self, S: Matrix | SparseRows) -> "NewtonSystem":
         """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
 
     @cached_property

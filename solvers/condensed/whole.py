@@ -51,7 +51,7 @@ class Whole(Space):
     """The maps between z and the coordinates y = (x, t), with those of `Reduction`."""
 
     name = "sparse"
-    stiffness: Sparse
+    stiffness: SparseRows
 
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi, self._linear = qvi, qvi.linear_system
@@ -109,7 +109,7 @@ class Whole(Space):
         on_traces = csr_array(rows)[:, self._qvi.n :]
         return csr_array(vstack([self._Y.T @ on_traces.T, csr_array((self._Y.shape[0], rows.shape[0]))]))
 
-    def system(self, S: Matrix | Sparse) -> "SparseSystem":  # noqa: ARG002  # it is this one's own
+    def system(self, S: Matrix | SparseRows) -> "SparseSystem":  # noqa: ARG002  # it is this one's own
         """Newton's matrices, analysed once."""
         if self._system is None:
             self._system = SparseSystem(self, self._filling())
@@ -210,21 +210,21 @@ def obstacle(qvi: FrictionQVI) -> str:
     return ""
 
 
-def _scaled(K: Sparse, scale: Vector, more: int) -> Sparse:
-    """diag(scale) K diag(scale) with sorted indices, and so many zero rows and columns more."""
+def _scaled(K: Sparse, scale: Vector, more: int) -> SparseRows:
+    """diag(scale) K diag(scale) by rows, as it is symmetric, indices sorted; so many zero rows and columns more."""
     if not K.has_sorted_indices:
         K = K.sorted_indices()
     columns = np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))
     starts = np.append(K.indptr, np.full(more, K.indptr[-1], dtype=K.indptr.dtype))
-    return csc_array((K.data * scale[K.indices] * scale[columns], K.indices, starts), (K.shape[0] + more,) * 2)
+    return csr_array((K.data * scale[K.indices] * scale[columns], K.indices, starts), (K.shape[0] + more,) * 2)
 
 
-def _filling(K: Sparse, N: SparseRows, T: SparseRows) -> Filling:
-    """For H = K + Σ M_NN NᵀN + M_TN TᵀN + M_TT TᵀT over contact points; K may have zero columns behind those of N."""
+def _filling(K: SparseRows, N: SparseRows, T: SparseRows) -> Filling:
+    """For H = K + Σ M_NN NᵀN + M_TN TᵀN + M_TT TᵀT over contact points; K may have zero rows behind the n of N."""
     m, n = N.shape
     products = [_products(left, right) for left, right in ((N, N), (T, N), (T, T))]
     own_starts = K.indptr[: n + 1]
-    own = np.repeat(np.arange(n, dtype=np.int64), np.diff(own_starts)) * n + K.indices  # K by rows, as it is symmetric
+    own = np.repeat(np.arange(n, dtype=np.int64), np.diff(own_starts)) * n + K.indices
     keys = np.concatenate([rows * n + columns for _, rows, columns, _ in products])
     pattern, entries = own, K.data
     missing = keys[_places(own, keys) < 0]

@@ -7,9 +7,9 @@
 
 Everything of (D2) is kept to the last bit. Lost are what only code can express: `root` and `load` (an energy evaluated
 without the rounding inside K: on fine meshes the certificate of a problem read back is that of K alone, and looser),
-`structure` (only the speed of a factorisation), and of a solution its history. Nothing is pickled: reading a file
-never runs code. A solution that is read is certified again, on the problem as read, and is no longer "solved" if that
-fails.
+`structure` and `places` (only the speed of factorisations), and of a solution its history. Nothing is pickled: reading
+a file never runs code. A solution that is read is certified again, on the problem as read, and is no longer "solved"
+if that fails.
 """
 
 import json

@@ -5,11 +5,12 @@ from contextlib import AbstractContextManager
 from typing import Final, NamedTuple, TypeAlias
 
 from solvers.basics.checks import whole_number
-from solvers.basics.types import IntVector, Sparse
+from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.errors import SolverUnavailableError
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.dissection import SharedSubdomains, SubdomainTree
 from solvers.factorisation.levels import LEVELS
+from solvers.factorisation.ordering import nested_dissection
 from solvers.factorisation.registry import BACKENDS, chosen, factorise, resolve, usable
 from solvers.factorisation.threads import limited_blas, thread_count
 from solvers.factorisation.unsymmetric import Refactorisation, refactorisation
@@ -82,11 +83,15 @@ def make(K: Sparse, interface: IntVector, structure: Structure | None, request: 
     return factorise(K, interface, request.name, threads)
 
 
-def make_unsymmetric(starts: IntVector, columns: IntVector, request: Request) -> Refactorisation:
-    """For matrices of a symmetric pattern (`unsymmetric`): by PARDISO, unless another back end is asked for."""
+def make_unsymmetric(starts: IntVector, columns: IntVector, places: Matrix | None, request: Request) -> Refactorisation:
+    """For matrices of a symmetric pattern (`unsymmetric`): by PARDISO, unless another back end is asked for.
+
+    Unknowns are eliminated by nested dissection of their places (n, 2) if these are known, else as the library likes.
+    """
     backend = resolve(request.name if request.name in BACKENDS else "auto")
     threads = request.threads or _sensible_threads(len(starts) - 1)
-    return refactorisation(starts, columns, backend, threads)
+    order = None if places is None else nested_dissection(places, starts, columns)
+    return refactorisation(starts, columns, backend, threads, order)
 
 
 def condensing_pays(K: Sparse, interface: int) -> bool:

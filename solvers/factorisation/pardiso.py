@@ -52,6 +52,7 @@ class Setting(IntEnum):
 
     OWN_VALUES = 0  # 1: do not fill in defaults
     ORDERING = 1  # 2: METIS, 3: its parallel version
+    OWN_ORDER = 4  # 1: the unknowns in the order of `perm`
     PERTURBATION = 9  # p: pivots below 10⁻ᵖ |A| are made as large
     TWO_LEVEL = 23  # 1: two-level factorisation, in which S costs next to nothing
     ZERO_BASED = 34  # 1: indices from 0
@@ -164,10 +165,15 @@ class Refactorised(_Owner):
     Pivots stay on the diagonal but for those inside a dense block. See `unsymmetric` for the back end's contract.
     """
 
-    def __init__(self, starts: IntVector, columns: IntVector, threads: int | None) -> None:
+    def __init__(
+        self, starts: IntVector, columns: IntVector, threads: int | None, order: IntVector | None = None
+    ) -> None:
         rows = (starts, columns, np.zeros(len(columns)))
         interface = np.zeros(0, dtype=np.int64)
-        super().__init__(_Handle(Kind.STRUCTURALLY_SYMMETRIC, rows, interface, thread_count(threads)))
+        handle = _Handle(Kind.STRUCTURALLY_SYMMETRIC, rows, interface, thread_count(threads))
+        if order is not None:
+            handle.eliminate_in(order)
+        super().__init__(handle)
         self._analysed = False
 
     def factorise(self, values: Vector) -> None:
@@ -209,16 +215,21 @@ class _Handle:
         self.iparm[[Setting.OWN_VALUES, Setting.ZERO_BASED, Setting.TWO_LEVEL]] = 1
         self.iparm[Setting.ORDERING] = 2
         self.iparm[Setting.PERTURBATION] = _PERTURBATION
-        self.interface = np.zeros(self.size, dtype=self.integer)
+        self.perm = np.zeros(self.size, dtype=self.integer)  # 1 on the interface, or the order of elimination
         if interface.size:
             self.iparm[Setting.SCHUR] = 2
-            self.interface[interface] = 1
+            self.perm[interface] = 1
         self._prepare()
 
     @classmethod
     def symmetric(cls, K: Sparse, interface: IntVector, threads: int) -> "_Handle":
         """Of a positive definite K in compressed columns."""
         return cls(Kind.POSITIVE_DEFINITE, _upper_rows(K), interface, threads)
+
+    def eliminate_in(self, order: IntVector) -> None:
+        """Take this order, a permutation of the unknowns, instead of one of its own."""
+        self.iparm[Setting.OWN_ORDER] = 1
+        self.perm[:] = order
 
     def call(self, phase: Phase, b: Matrix | None = None, x: Matrix | None = None) -> None:
         """One call of `pardiso`; `FactorisationError` for its error codes."""
@@ -249,7 +260,7 @@ class _Handle:
         self._nothing = _address(self._dummy)
         self._arguments = (
             _address(self.pt), maxfct, mnum, mtype, number, n,
-            _address(self.values), _address(self.rows), _address(self.columns), _address(self.interface),
+            _address(self.values), _address(self.rows), _address(self.columns), _address(self.perm),
             nrhs, _address(self.iparm), msglvl,
         )  # fmt: skip
         self._pardiso = self.mkl.pardiso_64 if self.integer is np.int64 else self.mkl.pardiso

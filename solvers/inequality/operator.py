@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from solvers.basics.types import IntVector, Sparse
+from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
 from solvers.factorisation.choice import Request, Structure, condensing_pays, make, make_unsymmetric
@@ -33,11 +33,19 @@ class Operator:
         Its R is factorised where K is not positive definite to working precision, or when `use_root` says so.
     structure : optional
         K as a tree of subdomains, see `factorisation.choice`.
+    places : (n, 2), optional
+        Where the unknowns are, see `FrictionQVI`.
 
     """
 
-    def __init__(self, K: Sparse, root: EnergyRoot | None = None, structure: Structure | None = None) -> None:
-        self._K, self._root, self._structure = K, root, structure
+    def __init__(
+        self,
+        K: Sparse,
+        root: EnergyRoot | None = None,
+        structure: Structure | None = None,
+        places: Matrix | None = None,
+    ) -> None:
+        self._K, self._root, self._structure, self._places = K, root, structure, places
         self._request = Request()
         self._rooted = False
         self._factor: Factorisation | None = None
@@ -48,7 +56,7 @@ class Operator:
 
     def __reduce__(self) -> tuple[type["Operator"], tuple[object, ...]]:
         """Copies and pickles of a problem factorise anew: factors live in the memory of a library."""
-        return Operator, (self._K, self._root, self._structure)
+        return Operator, (self._K, self._root, self._structure, self._places)
 
     @property
     def factor(self) -> Factorisation | None:
@@ -120,7 +128,7 @@ class Operator:
 
     def refactorisation(self, starts: IntVector, columns: IntVector) -> Refactorisation:
         """For unsymmetric matrices of a symmetric pattern, by the library and on the threads that are asked for."""
-        return make_unsymmetric(starts, columns, self._request)
+        return make_unsymmetric(starts, columns, self._places, self._request)
 
     def condensing_pays(self, problem: "FrictionQVI") -> bool:
         """Whether dense matrices on what the contact touches cost less than sparse ones in all unknowns."""

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csc_array, issparse
 
 from solvers.basics.checks import real_array
-from solvers.basics.types import BoolVector, IntVector, Sparse, Vector
+from solvers.basics.types import BoolVector, IntVector, Matrix, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation.choice import Structure
 from solvers.inequality.blocks import absolute_product, by_columns
@@ -59,11 +59,13 @@ class FrictionQVI:
     bilateral : (m,) bool, optional; nowhere when not given
     traces : `Traces`, optional; coordinates for [N; T], found by dense algebra when not given
     structure : function of the interface, optional; K as a tree of subdomains, see `factorisation.choice`
+    places : (n, 2), optional; where the unknowns are, in any unit: sparse Newton matrices are then eliminated by nested
+        dissection of these places instead of in an order that the library finds
     edges : `EdgeRows`, optional; says that rows are points of edges, and of what degree σ_N and σ_T are there
     strict : whether the bounds hold on whole edges instead of at their points, see `solvers.strict`
     root, load : an `EnergyRoot` and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
         gradient of the energy more accurately than K and f, whose entries may be large and cancel
-    shared : the `operator` of another problem with the same K, root and structure, optional; see `changed`
+    shared : the `operator` of another problem with the same K, root, structure and places, optional; see `changed`
     operator : `Operator`, the factorisation of K and what is computed with it, made when it is first needed
 
     n = 0 is allowed: a statically determinate problem.
@@ -89,6 +91,7 @@ class FrictionQVI:
     bilateral: BoolVector = None  # type: ignore[assignment]
     traces: Traces | None = None
     structure: Structure | None = None
+    places: Matrix | None = None
     edges: EdgeRows | None = None
     strict: bool = False
     shared: InitVar[Operator | None] = None
@@ -96,16 +99,13 @@ class FrictionQVI:
 
     def __post_init__(self, shared: Operator | None) -> None:
         self._check_kinds()
-        if (self.A is None) != (self.b is None):
-            raise InputError("A" if self.A is None else "b", None, "give A and b together, or neither")
-        if (self.root is None) != (self.load is None):
-            raise InputError("root" if self.root is None else "load", None, "give root and load together, or neither")
         for name in ("K", "N", "T", "A"):
             object.__setattr__(self, name, _matrix(name, getattr(self, name), self._columns(name)))
         for name in ("f", "n0", "t0", "mu", "W", "b"):
             object.__setattr__(self, name, _vector(name, getattr(self, name)))
-        if self.load is not None:
-            object.__setattr__(self, "load", _vector("load", self.load))
+        for name in ("load", "places"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _vector(name, getattr(self, name)))
         for name, missing in (("cohesion", 0.0), ("cap", np.inf)):
             value = np.full(self.m, missing) if getattr(self, name) is None else getattr(self, name)
             object.__setattr__(self, name, _vector(name, value, infinite=name == "cap"))
@@ -124,12 +124,16 @@ class FrictionQVI:
     def _operator(self, shared: Operator | None) -> Operator:
         """The one to share, or a new one."""
         if shared is None:
-            return Operator(self.K, self.root, self.structure)
+            return Operator(self.K, self.root, self.structure, self.places)
         if not shared.serves(self.K):
             raise InputError("shared", None, "share the operator of a problem with the same K")
         return shared
 
     def _check_kinds(self) -> None:
+        for one, other in (("A", "b"), ("root", "load")):
+            if (getattr(self, one) is None) != (getattr(self, other) is None):
+                missing = one if getattr(self, one) is None else other
+                raise InputError(missing, None, f"give {one} and {other} together, or neither")
         for name, kind in (("traces", Traces), ("edges", EdgeRows)):
             if not isinstance(getattr(self, name), kind | None):
                 raise InputError(name, type(getattr(self, name)).__name__, f"give {kind.__name__}, or nothing")
@@ -178,6 +182,8 @@ class FrictionQVI:
         }  # fmt: skip
         if self.load is not None:
             expected["load"] = (n,)
+        if self.places is not None:
+            expected["places"] = (n, 2)
         for name, shape in expected.items():
             found = getattr(self, name).shape
             if found != shape:
@@ -295,7 +301,7 @@ class FrictionQVI:
         return self.operator.equilibrium(self).interface
 
     def changed(self, **changes: Any) -> FrictionQVI:
-        """The same problem with other fields, K, root and structure excepted; it shares the operator."""
+        """The same problem with other fields, K, root, structure and places excepted; it shares the operator."""
         return replace(self, **{"shared": self.operator, **changes})
 
     @property

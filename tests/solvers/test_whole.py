@@ -1,5 +1,8 @@
 """The condensed method in all unknowns: the same answers, the same Newton matrices, and where it is taken."""
 
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.sparse import csc_array, eye_array, random_array
@@ -202,12 +205,14 @@ def test_norms_and_stiffness_are_those_of_the_dense_way():
     assert plain.equality_system.interface.size > 0  # made anew where what the contact feels is asked for
 
 
+@pytest.mark.parametrize("ordered", [False, True])
 @pytest.mark.parametrize("backend", UNSYMMETRIC)
-def test_one_pattern_many_matrices(backend):
+def test_one_pattern_many_matrices(backend, ordered):
     random = np.random.default_rng(4)
     pattern = random_array((30, 30), density=0.1, rng=random)
     pattern = csc_array(abs(pattern) + abs(pattern.T) + eye_array(30)).tocsr()
-    factor = refactorisation(pattern.indptr, pattern.indices, backend, 1)
+    order = random.permutation(30) if ordered else None
+    factor = refactorisation(pattern.indptr, pattern.indices, backend, 1, order)
     right = random.normal(size=30)
     for _ in range(3):
         matrix = pattern.copy()
@@ -231,6 +236,24 @@ def test_either_library_serves(backend):
         set_default(None)
     assert found.factorisation.startswith(backend)
     assert difference(qvi, found, reference) < 1e-10
+
+
+def test_places_change_the_order_only():
+    qvi = chain(0)
+    places = np.random.default_rng(0).normal(size=(qvi.n, 2))
+    placed = replace(qvi, places=places, shared=None)
+    assert placed.changed(mu=0.5 * qvi.mu).operator is placed.operator
+    assert pickle.loads(pickle.dumps(placed.operator))._places is not None
+    assert difference(qvi, solved(placed, "sparse"), solved(qvi, "sparse")) < 1e-10
+
+
+@pytest.mark.parametrize("wrong", [np.zeros((1, 2)), np.zeros(4), np.nan, "here"])
+def test_wrong_places_are_refused(wrong):
+    qvi = chain(0)
+    places = np.full((qvi.n, 2), np.nan) if wrong is np.nan else wrong
+    with pytest.raises(InputError) as error:
+        replace(qvi, places=places, shared=None)
+    assert error.value.field == "places"
 
 
 def test_the_larger_share_of_a_body_the_contact_is_the_sooner_it_is_sparse():

@@ -93,6 +93,12 @@ class GridEnergy:
         """K of a uniform rectangle as a tree of subdomains, found when it is asked for."""
         return partial(substructures, self, elimination)
 
+    def places(self, elimination: Elimination) -> FloatArray:
+        """Columns and rows of the unknowns' nodes."""
+        rows, columns = np.indices(self.mesh.active_nodes.shape)
+        nodes = np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64)
+        return np.repeat(nodes, 4, axis=0)[elimination.kept]
+
     def coefficients(self, u: FloatArray) -> FloatArray:
         """The degrees of freedom themselves."""
         return u

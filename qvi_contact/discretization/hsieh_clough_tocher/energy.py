@@ -49,6 +49,9 @@ class TriangleEnergy:
         """None: no two parts of the mesh are known to be alike."""
         return None
 
+    def places(self, elimination: Elimination) -> None:
+        """None: lines across triangles cut more unknowns than what METIS finds."""
+
     def coefficients(self, u: FloatArray) -> FloatArray:
         """Φ of each triangle, shape (cells, dimension).
 
