@@ -19,8 +19,8 @@ FOLDER = "results/benchmark"
               help="Blocks along a side of a wall; may take several numbers.")  # fmt: skip
 @click.option("--load", type=FiniteRange(0.0), multiple=True,
               help="Load of a wall from the side, over its weight.  [default: 0.02, 0.3, 0.45]")  # fmt: skip
-@click.option("--element", type=click.Choice(["bfs", "hct"]), default="bfs", help="Element of a wall.",
-              show_default=True)  # fmt: skip
+@click.option("--element", type=click.Choice(["bfs", "hct"]), multiple=True, default=("bfs",), show_default=True,
+              help="Elements of a wall, on rectangles or triangles; may take both.")  # fmt: skip
 @click.option("--cells", type=click.IntRange(1), multiple=True, default=(64, 128, 256, 512),
               show_default=True, help="Cells along a side; may take several numbers.")  # fmt: skip
 @click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.1, 0.2, 0.5), show_default=True,
@@ -40,7 +40,7 @@ def benchmark(
     problem: str,
     blocks: tuple[int, ...],
     load: tuple[float, ...],
-    element: str,
+    element: tuple[str, ...],
     cells: tuple[int, ...],
     friction: tuple[float, ...],
     repeat: int | None,

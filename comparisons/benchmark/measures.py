@@ -3,7 +3,7 @@
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, Final
 
 from pandas import DataFrame
@@ -26,6 +26,9 @@ LARGEST_RATIO: Final = {0.02: 20.0, 0.3: 45.0}
 
 LARGEST_EXPONENT: Final = 1.3
 """Of the solve of a wall, with its number of blocks."""
+
+WALL_CASE: Final = ("element", "blocks", "load")
+"""What makes a wall."""
 
 _WALL: Final = ("status", "message", "unknowns", "contact_points", "form", "iterations", "accuracy", "assembly",
                 "factorisation", "solve", "peak")  # fmt: skip
@@ -119,9 +122,7 @@ def growth_of(
 
 def _spans(sizes: Sequence[int], whole: tuple[int, int] | None) -> list[tuple[int, int]]:
     pairs = list(pairwise(sizes))
-    if whole is None:
-        return pairs
-    ends = whole if set(whole) <= set(sizes) else (sizes[0], sizes[-1])
+    ends = whole if whole and set(whole) <= set(sizes) else (sizes[0], sizes[-1])
     return pairs if ends in pairs or ends[0] == ends[1] else [*pairs, ends]
 
 
@@ -172,13 +173,13 @@ def loops_of(rows: Iterable[Row], solves: DataFrame) -> DataFrame:
 def walls_of(rows: Iterable[Row]) -> DataFrame:
     """One line for each wall: CPU seconds, and the solve over one factorisation of K."""
     numbers = {*_WALL} - {"status", "message", "form"}
-    lines = [{"blocks": row.case["blocks"], "load": row.case["load"], **_answer(row)} for row in rows]
-    walls = _frame(lines, ("blocks", "load", *_WALL), ["load", *numbers]).sort_values(["blocks", "load"])
+    lines = [{**{name: row.case[name] for name in WALL_CASE}, **_answer(row)} for row in rows]
+    walls = _frame(lines, (*WALL_CASE, *_WALL), ["load", *numbers]).sort_values([*WALL_CASE])
     ratio = (walls.solve / walls.factorisation).where(walls.status == "solved")
     return walls.assign(ratio=ratio, size=walls.blocks**2)
 
 
-wall_growth: Final = partial(growth_of, by=("load",), size="blocks", over="size", values=("solve",))
+wall_growth: Final = partial(growth_of, by=("element", "load"), size="blocks", over="size", values=("solve",))
 """Of the solve of walls, with the number of their blocks."""
 
 
@@ -232,12 +233,20 @@ def _targets(graded: DataFrame) -> Iterator[dict[str, Any]]:
 
 
 def wall_values(walls: DataFrame) -> dict[str, Any]:
-    """For each load with a target the largest ratio and exponent beside what they should be."""
-    powers = wall_growth(walls)
+    """For each element what is solved, and for each load with a target ratio and exponents beside what they should be.
+
+    The exponent is that from the smallest to the largest wall, the steepest that of neighbouring sizes.
+    """
+    found, powers = dict(list(walls.groupby("element", sort=False))), wall_growth(walls)
+    solved = [
+        {"element": element, "walls": len(each), "solved": int((each.status == "solved").sum())}
+        for element, each in found.items()
+    ]
     targets = []
-    for load, most in LARGEST_RATIO.items():
-        ratio, power = walls[walls.load == load].ratio.max(), powers[powers.load == load].solve.max()
+    for (element, each), (load, most) in product(found.items(), LARGEST_RATIO.items()):
+        pushed = powers[(powers.element == element) & (powers.load == load)].solve
+        ratio = each[each.load == load].ratio.max()
         if ratio == ratio:
-            targets.append({"load": load, "ratio": ratio, "most": most, "exponent": power, "met": ratio <= most})
-    solved = int((walls.status == "solved").sum())
-    return {"targets": targets, "most": LARGEST_EXPONENT, "walls": len(walls), "solved": solved}
+            exponents = {"exponent": pushed.iloc[-1], "steepest": pushed.max()} if len(pushed) else {}
+            targets.append({"element": element, "load": load, "ratio": ratio, "most": most, **exponents})
+    return {"targets": targets, "most": LARGEST_EXPONENT, "solved": solved}

@@ -13,6 +13,7 @@ from comparisons.lab.report import Document, drawn, environment_grids, render
 from comparisons.lab.report.numbers import NOTHING, fixed, listing, memory, percent, scientific, seconds, significant
 from comparisons.lab.study import StoredStudy
 from comparisons.lab.tables import Form
+from qvi_contact.discretization.families import CELLS
 
 
 def _cells(value: float) -> str:
@@ -44,7 +45,7 @@ FORMS: Final[dict[str, Form]] = {
 
 WALL_FORMS: Final[dict[str, Form]] = {
     **_COMMON, **dict.fromkeys(("from", "to"), fixed(".0f")), "ratio": fixed(".1f"),
-    "message": lambda text: text or NOTHING,
+    "message": lambda text: text or NOTHING, "element": CELLS.__getitem__,
 }  # fmt: skip
 """The same of the tables on walls."""
 
@@ -112,8 +113,8 @@ def wall_report(study: StoredStudy) -> Document:
     """The report on walls."""
     walls = measures.walls_of(study.rows)
     values = {
-        **measures.wall_values(walls), "blocks": walls.blocks.unique(), "loads": walls.load.unique(),
-        "element": next((row.case["element"] for row in study.rows), None),
+        **measures.wall_values(walls), "blocks": sorted(walls.blocks.unique()), "loads": sorted(walls.load.unique()),
+        "elements": walls.element.unique(), "cells": CELLS,
         "threads": _environment(study, "threads"), "limit": _environment(study, "timeout_seconds"),
     }  # fmt: skip
     tables = wall_tables(walls, measures.wall_growth(walls))

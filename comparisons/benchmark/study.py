@@ -4,11 +4,10 @@ Every case has a process of its own: its peak memory is that of one problem, and
 """
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple, get_args
+from typing import Final, NamedTuple
 
 from comparisons.benchmark.reference import CONVERGED_FRICTION
 from comparisons.lab.study import Study
-from qvi_contact.discretization.families import ElementName
 from qvi_contact.errors import InputError
 from solvers.factorisation import resolve
 from solvers.factorisation.choice import CHOICES, SHARED
@@ -26,9 +25,6 @@ GRADED_RUNS: Final = 20
 
 STATES: Final = {0.02: "sticks", 0.3: "opens and slips", 0.45: "close to its limit"}
 """What a wall does under a load from the side, by that load over the wall's weight."""
-
-ELEMENTS: Final = get_args(ElementName)
-"""Of walls."""
 
 
 class Loop(NamedTuple):
@@ -87,9 +83,10 @@ def loops(cells: Sequence[int], friction: Sequence[float]) -> Study | None:
     return Study(LOOPS, 1, f"{TASK}loop", factors, keep=keep, fresh=True)
 
 
-def walls(blocks: Sequence[int], loads: Sequence[float], element: str) -> Study:
+def walls(blocks: Sequence[int], loads: Sequence[float], elements: Sequence[str]) -> Study:
     """Walls of n × n blocks, pushed from the side by a share of their weight."""
     factors = {
-        "load": tuple(sorted(set(loads or STATES))), "blocks": tuple(sorted(set(blocks))), "element": (element,)
+        "load": tuple(sorted(set(loads or STATES))), "blocks": tuple(sorted(set(blocks))),
+        "element": tuple(sorted(set(elements))),
     }  # fmt: skip
     return Study(WALL, 1, f"{TASK}wall", factors, fresh=True)

@@ -12,10 +12,9 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from comparisons.benchmark.study import ELEMENTS
 from comparisons.benchmark.wall import wall
 from qvi_contact import ContactProblem, discretize
-from qvi_contact.discretization.families import ElementName
+from qvi_contact.discretization.families import CELLS, ElementName
 from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import Status, solve_qvi
 from solvers.factorisation.choice import operations
@@ -38,7 +37,7 @@ def _masonry(courses: int, blocks: int) -> Made:
 PROBLEMS: Final[dict[str, tuple[ElementName, Made]]] = {
     **{f"plate {n} × {n}": ("bfs", _plate((n, n))) for n in (64, 96, 128)},
     **{f"layer {8 * n} × {n}": ("bfs", _plate((8 * n, n))) for n in (16, 24)},
-    **{f"wall {n} × {n}, {element}": (element, _wall(n)) for element in ELEMENTS for n in (4, 5, 6, 7)},
+    **{f"wall {n} × {n}, {element}": (element, _wall(n)) for element in CELLS for n in (4, 5, 6, 7)},
     **{f"masonry {c} × {b}": ("hct", _masonry(c, b)) for c, b in ((4, 6), (5, 6), (6, 6), (6, 8))},
 }
 """Elements and problems by their names: contacts that are a small, a middling and a large share of the body."""

@@ -16,6 +16,9 @@ from qvi_contact.problem.problem import ContactProblem
 ElementName: TypeAlias = Literal["bfs", "hct"]
 """The elements by name: Bogner-Fox-Schmit on rectangles, Hsieh-Clough-Tocher on triangles."""
 
+CELLS: Final[dict[ElementName, str]] = {"bfs": "rectangles", "hct": "triangles"}
+"""What cells each element has."""
+
 DEFAULT_ELEMENT: Final[ElementName] = "hct"
 """Element of a problem on rectangles where none is named."""
 

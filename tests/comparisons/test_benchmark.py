@@ -316,7 +316,7 @@ class TestStudies:
         assert {case.values["friction"] for case in study.loops((4,), (0.1, 0.5)).cases} == {0.1}
 
     def test_every_case_has_a_process_of_its_own(self):
-        studies = (whole((4,)), study.graded(1, "auto"), study.loops((4,), (0.2,)), study.walls((2,), (), "bfs"))
+        studies = (whole((4,)), study.graded(1, "auto"), study.loops((4,), (0.2,)), study.walls((2,), (), ("bfs",)))
         assert all(each.fresh for each in studies)
 
     def test_what_is_not_installed_is_refused(self, monkeypatch):

@@ -12,8 +12,7 @@ from comparisons.lab.report import Document, environment_grids, render
 from comparisons.lab.report.numbers import scientific, significant
 from comparisons.lab.study import DONE, Row
 from comparisons.lab.tables import Form
-
-ELEMENTS: Final = {"hct": "triangles", "bfs": "rectangles"}
+from qvi_contact.discretization.families import CELLS
 
 
 def report(rows: Sequence[Row], quick: bool = False) -> Document:
@@ -78,4 +77,4 @@ _FORMS: Final[dict[str, Form]] = {
 def _table(runs: DataFrame) -> DataFrame:
     """All runs, in words."""
     titles, shares = runs.sequence.map(lambda name: CHAINS[name].title), runs[["solved", "planned"]].astype(str)
-    return runs.assign(title=titles, mesh=runs.element.map(ELEMENTS), share=shares.agg(" of ".join, axis=1))
+    return runs.assign(title=titles, mesh=runs.element.map(CELLS), share=shares.agg(" of ".join, axis=1))
