@@ -402,3 +402,27 @@ def test_large_programs_take_the_interior_point_method_first(status, monkeypatch
     assert given[0] == "highs-ipm"
     assert "highs" in given
     assert (found.lower, found.upper) == pytest.approx((expected.lower, expected.upper), rel=1e-9)
+
+
+@pytest.mark.parametrize("coarse", [0, 2])
+def test_where_no_vertex_is_found_less_accuracy_is_asked_for(coarse, monkeypatch):
+    """Its solutions count, which are checked; that there is none it may not say."""
+    problem = masonry_wall(3, 3, ())
+    expected, given, true_linprog = limit_load(problem, ["wind"]), [], optimize.linprog
+
+    def recorded(*arguments, method, options, **program):
+        given.append(method)
+        tolerance = options["primal_feasibility_tolerance"]
+        if method == "highs-ipm" and (tolerance < 1e-8 or coarse):
+            return SimpleNamespace(status=4 if tolerance < 1e-8 else coarse)
+        return true_linprog(*arguments, method=method, options=options, **program)
+
+    monkeypatch.setattr(optimize, "linprog", recorded)
+    monkeypatch.setattr(linear_program, "_LARGE", 10)
+    found = limit_load(problem, ["wind"])
+    assert given[:2] == ["highs-ipm", "highs-ipm"]
+    assert ("highs" in given) == bool(coarse)
+    assert found.violation < 1e-7
+    assert (found.lower, found.upper, found.bound) == pytest.approx(
+        (expected.lower, expected.upper, expected.bound), rel=1e-6
+    )
