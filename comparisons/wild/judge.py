@@ -9,7 +9,8 @@ polynomials of degree 3 in x and in y, which the samples determine; everything b
 | prescribed         | force and normal moment of every edge with a given traction                                  |
 | plates             | force and moment of every plate                                                              |
 | law                | σ_N' ≤ 0 and |σ_T| ≤ min(c + μ|σ_N'|, t_max) at four Gauss points of every edge, σ_N' = σ_N  |
-|                    | and the pressure of a fluid that is in the contact                                           |
+|                    | and the pressure of a fluid in the contact, as it was taken                                  |
+| fluid              | its pressure has the given force and moment on every edge; another value at a point is said  |
 | compatibility      | no stress with the same friction bounds has less complementary energy, see `compare`         |
 """
 
@@ -21,11 +22,12 @@ from typing import Final
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
+from scipy.integrate import quad_vec
 
 from qvi_contact import Contact, ContactProblem, ContactResult, Displacement, Traction
 from qvi_contact.basics.checks import Field, FloatArray
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges
+from qvi_contact.mesh.rectilinear import HORIZONTAL, GridEdges, RectilinearMesh
 
 _DISTANCE: Final = 1e-3
 """Distance of two states in the energy norm, relative, that is none: errors of 1e-8 in energy allow 1e-4."""
@@ -38,6 +40,7 @@ _SAID: Final = 4.0
 
 
 _POINTS, _WEIGHTS = gauss_legendre(4)
+_INTEGRATED, _INTERVALS = 1e-9, 1000  # accuracy of a fluid's force, and parts of edges for it
 _NOTHING: Final = 1e-6  # share of the stress that the data suggest
 _ZERO: Final = 1e-14  # share of the largest compliance that is none
 _REST: Final = 1e-6  # strain whose stress is taken where they suggest none; ν → −1 is far stiffer than E
@@ -166,9 +169,10 @@ def wrong(result: ContactResult) -> list[str]:
     samples = Samples.of(result)
     if not np.isfinite(samples.stress).all():
         return ["stresses are not finite"]
-    checks = (_equilibrium(samples), _prescribed(samples), _plates(samples), _laws(samples), _reported(samples, result))
+    stresses = (_equilibrium(samples), _prescribed(samples), _plates(samples))
+    contacts = (_laws(samples, result), _fluids(samples, result), _reported(samples, result))
     allowed = _TOLERANCE + _SAID * _relative(result.stress_rounding, samples.largest)
-    return [f"{name}: {error:.1e}" for name, error in chain(*checks) if not error <= allowed]
+    return [f"{name}: {error:.1e}" for name, error in chain(*stresses, *contacts) if not error <= allowed]
 
 
 def _relative(error: FloatArray | float, size: float) -> float:
@@ -244,20 +248,43 @@ def _bound(contact: Contact, x: FloatArray, y: FloatArray, normal: FloatArray) -
     return bound if contact.shear_limit is None else np.minimum(bound, _values(contact.shear_limit, x, y))
 
 
-def _laws(samples: Samples) -> Iterator[tuple[str, float]]:
+def _laws(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]]:
     """What pulls and what exceeds the bound, over the largest stress."""
     mesh = samples.problem.grid
     for contact in samples.problem.contacts:
         edges = mesh.edges(contact.edges)
         x, y = mesh.points_along(edges, _POINTS)
         normal, shear = normal_and_shear(edges, samples.on(edges))
-        normal = normal + _values(contact.pore_pressure, x, y)
+        normal = normal + result.contacts[contact.name].pore_pressure.reshape(normal.shape)
         if contact.law == "unilateral":
             yield f"tension on {contact.name}", _relative(np.maximum(normal, 0.0), samples.largest)
         if contact.law != "tied":
             steepness = 1.0 + float(_values(contact.friction, x, y).max())
             excess = np.maximum(np.abs(shear) - _bound(contact, x, y, normal), 0.0) / steepness
             yield f"friction on {contact.name}", _relative(excess, samples.largest)
+
+
+def _fluids(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]]:
+    """The pressure that is taken for a fluid's, a polynomial on every edge: its force and moment, and its values."""
+    mesh = samples.problem.grid
+    for contact in samples.problem.contacts:
+        edges, field = mesh.edges(contact.edges), contact.pore_pressure
+        taken = result.contacts[contact.name].pore_pressure.reshape(-1, len(_POINTS))
+        missed = np.abs(taken - _values(field, *mesh.points_along(edges, _POINTS))).max(initial=0.0)
+        said = any(repr(contact.name) in remark and "pore pressure" in remark for remark in result.remarks)
+        yield f"pore pressure on {contact.name}, not said", 0.0 if said else _relative(float(missed), samples.largest)
+        found = np.stack([taken @ _WEIGHTS, taken @ (_WEIGHTS * (_POINTS - 0.5))])
+        yield f"pore pressure on {contact.name}", _relative(found - _moments(mesh, edges, field), samples.largest)
+
+
+def _moments(mesh: RectilinearMesh, edges: GridEdges, field: Field) -> FloatArray:
+    """∫ p dt and ∫ (t − ½) p dt over every edge (2, edges), also of fields that jump."""
+
+    def weighted(t: float) -> FloatArray:
+        values = _values(field, *mesh.points_along(edges, np.array([t])))[:, 0]
+        return np.stack([values, (t - 0.5) * values])
+
+    return np.asarray(quad_vec(weighted, 0.0, 1.0, epsrel=_INTEGRATED, limit=_INTERVALS)[0])
 
 
 def _reported(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]]:

@@ -174,6 +174,21 @@ class TestJudge:
         dry = solve(pressed())
         assert any("on bottom" in text for text in wrong(forged(dry, wet)))
 
+    def test_a_pressure_that_jumps_is_taken_by_its_force_and_moment_and_said(self, monkeypatch):
+        def given(pressure):
+            return replace(pressed(), conditions=[Contact("bottom", 0.3, pore_pressure=pressure), *right[1:]])
+
+        right = pressed().conditions
+        result = solve(given(lambda x, _: np.where(x < 0.7, 4.0, 1.0)), element="bfs")
+        assert wrong(result) == []
+        moved = forged(result, given(lambda x, _: np.where(x < 0.71, 4.0, 1.0)))
+        assert any(text.startswith("pore pressure on bottom:") for text in wrong(moved))
+        alike = solve(given(lambda x, _: 2.0 + 0.5 * x), element="bfs")
+        assert wrong(alike) == []
+        assert "pore pressure" not in " ".join(alike.remarks)
+        monkeypatch.setattr(ContactResult, "remarks", ())
+        assert [text.split(":")[0] for text in wrong(result)] == ["pore pressure on bottom, not said"]
+
     def test_a_pressure_strains_no_incompressible_body(self):
         """The size of stresses that are as good as none stays finite."""
         rubber = replace(pressed(), material=Material(1e3, 0.5, "strain"))
