@@ -9,8 +9,9 @@ import numpy as np
 from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.discretization.basis import RowKind
+from qvi_contact.discretization.contact_rows import laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import ElementName, with_element
+from qvi_contact.discretization.families import ElementName, element_on, with_element
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.impossible import judged
@@ -134,19 +135,32 @@ def posed(
     """The problem discretised in fitting units, as `solve` does it first with these options.
 
     `solve` takes it in place of the problem, with all options but ``element``, ``degree`` and ``contact_rows``. What it
-    has in common with a problem `before`, posed with the same options on the same mesh, is shared.
+    has in common with a problem `before`, posed with the same options on the same mesh, is shared; element, degree and
+    rows may be left out then, and are those of `before`.
 
     Raises
     ------
     InputError
-        If the problem or an option is wrong, or `before` is on another mesh or of another element.
+        If the problem or an option is wrong, or `before` is on another mesh, or of another element, degree or rows.
 
     """
-    if before is not None:
-        fitting = problem if element is None else with_element(problem, element)
-        return _fitted(before.following(fitting), options)
     rows = rows_for(method, contact_rows)
-    return _fitted(discretize(problem, element=element, degree=degree, contact_rows=rows), options)
+    if before is None:
+        return _fitted(discretize(problem, element=element, degree=degree, contact_rows=rows), options)
+    if element is None and element_on(before.problem.mesh) == "hct":
+        element = "hct"  # into which rectangles are cut
+    fitting = problem if element is None else with_element(problem, element)
+    _check_space(before, degree, "gauss" if rows is None and laws_vary(fitting) else rows)
+    return _fitted(before.following(fitting), options)
+
+
+def _check_space(before: Discretization, degree: int | None, rows: RowKind | None) -> None:
+    """Refuse what the space of a problem before does not have."""
+    space = before.space
+    for field, asked, found in (("degree", degree, space.degree), ("contact_rows", rows, space.contact_rule.kind)):
+        if asked is not None and asked != found:
+            remedy = f"the problem discretised before has {found!r}: give both the same, or leave before out"
+            raise InputError(field, asked, remedy)
 
 
 def _facts(known: Discretization, settings: dict[str, Any]) -> dict[str, object]:

@@ -157,3 +157,26 @@ def test_rectangles_are_cut_for_a_problem_before_on_triangles():
     before = posed(block(), element="hct")
     after = posed(block(push=-2.0), before=before, element="hct")
     assert after.qvi.K is before.qvi.K
+
+
+@pytest.mark.parametrize("options", [{"degree": 5}, {"degree": 4.5}, {"contact_rows": "gauss"}, {"method": "uzawa"}])
+def test_another_degree_and_other_rows_than_before_are_refused(options):
+    before = posed(block(), degree=4)
+    field = "degree" if "degree" in options else "contact_rows"
+    with pytest.raises(InputError, match=rf"^{field}: .*before"):
+        posed(block(), before=before, **options)
+
+
+def test_a_law_that_varies_does_not_follow_one_held_by_coefficients():
+    before = posed(block())
+    rough = replace(block().conditions[0], friction=lambda x, y: 0.3 + 0.1 * x + 0.0 * y)
+    varying = replace(block(), conditions=[rough, *block().conditions[1:]])
+    with pytest.raises(InputError, match=r"^contact_rows: 'gauss'"):
+        posed(varying, before=before)
+    assert posed(varying, before=posed(varying)).space.contact_rule.kind == "gauss"
+
+
+@pytest.mark.parametrize("options", [{}, {"degree": 5}, {"element": "bfs", "degree": 3}, {"contact_rows": "gauss"}])
+def test_the_same_options_again_share_all_matrices(options):
+    before = posed(block(), **options)
+    assert posed(block(push=-2.0), before=before, **options).qvi.K is before.qvi.K
