@@ -21,6 +21,8 @@ from qvi_contact import (
     solve,
     solve_companion,
     solve_history,
+    solve_sweep,
+    stream_sweep,
 )
 from qvi_contact.bracket import bracket
 from qvi_contact.cli import group
@@ -35,7 +37,17 @@ from tests.solvers.conftest import random_problem
 NAME = "qvi_contact"
 DRAGGED = Path(__file__).parent.parent / "examples" / "dragged_block_holds.toml"
 PLATE = compressed_plate(0.2, (2, 2))
-SOLVING = (solve, solve_history, refine, limit_load_factor, solve_companion, bracket, solve_qvi)
+SOLVING = (
+    solve,
+    solve_history,
+    solve_sweep,
+    stream_sweep,
+    refine,
+    limit_load_factor,
+    solve_companion,
+    bracket,
+    solve_qvi,
+)
 
 
 def numbers(printed):
@@ -111,6 +123,15 @@ def test_nothing_is_printed_unless_asked_for(capsys):
     solve(PLATE)
     solve_qvi(random_problem(0))
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("streamed", [False, True])
+def test_sweeps_have_a_line_for_each_value(capsys, tmp_path, streamed):
+    asked = (PLATE, "friction", [0.1, 0.25])
+    _ = stream_sweep(*asked, tmp_path / "rows.sqlite", verbose=True) if streamed else solve_sweep(*asked, verbose=True)
+    table = capsys.readouterr().out.split("-" * 79)[1].splitlines()
+    assert table[1].split() == ["step", "value", "status", "iterations", "accuracy"]
+    assert [line.split()[:3] for line in table[2:]] == [["1", "0.1", "solved"], ["2", "0.25", "solved"]]
 
 
 def test_histories_refinements_and_limits_have_a_line_for_each_step(capsys):

@@ -16,6 +16,7 @@ import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from string import ascii_letters
 from textwrap import wrap
 from time import perf_counter
 from typing import Final
@@ -130,7 +131,7 @@ def _worth_a_line(number: int) -> bool:
 
 def _aligned(form: str) -> str:
     """Alignment and width of a format."""
-    return form.partition(".")[0].rstrip("esfd")
+    return form.partition(".")[0].rstrip(ascii_letters)
 
 
 def _print(*lines: str) -> None:
