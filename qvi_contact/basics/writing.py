@@ -4,9 +4,9 @@ import tempfile
 from pathlib import Path
 
 from qvi_contact.errors import InputError
-from solvers.basics.files import check_writable, identity, replacing, unwritable
+from solvers.basics.files import check_writable, given_path, identity, replacing, unwritable
 
-__all__ = ["check_suffix", "check_writable", "identity", "replacing", "writable_folder", "write_text"]
+__all__ = ["check_suffix", "check_writable", "given_path", "identity", "replacing", "writable_folder", "write_text"]
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -30,7 +30,7 @@ def writable_folder(path: str | Path, field: str = "output") -> Path:
         If it cannot, or is a file; about `field`, the option that named it.
 
     """
-    folder = Path(path)
+    folder = given_path(field, path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

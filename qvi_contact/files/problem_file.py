@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.units import Units
+from qvi_contact.basics.writing import given_path
 from qvi_contact.errors import InputError
 from qvi_contact.files.located import in_toml
 from qvi_contact.files.problem_builder import Reader, file_path
@@ -117,8 +118,9 @@ def load_problem(path: str | Path) -> ProblemFile:
         ``contacts[1].friction``, counted from 0.
 
     """
+    path = given_path("file", path)
     try:
-        with Path(path).open("rb") as stream:
+        with path.open("rb") as stream:
             content = stream.read(LARGEST + 1)
     except (OSError, ValueError) as error:  # ValueError: a name no file can have
         reason = getattr(error, "strerror", None) or str(error)
@@ -129,7 +131,7 @@ def load_problem(path: str | Path) -> ProblemFile:
     except UnicodeDecodeError as error:
         remedy = f"is not text in UTF-8 (byte {error.start}): give a problem file (TOML), saved in that encoding"
         raise InputError("file", str(path), remedy) from error
-    return problem_from_toml(text, Path(path).parent)
+    return problem_from_toml(text, path.parent)
 
 
 def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFile:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, get_args
 
 from qvi_contact.basics.database import Database
+from qvi_contact.basics.writing import given_path
 from qvi_contact.errors import InputError
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, overall_status
@@ -122,9 +123,20 @@ def read_sweep(path: str | Path) -> StoredSweep:
         If there is no such store, or it is damaged or of another version.
 
     """
-    with _DATABASE.opened(Path(path)) as connection:
-        parameter, _, values = _plan(connection, Path(path))
-    return StoredSweep(Path(path), parameter, values)
+    place = _place(path)
+    with _DATABASE.opened(place) as connection:
+        parameter, _, values = _plan(connection, place)
+    return StoredSweep(place, parameter, values)
+
+
+def _place(path: str | Path) -> Path:
+    """The file that a caller has named."""
+    place = given_path("store", path)
+    try:
+        place.resolve()
+    except ValueError as error:
+        raise InputError("store", str(path), f"no file can have this name ({error}): give another") from error
+    return place
 
 
 class SweepStore:
@@ -161,7 +173,7 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
         If it cannot be written, is in use, damaged, or holds another sweep.
 
     """
-    place = Path(path)
+    place = _place(path)
     if place.is_dir() or not place.name:
         raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
     with _DATABASE.writing(place, lambda empty: _declare(empty, fingerprint, parameter, values)) as connection:

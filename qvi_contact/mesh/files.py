@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import IntArray
+from qvi_contact.basics.writing import given_path
 from qvi_contact.errors import InputError
 from qvi_contact.mesh import half_named
 from qvi_contact.mesh.parts import MeshParts
@@ -57,7 +58,7 @@ def read_mesh(path: str | Path) -> MeshParts:
         If meshio is missing, the file cannot be read, or it holds other cells than triangles, or no plane body.
 
     """
-    path = Path(path)
+    path = given_path("mesh", path)
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
         raise InputError("mesh", str(path), f"give a file with one of the endings {', '.join(_FORMATS)}")

@@ -17,6 +17,14 @@ from pathlib import Path
 from solvers.errors import InputError
 
 
+def given_path(field: str, value: object) -> Path:
+    """The path that a caller has given as a text or a `Path`; `InputError` for anything else."""
+    name = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(name, str):
+        raise InputError(field, value, "give the name of a file or folder, as a text or a Path")
+    return Path(name)
+
+
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
     """Give a temporary name to write to; when the block ends well, what was written becomes the contents of `path`.
@@ -29,19 +37,20 @@ def replacing(path: str | Path) -> Iterator[Path]:
         If the folder or file cannot be written.
 
     """
+    path = given_path("output", path)
     try:
-        target, earlier = _followed(Path(path))
+        target, earlier = _followed(path)
         beside = target.parent if earlier is None or stat.S_ISREG(earlier.st_mode) else None
-        handle, name = tempfile.mkstemp(prefix=".writing-", suffix=Path(path).suffix, dir=beside)
+        handle, name = tempfile.mkstemp(prefix=".writing-", suffix=path.suffix, dir=beside)
         os.close(handle)
     except (OSError, ValueError) as error:  # ValueError: a folder's name that none can have
-        raise unwritable(Path(path), error) from error
+        raise unwritable(path, error) from error
     temporary = Path(name)
     try:
         yield temporary
         _put(temporary, target, earlier)
     except OSError as error:
-        raise unwritable(Path(path), error) from error
+        raise unwritable(path, error) from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -55,13 +64,14 @@ def check_writable(path: str | Path, field: str = "output") -> None:
         If it cannot; about `field`, the option that named it.
 
     """
+    path = given_path(field, path)
     try:
-        target, earlier = _followed(Path(path))
+        target, earlier = _followed(path)
         if earlier is None or stat.S_ISREG(earlier.st_mode):
             with tempfile.TemporaryFile(dir=target.parent):
                 pass
     except (OSError, ValueError) as error:
-        raise unwritable(Path(path), error, field) from error
+        raise unwritable(path, error, field) from error
 
 
 def identity(path: str | Path) -> object:
