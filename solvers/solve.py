@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from solvers.basics.checks import function_or_none
+from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.narration import Narration, narrated
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
@@ -128,7 +128,7 @@ def solve_qvi(
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     general = {"tolerance": tolerance, "factorisation": factorisation, "threads": threads}
-    check_settings({"method": method, "inner": inner, **general, **options})
+    check_settings({"method": method, "inner": inner, "throw": throw, **general, **options})
     inner, qvi = _strict(qvi, method, inner)
     chosen = default_method({"method": method, "inner": inner, **options})
     by_default = method is None and chosen == "condensed"
@@ -189,6 +189,7 @@ def check_settings(settings: Mapping[str, Any]) -> None:
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     check_choice(settings.get("method"), settings.get("inner"))
     function_or_none("callback", settings.get("callback"))
+    true_or_false("throw", settings.get("throw", False))
     _ = Request.checked(settings.get("factorisation", "auto"), settings.get("threads"))
     method = default_method(settings)
     left_out = (*_GENERAL, _START) if method in _STARTED else _GENERAL  # a start is checked with the problem

@@ -7,11 +7,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from qvi_contact.errors import InputError
-from solvers.basics.checks import finite_number, one_of, positive_number, real_array, whole_number
+from solvers.basics.checks import (
+    finite_number,
+    one_of,
+    positive_number,
+    real_array,
+    true_or_false,
+    whole_number,
+)
 
 __all__ = [
     "BoolArray", "Field", "FloatArray", "IntArray", "check_field", "evaluate", "finite_number", "one_of",
-    "positive_number", "real_array", "whole_number",
+    "positive_number", "real_array", "true_or_false", "whole_number",
 ]  # fmt: skip
 
 FloatArray: TypeAlias = NDArray[np.float64]

@@ -1,6 +1,7 @@
 """Names of the units that results are labelled with; nothing is ever converted."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -37,6 +38,22 @@ class Units:
 
     length: str = "length"
     stress: str = "stress"
+
+    @classmethod
+    def labels(cls, units: object, quantities: Mapping[str, str]) -> dict[str, str]:
+        """Name → unit, of names and the quantity that each is; none where no units are given.
+
+        Raises
+        ------
+        InputError
+            If `units` are neither `Units` nor None.
+
+        """
+        if units is None:
+            return {}
+        if not isinstance(units, cls):
+            raise InputError("units", units, "give Units, such as Units('mm', 'MPa'), or leave them out")
+        return {name: str(getattr(units, quantity)) for name, quantity in quantities.items()}
 
     def __post_init__(self) -> None:
         for name in ("length", "stress"):

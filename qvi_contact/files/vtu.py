@@ -44,7 +44,8 @@ def write_grid(
 
 def named(name: str, unit: str, units: Units | None) -> str:
     """The name of a field, with the unit it has among the user's, such as "stress"."""
-    return name if units is None else f"{name} [{getattr(units, unit)}]"
+    label = Units.labels(units, {name: unit})
+    return f"{name} [{label[name]}]" if label else name
 
 
 def stress_fields(stress: FloatArray, factor: FloatArray, units: Units | None) -> dict[str, FloatArray]:

@@ -8,7 +8,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, finite_number, positive_number, real_array, whole_number
+from qvi_contact.basics.checks import (
+    FloatArray,
+    finite_number,
+    positive_number,
+    real_array,
+    true_or_false,
+    whole_number,
+)
 from qvi_contact.errors import InputError
 
 _MOST_CELLS: Final = 1_000_000
@@ -38,6 +45,7 @@ def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, bo
     start, stop = finite_number("start", start), finite_number("stop", stop)
     cells = whole_number("cells", cells, _MOST_CELLS)
     grading = positive_number("grading", grading)
+    both_ends = true_or_false("both_ends", both_ends)
     if not start < stop:
         raise InputError("stop", stop, f"give a number greater than start = {start:g}")
     steps = np.arange(cells, dtype=float)

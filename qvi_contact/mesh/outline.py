@@ -12,7 +12,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, true_or_false
 from qvi_contact.errors import InputError
 
 Point: TypeAlias = tuple[float, float]
@@ -62,6 +62,7 @@ class Corner:
             object.__setattr__(self, "centre", _point("Corner.centre", self.centre))
         if self.size is not None:
             positive_number("Corner.size", self.size)
+        object.__setattr__(self, "clockwise", true_or_false("Corner.clockwise", self.clockwise))
 
     @classmethod
     def circle(cls, centre: Point, radius: float, name: str = "", size: float | None = None) -> tuple[Corner, Corner]:

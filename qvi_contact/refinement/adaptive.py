@@ -23,7 +23,7 @@ from qvi_contact.refinement.rounds import K, Settings, Strategy
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.limit import checked_loads
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.checks import function_or_none
+from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.narration import Narration, narrated
 from solvers.basics.watch import watched
 from solvers.solve import check_settings
@@ -185,10 +185,10 @@ def refine(
     settings = Settings(
         _relative(target),
         whole_number("max_unknowns", max_unknowns),
-        int(positive_number("max_rounds", kind.rounds if max_rounds is None else max_rounds)),
+        kind.rounds if max_rounds is None else whole_number("max_rounds", max_rounds),
         positive_number("thinnest", kind.thinnest if thinnest is None else thinnest) * problem.mesh.length,
         options,
-        _truth("guaranteed", guaranteed),
+        true_or_false("guaranteed", guaranteed),
     )
     function_or_none("callback", callback)
     title = f"qvi_contact {__version__}: refine"
@@ -197,13 +197,6 @@ def refine(
         found = _refined_for(problem, result, quantity, settings, _Told(story, callback))
         story.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
         return found
-
-
-def _truth(name: str, value: object) -> bool:
-    """The value if it is True or False."""
-    if not isinstance(value, bool):
-        raise InputError(name, value, "give True or False")
-    return value
 
 
 def _relative(target: object) -> float:

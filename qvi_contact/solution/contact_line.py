@@ -219,7 +219,7 @@ class ContactLine:
         columns = {"s": path.places(gauss_legendre(self.points_per_edge)[0]).ravel()}
         columns |= {column: getattr(self, field)[order] for column, field, _ in _COLUMNS}
         quantities = {"s": "length"} | {column: quantity for column, _, quantity in _COLUMNS if quantity}
-        labels = {} if units is None else {name: getattr(units, quantity) for name, quantity in quantities.items()}
+        labels = Units.labels(units, quantities)
         states = pandas().Categorical.from_codes(self.state[order], names)
         return frame({**columns, "state": states}, labels)
 
@@ -247,7 +247,7 @@ class ContactLine:
 
 def summary_units(units: Units | None) -> dict[str, str]:
     """Column of `ContactLine.summary` → its unit, of those that have one; none without `units`."""
-    return {} if units is None else {name: getattr(units, quantity) for name, quantity in SUMMARY.items()}
+    return Units.labels(units, SUMMARY)
 
 
 def contact_states(

@@ -22,6 +22,7 @@ import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, one_of
+from qvi_contact.basics.units import Units
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.contact_rows import laws_vary
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -36,7 +37,7 @@ from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.solver import rows_for, solve
 from solvers import Status
-from solvers.basics.checks import function_or_none
+from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.narration import narrated
 from solvers.basics.types import load
@@ -45,8 +46,6 @@ from solvers.solve import check_settings, takes_state
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-    from qvi_contact.basics.units import Units
 
 _PARALLEL = 1e-9  # sine of the angle between edges that face one way
 _CONTINUES = (Status.SOLVED, Status.INACCURATE)
@@ -153,7 +152,7 @@ class History:
             for lost in [_friction_work(step, step)]
             for name, numbers in contact_numbers(step).items()
         ]
-        energy = {} if units is None else {"dissipated": units.energy}
+        energy = Units.labels(units, {"dissipated": "energy"})
         return frame(columns_of(completed(rows)), {**forces_units(units), **energy})
 
     @property
@@ -304,6 +303,7 @@ def solve_history(
 
     """
     function_or_none("callback", callback)
+    warm_start = true_or_false("warm_start", warm_start)
     check_settings(options)
     title = f"qvi_contact {__version__}: solve_history"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, one_of, real_array
+from qvi_contact.basics.units import Units
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.edge_points import EdgePoints
@@ -37,7 +38,6 @@ from solvers.strict.threshold import strict_bound
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from qvi_contact.basics.units import Units
     from qvi_contact.bracket import Bracket
 
 _ROUNDED = 1e-6
@@ -555,8 +555,8 @@ def forces_units(units: Units | None) -> dict[str, str]:
     """Column of `contact_numbers` → its unit, of those that have one; none without `units`."""
     if units is None:
         return {}
-    of_plates = {name: getattr(units, kind) if kind else "rad" for name, kind in PLATE_COLUMNS.items()}
-    return {**summary_units(units), **of_plates}
+    of_plates = Units.labels(units, {name: kind for name, kind in PLATE_COLUMNS.items() if kind})
+    return {**summary_units(units), **of_plates, "rotation": "rad"}
 
 
 def plate_numbers(result: ContactResult, name: str) -> tuple[float, ...]:

@@ -18,6 +18,7 @@ from qvi_contact.solution.impossible import judged
 from qvi_contact.solution.reach import solve_within_reach
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
+from solvers.basics.checks import true_or_false
 from solvers.basics.narration import narrated
 from solvers.basics.watch import expired, watched
 from solvers.factorisation import FactorisationError
@@ -107,7 +108,7 @@ def solve(
         for option, value in (("element", element), ("degree", degree), ("contact_rows", contact_rows)):
             if value is not None:
                 raise InputError(option, value, "belongs to discretize: this problem is discretised already")
-    throw = bool(options.pop("throw", False))
+    throw = true_or_false("throw", options.pop("throw", False))
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
     check_settings(settings)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: solve", verbose) as story:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
+from qvi_contact.basics.units import Units
 from qvi_contact.solution.result import completed, contact_numbers, forces_units
 from solvers import Status
 from solvers.basics.frames import columns_of, frame
@@ -13,7 +14,6 @@ from solvers.basics.frames import columns_of, frame
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from qvi_contact.basics.units import Units
     from qvi_contact.solution.result import ContactResult
 
 Parameter: TypeAlias = Literal["friction", "load", "gap", "offset"]
@@ -73,8 +73,8 @@ def table_of(parameter: Parameter, rows: Iterable[SweepRow], units: Units | None
         for row in rows
         for name, summary in row.contacts.items()
     ]
-    length = units.displacement if units is not None and parameter in ("gap", "offset") else None
-    return frame(columns_of(completed(lines)), {**forces_units(units), **({parameter: length} if length else {})})
+    length = Units.labels(units, {parameter: "displacement"} if parameter in ("gap", "offset") else {})
+    return frame(columns_of(completed(lines)), {**forces_units(units), **length})
 
 
 def outcome_of(parameter: Parameter, failures: Sequence[tuple[float, str]], done: int, planned: int) -> str:

@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, one_of, real_array
+from qvi_contact.basics.checks import Field, one_of, real_array, true_or_false
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.families import ElementName, with_element
@@ -70,7 +70,7 @@ class SweepTask:
         space = {"element": element, "degree": degree, "contact_rows": contact_rows}
         check_settings(options)
         chosen = _checked_names(problem, parameter, names)
-        warm = warm_start and takes_state(options)
+        warm = true_or_false("warm_start", warm_start) and takes_state(options)
         return cls(with_element(problem, element), parameter, chosen, space, options, warm)
 
     def changed(self, value: float) -> ContactProblem:

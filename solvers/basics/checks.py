@@ -45,6 +45,13 @@ def one_of(field: str, value: object, choices: Iterable[str], remedy: str = "") 
     return value
 
 
+def true_or_false(field: str, value: object) -> bool:
+    """Return `value` as a bool, or say that `field` must be True or False; 1 and 0 count as these."""
+    if not isinstance(value, bool | np.bool_ | int) or value not in (0, 1):
+        raise InputError(field, value, "give True or False")
+    return bool(value)
+
+
 def function_or_none(field: str, value: object) -> None:
     """Say that `field` must be a function, or left out."""
     if value is not None and not callable(value):

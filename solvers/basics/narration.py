@@ -21,6 +21,7 @@ from textwrap import wrap
 from time import perf_counter
 from typing import Final
 
+from solvers.basics.checks import true_or_false
 from solvers.basics.watch import Progress, watched
 
 LOGGER: Final = logging.getLogger("qvi_contact")
@@ -113,6 +114,7 @@ def narrated(
     title: str, verbose: bool, columns: Mapping[str, str] = ITERATIONS, *, iterations: bool = True
 ) -> Iterator[Narration]:
     """A narration of what is inside; with `iterations`, of the iterations that methods tell of."""
+    verbose = true_or_false("verbose", verbose)
     depth = _depth.get()
     story = Narration(title, verbose and depth == 0, columns, depth == 0)
     heard = iterations and depth == 0 and (verbose or LOGGER.isEnabledFor(logging.DEBUG))
