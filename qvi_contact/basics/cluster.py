@@ -41,6 +41,8 @@ def check(address: str) -> None:
         If `distributed` is missing, or the address is not scheme://host:port with a scheme it knows.
 
     """
+    if not isinstance(address, str):
+        raise InputError("dask", address, _REMEDY)
     _check_installed(address)
     from distributed.comm.addressing import get_address_host_port, parse_address
     from distributed.comm.registry import get_backend

@@ -18,12 +18,14 @@ from itertools import islice
 from threading import Thread
 from typing import TYPE_CHECKING, Final, TypeVar
 
+from qvi_contact.basics.checks import whole_number
 from qvi_contact.basics.cluster import check, connected
 from qvi_contact.errors import InputError, QVIError, SolveError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
+_MOST_WORKERS: Final = 10_000
 _AHEAD: Final = 2  # orders that are given out for each worker: one more than it does
 _LOOK: Final = 0.5  # seconds between two looks at a cluster
 
@@ -53,8 +55,7 @@ class Crew:
     dask: str | None = None
 
     def __post_init__(self) -> None:
-        if isinstance(self.workers, bool) or not isinstance(self.workers, int) or self.workers < 1:
-            raise InputError("workers", self.workers, "give a number of processes, 1 or more")
+        whole_number("workers", self.workers, _MOST_WORKERS)
         if self.dask is not None:
             check(self.dask)
 

@@ -32,6 +32,8 @@ def refined_where_apart(problem: ContactProblem, bracket: Bracket, share: float 
         If the meshes differ, the upper bound is missing, or `share` is out of range.
 
     """
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give the ContactProblem of the bracket")
     mesh = problem.grid
     if not 0.0 < finite_number("share", share) <= 1.0:
         raise InputError("share", share, "give a number above 0, at most 1")

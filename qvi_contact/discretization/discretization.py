@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.discretization.algebraic import Posed, algebraic, energy_of
 from qvi_contact.discretization.basis import Basis, RowKind, SharedCorners
 from qvi_contact.discretization.bogner_fox_schmit import BognerFoxSchmit
@@ -173,6 +173,8 @@ class Discretization(Posed, Stated):
             If the problem is on another mesh.
 
         """
+        if not isinstance(problem, ContactProblem):
+            raise InputError("problem", problem, "give a ContactProblem")
         if not problem.mesh.same_as(self.problem.mesh):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh and element"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
@@ -264,10 +266,21 @@ def discretize(
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     problem = with_element(problem, element)
+    if scales is not None and not isinstance(scales, Scales):
+        raise InputError("scales", scales, "give Scales, or leave them out")
+    given_up = np.empty(0, dtype=np.int64) if freed is None else _vertices("freed", freed, problem)
     rows = "gauss" if contact_rows is None and laws_vary(problem) else contact_rows
     space = basis_for(problem.mesh, degree, rows)
-    none = np.empty(0, dtype=np.int64)
-    return _discretized(problem, space, scales or Scales.of(problem), none if freed is None else freed)
+    return _discretized(problem, space, scales or Scales.of(problem), given_up)
+
+
+def _vertices(field: str, given: object, problem: ContactProblem) -> IntArray:
+    """Numbers of vertices of the problem's mesh."""
+    numbers, count = real_array(field, given, "give numbers of vertices"), len(problem.mesh.vertices)
+    found = numbers.astype(np.int64) if np.isfinite(numbers).all() and np.abs(numbers).max(initial=0) < count else None
+    if found is None or found.ndim != 1 or (found != numbers).any() or found.min(initial=0) < 0:
+        raise InputError(field, given, f"give numbers of vertices, 0 to {count - 1}, as an array (k,)")
+    return found
 
 
 def _discretized(

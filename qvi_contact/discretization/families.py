@@ -74,6 +74,11 @@ def with_element(problem: ContactProblem, element: ElementName | None = None) ->
     return problem.triangulated() if element == "hct" and rectangles else problem
 
 
+def _among(rows: object, *known: str) -> bool:
+    """Whether rows are left out, or among those."""
+    return rows is None or (isinstance(rows, str) and rows in known)
+
+
 def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | None = None) -> Basis:
     """The space of Airy functions on a mesh: Bogner-Fox-Schmit on rectangles, Hsieh-Clough-Tocher on triangles.
 
@@ -101,7 +106,7 @@ def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | Non
                 "by element 'hct'"
             )
             raise InputError("degree", degree, remedy)
-        if contact_rows not in (None, "gauss"):
+        if not _among(contact_rows, "gauss"):
             remedy = (
                 "on rectangles rows are tractions at Gauss points: leave this out, cut them into triangles by element "
                 "'hct', or take an inner solver 'strict:…'"
@@ -109,7 +114,7 @@ def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | Non
             raise InputError("contact_rows", contact_rows, remedy)
         return BognerFoxSchmit(mesh)
     if isinstance(mesh, TriangleMesh):
-        if contact_rows not in (None, "bernstein", "gauss"):
+        if not _among(contact_rows, "bernstein", "gauss"):
             raise InputError("contact_rows", contact_rows, "give 'bernstein' or 'gauss'")
         _ = hsieh_clough_tocher(DEFAULT_DEGREE if degree is None else degree)  # refuses degrees that are not offered
         return TriangleBasis(mesh, DEFAULT_DEGREE if degree is None else int(degree), contact_rows or "bernstein")

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias
 import numpy as np
 
 from qvi_contact import __version__
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, one_of
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, one_of, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.contact_rows import laws_vary
@@ -35,14 +35,14 @@ from qvi_contact.problem.conditions import Contact, Displacement, components
 from qvi_contact.problem.fingerprint import run_digest
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
-from qvi_contact.solution.solver import rows_for, solve
+from qvi_contact.solution.solver import check_options, rows_for, solve
 from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.frames import columns_of, frame
 from solvers.basics.narration import narrated
 from solvers.basics.types import load
 from solvers.basics.watch import expired, watched
-from solvers.solve import check_settings, takes_state
+from solvers.solve import takes_state
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -248,7 +248,19 @@ def loop_area(displacement: FloatArray, force: FloatArray) -> float:
     """∮ F dw of a polygon of steps, the work done on the body [force × length]; positive where energy is lost.
 
     Steps are joined by straight lines, the last one not with the first.
+
+    Raises
+    ------
+    InputError
+        If they are not two arrays of one length.
+
     """
+    displacement, force = real_array("displacement", displacement), real_array("force", force)
+    if displacement.ndim != 1:
+        raise InputError("displacement", f"shape {displacement.shape}", "give one number for each step")
+    if force.shape != displacement.shape:
+        remedy = f"give one number for each step, as many as displacements: {len(displacement)}"
+        raise InputError("force", f"shape {force.shape}", remedy)
     return float(np.sum((force[1:] + force[:-1]) * np.diff(displacement)) / 2.0)
 
 
@@ -304,7 +316,7 @@ def solve_history(
     """
     function_or_none("callback", callback)
     warm_start = true_or_false("warm_start", warm_start)
-    check_settings(options)
+    check_options(options)
     title = f"qvi_contact {__version__}: solve_history"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
         steps = _Problems.of(problems, element, kept=store is None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -110,7 +111,7 @@ def solve(
                 raise InputError(option, value, "belongs to discretize: this problem is discretised already")
     throw = true_or_false("throw", options.pop("throw", False))
     settings = {"method": method, "inner": inner, "tolerance": tolerance, **options}
-    check_settings(settings)
+    check_options(settings)
     with watched(time_limit), narrated(f"qvi_contact {__version__}: solve", verbose) as story:
         chosen = problem
         if isinstance(chosen, ContactProblem):
@@ -121,6 +122,14 @@ def solve(
     if throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
+
+
+def check_options(options: Mapping[str, Any]) -> None:
+    """Raise what `solve` raises of these options for any problem, before anything is computed."""
+    check_settings(options)
+    initial = options.get("initial")
+    if initial is not None and not isinstance(initial, ContactResult):
+        _ = _pressures(initial)
 
 
 def posed(
@@ -282,10 +291,20 @@ def _initial(initial: object, discretization: Discretization) -> Start | FloatAr
         before, scales = initial.discretization.scales, discretization.scales
         start = Start.of(initial.solution, before.stress / scales.stress, before.displacement / scales.displacement)
         return start if _same_unknowns(initial.discretization, discretization) else start.pressure
-    pressure = real_array("initial", initial, "give a ContactResult or an array of pressures")
-    if pressure.shape == (discretization.qvi.m,):
-        pressure = discretization.space.contact_rule.at_rows(pressure)
+    pressure, count = _pressures(initial), discretization.qvi.m
+    if pressure.shape != (count,):
+        remedy = f"give a ContactResult, or pressures at all {count} contact points as an array of shape ({count},)"
+        raise InputError("initial", initial, remedy)
+    pressure = discretization.space.contact_rule.at_rows(pressure)
     return np.asarray(np.maximum(pressure, 0.0) / discretization.scales.stress)
+
+
+def _pressures(initial: object) -> FloatArray:
+    """Pressures over all contact points as they are given."""
+    pressure = real_array("initial", initial, "give a ContactResult or an array of pressures")
+    if not np.isfinite(pressure).all():
+        raise InputError("initial", initial, "give finite pressures, or a ContactResult")
+    return pressure
 
 
 def _same_unknowns(one: Discretization, other: Discretization) -> bool:

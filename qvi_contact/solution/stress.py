@@ -12,6 +12,7 @@ from qvi_contact.discretization.loads import potential_at
 from qvi_contact.errors import InputError
 
 _MOST_CELLS: Final = 1024
+_COMPONENTS: Final = 3  # of a stress
 
 
 def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -116,8 +117,15 @@ def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, Floa
     angle : (...) array
         Angle from the x-axis to the direction of σ₁, counterclockwise [rad], in (−π/2, π/2].
 
+    Raises
+    ------
+    InputError
+        If the last axis does not have three numbers.
+
     """
-    stress = real_array("stress", stress)
+    given, stress = stress, real_array("stress", stress)
+    if stress.ndim < 1 or stress.shape[-1] != _COMPONENTS:
+        raise InputError("stress", given, "give σ_xx, σ_yy, σ_xy along the last axis: an array of shape (..., 3)")
     mean = (stress[..., 0] + stress[..., 1]) / 2.0
     half = (stress[..., 0] - stress[..., 1]) / 2.0
     radius = np.hypot(half, stress[..., 2])

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 from qvi_contact.basics.units import Units
-from qvi_contact.solution.result import completed, contact_numbers, forces_units
+from qvi_contact.errors import InputError
+from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units
 from solvers import Status
 from solvers.basics.frames import columns_of, frame
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-    from qvi_contact.solution.result import ContactResult
 
 Parameter: TypeAlias = Literal["friction", "load", "gap", "offset"]
 """What a sweep changes."""
@@ -60,7 +59,9 @@ class SweepRow:
 
     @classmethod
     def of(cls, number: int, value: float, result: ContactResult, seconds: float = 0.0) -> SweepRow:
-        """The row of a result."""
+        """The row of a result; `InputError` for what is none."""
+        if not isinstance(result, ContactResult):
+            raise InputError("result", result, "give a ContactResult")
         contacts = contact_numbers(result) if result.has_state else {}
         accuracy = result.certificate.accuracy
         return cls(number, value, result.status, result.message, result.iterations, accuracy, seconds, contacts)

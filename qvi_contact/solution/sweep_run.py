@@ -18,10 +18,10 @@ from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.limit import checked_loads, loads_of, multiplied
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.solver import posed, solve
+from qvi_contact.solution.solver import check_options, posed, solve
 from qvi_contact.solution.sweep_rows import Parameter
 from solvers import Status
-from solvers.solve import check_settings, takes_state
+from solvers.solve import takes_state
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class SweepTask:
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
         space = {"element": element, "degree": degree, "contact_rows": contact_rows}
-        check_settings(options)
+        check_options(options)
         chosen = _checked_names(problem, parameter, names)
         warm = true_or_false("warm_start", warm_start) and takes_state(options)
         return cls(with_element(problem, element), parameter, chosen, space, options, warm)

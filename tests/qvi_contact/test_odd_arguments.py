@@ -5,17 +5,24 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from qvi_contact import (
     Corner,
     InputError,
+    SweepRow,
     TriangleMesh,
+    discretize,
     graded_lines,
     limit_load_factor,
     load_problem,
     load_result,
+    loop_area,
+    principal_stresses,
     read_sweep,
     refine,
+    refined_where_apart,
     save_problem,
     solve,
     solve_companion,
@@ -25,8 +32,16 @@ from qvi_contact import (
 )
 from qvi_contact.gallery import compressed_plate
 
+
+class Odd:
+    """An object of no kind, called the same in all processes of a run."""
+
+    def __repr__(self):
+        return "Odd()"
+
+
 PLATE = compressed_plate(0.3, (2, 2))
-OBJECTS = [None, np.nan, -1, 2.5, 1j, True, b"x", [], ["x"], {}, {"x": 1}, np.array([1.0, 2.0]), object(), print, float]
+OBJECTS = [None, np.nan, -1, 2.5, 1j, True, b"x", [], ["x"], {}, {"x": 1}, np.array([1.0, 2.0]), Odd(), print, float]
 
 
 def refused(use, value, field):
@@ -76,7 +91,7 @@ def tables():
     return (history.to_frame, sweep.to_frame, step.to_frame, step.forces_frame, step.contacts["plate"].to_frame)
 
 
-NO_TRUTH = [None, 2, -1, 0.5, np.nan, "no", "", [], [1], np.array([1.0, 2.0]), np.array([True]), object()]
+NO_TRUTH = [None, 2, -1, 0.5, np.nan, "no", "", [], [1], np.array([1.0, 2.0]), np.array([True]), Odd()]
 FLAGS = {
     "verbose": lambda flag: solve(PLATE, verbose=flag),
     "verbose of a sweep": lambda flag: solve_sweep(PLATE, "friction", [0.1], verbose=flag),
@@ -106,3 +121,68 @@ def test_numbers_that_are_true_count_as_true(flag):
 @pytest.mark.parametrize("rounds", [0.5, 1.5, 0, -1, np.inf, 1e308, "2"])
 def test_rounds_of_a_refinement_are_counted(rounds):
     refused(lambda value: refine(PLATE, max_rounds=value), rounds, "max_rounds")
+
+
+PRESSURES = ["high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400]
+STARTED = {
+    "solve": lambda start: solve(PLATE, initial=start),
+    "fixed point": lambda start: solve(PLATE, method="fixed-point", initial=start),
+    "sweep": lambda start: solve_sweep(PLATE, "friction", [0.1], initial=start),
+    "history": lambda start: solve_history([PLATE], initial=start),
+}
+
+
+@pytest.mark.parametrize("start", PRESSURES, ids=repr)
+@pytest.mark.parametrize("entry", STARTED)
+def test_starts_that_cannot_be_are_refused_before_anything_is_computed(entry, start, monkeypatch):
+    monkeypatch.setattr("qvi_contact.discretization.discretization._discretized", None)
+    refused(STARTED[entry], start, "initial")
+
+
+@pytest.mark.parametrize("shape", [(), (5,), (2, 3)])
+@pytest.mark.parametrize("entry", STARTED)
+def test_starts_of_another_shape_are_shown_as_they_were_given(entry, shape):
+    with pytest.raises(InputError, match=r"^initial: .*7\.25.*6 contact points") as caught:
+        STARTED[entry](np.full(shape, 7.25))
+    assert np.array_equal(caught.value.value, np.full(shape, 7.25))
+
+
+def refusals():
+    """What each of these takes is given by `ALWAYS_WRONG`."""
+    known = tables()[2].__self__
+    return {
+        "contact_rows": lambda rows: discretize(PLATE, contact_rows=rows),
+        "contact_rows on rectangles": lambda rows: discretize(PLATE, element="bfs", contact_rows=rows),
+        "scales": lambda scales: discretize(PLATE, scales=scales),
+        "freed": lambda freed: discretize(PLATE, freed=freed),
+        "problem": known.discretization.following,
+        "problem of marks": lambda problem: refined_where_apart(problem, None),
+        "dask": lambda address: stream_sweep(PLATE, "friction", [0.1], "never", dask=address),
+        "workers": lambda workers: stream_sweep(PLATE, "friction", [0.1], "never", workers=workers),
+        "stress": principal_stresses,
+        "displacement": lambda displacement: loop_area(displacement, [0.0, 1.0]),
+        "force": lambda force: loop_area([0.0, 1.0], force),
+        "result": lambda result: SweepRow.of(1, 1.0, result),
+    }
+
+
+ALWAYS_WRONG = ["rough", 2.5, -1, np.nan, 1j, Odd(), [[0.5]], np.array([[1.0, np.nan]]), 10**400, {"x": 1}]
+
+
+@pytest.mark.parametrize("value", ALWAYS_WRONG, ids=repr)
+@pytest.mark.parametrize("entry", refusals())
+def test_arguments_of_no_kind(entry, value):
+    refused(refusals()[entry], value, entry.split()[0])
+
+
+def test_vertices_given_up_are_vertices():
+    for freed in ([-1], [99], [0.5], [[0]], ["0"]):
+        refused(lambda value: discretize(PLATE, freed=value), freed, "freed")
+    assert discretize(PLATE, freed=[0, 2]).freed.tolist() == [0, 2]
+
+
+@given(st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=6), st.integers(1, 4))
+def test_areas_of_loops_need_as_many_forces_as_displacements(displacement, more):
+    with pytest.raises(InputError, match=r"^force: "):
+        loop_area(displacement, [1.0] * (len(displacement) + more))
+    assert loop_area(displacement, [1.0] * len(displacement)) == pytest.approx(displacement[-1] - displacement[0])
