@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from qvi_contact.errors import InputError
 from solvers.basics.checks import (
     finite_number,
+    mapping,
     one_of,
     positive_number,
     real_array,
@@ -17,7 +18,7 @@ from solvers.basics.checks import (
 )
 
 __all__ = [
-    "BoolArray", "Field", "FloatArray", "IntArray", "check_field", "evaluate", "finite_number", "one_of",
+    "BoolArray", "Field", "FloatArray", "IntArray", "check_field", "evaluate", "finite_number", "mapping", "one_of",
     "positive_number", "real_array", "true_or_false", "whole_number",
 ]  # fmt: skip
 

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.companion.elasticity import Elasticity
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.state import CompanionContact, CompanionParts, CompanionState
@@ -271,8 +271,8 @@ class CompanionResult(Stated):
     def _mean(self, x: ArrayLike, y: ArrayLike, values: _InCells) -> FloatArray:
         """Mean of what the cells that hold a point say."""
         try:
-            px, py = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        except (TypeError, ValueError) as error:
+            px, py = np.broadcast_arrays(real_array("x", x), real_array("y", y))
+        except ValueError as error:
             raise InputError("x, y", (x, y), "give numbers or arrays whose shapes go together") from error
         _ = self._state
         mesh, places = self.problem.mesh, np.column_stack([px.ravel(), py.ravel()])
@@ -283,7 +283,7 @@ class CompanionResult(Stated):
         t = np.clip(mesh.reference(cell, places[point])[:, -2:], 0.0, 1.0)
         found = values(cell, t[:, None])[:, 0]
         total = np.column_stack([np.bincount(point, part, len(places)) for part in found.T])
-        return np.asarray((total / count[:, None]).reshape(*px.shape, -1))
+        return np.asarray((total / count[:, None]).reshape(*px.shape, found.shape[1]))
 
 
 def _points(tx: ArrayLike, ty: ArrayLike) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.bends import bends_of, bent_too_far
 from qvi_contact.mesh.parts import MeshParts
@@ -67,6 +67,7 @@ def _bisected(mesh: MeshParts, marked: ArrayLike | None) -> MeshParts:
 
 def _numbers(marked: ArrayLike, count: int) -> IntArray:
     """Numbers of marked triangles."""
+    _ = real_array("marked", marked, f"give numbers of triangles, or a boolean for each of the {count}")
     chosen = np.asarray(marked)
     if chosen.dtype == bool and chosen.shape == (count,):
         return np.flatnonzero(chosen)

@@ -51,9 +51,13 @@ def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, bo
     steps = np.arange(cells, dtype=float)
     if both_ends:
         steps = np.maximum(steps, steps[::-1]) - steps[-1] / 2.0  # distance from the middle
-    sizes = grading**steps
-    lines: FloatArray = start + (stop - start) * np.concatenate([[0.0], np.cumsum(sizes)]) / sizes.sum()
+    with np.errstate(over="ignore", invalid="ignore"):
+        sizes = grading**steps
+        lines: FloatArray = start + (stop - start) * np.concatenate([[0.0], np.cumsum(sizes)]) / sizes.sum()
     lines[-1] = stop
+    if not (np.isfinite(lines).all() and (np.diff(lines) > 0.0).all()):
+        remedy = "cells would be too large or too small to be told apart: give less grading, or ends closer to 0"
+        raise InputError("grading", grading, remedy)
     return lines
 
 

@@ -12,7 +12,15 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, true_or_false
+from qvi_contact.basics.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    finite_number,
+    mapping,
+    positive_number,
+    true_or_false,
+)
 from qvi_contact.errors import InputError
 
 Point: TypeAlias = tuple[float, float]
@@ -195,6 +203,8 @@ def polygons(outline: Outline) -> Polygons:
     size = positive_number("size", outline.size)
     outer = _polygon("corners", outline.corners, size, closed=True)
     holes = tuple(_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(outline.holes)))
+    for kind, what in (("joints", "names to lines"), ("regions", "names to lines"), ("sizes", "points to sizes")):
+        mapping(kind, getattr(outline, kind), what)
     joints = {name: _joint(f"joints.{name}", line, size) for name, line in outline.joints.items()}
     regions = {name: _polygon(f"regions.{name}", line, size, closed=True) for name, line in outline.regions.items()}
     for kind, names in (("joints", joints), ("regions", regions)):

@@ -11,7 +11,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, one_of, positive_number
+from qvi_contact.basics.checks import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    finite_number,
+    one_of,
+    positive_number,
+    whole_number,
+)
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.lines import checked_lines, graded_lines, on_line, subdivided
@@ -32,6 +40,7 @@ DIRECTIONS: Final = ("horizontal", "vertical")
 
 _FINEST: Final = 1e-9  # smallest cell size, relative to the body, that `refined` makes
 _MOST_LINES: Final = 100_000
+_MOST_CELLS: Final = 10_000_000
 _ROUNDING: Final = 64.0 * float(np.finfo(np.float64).eps)  # of a coordinate that was computed, relative to the largest
 
 
@@ -155,6 +164,9 @@ class RectilinearMesh(Stated, NamedEdges[GridEdges]):
         for name, value in (("cells", cells), ("origin", origin), ("grading", pair)):
             if not isinstance(value, (tuple, list)) or len(value) != 2:
                 raise InputError(name, value, "give a pair, for x and y")
+        across, up = (whole_number("cells", number) for number in cells)
+        if across * up > _MOST_CELLS:
+            raise InputError("cells", tuple(cells), f"give at most {_MOST_CELLS:,} cells in all")
         grading_x, grading_y = pair
         origin = finite_number("origin", origin[0]), finite_number("origin", origin[1])
         return cls(

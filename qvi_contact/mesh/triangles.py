@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, one_of, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, one_of, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import reversed_bends, stretches
 from qvi_contact.mesh.bends import AnyArc, bends_of, refuse_bad_arcs
@@ -50,6 +50,8 @@ Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 
 _INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
+_EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
+_FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
 _NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
 _TOGETHER: Final = 64  # points that are looked for in all triangles at a time
@@ -91,12 +93,14 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         object.__setattr__(self, "vertices", checked_vertices(self.vertices))
         object.__setattr__(self, "cells", checked_cells(self.cells, self.vertices))
         refuse_flaws(self.vertices, self.cells, self.topology)
-        pairs = {
-            name: checked_pairs(name, given, self.topology, self.vertices) for name, given in self.edge_sets.items()
-        }
+        edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS)
+        pairs = {name: checked_pairs(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
         object.__setattr__(self, "edge_sets", MappingProxyType(pairs))
-        regions = {name: checked_region(name, given, len(self.cells)) for name, given in self.regions.items()}
+        named = mapping("TriangleMesh.regions", self.regions, "names to numbers of triangles")
+        regions = {name: checked_region(name, given, len(self.cells)) for name, given in named.items()}
         object.__setattr__(self, "regions", MappingProxyType(regions))
+        if not isinstance(self.arcs, Sequence):
+            raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Arcs and Curves")
         object.__setattr__(self, "arcs", tuple(self._checked(number) for number in range(len(self.arcs))))
         if self.arcs:
             refuse_bad_arcs(self.arcs, self.bends, self.vertices, self.cells, self.topology)
@@ -140,6 +144,8 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         number of cells across is even; in corners of the body into the corner. The triangles 2k and 2k + 1 lie in the
         active cell k, counted row by row. The same mesh gives the same triangles again, with what they have computed.
         """
+        if not isinstance(mesh, RectilinearMesh):
+            raise InputError("mesh", mesh, "give a RectilinearMesh")
         found = _OF_RECTANGLES.get(mesh)
         if found is None:
             found = _OF_RECTANGLES[mesh] = cls._made(triangulated(mesh))
@@ -205,7 +211,9 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             would make more than some 200 000 triangles.
 
         """
-        outline = Outline(corners, size, holes, joints or {}, regions or {}, sizes or {})
+        given = {"joints": joints, "regions": regions, "sizes": sizes}
+        named: dict[str, Any] = {kind: found for kind, found in given.items() if found is not None}
+        outline = Outline(corners, size, holes, **named)
         parts = meshed(polygons(outline))
         try:
             mesh = cls._made(divided_at_arcs(parts))
@@ -332,7 +340,8 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     def numbers(self, name: str) -> IntArray:
         """Numbers in `topology` of the edges called `name`, in ascending order."""
-        return self.topology.number(self.edge_sets[name], len(self.vertices))
+        pairs = self.edge_sets[one_of("name", name, self.edge_sets, "name an edge set or joint")]
+        return self.topology.number(pairs, len(self.vertices))
 
     def _on_boundary(self, name: str) -> bool:
         return bool(self.topology.boundary[self.numbers(name)[0]])
@@ -428,7 +437,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     def pairs(self, name: str) -> IntArray:
         """Vertices (k, 2) of the edges called `name`, in ascending order."""
-        return self.topology.ends[self.numbers(one_of("name", name, self.edge_sets, "name an edge set or joint"))]
+        return self.topology.ends[self.numbers(name)]
 
     def with_region(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with a named region.
@@ -445,7 +454,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         if name in self.regions:
             raise InputError("name", name, "this region exists already: choose another name")
         chosen = _selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
-        return replace(self, regions={**self.regions, name: np.asarray(chosen)})
+        return replace(self, regions={**self.regions, name: checked_region(name, chosen, len(self.cells))})
 
     def part(self, cells: IntArray, edge_sets: Mapping[str, IntArray] | None = None) -> TriangleMesh:
         """Some of the triangles as a mesh of their own; names and arcs stay where they have edges or triangles in it.
@@ -465,7 +474,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             If they are no body of one piece.
 
         """
-        taken = np.unique(cells)
+        taken = checked_region("cells", cells, len(self.cells))
         kept = np.unique(self.cells[taken])
         place = np.full(len(self.vertices), -1)
         place[kept] = np.arange(len(kept))
@@ -475,7 +484,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             chosen: BoolArray = inside[self.topology.number(pairs, len(self.vertices))]
             return np.asarray(pairs[chosen])
 
-        named_edges = self.edge_sets if edge_sets is None else edge_sets
+        named_edges = self.edge_sets if edge_sets is None else mapping("edge_sets", edge_sets, _EDGE_SETS)
         sets = {name: place[found] for name, pairs in named_edges.items() if len(found := here(pairs))}
         regions = {name: np.flatnonzero(np.isin(taken, found)) for name, found in self.regions.items()}
         kept_arcs = [arc.divided(found, found) for arc in self.arcs if len(found := here(arc.edges))]
@@ -533,14 +542,17 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
-        points = real_array("points", points).reshape(-1, 2)
+        given, points = points, real_array("points", points)
+        if points.size and points.shape[-1:] != (2,):
+            raise InputError("points", given, "give an array (k, 2) of coordinates")
+        points = points.reshape(-1, 2)
         found = np.full(len(points), -1)
-        finite = np.isfinite(points).all(axis=1)
-        found[finite] = self._located(points[finite])
+        near = (np.abs(points - self.origin) <= _FAR * self.length).all(axis=1)  # neither far away nor not a number
+        found[near] = self._located(points[near])
         return found
 
     def _located(self, points: FloatArray) -> IntArray:
-        """The same for points that are finite."""
+        """The same for points that are not far away."""
         count = min(_NEIGHBOURS, len(self.cells))
         near = self._centres.query(points, count)[1].reshape(-1, count)
         found = self._lowest(points, np.repeat(np.arange(len(points)), count), near.ravel())
@@ -631,6 +643,8 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     def parents(self, coarse: TriangleMesh) -> IntArray:
         """The triangle of a coarser mesh of the same body in which each triangle lies, shape (m,)."""
+        if not isinstance(coarse, TriangleMesh):
+            raise InputError("coarse", coarse, "give a TriangleMesh")
         return coarse.locate(self.corners.mean(axis=1))
 
     def refined(self, marked: ArrayLike | None = None) -> TriangleMesh:
@@ -660,12 +674,10 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             If a point is outside the body, or triangles would become too small to tell their vertices apart.
 
         """
-        places = np.asarray(points, dtype=float)
+        places = real_array("points", points, "give an array (k, 2) of coordinates")
         if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():
             raise InputError("points", points, "give an array (k, 2) of coordinates")
-        depths = np.broadcast_to(np.asarray(depth), len(places))
-        if depths.dtype.kind not in "iu" or depths.min(initial=0) < 0 or depths.max(initial=0) > _DEEPEST:
-            raise InputError("depth", depth, f"give whole numbers from 0 to {_DEEPEST}")
+        depths = _depths(depth, len(places))
         outside = self.locate(places) < 0
         if outside.any():
             x, y = places[np.argmax(outside)].tolist()
@@ -689,6 +701,16 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
 _OF_RECTANGLES: WeakKeyDictionary[RectilinearMesh, TriangleMesh] = WeakKeyDictionary()
 """What grids have been cut into, as long as these are there: all steps of a history have one grid."""
+
+
+def _depths(given: object, count: int) -> IntArray:
+    """How often triangles at each point are halved, (count,)."""
+    remedy = f"give a whole number from 0 to {_DEEPEST}, or one for each of the {count} points"
+    found = real_array("depth", given, remedy)
+    whole = np.asarray(given).dtype.kind in "iu" and found.min(initial=0) >= 0 and found.max(initial=0) <= _DEEPEST
+    if not whole or found.shape not in ((), (count,)):
+        raise InputError("depth", given, remedy)
+    return np.asarray(np.broadcast_to(found.astype(np.int64), count))
 
 
 def _points_back(vectors: FloatArray) -> BoolArray:

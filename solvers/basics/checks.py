@@ -1,6 +1,7 @@
 """Checks of what callers hand in: numbers, arrays of real numbers, names."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,13 @@ def one_of(field: str, value: object, choices: Iterable[str], remedy: str = "") 
     known = tuple(choices)
     if not isinstance(value, str) or value not in known:
         raise InputError(field, value, remedy or f"give one of {', '.join(known)}")
+    return value
+
+
+def mapping(field: str, value: object, what: str) -> Mapping[Any, Any]:
+    """The value if it is a mapping; else `InputError`, whose remedy says what of."""
+    if not isinstance(value, Mapping):
+        raise InputError(field, value, f"give a mapping of {what}")
     return value
 
 

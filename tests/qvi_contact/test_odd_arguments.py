@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from qvi_contact import (
     Corner,
     InputError,
+    RectilinearMesh,
     SweepRow,
     TriangleMesh,
     discretize,
@@ -46,7 +47,7 @@ OBJECTS = [None, np.nan, -1, 2.5, 1j, True, b"x", [], ["x"], {}, {"x": 1}, np.ar
 
 def refused(use, value, field):
     """The call ends in one line that begins with the field."""
-    with pytest.raises(InputError, match=rf"^{re.escape(field)}: ") as caught:
+    with pytest.raises(InputError, match=rf"^{re.escape(field)}(\[.*\])?: ") as caught:
         use(value)
     assert "\n" not in str(caught.value)
     assert caught.value.remedy
@@ -186,3 +187,59 @@ def test_areas_of_loops_need_as_many_forces_as_displacements(displacement, more)
     with pytest.raises(InputError, match=r"^force: "):
         loop_area(displacement, [1.0] * (len(displacement) + more))
     assert loop_area(displacement, [1.0] * len(displacement)) == pytest.approx(displacement[-1] - displacement[0])
+
+
+SQUARE = RectilinearMesh.rectangle((2, 2))
+CUT = TriangleMesh.of_rectangles(SQUARE)
+OUTLINE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
+MESHES = {
+    "TriangleMesh.edge_sets": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, sets),
+    "TriangleMesh.regions": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, {}, sets),
+    "TriangleMesh.arcs": lambda arcs: TriangleMesh(CUT.vertices, CUT.cells, arcs=arcs),
+    "mesh": TriangleMesh.of_rectangles,
+    "joints": lambda joints: TriangleMesh.outline(OUTLINE, 0.5, joints=joints),
+    "regions": lambda regions: TriangleMesh.outline(OUTLINE, 0.5, regions=regions),
+    "sizes": lambda sizes: TriangleMesh.outline(OUTLINE, 0.5, sizes=sizes),
+    "coarse": CUT.parents,
+    "name": CUT.numbers,
+    "cells": CUT.part,
+    "edge_sets": lambda sets: CUT.part([0, 1], sets),
+    "points": lambda points: CUT.graded(points, 1),
+    "points to locate": CUT.locate,
+    "depth": lambda depth: CUT.graded([[0.0, 0.0]], depth),
+    "marked": CUT.refined,
+    "here": lambda where: CUT.with_region("here", where),
+    "x, y": lambda x: tables()[2].__self__.displacement(x, 0.5),
+}
+
+
+@pytest.mark.parametrize("value", [np.nan, -1.5, 1j, "text", Odd(), [[1, 2], [3]], [Odd()], 10**400, 1e308], ids=repr)
+@pytest.mark.parametrize("entry", MESHES)
+def test_meshes_are_made_of_what_they_are_made_of(entry, value):
+    refused(MESHES[entry], value, entry.split(" to ")[0])
+
+
+@given(st.floats(allow_nan=True, allow_infinity=True), st.floats(allow_nan=True, allow_infinity=True))
+def test_any_point_is_in_a_triangle_or_outside(x, y):
+    inside = 0.0 <= x <= 1.0 and 0.0 <= y <= 1.0
+    assert (CUT.locate([[x, y]])[0] >= 0) == inside or min(abs(x), abs(x - 1.0), abs(y), abs(y - 1.0)) < 1e-8
+
+
+@pytest.mark.parametrize("points", [[], np.zeros((0, 2))])
+def test_no_points_are_nowhere(points):
+    assert CUT.locate(points).shape == (0,)
+    displacement = tables()[2].__self__.displacement
+    assert displacement(np.zeros((3, 0)), 0.5).shape == (3, 0, 2)
+
+
+HUGE = {
+    "grading": lambda: graded_lines(0.0, 1.0, 3, 1e308),
+    "grading of ends": lambda: graded_lines(-1e308, 1e308, 3),
+    "cells": lambda: RectilinearMesh.rectangle((10**6, 10**6)),
+    "cells of triangles": lambda: TriangleMesh.rectangle((10**5, 10**5)),
+}
+
+
+@pytest.mark.parametrize("entry", HUGE)
+def test_what_is_too_large_is_refused_before_it_is_made(entry):
+    refused(lambda _: HUGE[entry](), None, entry.split(" of ")[0])
