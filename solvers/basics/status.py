@@ -60,7 +60,8 @@ _ADVICE = {
     "cells less thin.",
     Status.UNBOUNDED: "The energy has no minimum: check that K is positive definite, with no free mode left.",
     Status.MAX_ITERATIONS: "The iteration limit was reached: raise max_iterations if the residuals were falling, else "
-    "take method='fixed-point' or another inner solver.",
+    "take method='fixed-point' or another inner solver. A load beyond what friction can carry may end so too: a limit "
+    "analysis (limit_load_factor, or qvi-contact limit) gives that limit from both sides.",
     Status.TIME_LIMIT: "The time limit was reached. The state, if there is one, is the best found until then: allow "
     "more time (time_limit), or take fewer cells.",
     Status.STALLED: "The iteration stopped making progress (close to a sliding limit there may be no solution): start "
