@@ -24,7 +24,7 @@ from qvi_contact.discretization.loads import (
     prescribed_tractions,
     shear_beside_contacts,
 )
-from qvi_contact.discretization.pins import misplaced_pins
+from qvi_contact.discretization.pins import misplaced_pins, pressed_pins
 from qvi_contact.discretization.plates import plate_rows
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.bogner_fox_schmit import Grid
@@ -124,6 +124,12 @@ class Discretization(Posed, Stated):
             "faces away from it. There the distance from the pin is no gap. Correct the centre of the pin, or the "
             "edges of its contact."
             for name, (x, y) in misplaced_pins(self.problem).items()
+        ]
+        found += [
+            f"The radius of the pin at {name!r} is {interference:.6g} [length] larger than that of its bore. This is a "
+            "press fit: the pin presses all around before it is loaded. If it should have a clearance, give it a "
+            "smaller radius."
+            for name, interference in pressed_pins(self.problem).items()
         ]
         return tuple(found)
 

@@ -6,6 +6,8 @@ from functools import cache, partial
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from qvi_contact import (
     Contact,
@@ -29,7 +31,7 @@ from qvi_contact.bracket.senses import outside_scope
 from qvi_contact.cli import group
 from qvi_contact.command.page import numbers
 from qvi_contact.companion import solve_companion
-from qvi_contact.discretization.pins import misplaced_pins
+from qvi_contact.discretization.pins import misplaced_pins, pressed_pins
 from qvi_contact.gallery.meshes import arc, fan
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mesh.arcs import cross
@@ -384,6 +386,38 @@ class TestWhereAPinIs:
         """One whose gap is another, wherever its pivot lies."""
         plate = Contact("outside", 0.3, gap=0.1, plate=RigidPlate(x=0.1, pivot=(0.0, 1.5)))
         assert not self.misplaced(SMALL, "outside", plate)
+
+
+class TestPressFits:
+    """A pin larger than its bore is said to be one, by the difference of the radii."""
+
+    @pytest.mark.parametrize("mesh", [SHEET, ROUND, SMALL])
+    @given(excess=st.floats(-0.2, 0.2), off=st.floats(0.0, 0.9))
+    def test_interference(self, mesh, excess, off):
+        """Of chords and arcs, wherever the centre is off by less than the interference; sharper than rounding."""
+        assume(abs(excess) > 1e-6)
+        bore = np.hypot(*mesh.vertices[mesh.pairs("hole")[0, 0]])
+        centre = (0.6 * off * abs(excess), -0.8 * off * abs(excess))
+        found = pressed_pins(pinned(Contact.pin("hole", 0.3, centre, bore + excess, x=0.0), mesh=mesh))
+        expected = (
+            {"hole": pytest.approx(excess, abs=1e-12 + 0.5 * np.hypot(*centre) ** 2 / bore)} if excess > 0.0 else {}
+        )
+        assert found == expected
+
+    def test_what_is_no_press_fit(self):
+        """A pin that fits, one that overlaps on one side only, one in a bearing, and plates with an interference."""
+        assert pressed_pins(pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 1.0, x=0.0))) == {}
+        assert pressed_pins(pinned(Contact.pin("hole", 0.3, (0.3, 0.0), 0.9, x=0.0))) == {}
+        lying = bearing(0.0)
+        larger = Contact.pin("inner", 0.3, (0.0, 0.0), 1.01, x=0.0)
+        assert pressed_pins(replace(lying, conditions=[larger, *lying.conditions[1:]])) == {}
+        assert pressed_pins(pinned(Contact("hole", 0.3, gap=lambda x, y: -0.1 - 0.01 * x * y))) == {}
+
+    def test_the_result_says_so_in_its_unit(self):
+        for radius, said in ((0.99, 0), (1.0125, 1)):
+            result = solved(pinned(Contact.pin("hole", 0.3, (0.0, 0.0), radius, x=0.0), mesh=ROUND), degree=3)
+            remarks = [Units("mm", "MPa").filled(remark) for remark in result.remarks]
+            assert sum("press fit" in remark and "0.0125 mm larger" in remark for remark in remarks) == said
 
 
 def bearing(moment):
