@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
 
 _ROUNDED = 1e-6
+_FAR = 1e4  # gaps over displacements above which rounding of gaps is what an inaccurate result lacks
 _COUNTED = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
 _NOTHING = 1e-9  # share of it below which they are none
 """Share of the stress in which rounding of single stresses is worth a remark."""
@@ -241,7 +242,7 @@ class ContactResult(Stated):
         if not self.has_state:
             return remarks
         loose = tuple(body.remark for body in self.loose_bodies)
-        found = self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds()
+        found = self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds() + self._rounded_gaps()
         return remarks + loose + found + tuple(self._coarse_arcs())
 
     @cached_property
@@ -273,6 +274,21 @@ class ContactResult(Stated):
         return (
             f"Rounding makes stresses in the smallest cells uncertain by up to {self.stress_rounding:.2g} [stress]. "
             "Forces and energies are not affected. Use larger cells there, or less grading.",
+        )
+
+    def _rounded_gaps(self) -> tuple[str, ...]:
+        """That gaps far larger than the displacements have cost digits, where the certificate does not pass."""
+        unit = self.certificate.scales.get("displacement", 0.0)
+        gaps = {rows.name: float(np.abs(rows.gap).max(initial=0.0)) for rows in self.discretization.contacts}
+        name = max(gaps, key=gaps.__getitem__, default="")
+        if self.status is not Status.INACCURATE or not unit or not gaps[name] > _FAR * unit:
+            return ()
+        accuracy = self.certificate.accuracy
+        tolerance = 10.0 ** np.ceil(np.log10(2.0 * accuracy))
+        return (
+            f"On {name!r} gaps are up to {gaps[name] / unit:.0e} times the displacements of the body. Rounding of the "
+            f"gaps limits the accuracy, here to {accuracy:.1e}. Ask for a tolerance of {tolerance:.0e}, or state the "
+            "problem with a smaller clearance or gap.",
         )
 
     @cached_property

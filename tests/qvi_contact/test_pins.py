@@ -1,5 +1,6 @@
 """Rigid pins and plates that are moved or driven, on edges that face any way: motion, force, moment, what is free."""
 
+import re
 from dataclasses import replace
 from functools import cache, partial
 
@@ -418,6 +419,33 @@ class TestPressFits:
             result = solved(pinned(Contact.pin("hole", 0.3, (0.0, 0.0), radius, x=0.0), mesh=ROUND), degree=3)
             remarks = [Units("mm", "MPa").filled(remark) for remark in result.remarks]
             assert sum("press fit" in remark and "0.0125 mm larger" in remark for remark in remarks) == said
+
+
+class TestWideClearances:
+    """A pin whose clearance is far larger than the displacements is inaccurate by rounding, and told so."""
+
+    @staticmethod
+    def pushed(force, tolerance=1e-8):
+        pin = Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, force_x=force, y=0.0, rotation=0.0)
+        return solve(pinned(pin, mesh=ROUND), tolerance=tolerance)
+
+    @staticmethod
+    def said(result):
+        return sum("times the displacements" in remark for remark in result.remarks)
+
+    def test_the_result_says_what_to_do_and_that_helps(self):
+        result = self.pushed(1e-9)
+        assert result.status is Status.INACCURATE
+        assert self.said(result) == 1
+        asked = next(re.findall(r"tolerance of (1e-\d+)", remark) for remark in result.remarks if "times" in remark)
+        again = self.pushed(1e-9, float(asked[0]))
+        assert again.status is Status.SOLVED
+        assert self.said(again) == 0
+
+    def test_what_is_solved_gets_no_such_remark(self):
+        result = self.pushed(1e-5)
+        assert result.status is Status.SOLVED
+        assert self.said(result) == 0
 
 
 def bearing(moment):
