@@ -127,6 +127,7 @@ def group() -> None:
 @click.option(
     "--set",
     "swept",
+    multiple=True,
     metavar="NAME=V1,V2,…",
     help="Solve for several values, or START:STOP:COUNT: of friction, of a factor of load, of what is added to gap or "
     "offset.",
@@ -159,7 +160,7 @@ def solve(
     save_json: str | None,
     report: str | None,
     certificate: bool,
-    swept: str | None,
+    swept: tuple[str, ...],
     store: str | None,
     workers: int | None,
     dask: str | None,

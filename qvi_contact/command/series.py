@@ -123,13 +123,15 @@ def named_errors(plan: SweepPlan, file: ProblemFile) -> Iterator[None]:
         raise InputError(place, error.value, error.remedy) from error
 
 
-def plan_of(file: ProblemFile, given: str | None) -> SweepPlan | None:
-    """The sweep that an option --set or the file asks for."""
-    if given is None:
+def plan_of(file: ProblemFile, given: Sequence[str]) -> SweepPlan | None:
+    """The sweep that an option --set or the file asks for; `InputError` if the option is given more than once."""
+    if not given:
         return file.sweep
+    if len(given) > 1:
+        raise InputError("--set", " ".join(given), "one number can be swept at a time: give this option once")
     if file.times:
-        raise InputError("--set", given, "a file with a [history] cannot be swept: give one without")
-    return _parsed(given)
+        raise InputError("--set", given[0], "a file with a [history] cannot be swept: give one without")
+    return _parsed(given[0])
 
 
 def _parsed(text: str) -> SweepPlan:

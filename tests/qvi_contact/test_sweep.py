@@ -230,6 +230,13 @@ def test_bad_values_on_the_command_line(words):
     assert message.startswith("--set: ")
 
 
+def test_one_number_is_swept_at_a_time():
+    """The first of two was left out without a word."""
+    status, message = command("solve", FILE, "--set", "friction=0.1", "--set", "gap=0.0")
+    assert status == 2
+    assert message.startswith("--set: 'friction=0.1 gap=0.0': ")
+
+
 def test_a_history_is_not_swept(tmp_path):
     cycle = FILE.parent / "cyclic_shear.toml"
     assert "[history]" in command("solve", cycle, "--set", "friction=0.1")[1]
