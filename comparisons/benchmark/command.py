@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.lab.options import FiniteRange, ListCommand, json_option, out_option
+from comparisons.lab.options import COUNT, FiniteRange, ListCommand, json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 
 FOLDER = "results/benchmark"
@@ -15,17 +15,17 @@ FOLDER = "results/benchmark"
 @study_options(FOLDER, folder=True)
 @click.option("--problem", type=click.Choice(["plate", "wall"]), default="plate", help="Problem to solve.",
               show_default=True)  # fmt: skip
-@click.option("--blocks", type=click.IntRange(1), multiple=True, default=(8, 16, 32), show_default=True,
+@click.option("--blocks", type=COUNT, multiple=True, default=(8, 16, 32), show_default=True,
               help="Blocks along a side of a wall; may take several numbers.")  # fmt: skip
 @click.option("--load", type=FiniteRange(0.0), multiple=True,
               help="Load of a wall from the side, over its weight.  [default: 0.02, 0.3, 0.45]")  # fmt: skip
 @click.option("--element", type=click.Choice(["bfs", "hct"]), multiple=True, default=("bfs",), show_default=True,
               help="Elements of a wall, on rectangles or triangles; may take both.")  # fmt: skip
-@click.option("--cells", type=click.IntRange(1), multiple=True, default=(64, 128, 256, 512),
+@click.option("--cells", type=COUNT, multiple=True, default=(64, 128, 256, 512),
               show_default=True, help="Cells along a side; may take several numbers.")  # fmt: skip
 @click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.1, 0.2, 0.5), show_default=True,
               help="Coefficients of friction; may take several numbers.")  # fmt: skip
-@click.option("--repeat", type=click.IntRange(1), help="Repetitions of each run.  "
+@click.option("--repeat", type=COUNT, help="Repetitions of each run.  "
               "[default: 5 to 128² cells, 3 to 512²; 20 on graded meshes]")  # fmt: skip
 @click.option("--no-naive", is_flag=True,
               help="Leave out the other methods: the plain loop, the loop of condensed QPs, and Uzawa's.")  # fmt: skip

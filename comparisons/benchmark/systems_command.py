@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from comparisons.lab.options import ListCommand, json_option
+from comparisons.lab.options import COUNT, ListCommand, json_option
 
 if TYPE_CHECKING:
     from comparisons.benchmark.systems import Pair
@@ -14,7 +14,7 @@ _HEADER = ("problem", "unknowns", "contact", "counted", "dense", "sparse", "quot
 
 @click.command(cls=ListCommand, short_help="Where dense linear systems stop to pay.")
 @click.option("--only", multiple=True, metavar="WORD…", help="Only problems whose names contain one of these words.")
-@click.option("--repeat", type=click.IntRange(1), default=3, show_default=True, help="Repetitions of each solve.")
+@click.option("--repeat", type=COUNT, default=3, show_default=True, help="Repetitions of each solve.")
 @json_option
 def systems(only: tuple[str, ...], repeat: int, as_json: bool) -> None:
     """Solve plates and walls by dense and by sparse linear systems, and compare the times.

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
@@ -48,6 +48,9 @@ class FiniteRange(click.FloatRange):
         number = float(super().convert(value, param, ctx))
         return number if math.isfinite(number) else self.fail(f"{value} is not finite.", param, ctx)
 
+
+COUNT: Final = click.IntRange(1, 10_000)
+"""Type of options that count: cells along a side, processes, repetitions."""
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of the tables.")
 """Decorator of a command that prints its report."""

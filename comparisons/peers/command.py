@@ -7,7 +7,7 @@ from typing import Final
 
 import click
 
-from comparisons.lab.options import FiniteRange, ListCommand, json_option, out_option
+from comparisons.lab.options import COUNT, FiniteRange, ListCommand, json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 from comparisons.peers import LEVELS
 
@@ -29,12 +29,12 @@ def _shown(defaults: Mapping[str, tuple[float, ...]]) -> str:
               help="The compressed plate, or the loaded pin of NAFEMS.")  # fmt: skip
 @click.option("--friction", type=FiniteRange(0.0), multiple=True, show_default=_shown(_FRICTION),
               help="Coefficients of friction; may take several numbers.")  # fmt: skip
-@click.option("--cells", type=click.IntRange(1), multiple=True, show_default=_shown(_CELLS),
+@click.option("--cells", type=COUNT, multiple=True, show_default=_shown(_CELLS),
               help="Cells along a side of equal and of corner-graded meshes, or edges of the pin in a quarter; "
               "may take several numbers.")  # fmt: skip
 @click.option("--levels", type=click.IntRange(1, LEVELS), default=LEVELS, show_default=True,
               help="Number of meshes of the plate graded to the corner and to the end of the stick zone.")  # fmt: skip
-@click.option("--repeat", type=click.IntRange(1), default=5, show_default=True,
+@click.option("--repeat", type=COUNT, default=5, show_default=True,
               help="Largest number of repetitions within 5 s, for the plate.")  # fmt: skip
 @click.option("--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not.")
 @json_option

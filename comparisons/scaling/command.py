@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.lab.options import ListCommand, json_option, out_option
+from comparisons.lab.options import COUNT, ListCommand, json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 
 STORE = "results/scaling/scaling.sqlite"
@@ -17,7 +17,7 @@ QUICK_STORE = "results/scaling/scaling-quick.sqlite"
 @click.option(
     "--processes",
     multiple=True,
-    type=click.IntRange(1),
+    type=COUNT,
     metavar="NUMBER…",
     help="Processes that share a sweep; give another --store too.  [default: 1 2]",
 )

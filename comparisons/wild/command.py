@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from comparisons.lab.options import ListCommand, json_option, out_option
+from comparisons.lab.options import COUNT, ListCommand, json_option, out_option
 from comparisons.lab.study.options import RunOptions, study_options
 
 STORE = "results/wild/wild.sqlite"
@@ -14,7 +14,7 @@ QUICK_STORE = "results/wild/wild-quick.sqlite"
 @click.command(cls=ListCommand, short_help="Generated problems: what becomes of each.")
 @study_options(STORE, timeout=120.0, memory=4096)
 @click.option("--quick", is_flag=True, help=f"Five problems of each family, kept in {QUICK_STORE}.")
-@click.option("--each", type=click.IntRange(1), metavar="NUMBER", help="Problems of each family.  [default: 250]")
+@click.option("--each", type=COUNT, metavar="NUMBER", help="Problems of each family.  [default: 250]")
 @click.option("--only", multiple=True, metavar="FAMILY…", help="Only these families; give another --store too.")
 @out_option("results/wild")
 @json_option

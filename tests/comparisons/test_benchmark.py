@@ -359,7 +359,8 @@ class TestCommandLine:
 
     @pytest.mark.parametrize(
         ("arguments", "word"),
-        [(("--cells", "0"), "cells"), (("--cells", "4", "x"), "x"), (("--cells",), "--cells"),
+        [(("--cells", "0"), "cells"), (("--cells", "9" * 23), "cells"), (("--blocks", "9" * 23), "blocks"),
+         (("--repeat", "9" * 23), "repeat"), (("--cells", "4", "x"), "x"), (("--cells",), "--cells"),
          (("--friction", "0.2", "-0.1"), "friction"), (("--friction", "nan"), "friction"),
          (("--threads", "0"), "threads"), (("--repeat", "0"), "repeat"), (("--factorisation", "mumps"), "mumps"),
          (("--jsn",), "jsn"), (("--out", ""), "folder"),

@@ -381,7 +381,20 @@ class TestCommand:
             main.main([*arguments, "--store", str(tmp_path / "a")], standalone_mode=False)
         assert taken == [((DEMO, tmp_path / "a", 3, "tcp://x:1", 1.5, 900), {"threads": 2})]
 
-    @pytest.mark.parametrize("arguments", [("--workers", "0"), ("--store", "/proc/a/b"), ("--timeout", "-1")])
+    @pytest.mark.parametrize(
+        "arguments",
+        [
+            ("--workers", "0"),
+            ("--store", "/proc/a/b"),
+            ("--timeout", "-1"),
+            ("--timeout", "nan"),
+            ("--timeout", "inf"),
+            ("--memory", "0"),
+            ("--memory", "9" * 30),
+            ("--threads", "9" * 30),
+            ("--workers", "10001"),
+        ],
+    )
     def test_bad_input_is_one_line(self, capfd, monkeypatch, tmp_path, arguments):
         monkeypatch.setattr(sys, "argv", ["study_demo", "--store", str(tmp_path / "a"), *arguments])
         with pytest.raises(SystemExit) as caught:

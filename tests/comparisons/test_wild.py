@@ -1,11 +1,13 @@
 """Wild problems: the same every time, a sample of them, and a judge that sees what is wrong."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from comparisons.cli import group
 from comparisons.lab.study import pool, read_csv, read_study
 from comparisons.wild import study
 from comparisons.wild.dice import Dice
@@ -16,6 +18,7 @@ from comparisons.wild.measures import ORDER, counts_of, problems_of, values_of
 from comparisons.wild.report import report
 from comparisons.wild.study import ACCEPTED, FOREIGN, INFEASIBLE, OPEN, REFUSED, SOLVED, declared, solve_case
 from qvi_contact import Contact, ContactProblem, InputError, Material, RectilinearMesh, Symmetry, Traction, solve
+from qvi_contact.basics import terminal
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.solution.result import ContactResult
@@ -221,11 +224,6 @@ class TestEnumeration:
 
 
 def test_command_writes_report_and_rows(tmp_path, capfd):
-    import sys
-
-    from comparisons.cli import group
-    from qvi_contact.basics import terminal
-
     out, store = tmp_path / "out", tmp_path / "few.sqlite"
     words = ["wild", "--each", "1", "--only", "thin", "nonsense", "--store", str(store), "--out", str(out)]
     with pytest.MonkeyPatch.context() as patch:
@@ -241,6 +239,17 @@ def test_command_writes_report_and_rows(tmp_path, capfd):
     assert tuple(counts_of(problems)) == ORDER
     assert sorted(path.name for path in out.iterdir()) == ["wild.csv.gz", "wild.html", "wild.md"]
     assert read_csv(out / "wild.csv.gz") == rows
+
+
+@pytest.mark.parametrize("words", [["wild", "--each"], ["scaling", "--processes"], ["systems", "--repeat"]])
+def test_counts_have_an_end(words, capfd):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["comparisons", *words, "9" * 26])
+        with pytest.raises(SystemExit) as caught:
+            terminal.run(group, "comparisons")
+    err = capfd.readouterr().err.splitlines()
+    assert (caught.value.code, len(err)) == (2, 1)
+    assert words[1] in err[0]
 
 
 @pytest.fixture(scope="module")

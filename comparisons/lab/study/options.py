@@ -4,16 +4,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 from click.core import ParameterSource
 
+from comparisons.lab.options import COUNT, FiniteRange
 from comparisons.lab.study.declaration import Study
 from comparisons.lab.study.runner import StudyRun, run_study
 from comparisons.lab.study.store import finished_keys
 from qvi_contact.basics.writing import writable_folder
 from qvi_contact.errors import InputError
+
+_MOST_MEMORY: Final = 2**40  # MiB, whose bytes the system can still count
 
 
 @dataclass(frozen=True)
@@ -71,12 +74,14 @@ def study_options(
     memory_help = "Memory in MiB that a case may take." + ("  [default: no limit]" if memory is None else "")
     options = (
         click.option("--store", default=store, metavar=metavar, show_default=True, help=kept),
-        click.option("--workers", type=click.IntRange(1), default=1, show_default=True,
+        click.option("--workers", type=COUNT, default=1, show_default=True,
                      help="Processes on this machine."),
         click.option("--dask", metavar="ADDRESS", help="Run on a Dask cluster instead: address of its scheduler."),
-        click.option("--timeout", type=float, default=timeout, show_default=True, help="Seconds a case may take."),
-        click.option("--memory", type=int, default=memory, show_default=True, help=memory_help),
-        click.option("--threads", type=click.IntRange(1), default=1, show_default=True, help="Threads of each worker."),
+        click.option("--timeout", type=FiniteRange(0.0, min_open=True), default=timeout, show_default=True,
+                     help="Seconds a case may take."),
+        click.option("--memory", type=click.IntRange(1, _MOST_MEMORY), default=memory, show_default=True,
+                     help=memory_help),
+        click.option("--threads", type=COUNT, default=1, show_default=True, help="Threads of each worker."),
     )  # fmt: skip
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
