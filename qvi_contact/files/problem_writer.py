@@ -127,6 +127,8 @@ def _check_options(field: str, given: object) -> None:
     if not isinstance(options, Mapping):
         raise InputError(field, options, "give a mapping from names to values")
     for name, value in options.items():
+        if not isinstance(name, str):
+            raise InputError(field, name, "give texts as names of options")
         if not isinstance(value, str | int | float | np.generic):
             raise InputError(f"{field}.{name}", value, "give a number or a text: a file holds nothing else")
 

@@ -18,6 +18,7 @@ from qvi_contact.basics.checks import (
 )
 from qvi_contact.errors import InputError
 
+LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
 _MOST_CELLS: Final = 1_000_000
 _SAMPLES: Final = 2000  # points per half interval where sizes are summed
 
@@ -82,6 +83,8 @@ def checked_lines(name: str, lines: ArrayLike) -> FloatArray:
         raise InputError(name, lines, "give a sequence of at least two grid lines")
     if not np.isfinite(values).all():
         raise InputError(name, lines, "give finite numbers")
+    if np.abs(values).max() > LARGEST:
+        raise InputError(name, float(np.abs(values).max()), f"give at most {LARGEST:.0e}: take other units")
     steps = np.diff(values)
     if (steps <= 0).any():
         raise InputError(name, lines, "give strictly increasing grid lines")

@@ -22,6 +22,7 @@ from qvi_contact.basics.checks import (
     true_or_false,
 )
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.lines import LARGEST
 
 Point: TypeAlias = tuple[float, float]
 
@@ -201,6 +202,8 @@ class Polygons:
 def polygons(outline: Outline) -> Polygons:
     """The outline's lines as polygons, checked; `InputError` says which line is wrong, and where."""
     size = positive_number("size", outline.size)
+    if size > LARGEST:
+        raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
     outer = _polygon("corners", outline.corners, size, closed=True)
     holes = tuple(_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(outline.holes)))
     for kind, what in (("joints", "names to lines"), ("regions", "names to lines"), ("sizes", "points to sizes")):

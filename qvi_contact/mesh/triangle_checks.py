@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from qvi_contact.basics.checks import FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.lines import LARGEST
 from qvi_contact.mesh.topology import Topology
 
 _LARGEST: Final = 2.0**53  # whole numbers below it are exact
@@ -26,6 +27,9 @@ def checked_vertices(vertices: ArrayLike) -> FloatArray:
     bad = ~np.isfinite(found).all(axis=1)
     if bad.any():
         raise InputError("TriangleMesh.vertices", int(np.argmax(bad)), "this vertex has no finite coordinates")
+    if np.abs(found).max() > LARGEST:
+        remedy = f"give coordinates of at most {LARGEST:.0e}: take other units"
+        raise InputError("TriangleMesh.vertices", float(np.abs(found).max()), remedy)
     found.flags.writeable = False
     return found
 

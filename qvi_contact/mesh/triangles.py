@@ -485,6 +485,9 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             return np.asarray(pairs[chosen])
 
         named_edges = self.edge_sets if edge_sets is None else mapping("edge_sets", edge_sets, _EDGE_SETS)
+        for name, pairs in named_edges.items():
+            if np.ndim(pairs) != 2 or np.shape(pairs)[1] != 2:
+                raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
         sets = {name: place[found] for name, pairs in named_edges.items() if len(found := here(pairs))}
         regions = {name: np.flatnonzero(np.isin(taken, found)) for name, found in self.regions.items()}
         kept_arcs = [arc.divided(found, found) for arc in self.arcs if len(found := here(arc.edges))]

@@ -182,6 +182,11 @@ def test_vertices_given_up_are_vertices():
     assert discretize(PLATE, freed=[0, 2]).freed.tolist() == [0, 2]
 
 
+@pytest.mark.parametrize("field", ["solve_options", "refine_options"])
+def test_options_of_problem_files_have_names(field, tmp_path):
+    refused(lambda options: save_problem(tmp_path / "plate.toml", PLATE, **{field: options}), {1: 2}, field)
+
+
 @given(st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=6), st.integers(1, 4))
 def test_areas_of_loops_need_as_many_forces_as_displacements(displacement, more):
     with pytest.raises(InputError, match=r"^force: "):
@@ -235,6 +240,11 @@ def test_no_points_are_nowhere(points):
 HUGE = {
     "grading": lambda: graded_lines(0.0, 1.0, 3, 1e308),
     "grading of ends": lambda: graded_lines(-1e308, 1e308, 3),
+    "RectilinearMesh.x": lambda: RectilinearMesh.rectangle((2, 2), width=1e308),
+    "RectilinearMesh.y": lambda: RectilinearMesh([0.0, 1.0], [0.0, 1e308]),
+    "TriangleMesh.vertices": lambda: TriangleMesh([[0.0, 0.0], [1e308, 0.0], [0.0, 1e308]], [[0, 1, 2]]),
+    "size": lambda: TriangleMesh.outline(OUTLINE, 1e308),
+    "edge_sets": lambda: CUT.part([0, 1], {"x": 1}),
     "cells": lambda: RectilinearMesh.rectangle((10**6, 10**6)),
     "cells of triangles": lambda: TriangleMesh.rectangle((10**5, 10**5)),
 }
