@@ -144,7 +144,7 @@ def _traction_load(problem: ContactProblem, space: Space, scales: Scales) -> tup
     """∫_{Γσ} T·v ds as a vector (size,), and which tractions no quadrature follows."""
     load, remarks = np.zeros(space.size), list[str]()
     for given in problem.prescribed(Traction):
-        edges = problem.mesh.boundary.take(given.index)
+        edges = given.edges
         found = along_edges(problem.mesh, edges, given.name, given.value, load_points(space.degree))
         shapes = bernstein.basis(space.degree, found.t.ravel()).reshape(*found.t.shape, -1)
         lengths = edges.length / scales.length

@@ -122,7 +122,7 @@ def _given(problem: ContactProblem, space: Space, scales: Scales) -> tuple[_Give
     coefficients: list[IntArray] = [np.empty(0, dtype=np.int64)]
     directions, values, reasons = [np.empty((0, 2))], [np.empty(0)], list[str]()
     for given in problem.prescribed(Displacement):
-        edges = problem.mesh.boundary.take(given.index)
+        edges = given.edges
         data = edge_data(problem, edges, given.name, given.value, space.degree, scales.displacement)
         size = max(1.0, float(np.abs(data.coefficients).max(initial=0.0)))
         if data.misfit > MISFIT * size:

@@ -51,7 +51,7 @@ def _traction(problem: ContactProblem, scales: Scales, given: Prescribed) -> Pre
     def potential(x: FloatArray, y: FloatArray) -> FloatArray:
         return _potential(problem, scales, x, y)
 
-    edges = problem.mesh.boundary.take(given.index)
+    edges = given.edges
     own = potential if has_body_force(problem) else None
     number = None if own is not None or callable(given.value) else given.value / scales.stress
     return PrescribedTraction(given.name, edges, given.direction, value, own, given.turns, number)
@@ -82,13 +82,13 @@ def contact_named(problem: ContactProblem, name: str) -> Contact:
 
 def shear_beside_contacts(problem: ContactProblem) -> list[tuple[int, str]]:
     """Vertices where a prescribed shear other than zero meets a contact that limits shear, with the contact's name."""
-    boundary, found = problem.mesh.boundary, []
+    found = []
     for contact in problem.contacts:
         if contact.law == "tied":
             continue
         ends = edge_ends(problem.mesh.edges(contact.edges))
         for given in problem.prescribed(Traction):
-            shear = boundary.take(given.index[_along(given, boundary.tangent[given.index])])
+            shear = given.edges.take(_along(given, given.edges.tangent))
             vertices = np.intersect1d(np.concatenate([shear.first, shear.second]), ends)
             values = evaluate(given.name, given.value, *problem.mesh.vertices[vertices].T)
             found += [(int(vertex), contact.name) for vertex in vertices[values != 0.0]]
@@ -105,7 +105,7 @@ def displacements_at_points(
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
     """Prescribed displacements as (directions (m, 2), m Gauss points of edges, values there [length])."""
     for given in problem.prescribed(Displacement):
-        points = EdgePoints(basis, problem.mesh.boundary.take(given.index), LOAD_POINTS)
+        points = EdgePoints(basis, given.edges, LOAD_POINTS)
         x, y = physical(problem, scales, points.coordinates)
         yield points.vectors(given.direction, given.turns), points, evaluate(given.name, given.value, x, y)
 

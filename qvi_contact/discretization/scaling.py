@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.shown import Rounding
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.edges import Edges
@@ -80,7 +80,7 @@ class Scales:
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
         sizes = [0.0]
         for given in problem.prescribed(Traction):
-            values = evaluate(given.name, given.value, *_samples(problem, given.index))
+            values = _sampled(problem, given.edges, given.name, given.value)
             sizes.append(float(np.abs(values).max()))
         vertices = problem.mesh.vertices[problem.mesh.body_vertices]
         potential = evaluate("ContactProblem.body_potential", problem.body_potential, *vertices.T)
@@ -93,18 +93,25 @@ class Scales:
         return cls(length, stress, compliance, max(sizes) > 0.0)
 
 
-def _samples(problem: ContactProblem, edges: Edges | IntArray) -> tuple[FloatArray, FloatArray]:
+def _sampled(
+    problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None
+) -> FloatArray:
+    """Values of a field at these points; where it is a number, that alone."""
+    places = _samples(problem, edges) if callable(value) else np.zeros((2, 1, 1))
+    return evaluate(name, value, *places, minimum=minimum)
+
+
+def _samples(problem: ContactProblem, edges: Edges) -> tuple[FloatArray, FloatArray]:
     """Coordinates x, y of the ends of edges and of Gauss points between them, shape (edges, points) each."""
-    chosen = edges if isinstance(edges, Edges) else problem.mesh.boundary.take(edges)
-    return problem.mesh.points_along(chosen, np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]]))
+    return problem.mesh.points_along(edges, np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]]))
 
 
 def _largest(problem: ContactProblem, name: str) -> list[float]:
     """The largest cohesion or pore pressure of each contact [stress]."""
     found = []
     for contact in problem.contacts:
-        x, y = _samples(problem, problem.mesh.edges(contact.edges))
-        found.append(float(evaluate(f"Contact.{name}", getattr(contact, name), x, y, minimum=0.0).max()))
+        edges = problem.mesh.edges(contact.edges)
+        found.append(float(_sampled(problem, edges, f"Contact.{name}", getattr(contact, name), 0.0).max()))
     return found
 
 
@@ -164,7 +171,7 @@ def _forced(problem: ContactProblem) -> tuple[float, ...]:
 
 def _all_bounds(problem: ContactProblem) -> Iterator[_Bounds]:
     for given in problem.prescribed(Displacement):
-        values = evaluate(given.name, given.value, *_samples(problem, given.index))
+        values = evaluate(given.name, given.value, *_samples(problem, given.edges))
         yield _Bounds(given.direction, values, True, True)
     for contact in problem.contacts:
         if contact not in problem.joints:

@@ -91,10 +91,10 @@ class Rigid:
 
     def _equations(self, problem: ContactProblem) -> FloatArray:
         """Rows (e, 3 k) of the velocities that supports, plates and contacts rule out."""
-        bodies, boundary, vertices = self.bodies, problem.mesh.boundary, problem.mesh.vertices
+        bodies, vertices = self.bodies, problem.mesh.vertices
         rows = [np.eye(3 * len(bodies))[~bodies.free.ravel()]]
         for given in problem.prescribed(Displacement):
-            edges = boundary.take(given.index)
+            edges = given.edges
             block = bodies.of_cells[edges.cells[:, 0]]
             along = vectors_along(edges, given.direction, np.array([0.0, 1.0]), turns=given.turns)
             ends = (edges.first, edges.second)

@@ -66,7 +66,7 @@ def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
 
 def _of_traction(problem: ContactProblem, bodies: Bodies, load: Traction) -> Work:
     mesh, total = problem.mesh, Work(np.zeros(3 * len(bodies)), 0.0)
-    edges = mesh.boundary.take(mesh.edge_set(load.edges))
+    edges = mesh.edges(load.edges)
     block = bodies.of_cells[edges.cells[:, 0]]
     for name, value in components(load).items():
         given = f"Traction.{name}", value

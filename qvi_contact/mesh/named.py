@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Generic, TypeVar
 
 from qvi_contact.basics.checks import IntArray, one_of
@@ -52,6 +53,15 @@ class NamedEdges(ABC, Generic[_Edges]):
 
     def edges(self, name: str) -> _Edges:
         """The edges called `name`, on the boundary or in a joint."""
+        if isinstance(name, str) and name in self._taken:
+            return self._taken[name]
         if isinstance(name, str) and name in self.joint_names:
-            return self.interior.take(self.joint_set(name))
-        return self.boundary.take(self.edge_set(name))
+            found = self.interior.take(self.joint_set(name))
+        else:
+            found = self.boundary.take(self.edge_set(name))
+        return self._taken.setdefault(name, found)
+
+    @cached_property
+    def _taken(self) -> dict[str, _Edges]:
+        """Those asked for so far: a problem asks for the same ones tens of times."""
+        return {}

@@ -46,6 +46,8 @@ class Prescribed:
         What messages call it, such as "Traction.x".
     index : (n,) int array
         The edges in `Mesh.boundary`.
+    edges : Edges
+        The edges themselves.
     direction : (n, 2) array
         The unit vector that the component is taken along, on each edge.
     turns : bool
@@ -57,6 +59,7 @@ class Prescribed:
 
     name: str
     index: IntArray
+    edges: Edges
     direction: FloatArray
     turns: bool
     value: Field
@@ -264,18 +267,17 @@ class ContactProblem(Stated):
         return {kind: tuple(self._given(kind)) for kind in (Traction, Displacement)}
 
     def _given(self, kind: type[Traction] | type[Displacement]) -> Iterator[Prescribed]:
-        boundary = self.mesh.boundary
         for condition in self.conditions:
             if isinstance(condition, Contact):
                 continue
-            index = self.mesh.edge_set(condition.edges)
-            edges = boundary.take(index)
+            index, edges = self.mesh.edge_set(condition.edges), self.mesh.edges(condition.edges)
             if isinstance(condition, kind):
                 for name, value in components(condition).items():
-                    yield Prescribed(f"{kind.__name__}.{name}", index, direction_of(name, edges), name in LOCAL, value)
+                    direction = direction_of(name, edges)
+                    yield Prescribed(f"{kind.__name__}.{name}", index, edges, direction, name in LOCAL, value)
             elif isinstance(condition, Symmetry):
                 name = "tangential" if kind is Traction else "normal"
-                yield Prescribed(f"Symmetry.{name}", index, direction_of(name, edges), True, 0.0)
+                yield Prescribed(f"Symmetry.{name}", index, edges, direction_of(name, edges), True, 0.0)
 
     def by_component(self, kind: type[Traction] | type[Displacement]) -> Iterator[tuple[int, IntArray, Field]]:
         """The same on a rectilinear mesh as (Cartesian component, boundary edges, values)."""
@@ -370,7 +372,7 @@ def _ruled(problem: ContactProblem) -> tuple[IntArray, IntArray]:
         if condition in problem.joints:
             continue
         chosen = _edges_of(problem.mesh, condition)
-        edges = boundary.take(chosen)
+        edges = problem.mesh.edges(condition.edges)
         for name in _names_of(condition, bool(parallel[chosen].all())):
             own = _LOCAL_FRAME if name in LOCAL else _CARTESIAN_FRAME
             other = chosen[~parallel[chosen] & (frame[chosen] == 1 - own)]

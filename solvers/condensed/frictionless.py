@@ -5,6 +5,7 @@ without friction, those coordinates are known; otherwise independent ones of the
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array
@@ -55,7 +56,7 @@ class Frictionless:
         """The fixed coordinates at which σ_T = tangential + E_T y vanishes at the points; tangential is (m,)."""
         if not len(self.fixed):
             return np.zeros(0)
-        G, factor = self._normal_equations()
+        G, factor = self._normal_equations
         return np.asarray(factor.solve(-(G.T @ (self._weights * tangential[self.points]))))
 
     def multipliers(self, residual: Vector, nu: Vector, count: int) -> Vector:
@@ -63,10 +64,11 @@ class Frictionless:
         m_T = np.zeros(count)
         m_T[self.kept] = nu
         if len(self.fixed):
-            G, factor = self._normal_equations()
+            G, factor = self._normal_equations
             m_T[self.points] = -self._weights * (G @ factor.solve(residual[self.fixed]))
         return m_T
 
+    @cached_property
     def _normal_equations(self) -> tuple[Sparse, SuperLU]:
         """G, the rows by fixed coordinates, and the factor of GᵀWG."""
         G = csc_array(self._rows[:, self.fixed])

@@ -60,9 +60,13 @@ class ContactFrame:
         """See `FrictionQVI.contacts`."""
         from scipy.sparse.csgraph import connected_components  # what only solves need is not loaded at the start
 
-        touched = csr_array(abs(self._halves[0]) + abs(self._halves[1]))
-        common: Sparse = touched @ touched.T
-        return np.asarray(connected_components(common, directed=False)[1], dtype=np.int64)
+        rows, (m, n) = self.contact_rows, self._halves[0].shape
+        if not rows.data.all():
+            rows = rows.copy()
+            rows.eliminate_zeros()
+        starts = np.concatenate([np.zeros(m, dtype=rows.indptr.dtype), rows.indptr])
+        graph = csr_array((np.ones(rows.nnz), rows.indices % m, starts), shape=(m + n, m + n))  # points, unknowns
+        return np.asarray(connected_components(graph, directed=False)[1][:m], dtype=np.int64)
 
     @cached_property
     def tractions(self) -> tuple[Sparse, Vector]:

@@ -121,7 +121,9 @@ def contradiction(problem: FrictionQVI, threshold: Vector, centre: Centre) -> In
 
 def _is_empty(rows: Sparse) -> NDArray[np.bool_]:
     """Which rows have no entry but zeros."""
-    return np.asarray(np.asarray(abs(rows).sum(axis=1)).ravel() == 0.0, dtype=np.bool_)
+    empty = np.ones(rows.shape[0], dtype=np.bool_)
+    empty[rows.indices[rows.data != 0.0]] = False
+    return empty
 
 
 def inner_residual(qvi: FrictionQVI, threshold: Vector, solution: InnerSolution) -> float:
