@@ -228,7 +228,7 @@ class _Program:
     """The conditions of lines as rows in x = (y, slips, dilatant slips, …) with v = Z y."""
 
     def __init__(self, rigid: Rigid, chosen: Sequence[Line]) -> None:
-        self._basis, self._bodies = sparse.csr_array(rigid.free), rigid.bodies
+        self._basis, self._bodies = rigid.free, rigid.bodies
         self._motions = rigid.free.shape[1]
         self._lower = [-np.inf] * self._motions
         self._cost = [0.0] * self._motions
