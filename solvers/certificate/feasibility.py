@@ -16,10 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_array, diags_array, eye_array, hstack, triu, vstack
+from scipy.sparse import coo_array, csc_array, triu, vstack
 
 from solvers.basics.types import BoolVector, IntVector, Sparse, Vector, load
 from solvers.basics.watch import left
+from solvers.inequality.blocks import by_columns
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.guard import is_failure, one_line
 
@@ -73,23 +74,20 @@ class AdmissibleRows:
     @classmethod
     def of(cls, qvi: FrictionQVI) -> AdmissibleRows:
         """Rows of a QVI."""
-        one = eye_array(qvi.m, format="csc")
         normal = np.flatnonzero(~qvi.bilateral)
         law = np.flatnonzero(~qvi.bilateral | (qvi.mu == 0.0))
         capped = np.flatnonzero(np.isfinite(qvi.cap))
-        blocks, limits, points = [hstack([one, 0 * one], "csr")[normal]], [np.zeros(len(normal))], [normal]
-        for sign in (1.0, -1.0):
-            blocks += [
-                hstack([diags_array(qvi.mu), sign * one], "csr")[law],
-                hstack([0 * one, sign * one], "csr")[capped],
-            ]
-            limits += [qvi.cohesion[law], qvi.cap[capped]]
-            points += [law, capped]
-        H, limit, point = csc_array(vstack(blocks)), np.concatenate(limits), np.concatenate(points)
+        point = np.concatenate([normal, law, capped, law, capped])
+        ones, none, count = np.ones(len(law) + len(capped)), np.zeros(len(capped)), len(normal)
+        of_normal = np.concatenate([np.ones(count), qvi.mu[law], none, qvi.mu[law], none])
+        of_shear = np.concatenate([np.zeros(count), ones, -ones])
+        limit = np.concatenate([np.zeros(count), *2 * (qvi.cohesion[law], qvi.cap[capped])])
+        places = (np.tile(np.arange(len(point)), 2), np.concatenate([point, qvi.m + point]))
+        H = by_columns(coo_array((np.concatenate([of_normal, of_shear]), places), shape=(len(point), 2 * qvi.m)))
         H.eliminate_zeros()
         G = csc_array(H @ qvi.contact_rows)
         h = limit - H @ np.concatenate([qvi.n0, qvi.t0])
-        return cls(H, limit, G, h, point, np.arange(len(point)) >= len(normal))
+        return cls(H, limit, G, h, point, np.arange(len(point)) >= count)
 
     def shares(self, y: Vector, points: int) -> tuple[Vector, Vector]:
         """Multipliers y (rows,) summed at each of the contact points: (normal, tangential), (points,) each."""
