@@ -100,6 +100,16 @@ def test_values():
     assert qvi.resultant(z) == pytest.approx(-2.0)
 
 
+def test_contacts_hang_together_through_unknowns():
+    """The first point and the third share an unknown; an entry that is zero joins the others to nothing."""
+    N = csc_array(([1.0, 2.0, 0.0, 3.0, 4.0], ([0, 1, 1, 3, 2], [0, 1, 2, 2, 3])), shape=(4, 5))
+    T = csc_array(([1.0], ([2], [0])), shape=(4, 5))
+    zeros = np.zeros(4)
+    qvi = FrictionQVI(csc_array(np.eye(5)), np.zeros(5), N, zeros, T, zeros, zeros, np.ones(4))
+    assert qvi.N.nnz == 5
+    assert qvi.contacts.tolist() == [0, 1, 0, 2]
+
+
 def test_bonded_solution_with_dependent_equalities():
     qvi = random_problem(3, equalities=2)
     doubled = FrictionQVI(
