@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Generic, TypeVar
 
+import numpy as np
+
 from qvi_contact.basics.checks import IntArray, one_of
 from qvi_contact.mesh.edges import Edges
 
@@ -59,6 +61,9 @@ class NamedEdges(ABC, Generic[_Edges]):
             found = self.interior.take(self.joint_set(name))
         else:
             found = self.boundary.take(self.edge_set(name))
+        for part in vars(found).values():
+            if isinstance(part, np.ndarray):
+                part.setflags(write=False)  # all who ask share it
         return self._taken.setdefault(name, found)
 
     @cached_property
