@@ -76,8 +76,13 @@ class ConeProblem:
     @cached_property
     def T(self) -> tuple[Sparse, Sparse, Sparse]:  # noqa: N802
         """Bernstein coefficients of σ_T, number 0, 1 and 2 of each edge, three times rows (e, n)."""
-        T = csc_array(self._edges.matrix(self._edges.to_bernstein, self.count) @ self.qvi.T).tocsr()
+        T = self.bernstein_rows.tocsr()
         return csc_array(T[0::3]), csc_array(T[1::3]), csc_array(T[2::3])
+
+    @cached_property
+    def bernstein_rows(self) -> Sparse:
+        """The same edge by edge, rows (3e, n)."""
+        return csc_array(self._edges.matrix(self._edges.to_bernstein, self.count) @ self.qvi.T)
 
     @cached_property
     def cone_rows(self) -> Sparse:
@@ -99,11 +104,11 @@ class ConeProblem:
         """Bernstein coefficients of σ_T at the centre (e, 3)."""
         return self._edges.bernstein(centre.t0)
 
-    def multipliers(self, pushes: Vector, upper: Matrix, lower: Matrix) -> tuple[Vector, Vector]:
-        """(m_N, m_T) from the multipliers of the ends (2k,) and of the cones of the two bounds (e, 3) each."""
-        functional = np.zeros((self.count, 2))
-        functional[self._unilateral] = pushes.reshape(-1, 2)
-        return self._edges.rows(functional), self._edges.rows(_functional(upper) - _functional(lower))
+    def multipliers(self, pushes: Vector, functionals: Matrix) -> tuple[Vector, Vector]:
+        """(m_N, m_T) from the multipliers of the ends (2k,) and the functionals q₊ − q₋ (e, 3)."""
+        ends = np.zeros((self.count, 2))
+        ends[self._unilateral] = pushes.reshape(-1, 2)
+        return self._edges.rows(ends), self._edges.rows(functionals)
 
 
 def cone_coordinates(b: Matrix) -> Matrix:
@@ -111,8 +116,8 @@ def cone_coordinates(b: Matrix) -> Matrix:
     return np.column_stack([b[:, 0] + b[:, 2], b[:, 0] - b[:, 2], 2.0 * b[:, 1]])
 
 
-def _functional(y: Matrix) -> Matrix:
-    """Q = (y₀ + y₁, 2y₂, y₀ − y₁) (e, 3)."""
+def functional(y: Matrix) -> Matrix:
+    """Q = (y₀ + y₁, 2y₂, y₀ − y₁) (e, 3) of multipliers of cones."""
     return np.column_stack([y[:, 0] + y[:, 1], 2.0 * y[:, 2], y[:, 0] - y[:, 1]])
 
 

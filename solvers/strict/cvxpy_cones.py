@@ -14,7 +14,7 @@ from solvers.inner.guard import solve_cvxpy, within_time
 from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.root import square_root
 from solvers.inner.socp import BACKENDS, WORDS
-from solvers.strict.cones import CLARABEL_SETTINGS, ConeProblem
+from solvers.strict.cones import CLARABEL_SETTINGS, ConeProblem, functional
 
 
 class StrictSOCPSolver:
@@ -75,7 +75,7 @@ class StrictSOCPSolver:
             np.column_stack([np.ravel(duals[i]), np.reshape(duals[i + 1], (2, -1), order="F").T]) for i in (0, 2)
         )
         pushes = np.ravel(rows[0]) if self._normal else np.zeros(0)
-        m_N, m_T = self._cones.multipliers(pushes, upper, lower)
+        m_N, m_T = self._cones.multipliers(pushes, functional(upper) - functional(lower))
         nu = np.ravel(rows[-1]) if qvi.p else np.zeros(0)
         iterations = int(getattr(self.problem.solver_stats, "num_iters", 0) or 0)
         solution = InnerSolution(centre.z + np.ravel(self._x.value), m_N, m_T, nu, status, iterations, seconds, message)

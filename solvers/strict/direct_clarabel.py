@@ -1,6 +1,7 @@
 """Inner solver ``strict-direct:clarabel``: one Clarabel solver for the cones of `cones`, only the vectors updated.
 
-Unknowns (x, β₊, β₋). Settings and citation as in `inner.direct_clarabel`.
+Another one is made when the bound becomes zero elsewhere, see `faces`. Unknowns (x, β₊, β₋). Settings and citation as
+in `inner.direct_clarabel`.
 """
 
 import time
@@ -9,58 +10,29 @@ import numpy as np
 from scipy.sparse import block_diag, csc_array, eye_array, hstack, triu, vstack
 
 from solvers.basics.status import Status
-from solvers.basics.types import Sparse, Vector, load
+from solvers.basics.types import BoolVector, Matrix, Module, Sparse, Vector, load
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.direct_clarabel import DirectClarabel
 from solvers.inner.guard import updated_solve
-from solvers.inner.problem import Centre, InnerSolution
+from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.qp_backends import CLARABEL_WORDS
-from solvers.strict.cones import CLARABEL_SETTINGS, ConeProblem, cone_coordinates
+from solvers.strict.cones import CLARABEL_SETTINGS, ConeProblem, cone_coordinates, functional
+from solvers.strict.faces import Faces, closed_coefficients
 
 
 class DirectStrictClarabel:
-    """Clarabel on  A x + w = b (w = 0),  ends and −β + w = h (w ≥ 0),  cones + w = h (w in 2e cones)."""
+    """Solves with a `_Program` for the coefficients that the bound holds at zero, kept while these are the same."""
 
     packages: tuple[str, ...] = ("clarabel",)
 
     def __init__(self, qvi: FrictionQVI, tolerance: float) -> None:
         clarabel = load("clarabel")
 
-        self._cones = cones = ConeProblem(qvi)
-        e, self._linear = cones.count, cones.N.shape[0]
-        zeros = [clarabel.ZeroConeT(qvi.p)] if qvi.p else []
-        kinds = [*zeros, clarabel.NonnegativeConeT(self._linear + 2 * e), *([clarabel.SecondOrderConeT(3)] * (2 * e))]
-        rows = self._rows(qvi, cones)
-        upper = csc_array(block_diag([triu(qvi.K), csc_array((2 * e, 2 * e))], format="csc"))
-        settings = DirectClarabel._settings(clarabel, tolerance)
+        self._cones = ConeProblem(qvi)
+        self._clarabel, self._settings = clarabel, DirectClarabel._settings(clarabel, tolerance)
         for name, value in CLARABEL_SETTINGS.items():
-            setattr(settings, name, value)
-        right = np.ones(rows.shape[0])  # of no meaning: every solve sets its own
-        self._solver = clarabel.DefaultSolver(upper, np.zeros(qvi.n + 2 * e), rows, right, kinds, settings)
-
-    @staticmethod
-    def _rows(qvi: FrictionQVI, cones: ConeProblem) -> Sparse:
-        """Equations, ends, −β, and the cones' rows ±(τ) + (0, 0, 2β), three together."""
-        e, n = cones.count, qvi.n
-        slack = csc_array((np.full(e, 2.0), (np.arange(2 * e, 3 * e), np.arange(e))), (3 * e, e))
-        nothing = csc_array((3 * e, e))
-        interleaved = np.arange(3 * e).reshape(3, e).T.ravel()
-        bounds = [
-            hstack([cones.cone_rows, slack, nothing], "csr")[interleaved],
-            hstack([-cones.cone_rows, nothing, slack], "csr")[interleaved],
-        ]
-        blocks = [
-            hstack([qvi.A, csc_array((qvi.p, 2 * e))]),
-            hstack([cones.N, csc_array((cones.N.shape[0], 2 * e))]),
-            hstack([csc_array((2 * e, n)), -eye_array(2 * e)]),
-            *bounds,
-        ]
-        return csc_array(vstack(blocks))
-
-    def _right(self, threshold: Vector, centre: Centre) -> Vector:
-        theta, shear = threshold.reshape(-1, 3), self._cones.shear(centre)
-        cones = [cone_coordinates(theta - shear).ravel(), cone_coordinates(theta + shear).ravel()]
-        return np.concatenate([centre.b, -self._cones.ends(centre), np.zeros(2 * len(theta)), *cones])
+            setattr(self._settings, name, value)
+        self._program: _Program | None = None
 
     def solve(
         self,
@@ -70,16 +42,71 @@ class DirectStrictClarabel:
     ) -> InnerSolution:
         """Solve for Bernstein coefficients of the bound (3e,), edge by edge; `start` is not used."""
         began = time.perf_counter()
-        qvi, e = self._cones.qvi, self._cones.count
-        q = np.concatenate([-centre.f, np.zeros(2 * e)])
-        right = self._right(threshold, centre)
-        answer = updated_solve(self._solver, q, right)
+        theta, shear = threshold.reshape(-1, 3), self._cones.shear(centre)
+        size = max(np.abs(shear).max(initial=0.0), np.abs(self._cones.ends(centre)).max(initial=0.0))
+        closed = closed_coefficients(theta, float(size))
+        if self._program is None or not np.array_equal(self._program.faces.closed, closed):
+            self._program = _Program(self._cones, closed, self._clarabel, self._settings)
+        if self._program.faces.contradicted(theta, shear):
+            said = "a shear that no unknown can change is not zero where its bound is"
+            return no_result(self._cones.qvi, Status.INFEASIBLE, said, time.perf_counter() - began)
+        answer = self._program.solve(theta, centre)
         word = str(answer.status)
-        multipliers = np.array(answer.z)
-        upper, lower = multipliers[qvi.p + self._linear + 2 * e :].reshape(2, e, 3)
-        m_N, m_T = self._cones.multipliers(multipliers[qvi.p : qvi.p + self._linear], upper, lower)
+        m_N, m_T, nu = self._program.multipliers(np.array(answer.z))
         return InnerSolution(
-            centre.z + np.array(answer.x)[: qvi.n], m_N, m_T, multipliers[: qvi.p],
+            centre.z + np.array(answer.x)[: self._cones.qvi.n], m_N, m_T, nu,
             CLARABEL_WORDS.get(word, Status.BACKEND_FAILED), int(answer.iterations),
             time.perf_counter() - began, f"clarabel: {word}",
         )  # fmt: skip
+
+
+class _Program:
+    """Clarabel on  A x + w = b and Y x + w = y (w = 0),  rows, ends and −β + w = h (w ≥ 0),  cones + w = h.
+
+    The cones are two on each of the c curved edges of `faces`.
+    """
+
+    def __init__(self, cones: ConeProblem, closed: BoolVector, clarabel: Module, settings: Module) -> None:
+        self._cones, self.faces = cones, Faces(cones, closed)
+        qvi, c = cones.qvi, len(self.faces.curved)
+        rows, sizes = self._rows()
+        equations, inequalities = sum(sizes[:2]), sum(sizes[2:5])
+        zeros = [clarabel.ZeroConeT(equations)] if equations else []
+        kinds = [*zeros, clarabel.NonnegativeConeT(inequalities), *([clarabel.SecondOrderConeT(3)] * (2 * c))]
+        self._ends = np.cumsum(sizes)[:-1]
+        upper = csc_array(block_diag([triu(qvi.K), csc_array((2 * c, 2 * c))], format="csc"))
+        right = np.ones(rows.shape[0])  # of no meaning: every solve sets its own
+        self._solver = clarabel.DefaultSolver(upper, np.zeros(qvi.n + 2 * c), rows, right, kinds, settings)
+
+    def _rows(self) -> tuple[Sparse, list[int]]:
+        """A, Y, ends, bounded coefficients, −β, the cones' rows ±(τ) + (0, 0, 2β), three together; how many of each."""
+        cones, faces, c, n = self._cones, self.faces, len(self.faces.curved), self._cones.qvi.n
+        slack = csc_array((np.full(c, 2.0), (np.arange(2 * c, 3 * c), np.arange(c))), (3 * c, c))
+        nothing = csc_array((3 * c, c))
+        interleaved = np.arange(3 * c).reshape(3, c).T.ravel()
+        chosen = (cones.count * np.arange(3)[:, None] + faces.curved).ravel()
+        curved = cones.cone_rows.tocsr()[chosen]
+        linear = [cones.qvi.A, faces.equations, cones.N, vstack([faces.bounded, -faces.bounded])]
+        blocks = [
+            *(hstack([block, csc_array((block.shape[0], 2 * c))]) for block in linear),
+            hstack([csc_array((2 * c, n)), -eye_array(2 * c)]),
+            hstack([curved, slack, nothing], "csr")[interleaved],
+            hstack([-curved, nothing, slack], "csr")[interleaved],
+        ]
+        return csc_array(vstack(blocks)), [block.shape[0] for block in blocks]
+
+    def solve(self, theta: Matrix, centre: Centre) -> Module:
+        """Clarabel's answer for the bound (e, 3)."""
+        shear, curved = self._cones.shear(centre), self.faces.curved
+        slacks = np.zeros(2 * len(curved))
+        right = [
+            centre.b, self.faces.values(shear), -self._cones.ends(centre), self.faces.limits(theta, shear), slacks,
+            cone_coordinates((theta - shear)[curved]).ravel(), cone_coordinates((theta + shear)[curved]).ravel(),
+        ]  # fmt: skip
+        return updated_solve(self._solver, np.concatenate([-centre.f, slacks]), np.concatenate(right))
+
+    def multipliers(self, z: Vector) -> tuple[Vector, Vector, Vector]:
+        """(m_N, m_T, ν) from those of all rows."""
+        nu, equations, pushes, limits, _, upper, lower = np.split(z, self._ends)
+        cones = functional(upper.reshape(-1, 3)) - functional(lower.reshape(-1, 3))
+        return *self._cones.multipliers(pushes, self.faces.functionals(equations, limits, cones)), nu

@@ -13,6 +13,7 @@ from solvers.inner.problem import Centre
 from solvers.inner.registry import make_inner
 from solvers.strict.cones import strict_contradiction
 from solvers.strict.cvxpy_cones import StrictSOCPSolver
+from solvers.strict.faces import closed_coefficients
 from solvers.strict.newton import Newton
 from solvers.strict.quadratics import is_nonnegative, largest
 from solvers.strict.threshold import (
@@ -309,6 +310,90 @@ def test_an_edge_on_which_friction_ends_carries_none(form):
     shear = qvi.edges.bernstein(qvi.tangential(solution.z))
     assert np.abs(shear[0]).max() < 1e-9
     assert np.abs(shear[1:]).max() > 1e-2
+
+
+def opening(shear=0.1):
+    """Six edges that share σ_T at nodes; the bound falls to zero at the end of the third, and stays there."""
+    random = np.random.default_rng(5)
+    nodes, middles = random.normal(size=(7, 42)), random.normal(size=(6, 42))
+    at_nodes, in_middles = shear * random.normal(size=7), shear * random.normal(size=6)
+    ends = np.maximum(0.3 - 0.1 * np.arange(7), 0.0)
+    return edge_problem(
+        5,
+        edges=6,
+        T=np.vstack([EDGES.quadratic @ np.stack([nodes[i], middles[i], nodes[i + 1]]) for i in range(6)]),
+        t0=EDGES.at_points(np.column_stack([at_nodes[:-1], in_middles, at_nodes[1:]])),
+        mu=np.zeros(24),
+        cohesion=EDGES.at_points(np.column_stack([ends[:-1], ends[1:]])),
+    )
+
+
+class TestBoundsThatAreZeroAtAnEnd:
+    """Where friction ends, or contact opens."""
+
+    def test_a_quadratic_that_is_zero_at_an_end_is_nonnegative_if_its_coefficients_are(self):
+        b = np.random.default_rng(1).normal(size=(1000, 3))
+        b[:500, 0] = b[500:, 2] = 0.0
+        found = (b >= 0.0).all(axis=1)
+        assert 200 < found.sum() < 300
+        assert (is_nonnegative(b) == found).all()
+
+    def test_which_coefficients_are_held(self):
+        theta = np.array([[2.0, 1.0, 0.0], [1e-15, 1.0, 1.0], [0.0, 0.5, 0.0], [1e-15, 0.0, 1e-18], [1.0, 0.0, 1.0]])
+        held = np.array([[0, 0, 1], [1, 0, 0], [1, 0, 1], [1, 1, 1], [0, 0, 0]], dtype=bool)
+        assert (closed_coefficients(theta, 1.0) == held).all()
+        assert (closed_coefficients(1e-12 * theta, 1e-12) == held).all()
+        assert (closed_coefficients(np.vstack([theta, np.full(3, 1e15)]), 1.0)[:5] == held).all()  # as good as stick
+        touching = np.array([[1.0, -1e-6, 1e-12], [1.0, 1.0, 1.0]])  # almost (1 − t)²: below zero with the end at zero
+        assert not closed_coefficients(touching, 1.0).any()
+        assert not closed_coefficients(theta[:0], 1.0).size
+
+    @pytest.mark.parametrize("form", ["full", "condensed"])
+    def test_it_is_the_limit_of_small_bounds(self, form):
+        """Which are cones on every edge. With b₂ the middle coefficient gains √(b₀b₂), so the root of it counts."""
+        found = solve_qvi(opening(), inner="strict-direct:clarabel", form=form)
+        assert found.status is Status.SOLVED
+        shear = EDGES.bernstein(found.problem.tangential(found.z))
+        assert np.abs(shear[3:]).max() < 1e-12
+        assert np.abs(shear[:3, 0]).max() > 1e-2
+        away = []
+        for bound in (1e-4, 1e-5):
+            qvi = opening()
+            larger = solve_qvi(qvi.changed(cohesion=qvi.cohesion + bound), inner="strict-direct:clarabel")
+            assert larger.status is Status.SOLVED
+            away.append(np.abs(larger.z - found.z).max())
+        assert away[0] < 1e-2 * np.abs(found.z).max()
+        assert away[0] == pytest.approx(np.sqrt(10.0) * away[1], rel=0.1)
+
+    def test_rounding_in_place_of_zero_changes_nothing(self):
+        qvi = opening()
+        first = solve_qvi(qvi, inner="strict-direct:clarabel")
+        second = solve_qvi(qvi.changed(cohesion=qvi.cohesion + 1e-17), inner="strict-direct:clarabel")
+        size = np.abs(first.z).max()
+        assert second.z == pytest.approx(first.z, abs=1e-10 * size)
+        forces = [qvi.T.T @ solution.tangential_multiplier for solution in (first, second)]
+        assert forces[0] == pytest.approx(forces[1], abs=1e-8 * np.abs(forces[0]).max())
+
+    def test_multipliers_of_equations_that_are_said_twice_stay_small(self, monkeypatch):
+        """Only the sum of the two at a node counts: an interior point method drives them apart without end."""
+        monkeypatch.setattr(Newton, "affordable", False)
+        found = solve_qvi(opening(), inner="strict-direct:clarabel")
+        assert found.certificate.accuracy < 1e-9
+        working = np.abs(found.tangential_multiplier[:12]).max()
+        assert np.abs(found.tangential_multiplier).max() < 30.0 * working
+
+    @pytest.mark.parametrize("constant", [0.0, 0.2])
+    def test_a_shear_that_nothing_changes(self, constant):
+        """At the end of the contact the free side prescribes it: the law holds only if it is zero too."""
+        qvi = opening()
+        gone = qvi.T.toarray().reshape(6, 4, -1)
+        gone[5] -= EDGES.quadratic[:, 2:] * (EDGES.to_bernstein @ gone[5])[2]
+        t0 = EDGES.bernstein(qvi.t0)
+        t0[5, 2] = constant
+        fixed = qvi.changed(T=gone.reshape(24, -1), t0=EDGES.at_points(t0))
+        found = solve_qvi(fixed, inner="strict-direct:clarabel")
+        assert found.solved == (constant == 0.0)
+        assert constant == 0.0 or found.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE)
 
 
 class TestCertificate:

@@ -8,10 +8,13 @@ import pytest
 
 from qvi_contact import Contact, Displacement, Material, RectilinearMesh, Symmetry, Traction, solve, solve_history
 from qvi_contact.bracket import BracketKind, bracket, refined_where_apart
+from qvi_contact.bracket.given import given_problem
 from qvi_contact.errors import InputError
 from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from qvi_contact.problem import ContactProblem
+from solvers import solve_qvi
+from solvers.strict.newton import Newton
 
 pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # rates of that element; triangles: test_triangles
 
@@ -211,6 +214,31 @@ class TestCoulomb:
         found = solve(problem).bracket
         assert abs(found.gap) <= 1e-9 * found.strain
         assert found.outer <= 1e-7 * found.strain
+
+
+def test_open_edges_leave_multipliers_that_are_slips(monkeypatch):
+    """A punch that opens over half of the top, on cells that bisection made: the law on whole edges is σ_T = 0 there.
+
+    Neighbouring edges say it twice at the node that they share, and only the sum of the two multipliers is a slip. If
+    they are driven apart until they are thousands of slips, digits are lost, and with them the bound.
+    """
+    x = [*np.arange(0.0, 0.625, 0.125), *np.arange(0.625, 0.875, 0.0625), *np.arange(0.875, 0.9375, 1 / 64),
+         *np.arange(0.9375, 1.125, 0.0625), *np.arange(1.125, 1.75, 0.125), *np.arange(1.75, 2.5, 0.25),
+         2.5, 3.0, 3.5, 3.75, 4.0]  # fmt: skip
+    y = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.375, 1.5, 1.625, 1.75, 1.875, 1.9375, 1.96875, 1.984375, 2.0]
+    contact = Contact("top", friction=0.3, gap=lambda x, y: x**2 / 1600.0 - U + 0.0 * y, name="punch")
+    sides = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)]
+    result = solve(
+        ContactProblem(RectilinearMesh(np.array(x), np.array(y)), Material(2.1e5, 0.3, "strain"), [*sides, contact])
+    )
+    given = given_problem(result).qvi
+    monkeypatch.setattr(Newton, "affordable", False)
+    strict = solve_qvi(given, tolerance=1e-9)
+    assert strict.solved
+    slips = np.abs(strict.tangential_multiplier / given.W)
+    assert slips.max() < 3.0 * strict.certificate.scales["displacement"]
+    found = bracket(result)
+    assert found.lower <= found.upper < found.lower + 2e-5 * found.strain
 
 
 def test_indicator_is_largest_at_the_singular_corner():
