@@ -4,6 +4,7 @@
 |--------------------------------------------------------------------|-------------------------------|
 | residual ≤ tolerance and the certificate passes                    | solved                        |
 | best residual not reduced by a tenth in `patience` iterations      | stalled                       |
+| the same, residual ≤ tolerance: inner solver not accurate enough   | stalled, with other advice    |
 | s returns to an earlier value (2 to 8 iterations ago)              | cycling; stalled if residual ≤ 1e-4 |
 | `max_iterations` done                                              | max_iterations                |
 | the time is over, see `watch`                                      | time_limit                    |
@@ -60,6 +61,7 @@ _ROUND_OFF = 1e-13  # of the bonded pressure
 _BREAKS = 6
 _CLOSE, _CLOSER = 1e-2, 0.2  # residual at which Newton's method is tried for strict bounds, and share for another try
 _NOISE = 1e-4  # a cycle smaller than this is the inner solver's noise, not the map's
+_OTHER_INNER = "Take another inner solver, listed by solvers.available({}), or cells that are less thin."
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ class _State:
     feasibility: Feasibility | None = None
     reason: Status | None = None
     message: str = ""
+    advice: str = ""  # instead of that of the reason
 
 
 def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions) -> QVISolution:
@@ -352,6 +355,15 @@ def _check_progress(
             return
         state.reason = Status.STALLED
         state.message = f"residual {state.best_residual:.1e} was not reduced in {options.patience} iterations"
+        if state.best is not None and state.best_residual <= tolerance:
+            _blame_inner(qvi, state, state.best.message)
+
+
+def _blame_inner(qvi: FrictionQVI, state: _State, said: str) -> None:
+    """What to say where the certificate fails at a fixed point: smaller loads or other steps are of no use then."""
+    where = f"the fixed point has converged (residual {state.best_residual:.1e})"
+    state.message = f"{where}, but the inner solver's answers are not accurate enough ({said})"
+    state.advice = _OTHER_INNER.format("'strict'" if qvi.strict else "")
 
 
 def _break_cycle(state: _State, length: int, residual: float) -> None:
@@ -407,5 +419,5 @@ def _outcome(qvi: FrictionQVI, state: _State) -> Outcome:
     reason = state.reason or Status.STALLED
     return Outcome(
         reason, result.z, result.m_N, result.m_T, result.nu, threshold, state.history,
-        len(state.history), state.message, feasibility=state.feasibility,
+        len(state.history), state.message, feasibility=state.feasibility, advice=state.advice,
     )  # fmt: skip

@@ -28,7 +28,7 @@ class Outcome:
     """What an iteration leaves behind; `reason` is its own view, before any certificate.
 
     `turned` says how the way to it had to turn, which happens where there are several solutions. `near` is that of
-    `QVISolution`.
+    `QVISolution`. `advice` says what to do where that is not what the reason says.
     """
 
     reason: Status
@@ -48,6 +48,7 @@ class Outcome:
     corrections: tuple[float, ...] = ()
     turned: str = ""
     near: bool | None = None
+    advice: str = ""
 
     def discard(self, qvi: FrictionQVI) -> None:
         """Forget the point."""
@@ -79,10 +80,11 @@ def finish(qvi: FrictionQVI, outcome: Outcome, method: str, inner: str, toleranc
         outcome.discard(qvi)
         certificate = certify(qvi, outcome.z, None, None, None, tolerance)
     outcome.timings["certificate"] = time.perf_counter() - began
+    advice = outcome.advice if status is outcome.reason else ""
     return QVISolution(
         qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, outcome.threshold, certificate,
         tuple(outcome.history), outcome.iterations, dict(outcome.timings), method, inner,
-        _sentence(status, outcome.iterations, outcome.message, certificate, feasibility),
+        _sentence(status, outcome.iterations, outcome.message, certificate, feasibility, advice),
         dict(outcome.versions), farkas, outcome.form,
         qvi.factorisation, outcome.corrections, _remarks(status, outcome.turned), outcome.near,
     )  # fmt: skip
@@ -105,7 +107,12 @@ def _remarks(status: Status, turned: str) -> tuple[str, ...]:
 
 
 def _sentence(
-    status: Status, count: int, said: str, certificate: Certificate, feasibility: Feasibility | None = None
+    status: Status,
+    count: int,
+    said: str,
+    certificate: Certificate,
+    feasibility: Feasibility | None = None,
+    advice: str = "",
 ) -> str:
     parts = [f"{status.words} after {count} iteration{'s' if count != 1 else ''}"]
     if status is Status.INFEASIBLE and feasibility is not None:
@@ -115,7 +122,7 @@ def _sentence(
     if said and status not in (Status.SOLVED, Status.INFEASIBLE):
         parts.append(said)
     text = "; ".join(parts) + "."
-    return text if status is Status.SOLVED else f"{text} {status.advice}"
+    return text if status is Status.SOLVED else f"{text} {advice or status.advice}"
 
 
 def out_of_time(solution: QVISolution) -> QVISolution:

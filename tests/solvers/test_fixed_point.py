@@ -1,5 +1,7 @@
 """The outer iteration: states, variants, starts, infeasibility, and what it says if it fails."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from solvers import (
     solve_qvi,
 )
 from solvers.certificate.feasibility import is_farkas
+from solvers.inner.direct_clarabel import DirectClarabel
 from solvers.solution.finish import Outcome, finish
 from tests.solvers.conftest import dragged_block, one_contact, random_problem, two_contacts
 
@@ -201,3 +204,22 @@ def test_solved_is_never_taken_on_trust():
     nothing = np.zeros(2)
     boast = Outcome(Status.SOLVED, qvi.bonded + 1e-3, nothing, nothing, np.zeros(0), nothing, [], 1)
     assert finish(qvi, boast, "fixed-point", INNER, 1e-8).status is Status.STALLED
+
+
+@pytest.mark.parametrize(("off", "status"), [(1e-2, Status.STALLED), (1e-6, Status.INACCURATE)])
+def test_a_converged_fixed_point_with_wrong_multipliers_is_the_fault_of_the_inner_solver(monkeypatch, off, status):
+    """No smaller load and no damping would help."""
+    solve = DirectClarabel.solve
+
+    def wrong(self, threshold, centre, start):
+        answer = solve(self, threshold, centre, start)
+        return replace(answer, m_T=(1.0 + off) * answer.m_T, message="clarabel: AlmostSolved")
+
+    monkeypatch.setattr(DirectClarabel, "solve", wrong)
+    solution = solve_qvi(two_contacts(), inner=INNER, form="full", patience=3)
+    assert solution.status is status
+    assert min(entry.residual for entry in solution.history) < 1e-8
+    assert "has converged" in solution.message
+    assert "clarabel: AlmostSolved" in solution.message
+    assert "inner solver" in solution.message.rsplit(". ", 1)[-1]
+    assert "sliding limit" not in solution.message
