@@ -11,6 +11,7 @@ from scipy.sparse import block_diag, csc_array, eye_array, hstack, triu, vstack
 
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, Matrix, Module, Sparse, Vector, load
+from solvers.basics.watch import expired
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.direct_clarabel import DirectClarabel
 from solvers.inner.guard import updated_solve
@@ -18,6 +19,10 @@ from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.qp_backends import CLARABEL_WORDS
 from solvers.strict.cones import CLARABEL_SETTINGS, ConeProblem, cone_coordinates, functional
 from solvers.strict.faces import Faces, closed_coefficients
+
+_BROKEN = "NumericalError"
+_STEADIER = 1e-10
+"""Regularisation of linear systems where Clarabel breaks down with the small one of `cones`, as on 128 × 8 cells."""
 
 
 class DirectStrictClarabel:
@@ -29,10 +34,15 @@ class DirectStrictClarabel:
         clarabel = load("clarabel")
 
         self._cones = ConeProblem(qvi)
-        self._clarabel, self._settings = clarabel, DirectClarabel._settings(clarabel, tolerance)
-        for name, value in CLARABEL_SETTINGS.items():
-            setattr(self._settings, name, value)
+        self._clarabel, self._tolerance = clarabel, tolerance
         self._program: _Program | None = None
+
+    def _made(self, closed: BoolVector, **settings: float) -> "_Program":
+        """A program with other settings than those of `cones` where some are given."""
+        all_settings = DirectClarabel._settings(self._clarabel, self._tolerance)
+        for name, value in {**CLARABEL_SETTINGS, **settings}.items():
+            setattr(all_settings, name, value)
+        return _Program(self._cones, closed, self._clarabel, all_settings)
 
     def solve(
         self,
@@ -46,11 +56,14 @@ class DirectStrictClarabel:
         size = max(np.abs(shear).max(initial=0.0), np.abs(self._cones.ends(centre)).max(initial=0.0))
         closed = closed_coefficients(theta, float(size))
         if self._program is None or not np.array_equal(self._program.faces.closed, closed):
-            self._program = _Program(self._cones, closed, self._clarabel, self._settings)
+            self._program = self._made(closed)
         if self._program.faces.contradicted(theta, shear):
             said = "a shear that no unknown can change is not zero where its bound is"
             return no_result(self._cones.qvi, Status.INFEASIBLE, said, time.perf_counter() - began)
         answer = self._program.solve(theta, centre)
+        if str(answer.status) == _BROKEN and not expired():
+            self._program = self._made(closed, static_regularization_constant=_STEADIER)
+            answer = self._program.solve(theta, centre)
         word = str(answer.status)
         m_N, m_T, nu = self._program.multipliers(np.array(answer.z))
         return InnerSolution(
