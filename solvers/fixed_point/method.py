@@ -255,9 +255,9 @@ def _refine(
     state.newton, state.close = state.newton or Newton(qvi), _CLOSER * state.close
     if not state.newton.affordable:
         return False
-    scales = scales_at(qvi, result.z)
-    stiffness = scales["stress"] / scales["displacement"]
-    refined = state.newton.refine(result.z, result.m_N, result.m_T, stiffness)
+    z, _ = state.newton.compliance.unknowns(np.concatenate([result.m_N, result.m_T]))  # in full form not that of result
+    scales = scales_at(qvi, z)
+    refined = state.newton.refine(z, result.m_N, result.m_T, scales["stress"] / scales["displacement"])
     if refined is None:
         return False
     z, nu = state.newton.compliance.unknowns(np.concatenate([refined.m_N, refined.m_T]))

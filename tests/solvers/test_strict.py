@@ -294,7 +294,7 @@ LAWS = {
 @pytest.mark.parametrize("law", LAWS)
 def test_laws(law, form):
     qvi = edge_problem(4, friction=0.2, equalities=1, **LAWS[law])
-    solution = solve_qvi(qvi, inner="strict-direct:clarabel", form=form)
+    solution = solve_qvi(qvi, inner="strict-direct:clarabel", form=form, tolerance=1e-9)
     assert solution.status is Status.SOLVED, solution.message
     assert solution.problem.strict
     assert excess(qvi, solution.z) < 1e-9
