@@ -269,7 +269,7 @@ class TestReport:
         assert values["tractions"] == pytest.approx(0.057, abs=5e-4)
         expected = {
             "needed": "82 to 194", "shares": "8 % to 39 %", "quickest": "5 to 76", "safe": 15,
-            "searches": 15, "early": 12, "foreseen": 15, "orders": "−0.63 to −0.99", "slow": 4, "meshes": 15,
+            "searches": 15, "early": 13, "foreseen": 15, "orders": "−0.63 to −0.99", "slow": 4, "meshes": 15,
             "accumulating": 7, "printed": 7, "as_printed": 6, "failed": 0,
         }  # fmt: skip
         assert {name: values[name] for name in expected} == expected
