@@ -184,12 +184,16 @@ def test_classes_grow_with_the_logarithm_of_the_mesh(sides):
 
 @pytest.mark.parametrize("conditions", [compressed_plate(0.2).conditions, press()], ids=["plate", "press"])
 def test_finer_mesh_against_scipy(conditions):
-    """64²: a residual of the size of SuperLU's."""
+    """64²: a residual of the size of SuperLU's, each row over its terms (Oettli and Prager).
+
+    Its norm is that of the few rows of roots, where it differs tenfold from one processor to the next.
+    """
     discretization = discretize(block(*conditions, cells=(64, 64)))
     K, load = discretization.qvi.K, np.asarray(discretization.qvi.f)
     x = SharedSubdomains(tree_of(discretization)).solve(load)
     expected = splu(K, "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True}).solve(load)
-    assert np.linalg.norm(K @ x - load) < 10.0 * np.linalg.norm(K @ expected - load)
+    missed, usual = (np.abs(K @ z - load) / (abs(K) @ np.abs(z) + np.abs(load)) for z in (x, expected))
+    assert missed.max() < 10.0 * usual.max()
     assert np.linalg.norm(x - expected) < 1e-6 * np.linalg.norm(expected)
 
 
