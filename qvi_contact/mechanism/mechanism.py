@@ -173,7 +173,7 @@ def upper_bound(problem: ContactProblem, loads: Sequence[str]) -> tuple[float, M
     rigid = Rigid(problem)
     named = [name for name in dict.fromkeys(loads) if name in rigid.works]
     others = [name for name in rigid.works if name not in named]
-    against = rigid.strongest(others, [name for name in named if rigid.works[name].size > 0.0])
+    against = rigid.strongest(others, named)
     if against is not None and _proves(rigid, against):
         return -math.inf, _mechanism(problem, rigid, against)
     motion = rigid.dearest(named, others)

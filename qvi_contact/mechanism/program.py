@@ -104,13 +104,14 @@ class Rigid:
     def strongest(self, names: Sequence[str], idle: Sequence[str] = ()) -> Motion | None:
         """The motion on which driving over resisting work of the named loads is largest; None if nothing moves.
 
-        Loads called idle do no work on it together, and are left out.
+        Loads called idle, which one factor multiplies, do no work on it together, and are left out.
         """
         unit = sum(self.works[name].size for name in names)
         if not self.free.shape[1] or unit == 0.0:
             return None
         rows = np.array([self.works[name].row for name in names]) / unit
-        none = [_Equation(sum(self.works[name].row / self.works[name].size for name in idle), 0.0)] if idle else []
+        together = sum(self.works[name].size for name in idle)
+        none = [_Equation(sum(self.works[name].row for name in idle) / together, 0.0)] if together else []
         motion = self._settled(lambda program: program.strongest(rows, unit, none))
         return None if motion is None else self.motion(motion, names)
 

@@ -1,6 +1,6 @@
 """Limit loads against closed forms, what solving says around them, and the reasons given beyond."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 from types import SimpleNamespace
 
 import numpy as np
@@ -426,3 +426,53 @@ def test_where_no_vertex_is_found_less_accuracy_is_asked_for(coarse, monkeypatch
     assert (found.lower, found.upper, found.bound) == pytest.approx(
         (expected.lower, expected.upper, expected.bound), rel=1e-6
     )
+
+
+def _carried_by_rigid_blocks(friction, loads, named, heights):
+    """Largest factor on the named loads: resultants (N at both ends, T) of each joint of a column of rigid blocks.
+
+    `loads`: name → (force x, force y, application x, y); joint i at height heights[i] carries all loads above it.
+    """
+    count = len(heights)
+    rows, dead = [], []
+    for i, height in enumerate(heights):
+        above = {name: load for name, load in loads.items() if load[3] > height}
+        total = {True: np.zeros(3), False: np.zeros(3)}
+        for name, (fx, fy, x, y) in above.items():
+            total[name in named] += np.array([fx, fy, (x - 0.5) * fy - (y - height) * fx])
+        forces = np.zeros((3, 3 * count + 1))  # of the joint on what is above: N at x = 0 and 1, upwards, and T
+        forces[:, 3 * i : 3 * i + 3] = [[0.0, 0.0, 1.0], [1.0, 1.0, 0.0], [-0.5, 0.5, 0.0]]
+        forces[:, -1] = total[True]
+        rows.append(forces)
+        dead.append(-total[False])
+    sliding = np.zeros((2 * count, 3 * count + 1))
+    for i in range(count):
+        sliding[2 * i : 2 * i + 2, 3 * i : 3 * i + 3] = [[-friction, -friction, 1.0], [-friction, -friction, -1.0]]
+    ends = [(0.0, None), (0.0, None), (None, None)] * count + [(None, None)]
+    answer = optimize.linprog(
+        np.append(np.zeros(3 * count), -1.0), A_ub=sliding, b_ub=np.zeros(2 * count), A_eq=np.concatenate(rows),
+        b_eq=np.concatenate(dead), bounds=ends,
+    )  # fmt: skip
+    return {0: answer.x[-1] if answer.status == 0 else None, 2: -np.inf, 3: np.inf}[answer.status]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_several_named_loads_of_a_column_against_its_resultants(seed):
+    """Loads of different sizes, some of which cancel in part: what blocks of a column carry by statics alone."""
+    rng = np.random.default_rng(seed)
+    heights, friction = [0.0, 1.0], float(rng.uniform(0.1, 0.8))
+    mesh = RectilinearMesh([0.0, 1.0], [0.0, 1.0, 2.0])
+    for side, level in product(("left", "right"), (0, 1)):
+        mesh = mesh.with_edges(f"{side} {level}", side, level, level + 1.0)
+    mesh = mesh.with_joint("joint", "horizontal", 1.0)
+    forces = {"top": (rng.uniform(-3.0, 3.0), -10.0, 0.5, 2.0)}
+    for level in (0, 1):
+        push = rng.uniform(-4.0, 4.0)
+        forces[f"left {level}"] = (push, 0.0, 0.0, level + 0.5)
+        forces[f"right {level}"] = (-push * rng.choice([0.5, 1.0, 0.9]), 0.0, 1.0, level + 0.5)
+    conditions = [Traction(name, x=fx, y=fy) for name, (fx, fy, _, _) in forces.items()]
+    problem = ContactProblem(mesh, STEEL, [Contact("bottom", friction), Contact("joint", friction), *conditions])
+    named = [name for name in forces if name != "top"][: 2 + seed % 3]
+    limit = limit_load_factor(problem, named)
+    assert limit.upper == pytest.approx(_carried_by_rigid_blocks(friction, forces, named, heights), rel=1e-8)
+    assert limit.lower <= limit.upper * (1.0 + 1e-7)
