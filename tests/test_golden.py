@@ -1,0 +1,32 @@
+"""Every golden number is what it was, see `tests.golden`."""
+
+import json
+
+import pytest
+
+from tests.golden.__main__ import STORE, compare
+from tests.golden.problems import PROBLEMS
+
+STORED = json.loads(STORE.read_text(encoding="utf-8"))
+
+
+def test_every_problem_is_stored():
+    assert list(STORED) == list(PROBLEMS)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_numbers_are_as_they_were(name):
+    assert list(compare(name, STORED[name], PROBLEMS[name](1.0))) == []
+
+
+def test_a_moved_number_is_named_with_old_and_new():
+    name = "example: trapezoid"
+    numbers = PROBLEMS[name](1.0)
+    moved = {kind: dict(values) for kind, values in numbers.items()}
+    moved["force"]["base: N"] *= 1.0 + 1e-7
+    moved["status"][""] = "stalled"
+    del moved["energy"]["strain"]
+    lines = list(compare(name, STORED[name], moved))
+    assert len(lines) == 3
+    assert all(name in line for line in lines)
+    assert any(repr(moved["force"]["base: N"]) in line for line in lines)
