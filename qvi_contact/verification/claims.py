@@ -9,11 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.discretization.basis import PrescribedTraction
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.families import element_on
 from qvi_contact.discretization.loads import prescribed_tractions
+from qvi_contact.element import legendre
+from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import airy_units, field_arrays
+from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, certify
@@ -242,16 +246,34 @@ def _unit_of(name: str, found: Recomputed) -> tuple[float, float]:
 def missed_tractions(result: ContactResult) -> float:
     """Largest |∫ (σn − T) ds| over a prescribed component of the traction, relative to stress × length of its edges.
 
-    Resultants of prescribed tractions are met whatever the mesh; their distribution is what `traction_misfit` compares.
+    Where normal and tangential component are prescribed on the same arcs, they are the components of the force: what
+    turns along an arc is no force by itself. Resultants of prescribed tractions are met whatever the mesh; their
+    distribution is what `traction_misfit` compares.
     """
-    known, missed = result.discretization, list[float]()
+    known = result.discretization
     unit = result.certificate.scales.get("stress", 1.0)
-    parts = prescribed_and_computed(known, result.dofs)
-    for given, (wanted, computed) in zip(prescribed_tractions(result.problem, known.scales), parts, strict=True):
-        length = given.edges.length
+    given = prescribed_tractions(result.problem, known.scales)
+    parts = list(zip(given, prescribed_and_computed(known, result.dofs), strict=True))
+    ends = [(part.turns and part.edges.curved, tuple(part.edges.first)) for part, _ in parts]
+    missed, forces, sizes = list[float](), dict[tuple[int, ...], FloatArray](), dict[tuple[int, ...], float]()
+    for (part, (wanted, computed)), (turns, edges) in zip(parts, ends, strict=True):
+        length = part.edges.length
         size = max(unit, float(np.abs(wanted.values).max())) * float(length.sum())
-        missed.append(abs(float(length @ (computed[:, 0] - wanted.coefficients(0)[:, 0]))) / size)
-    return _largest(missed)
+        if not (turns and ends.count((turns, edges)) > 1):
+            missed.append(abs(float(length @ (computed[:, 0] - wanted.coefficients(0)[:, 0]))) / size)
+            continue
+        t, weights = gauss_legendre(computed.shape[1])
+        values = weights * (computed @ legendre.basis(computed.shape[1] - 1, t).T)
+        along = np.einsum("kq,kqd->kd", values, _along(part, t))
+        due = wanted.integrals(_along(part.take(wanted.edge), wanted.t))
+        forces[edges] = forces.get(edges, np.zeros(2)) + length @ (along - due)
+        sizes[edges] = max(size, sizes.get(edges, 0.0))
+    return _largest([*missed, *(np.abs(force) / sizes[edges] for edges, force in forces.items())])
+
+
+def _along(part: PrescribedTraction, t: FloatArray) -> FloatArray:
+    """The direction of a component at reference points of its edges, (n, q, 2)."""
+    return vectors_along(part.edges, part.direction, t, turns=part.turns)
 
 
 def _size(found: Recomputed) -> float:

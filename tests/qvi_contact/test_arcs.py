@@ -4,13 +4,16 @@ import re
 
 import numpy as np
 import pytest
+from scipy import integrate
 
 from comparisons.verification.chapters.curves import lame, lame_energy
 from comparisons.verification.measures import stress_deviation
 from qvi_contact import (
     Contact,
     ContactProblem,
+    Corner,
     Displacement,
+    Expression,
     InputError,
     Material,
     Symmetry,
@@ -18,6 +21,7 @@ from qvi_contact import (
     TriangleMesh,
     load_result,
     solve,
+    verify_result,
 )
 from qvi_contact.export import write_npz
 from qvi_contact.files.problem_file import problem_from_toml
@@ -252,3 +256,32 @@ def test_finer_meshes_see_their_arcs():
         finer = mesh.refined([cell]).refined([cell])
         radii = np.hypot(*finer.vertices[finer.edge_sets["inner"]].reshape(-1, 2).T)
         np.testing.assert_allclose(radii, INNER, rtol=1e-14)
+
+
+@pytest.mark.parametrize("degree", [3, 4, 6])
+@pytest.mark.parametrize(
+    "load", [{"normal": "-1 - sin(3*x)", "tangential": "0.2*exp(x)"}, {"x": "cos(4*x)", "y": "-exp(x)"}]
+)
+def test_loads_that_are_no_polynomials_keep_their_force_on_arcs(load, degree):
+    """The force is that of the data, by quadrature over the angle; normal and tangential components are no forces."""
+    corners = [Corner((0, 0), "b"), Corner((2, 0), "r"), Corner((2, 1), "t", (1, 0.2)), Corner((0, 1), "l")]
+    fields = {name: Expression(text) for name, text in load.items()}
+    held = [Displacement("r", x=0.0, y=0.0), Traction("l", x=0.0, y=0.0)]
+    material = Material(1e4, 0.3)
+    problem = ContactProblem(
+        TriangleMesh.outline(corners, 0.6), material, [Contact("b", 0.3), *held, Traction("t", **fields)]
+    )
+    result = solve(problem, degree=degree)
+
+    def traction(angle, axis):
+        x, y = 1.0 + radius * np.cos(angle), 0.2 + radius * np.sin(angle)
+        normal, tangent = (np.cos(angle), np.sin(angle)), (np.sin(angle), -np.cos(angle))
+        if "x" in load:
+            return radius * float(fields["xy"[axis]](x, y))
+        return radius * float(fields["normal"](x, y) * normal[axis] + fields["tangential"](x, y) * tangent[axis])
+
+    radius, start = np.hypot(1.0, 0.8), np.arctan2(0.8, 1.0)
+    force = [integrate.quad(traction, start, np.pi - start, (axis,), epsabs=1e-12)[0] for axis in (0, 1)]
+    found = result.resultant("t")
+    assert (found.x, found.y) == pytest.approx(force, abs=1e-10)
+    assert verify_result(result).passed
