@@ -68,7 +68,8 @@ _DEGREE = click.option("--degree", type=int, help="Degree of the element on tria
 _ROWS = click.option(
     "--contact-rows",
     type=click.Choice(["bernstein", "gauss"]),
-    help="On triangles: the law on whole edges, or at Gauss points.  [default: bernstein; gauss if friction varies]",
+    help="On triangles: the law on whole edges, or at Gauss points.  [default: bernstein; gauss if "
+    "friction varies or a contact with friction is bilateral]",
 )
 _VERBOSE = click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error.")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")

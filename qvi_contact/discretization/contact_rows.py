@@ -17,7 +17,7 @@ from qvi_contact.discretization.loads import LOAD_POINTS, physical
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import legendre
 from qvi_contact.mesh.edges import points_along
-from qvi_contact.problem.conditions import Contact, Law
+from qvi_contact.problem.conditions import Contact, Law, has_coulomb
 from qvi_contact.problem.integrals import along_edges
 from qvi_contact.problem.problem import ContactProblem
 
@@ -148,13 +148,17 @@ def contact_rows(problem: ContactProblem, basis: Basis, scales: Scales) -> tuple
 
 
 def laws_vary(problem: ContactProblem) -> bool:
-    """Whether Bernstein coefficients cannot hold a contact's law: μ varies along an edge, or c or t_max bend there.
+    """Whether Bernstein coefficients cannot hold a contact's law.
 
-    They take μ times the coefficients of σ_N for those of the product, which is right for a constant only, and c and
-    t_max at their places for coefficients, which is right for affine functions. Else the law would neither hold on
-    whole edges nor be met to the order of the element. Ends count, where a jump between two edges shows.
+    They take μ times the coefficients of |σ_N| for those of the product, which is right for a constant μ and a σ_N of
+    one sign only, and c and t_max at their places for coefficients, which is right for affine functions. So μ must not
+    vary along an edge, c and t_max must not bend there, and σ_N must not change sign there, as it may on a bilateral
+    contact. Else the law would neither hold on whole edges nor be met to the order of the element. Ends count, where a
+    jump between two edges shows.
     """
     for contact in problem.contacts:
+        if contact.law == "bilateral" and has_coulomb(contact):
+            return True
         fields = {"friction": contact.friction, "cohesion": contact.cohesion, "shear_limit": contact.shear_limit}
         for name, field in fields.items():
             if callable(field):

@@ -568,7 +568,7 @@ class SolveTable(Table):
     """Degree of the element on triangles, 3 to 12; 4 by default: `degree = 5`."""
     contact_rows: Literal["bernstein", "gauss"] | None = None
     """bernstein: the contact law on whole edges of triangles; gauss: at points. By default the first, the second
-    where friction varies along an edge:
+    where friction varies along an edge, and on bilateral contacts with friction:
     `contact_rows = "gauss"`.
     """
     method: str | None = None

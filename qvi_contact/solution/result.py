@@ -46,6 +46,9 @@ _COUNTED = 1e-6  # share of the certificate's unit of stress that tractions reac
 _NOTHING = 1e-9  # share of it below which they are none
 """Share of the stress in which rounding of single stresses is worth a remark."""
 
+_EXCESS = 1e-2
+"""Share of a contact's largest traction by which friction may leave its bound between points without a remark."""
+
 _EDGES_IN_CONTACT = 4
 """Edges of an arc below which a contact zone is too short for them."""
 
@@ -243,7 +246,7 @@ class ContactResult(Stated):
             return remarks
         loose = tuple(body.remark for body in self.loose_bodies)
         found = self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds() + self._rounded_gaps()
-        return remarks + loose + found + tuple(self._coarse_arcs())
+        return remarks + loose + found + tuple(self._coarse_arcs()) + tuple(self._excess_between_points())
 
     @cached_property
     def loose_bodies(self) -> tuple[LooseBody, ...]:
@@ -326,6 +329,18 @@ class ContactResult(Stated):
                 f"its arc ({count}). The pressure there is not resolved. Refine the mesh there until "
                 f"{_EDGES_IN_CONTACT} edges or more touch, as by graded([(x, y)], 2)."
             )
+
+    def _excess_between_points(self) -> Iterator[str]:
+        """Contacts where friction leaves its bound between the points by a share of the traction that counts."""
+        for name, line in self.contacts.items():
+            largest = float(np.hypot(line.normal_stress, line.tangential_stress).max(initial=0.0))
+            if line.excess_between_points > _EXCESS * largest:
+                share = 100.0 * line.excess_between_points / largest
+                yield (
+                    f"On {name!r} friction exceeds its bound between the points of an edge, by up to "
+                    f"{line.excess_between_points:.3g} [stress]: {share:.1f} % of the largest traction. "
+                    "Refine the mesh there."
+                )
 
     def _inexact_bounds(self) -> tuple[str, ...]:
         """Contacts where a strict solve has used less than the law's own bound."""

@@ -10,15 +10,18 @@ from qvi_contact import (
     Contact,
     ContactProblem,
     Displacement,
+    Expression,
     InputError,
     Material,
     RectilinearMesh,
     RigidPlate,
     Symmetry,
     Traction,
+    TriangleMesh,
     exact,
     graded_lines,
     solve,
+    verify_result,
 )
 from solvers import Status
 from tests.covering import every_pair
@@ -404,3 +407,35 @@ def test_only_the_corner_that_fails_is_given_up():
     result = solved(ContactProblem(mesh, Material(1e3, 0.3), conditions), 1e-8, element="bfs")
     assert result.discretization.freed.tolist() == [0]
     assert ["(0, 0)" in remark for remark in result.remarks].count(True) == 1
+
+
+class TestBilateralFriction:
+    """|σ_N| where σ_N changes sign inside an edge: coefficients do not imply the law there, points keep it."""
+
+    @staticmethod
+    def turned():
+        """A block held by a plate that presses at one end and pulls at the other."""
+        rail = Contact("bottom", 0.3, law="bilateral", offset=1e-3)
+        turned = Displacement("top", x=Expression("1e-3*y"), y=Expression("1e-3*(x-1.13)"))
+        free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+        return ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1e4, 0.2), [rail, turned, *free])
+
+    @pytest.mark.parametrize("degree", [3, 4, 6])
+    def test_law_holds_at_the_points_and_the_rest_is_said(self, degree):
+        result = solve(self.turned(), degree=degree)
+        line = result.contacts["bottom"]
+        largest = np.abs(line.normal_stress).max()
+        assert result.status is Status.SOLVED
+        assert (np.abs(line.tangential_stress) - 0.3 * np.abs(line.normal_stress)).max() < 1e-8 * largest
+        assert verify_result(result).passed
+        assert not result.bracket.guaranteed
+        assert any("'bottom'" in remark for remark in result.remarks) == (line.excess_between_points > 0.01 * largest)
+
+    def test_coefficients_that_break_the_law_are_not_verified(self):
+        result = solve(self.turned(), degree=4, contact_rows="bernstein")
+        line = result.contacts["bottom"]
+        assert line.excess_between_points > 0.02 * np.abs(line.normal_stress).max()
+        checks = {check.name: check.passed for check in verify_result(result).rows}
+        assert checks.pop("between points") is False
+        assert all(passed is not False for passed in checks.values())
+        assert any("'bottom'" in remark for remark in result.remarks)
