@@ -3,6 +3,7 @@
 from typing import Any, Final, Literal, NamedTuple
 
 from qvi_contact.basics.checks import FloatArray
+from solvers.basics.foreign import foreign_code
 from solvers.basics.watch import left
 
 TIME_LIMIT, INFEASIBLE, UNBOUNDED = 1, 2, 3
@@ -56,7 +57,8 @@ def solved(cost: FloatArray, **program: Any) -> Any:
 
     large = program["A_ub"].shape[0] > _LARGE
     for attempt in (*_INTERIOR * large, *_SIMPLEX):
-        answer = linprog(cost, method=attempt.method, options=attempt.options, **program)
+        with foreign_code():
+            answer = linprog(cost, method=attempt.method, options=attempt.options, **program)
         if attempt.settles(answer.status):
             break
     return answer

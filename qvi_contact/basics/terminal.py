@@ -1,5 +1,6 @@
 """How the project's command lines behave: one-line errors, a console on standard error."""
 
+import atexit
 import io
 import os
 import sys
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO, cast
 import click
 
 from qvi_contact.errors import InputError, QVIError
+from solvers.basics.foreign import lead_nowhere
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -53,7 +55,8 @@ def run(command: click.Command, name: str) -> None:
     """Run a command and exit.
 
     Anything wrong with the input, and a standard output that cannot be written, is one line on standard error and exit
-    status 2. A reader that has gone away, as in ``… | head -1``, is no fault: the command ends in silence.
+    status 2. A reader that has gone away, as in ``… | head -1``, is no fault: the command ends in silence. What
+    libraries print when the process ends does not reach standard output.
     """
     _accept_any_character()
     with _remembered_output() as output:
@@ -65,6 +68,7 @@ def run(command: click.Command, name: str) -> None:
             if error is not output.error:
                 raise
             status = _unwritten(name, error)
+    atexit.register(lead_nowhere)
     sys.exit(status)
 
 

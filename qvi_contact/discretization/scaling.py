@@ -11,6 +11,7 @@ from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.foreign import foreign_code
 
 _AT_REST = 1e-6  # strain that is the unit of a body without any load
 REACH = 100.0
@@ -226,5 +227,7 @@ def _least_miss(bounds: list[_Bounds]) -> float:
             if bounded:
                 rows.append(np.column_stack([sign * each.direction, -np.ones(len(values))]))
                 limits.append(values)
-    found = linprog([0.0, 0.0, 1.0], np.vstack(rows), np.concatenate(limits), bounds=[(None, None)] * 2 + [(0.0, None)])
+    with foreign_code():
+        free, positive = (None, None), (0.0, None)
+        found = linprog([0.0, 0.0, 1.0], np.vstack(rows), np.concatenate(limits), bounds=[free, free, positive])
     return 2.0 * float(found.x[2]) if found.x is not None else 0.0

@@ -23,6 +23,7 @@ from qvi_contact.mesh.circles import Arc
 from qvi_contact.mesh.outline import Polygon, Polygons
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.triangulation import divided_corners
+from solvers.basics.foreign import foreign_code
 from solvers.basics.types import load
 
 _LOCK: Final = Lock()
@@ -56,7 +57,7 @@ def meshed(shape: Polygons) -> MeshParts:
     """
     gmsh = _gmsh()
     unit = 2.0 ** -round(np.log2(shape.length))  # gmsh has absolute tolerances; a power of two changes no digit
-    with _LOCK, _session(gmsh):
+    with _LOCK, foreign_code(), _session(gmsh):
         try:
             made = _mesh(gmsh, shape.scaled(unit))
             arcs = [arc.scaled(1.0 / unit) for arc in made.arcs]

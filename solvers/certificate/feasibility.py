@@ -22,7 +22,7 @@ from solvers.basics.types import BoolVector, IntVector, Sparse, Vector, load
 from solvers.basics.watch import left
 from solvers.inequality.blocks import by_columns
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import is_failure, one_line
+from solvers.inner.guard import BackendFailure, attempt
 
 _REACH = 1e4
 """The proof must exclude every z up to this many times the size of the bonded solution (and of 1)."""
@@ -137,16 +137,10 @@ def _minimise(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice
     settings.time_limit = left()
     cones = ([clarabel.ZeroConeT(qvi.p)] if qvi.p else []) + [clarabel.NonnegativeConeT(h.size)]
     stacked = csc_array(vstack([qvi.A, G])) if qvi.p else G
-    try:
-        solver = clarabel.DefaultSolver(
-            csc_array(triu(qvi.K)), -qvi.f, stacked, np.concatenate([qvi.b, h]), cones, settings
-        )
-        answer = solver.solve()
-    except BaseException as error:
-        if not is_failure(error):
-            raise
-        text = one_line(f"feasibility check failed: {type(error).__name__}: {error}")
-        return Feasibility(None, None, None, text)
+    program = (csc_array(triu(qvi.K)), -qvi.f, stacked, np.concatenate([qvi.b, h]), cones, settings)
+    answer = attempt("feasibility check failed", lambda: clarabel.DefaultSolver(*program).solve())
+    if isinstance(answer, BackendFailure):
+        return Feasibility(None, None, None, str(answer))
     word = str(answer.status)
     multipliers = np.array(answer.z)
     y, nu = np.zeros(rows.h.size), multipliers[: qvi.p]

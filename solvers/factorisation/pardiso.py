@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.basics.foreign import foreign_code
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation.base import Factorisation, State, symmetrised
 from solvers.factorisation.errors import FactorisationError, Reason
@@ -248,7 +249,8 @@ class _Handle:
         self._integers[[_PHASE, _COLUMNS, _ERROR]] = phase, 1 if b is None else b.shape[1], 0
         right = self._nothing if b is None else _address(b)
         left = self._nothing if x is None else _address(x)
-        self._pardiso(*self._arguments, right, left, self._error)
+        with foreign_code():
+            self._pardiso(*self._arguments, right, left, self._error)
         return int(self._integers[_ERROR])
 
     def _prepare(self) -> None:

@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
+from solvers.basics.foreign import foreign_code
 from solvers.basics.types import Module, Vector
 from solvers.basics.watch import left
 
@@ -19,13 +20,14 @@ class BackendFailure(str):
 
 
 def attempt(name: str, call: Callable[[], _Answer]) -> _Answer | BackendFailure:
-    """What the call returns, or how it failed.
+    """What the call returns, or how it failed; what it prints does not reach standard output.
 
     Panics of compiled back ends are failures. Interrupts, cancellations and time-outs are not: they are meant for those
     who called, and go on.
     """
     try:
-        return call()
+        with foreign_code():
+            return call()
     except BaseException as error:
         if not is_failure(error):
             raise

@@ -6,6 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import Any
 
+from solvers.basics.foreign import foreign_code
 from solvers.basics.types import load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.inequality.problem import FrictionQVI
@@ -34,7 +35,8 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[s
     `options`, by the back end's own names, replace all that `tolerance` would set; strict solvers take none.
     """
     name = check_name(name)
-    return Guarded(name, qvi, _make(name, qvi, tolerance, options))
+    with foreign_code():
+        return Guarded(name, qvi, _make(name, qvi, tolerance, options))
 
 
 def _make(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None) -> InnerSolver:

@@ -420,6 +420,36 @@ def test_standard_output_by_its_name(plate, monkeypatch, capfd):
     assert text[end:].strip().startswith("The plate")
 
 
+NOISY = """
+import atexit, ctypes, os, sys
+import qpsolvers, scipy.optimize
+from qvi_contact.cli import main
+
+def noisy(plain):
+    def call(*words, **settings):
+        os.write(1, b"noise")
+        ctypes.CDLL(None).printf(b"noise")
+        print("noise")
+        atexit.register(os.write, 1, b"noise")
+        return plain(*words, **settings)
+    return call
+
+qpsolvers.solve_problem = noisy(qpsolvers.solve_problem)
+scipy.optimize.linprog = noisy(scipy.optimize.linprog)
+main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the C library is found by another name")
+@pytest.mark.parametrize("words", [("solve", "--inner", "qp:clarabel"), ("limit", "--load", "thrust")])
+def test_json_is_json_whatever_a_back_end_prints(words):
+    """While it runs, or when the process ends."""
+    line = [sys.executable, "-c", NOISY, words[0], str(EXAMPLES / "gravity_dam.toml"), *words[1:], "--json"]
+    done = subprocess.run(line, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)
+    assert done.stderr == ""
+
+
 def test_what_stands_at_the_target_is_kept(shell, plate, tmp_path):
     link, target = tmp_path / "link.json", tmp_path / "target.json"
     link.symlink_to(target)

@@ -132,6 +132,49 @@ def test_exceptions_become_a_status(monkeypatch):
     assert solution.certificate.accuracy == np.inf
 
 
+NOISY = """
+import ctypes, logging, os, sys, threading
+import qpsolvers
+from solvers import solve_qvi
+from tests.solvers.conftest import one_contact
+
+libc, plain = ctypes.CDLL(None), qpsolvers.solve_problem
+
+def noisy(*words, **settings):
+    os.write(1, b"noise\\n")
+    libc.printf(b"noise")
+    print("noise")
+    other = threading.Thread(target=print, args=("from another thread",))
+    other.start()
+    other.join()
+    return plain(*words, **settings)
+
+qpsolvers.solve_problem = noisy
+logging.getLogger("qvi_contact").setLevel(sys.argv[1])
+print("before")
+libc.printf(b"from C before\\n")
+print(solve_qvi(one_contact(0.5, (-1.0, -3.0)), inner="qp:clarabel").status.value)
+libc.printf(b"from C behind\\n")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the C library is found by another name")
+@pytest.mark.parametrize("level", ["INFO", "DEBUG"])
+def test_what_a_back_end_prints_does_not_reach_standard_output(level):
+    """At once, from C's buffer, or by Python; what others print does."""
+    done = subprocess.run([sys.executable, "-c", NOISY, level], capture_output=True, text=True, check=True)
+    first, second, *others, status, last = done.stdout.splitlines()
+    assert (first, second, status, last) == ("before", "from C before", "solved", "from C behind")
+    assert set(others) == {"from another thread"}
+    assert done.stderr.count("noise") == (3 * len(others) if level == "DEBUG" else 0)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="streams are closed by the shell")
+def test_back_ends_run_without_standard_output():
+    words = ["sh", "-c", '"$0" -c "$1" INFO >&-', sys.executable, NOISY]
+    assert subprocess.run(words, capture_output=True, check=False).returncode == 0
+
+
 class Panic(BaseException):
     """As Rust's, which is no Exception."""
 
