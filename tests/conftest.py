@@ -122,3 +122,14 @@ def clock(monkeypatch):
     clock = Clock()
     monkeypatch.setattr("solvers.basics.watch.time", SimpleNamespace(monotonic=lambda: clock.now))
     return clock
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A Chromium without a window. Tests that miss it are skipped; where CI is set, they fail."""
+    from comparisons.lab.report.browser import missing, open_browser
+
+    if remedy := missing():
+        (pytest.fail if os.environ.get("CI") else pytest.skip)(remedy)
+    with open_browser() as opened:
+        yield opened

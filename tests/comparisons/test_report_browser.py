@@ -12,14 +12,6 @@ from qvi_contact.basics import terminal
 from qvi_contact.errors import InputError
 from tests.comparisons.report_parts import TIMES, sample
 
-seen = pytest.mark.skipif(bool(looking.missing()), reason=looking.missing() or "there is a browser")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with looking.open_browser() as opened:
-        yield opened
-
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
@@ -44,7 +36,6 @@ def problems(browser, tmp_path):
     return look
 
 
-@seen
 def test_a_report_is_good(problems, page):
     assert problems(page) == []
 
@@ -76,7 +67,6 @@ CHANGED = [
 """Text of a page, what it is replaced by, and how it is complained of."""
 
 
-@seen
 def test_whatever_is_wrong_is_seen(problems, page, monkeypatch):
     """All of it on one page, as each takes a while to open; so the sentences list what is alike to its end."""
     monkeypatch.setattr(looking, "_NAMED", 99)
@@ -112,7 +102,6 @@ SORTING = {
 }
 
 
-@seen
 def test_wrong_sorting_is_seen(problems, table):
     """One page with a table for each fault, sorted by a script that has this fault alone."""
     before, grid, after = re.split('(<table class="sortable">.*?</table>)', table, maxsplit=1, flags=re.DOTALL)
@@ -130,14 +119,12 @@ def test_wrong_sorting_is_seen(problems, table):
         assert any(re.match(rf"table {number}\b", text) and problem in text for text in found), (name, found)
 
 
-@seen
 def test_a_button_that_cannot_be_reached_is_seen(problems, table, monkeypatch):
     monkeypatch.setattr(looking, "_PATIENCE", 800.0)
     found = problems(table.replace("</style>", "th button { pointer-events: none }</style>"), (1280,))
     assert found[0] == "table 1 cannot be sorted by keyboard and mouse"
 
 
-@seen
 def test_a_request_is_seen_where_the_page_allows_it(problems):
     image, style = '<img src="http://192.0.2.1/x.png" alt="">', "<link rel=stylesheet href=a.css>"
     found = problems(f'<html lang="en"><title>t</title><p>text{image}{style}')
@@ -168,7 +155,7 @@ def test_the_command_has_a_line_for_each_page(tmp_path, monkeypatch, capfd):
     assert command(monkeypatch, capfd, bad, good, made) == (1, lines, "")
 
 
-@seen
+@pytest.mark.usefixtures("browser")
 def test_a_missing_page_is_bad_input(monkeypatch, capfd, tmp_path):
     code, out, err = command(monkeypatch, capfd, tmp_path / "none.html")
     assert (code, out) == (2, "")

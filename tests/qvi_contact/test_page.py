@@ -17,8 +17,6 @@ from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.solution.solver import solve
 from qvi_contact.units import Units
 
-seen = pytest.mark.skipif(bool(looking.missing()), reason=looking.missing() or "there is a browser")
-
 TEXT = """version = 1
 title = "A plate <pressed>"
 description = "First.\\n\\nSecond & last."
@@ -115,13 +113,6 @@ class TestText:
         assert "<pressed>" not in text
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with looking.open_browser() as opened:
-        yield opened
-
-
-@seen
 class TestBrowser:
     """The page in Chromium."""
 
@@ -189,6 +180,56 @@ class TestBrowser:
         assert pressure == pytest.approx(-line.normal_stress[nearest], rel=1e-3)
         assert bound == pytest.approx(line.friction_bound[nearest], rel=1e-3)
         assert shear == pytest.approx(line.tangential_stress[nearest], rel=1e-3)
+
+    def test_the_field_answers_mouse_and_keyboard(self, browser, file):
+        """What changes the picture, and what brings it back."""
+        ways = [
+            (lambda opened: opened.keyboard.press("+"), lambda opened: opened.keyboard.press("-")),
+            (lambda opened: opened.keyboard.press("ArrowLeft"), lambda opened: opened.keyboard.press("ArrowRight")),
+            (lambda opened: opened.keyboard.press("ArrowUp"), lambda opened: opened.keyboard.press("0")),
+            (lambda opened: opened.mouse.wheel(0, -300), lambda opened: opened.click("#whole")),
+            (self.drag, lambda opened: opened.click("#whole")),
+            (lambda opened: opened.check("#lines"), lambda opened: opened.uncheck("#lines")),
+            (lambda opened: opened.fill("#factor", "50"), lambda opened: opened.fill("#factor", "0")),
+        ]
+        with browser.new_context(viewport={"width": 1000, "height": 900}) as context:
+            opened = context.new_page()
+            opened.goto(file.as_uri())
+            canvas = opened.locator("#drawing")
+            canvas.hover()
+            canvas.focus()
+            for change, back in ways:
+                before = self.drawn(opened)
+                change(opened)
+                assert self.drawn(opened) != before
+                back(opened)
+                canvas.focus()
+                assert self.drawn(opened) == before
+
+    @staticmethod
+    def drawn(opened):
+        """The picture, once what was asked for is drawn."""
+        opened.wait_for_timeout(60)
+        return opened.evaluate("document.getElementById('drawing').toDataURL()")
+
+    @staticmethod
+    def drag(opened):
+        box = opened.locator("#drawing").bounding_box()
+        opened.mouse.move(box["x"] + 300, box["y"] + 100)
+        opened.mouse.down()
+        opened.mouse.move(box["x"] + 360, box["y"] + 120)
+        opened.mouse.up()
+
+    def test_print_has_no_controls_and_fits_the_paper(self, browser, file):
+        with browser.new_context(viewport={"width": 720, "height": 1000}) as context:  # A4 less its margins
+            opened = context.new_page()
+            opened.goto(file.as_uri())
+            opened.emulate_media(media="print")
+            assert opened.locator(".controls").first.is_hidden()
+            assert opened.locator("output").first.is_hidden()
+            assert opened.evaluate("document.documentElement.scrollWidth") <= 720
+            assert opened.locator("#drawing").is_visible()
+            assert opened.pdf(format="A4").startswith(b"%PDF")
 
     @staticmethod
     def numbers(text):
