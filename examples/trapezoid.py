@@ -32,7 +32,7 @@ print(finer.message)
 
 result = finer.result
 bounds = result.bracket.forces["base.normal_force"]
-print(f"{bounds.lower:.7f} <= P <= {bounds.upper:.7f}, {'guaranteed' if result.bracket.guaranteed else 'estimated'}")
+print(f"{bounds.lower:.7f} <= P <= {bounds.upper:.7f}, {result.bracket.certainty}")
 sticking = (result.contacts["base"].state == qc.ContactState.STICK).mean()
 compare(
     [

@@ -1,5 +1,6 @@
 """How far off is the answer: bounds of the energy from an admissible stress and an admissible displacement."""
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.bracket.bounds import bracket
 from qvi_contact.bracket.branches import Branches, other_solutions
 from qvi_contact.bracket.marking import refined_where_apart
@@ -11,6 +12,7 @@ __all__ = [
     "Bracket",
     "BracketKind",
     "Branches",
+    "Certainty",
     "EdgeParts",
     "ForceDifference",
     "SlipBounds",

@@ -7,7 +7,7 @@ import numpy as np
 
 from qvi_contact.basics.shown import shown
 from qvi_contact.basics.units import Units
-from qvi_contact.bracket.outcome import Bracket
+from qvi_contact.bracket.outcome import Bracket, BracketKind
 from qvi_contact.companion import CompanionResult
 
 
@@ -22,6 +22,7 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
     return {
         "problem": bracket.kind.name.lower().replace("_", " "),
         "guaranteed": bracket.guaranteed,
+        "certainty": str(bracket.certainty),
         "reasons": [units.filled(reason) for reason in bracket.reasons],
         "message": bracket.sentence(units),
         "energies": {name: _quantity(value, units.energy) for name, value in energy.items()},
@@ -89,6 +90,8 @@ def _slip(bracket: Bracket, units: Units) -> dict[str, Any] | None:
 
 def _slip_lines(bracket: Bracket, units: Units) -> Iterator[str]:
     """The bounds under slip, or why there are none."""
+    if bracket.kind is BracketKind.STICKING and (bracket.slip is None or not np.isfinite(bracket.slip.error)):
+        return  # nothing slips
     if bracket.slip_reason:
         yield f"no bounds under Coulomb slip: {units.filled(bracket.slip_reason)}"
     if bracket.slip is not None:

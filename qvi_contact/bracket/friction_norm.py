@@ -66,7 +66,7 @@ def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> Frictio
     elif np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
     elif value >= slip_constants.LARGEST:
-        found = f"Friction is too large: the norm of its operator is {value:.3g}, and must be less than 2."
+        found = f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}."
     return FrictionNorm(value, False, found)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.companion import CompanionResult
@@ -26,7 +27,7 @@ class BracketKind(Enum):
     """Which convex problem the two energies bracket; the text says it."""
 
     PROBLEM = "the problem itself"
-    STICKING = "the problem with its friction contacts tied, as all of them stick in the computed state"
+    STICKING = "the problem with its friction contacts tied, as all of them stick on this mesh"
     GIVEN_BOUND = "the problem with the friction bound s = μ|σ_N| fixed at the computed pressure"
 
 
@@ -73,10 +74,13 @@ class Bracket:
     ----------
     kind : BracketKind
         The problem whose solution is u, σ.
+    certainty : Certainty
+        "guaranteed" if the bounds hold for the problem the user stated, up to rounding and the tolerance; "guaranteed
+        if all of the contact sticks" if they hold for the problem with its friction contacts tied: that these stick on
+        this mesh does not prove that they stick at all points of the exact solution, as in corners. Otherwise the gap
+        is an indicator, an "estimate", and `reasons` says why.
     guaranteed : bool
-        Whether the bounds hold for that problem, up to rounding and the tolerance, and that problem is the one the user
-        stated, or, if all friction contacts stick, the tied one. Otherwise the gap is an indicator, and `reasons` says
-        why.
+        Whether the certainty is "guaranteed", without a condition.
     reasons : tuple of str
         Why the bounds are not guaranteed; empty if they are.
     lower, upper : float
@@ -144,9 +148,16 @@ class Bracket:
         return f"<Bracket {self.message}>"
 
     @property
+    def certainty(self) -> Certainty:
+        """How far the bounds can be trusted."""
+        if self.reasons:
+            return Certainty.ESTIMATE
+        return Certainty.IF_STICKING if self.kind is BracketKind.STICKING else Certainty.GUARANTEED
+
+    @property
     def guaranteed(self) -> bool:
-        """Whether `reasons` is empty."""
-        return not self.reasons
+        """Whether the bounds hold for the problem as it was stated, without a condition."""
+        return self.certainty is Certainty.GUARANTEED
 
     @property
     def gap(self) -> float:
@@ -188,7 +199,8 @@ class Bracket:
     def sentence(self, units: Units | None = None) -> str:
         """`message` with units."""
         units = units or Units()
-        what = "Guaranteed bounds for" if self.guaranteed else "Estimate, not a bound, for"
+        sure = self.certainty is not Certainty.ESTIMATE
+        what = f"Bounds, {self.certainty}, for" if sure else "Estimate, not a bound, for"
         bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.engineering_energy}"
         if not np.isfinite(self.lower):
             bounds = f"energy below {self.upper:.9g} {units.engineering_energy}, no lower bound"

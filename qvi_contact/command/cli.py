@@ -346,10 +346,10 @@ def bracket(
     """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
 
     The stress model gives a lower bound of the energy, a displacement model on the same mesh an upper bound. The bounds
-    are guaranteed for contacts without Coulomb friction, and where all of them stick. Where contacts slip, the friction
-    bound is taken from the computed pressure, and the bounds are an estimate. If one prescribed displacement drives the
-    problem, its force is bounded too. The output names the bounded problem, and every reason why bounds are not
-    guaranteed.
+    are guaranteed for straight contacts without Coulomb friction. Where all contacts stick on the mesh, they are
+    guaranteed if all of the contact sticks. Where contacts slip, the friction bound is taken from the computed
+    pressure, and the bounds are an estimate. If one prescribed displacement drives the problem, its force is bounded
+    too. The output names the bounded problem, and every reason why bounds are not guaranteed.
 
     \b
     Exit status: 0 solved, and both bounds found

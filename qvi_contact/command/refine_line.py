@@ -2,17 +2,25 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Final
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.shown import shown
 from qvi_contact.basics.units import Units
 from qvi_contact.command.report import table
 from qvi_contact.command.solve_line import solving
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.refinement import Refinement, RefinementRound, refine
-from qvi_contact.refinement.comparison import coulomb_contacts, sticks
+from qvi_contact.refinement.comparison import sticks
 from qvi_contact.refinement.outcome import Outcome
 from qvi_contact.refinement.quantity import unit_of
+
+_KINDS: Final = {
+    Certainty.ESTIMATE: "estimate",
+    Certainty.IF_STICKING: "guaranteed if sticking",
+    Certainty.GUARANTEED: "guaranteed",
+}
+"""What an error is, in tables."""
 
 
 def refined(
@@ -36,6 +44,7 @@ def document(found: Outcome, units: Units) -> dict[str, Any]:
         "target": found.target,
         "estimate": _finite(found.estimate),
         "guaranteed": found.guaranteed,
+        "certainty": str(found.certainty),
         "message": found.message,
         "advice": found.status.advice,
         "rounds": [
@@ -45,6 +54,7 @@ def document(found: Outcome, units: Units) -> dict[str, Any]:
                 "value": _finite(each.value),
                 "estimate": _finite(each.estimate),
                 "guaranteed": each.guaranteed,
+                "certainty": str(each.certainty),
             }
             for each in found.rounds
         ],
@@ -88,14 +98,12 @@ def trust(found: Refinement, units: Units) -> str:
     if not math.isfinite(found.estimate):
         return "Error: not known."
     size = f"{shown(found.error, digits=2)} {unit_of(found.quantity, units)}"
-    if found.guaranteed and not sticks(found.result):
-        return f"Error: at most {size}. This is a guaranteed bound, up to rounding, if each contact slips one way only."
-    if found.guaranteed and coulomb_contacts(found.problem):
-        tied = "the problem with its friction contacts tied, as all of them stick in this answer"
-        return f"Error: at most {size}. This is a guaranteed bound, up to rounding, for {tied}."
-    if found.guaranteed:
-        return f"Error: at most {size}. This is a guaranteed bound, up to rounding."
-    return f"Error: about {size}. This is an estimate, not a guaranteed bound."
+    if found.certainty is Certainty.ESTIMATE:
+        return f"Error: about {size}. This is an estimate, not a guaranteed bound."
+    condition = "" if sticks(found.result) else ", if each contact slips one way only"
+    if found.certainty is Certainty.IF_STICKING:
+        condition = ", if all of the contact sticks, as it does on this mesh"
+    return f"Error: at most {size}. This is a guaranteed bound, up to rounding{condition}."
 
 
 def _so_far(done: RefinementRound) -> str:
@@ -110,7 +118,7 @@ def _error(each: RefinementRound) -> str:
 def _kind(each: RefinementRound) -> str:
     if not math.isfinite(each.estimate):
         return ""
-    return "guaranteed" if each.guaranteed else "estimate"
+    return _KINDS[each.certainty]
 
 
 def _finite(value: float) -> float | None:

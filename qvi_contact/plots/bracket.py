@@ -98,6 +98,7 @@ def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = ""
 
 
 def _title(bracket: Bracket, units: Units) -> str:
-    word = "bounds, guaranteed" if bracket.guaranteed else "estimate, not guaranteed"
-    text = f"Energy between {bracket.lower:.7g} and {bracket.upper:.7g} {units.engineering_energy} ({word})"
+    text = (
+        f"Energy between {bracket.lower:.7g} and {bracket.upper:.7g} {units.engineering_energy} ({bracket.certainty})"
+    )
     return f"{text}\nfor {bracket.kind.value}".replace("-", "−")

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias, overload
 import numpy as np
 
 from qvi_contact import __version__
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import positive_number, whole_number
 from qvi_contact.discretization.families import element_on, with_element
 from qvi_contact.errors import InputError
@@ -33,6 +34,7 @@ _COLUMNS = {
     "seconds": ">9.2f",
 }  # fmt: skip
 
+_YES = {Certainty.ESTIMATE: "no", Certainty.IF_STICKING: "if sticks", Certainty.GUARANTEED: "yes"}
 _OF_SPACES = ("element", "degree", "contact_rows")  # options that are not the solver's
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
@@ -94,7 +96,8 @@ def refine(
 
     On triangles, into which rectangles are cut, each round solves the problem on a mesh, which gives the answer. Where
     the contact laws allow it (no friction, Tresca's, tied contacts, or contacts that stick everywhere) a displacement
-    companion bounds the energy, and the force of one prescribed displacement: the error is guaranteed, see `Bracket`.
+    companion bounds the energy, and the force of one prescribed displacement: the error is guaranteed, of contacts that
+    stick on condition that all of the contact sticks, see `Bracket.certainty`.
     Else the answer is compared with a closer look: one degree more, on a mesh bisected where contact states change and
     at the corners where stresses may be singular (see `closer`). Triangles that hold most of the difference are
     bisected.
@@ -137,8 +140,8 @@ def refine(
         Seconds for all rounds together; the answer is that of the last round done in time.
     guaranteed : bool
         Whether the force of a contact that slips, on triangles, is refined until its guaranteed bounds are within the
-        target, see `Bracket.slip`. That takes more unknowns than the estimate, which is used by default and where there
-        are no such bounds.
+        target, see `Bracket.slip`. That takes more unknowns than the estimate, which is used by default. Where there
+        are no such bounds it ends with `RefinementStatus.NO_GUARANTEE` once the estimate is within the target.
     callback : callable, optional
         Called with the record of each round.
     verbose : bool
@@ -151,7 +154,7 @@ def refine(
     Returns
     -------
     Refinement or LimitRefinement
-        The last answer, the estimate with its status, and the error indicator of every cell; `Refinement.guaranteed`
+        The last answer, the estimate with its status, and the error indicator of every cell; `Refinement.certainty`
         says whether the estimate is a bound. A failure does not raise. For a `LimitFactor` the answer is a limit load,
         `LimitRefinement.limit`.
 
@@ -164,10 +167,10 @@ def refine(
 
     Notes
     -----
-    On triangles the estimate is |q − q(closer look)| where `Refinement.guaranteed` is false, and no less than the step
-    from the closer look of the round before: an estimate, not a bound, on the plate of the test within a factor of 0.7
-    to 1.5 of the error. Later rounds do not start from the answer of
-    the round before: the condensed method, the default, has no use for a start.
+    On triangles the estimate is |q − q(closer look)| where `Refinement.certainty` is "estimate", and no less than the
+    step from the closer look of the round before: an estimate, not a bound, on the plate of the test within a factor
+    of 0.7 to 1.5 of the error. Later rounds do not start from the answer of the round before: the condensed method, the
+    default, has no use for a start.
 
     On grids, with E_k the complementary energy still missing in round k (the sum over the cells), Δ_k what the finest
     mesh of the round gained of it, and q_k the quantity, two estimates are at hand:
@@ -232,7 +235,7 @@ class _Told:
 
     def __call__(self, record: RefinementRound) -> None:
         self._count += 1
-        numbers = (record.unknowns, record.value, record.estimate, "yes" if record.guaranteed else "no")
+        numbers = (record.unknowns, record.value, record.estimate, _YES[record.certainty])
         self._story.line(self._count, math.prod(record.cells), *numbers, self._story.seconds)
         if self._callback is not None:
             self._callback(record)

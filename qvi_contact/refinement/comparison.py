@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.conditions import Contact, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
@@ -23,7 +24,7 @@ class Comparison:
     ----------
     error : float
         Of the quantity, in its own unit.
-    guaranteed : bool
+    certainty : Certainty
         Whether it is a bound.
     parts : (cells,) array
         What each cell has of the distance between the two [stress × length²], ≥ 0.
@@ -33,7 +34,7 @@ class Comparison:
     """
 
     error: float
-    guaranteed: bool
+    certainty: Certainty
     parts: FloatArray
     looked: float = np.nan
 
@@ -55,8 +56,8 @@ def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison
     slip = bracket.slip
     if slip is not None and slip.guaranteed and not sticks(result) and measure.name in slip.forces:
         lower, upper = slip.forces[measure.name]
-        return Comparison(max(upper - value, value - lower, 0.0), True, slip.cells)
-    if not bracket.guaranteed or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
+        return Comparison(max(upper - value, value - lower, 0.0), Certainty.GUARANTEED, slip.cells)
+    if bracket.reasons or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
         return None
     if measure.name == "energy":
         lower, upper = -bracket.upper, -bracket.lower
@@ -64,4 +65,4 @@ def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison
         lower, upper = bracket.forces[measure.name].lower, bracket.forces[measure.name].upper
     else:
         return None
-    return Comparison(max(upper - value, value - lower, 0.0), True, bracket.cell_gaps)
+    return Comparison(max(upper - value, value - lower, 0.0), bracket.certainty, bracket.cell_gaps)

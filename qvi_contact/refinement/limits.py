@@ -12,6 +12,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges
@@ -93,7 +94,7 @@ class _Limits:
         return LimitRound(
             problem=problem,
             unknowns=answer.posed.unknowns,
-            accuracy=Accuracy(limit.lower, unit, estimate, bool(exact)),
+            accuracy=Accuracy(limit.lower, unit, estimate, Certainty.GUARANTEED if exact else Certainty.ESTIMATE),
             cells=cells,
             indicator=indicator,
             limit=limit,

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
@@ -81,7 +82,10 @@ class Loop(Generic[A, R]):
         """`StopError` where the target or a limit is reached."""
         settings = self.strategy.settings
         if rounds[-1].estimate <= settings.target:
-            raise StopError(RefinementStatus.REACHED)
+            sure = rounds[-1].accuracy.certainty is Certainty.GUARANTEED
+            raise StopError(
+                RefinementStatus.REACHED if sure or not settings.guaranteed else RefinementStatus.NO_GUARANTEE
+            )
         if expired():
             raise StopError(RefinementStatus.TIME_LIMIT)
         if len(rounds) >= settings.max_rounds:

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.limit import LimitLoad
@@ -21,6 +22,7 @@ class RefinementStatus(StrEnum):
     """How a refinement ended. The value is a word for files and tables, `advice` a sentence for the user."""
 
     REACHED = "reached"
+    NO_GUARANTEE = "no_guarantee"
     UNKNOWNS = "unknowns"
     ROUNDS = "rounds"
     THIN_CELLS = "thin_cells"
@@ -35,6 +37,8 @@ class RefinementStatus(StrEnum):
 
 _ADVICE = {
     RefinementStatus.REACHED: "Nothing to do: the error, estimated or bounded, is within the target.",
+    RefinementStatus.NO_GUARANTEE: "The error is within the target, but no guaranteed bound, as was asked for: "
+    "accept it as it is, or read why in result.bracket (reasons, slip_reason).",
     RefinementStatus.UNKNOWNS: "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the "
     "estimate.",
     RefinementStatus.ROUNDS: "The rounds are used up: raise max_rounds, or accept the estimate.",
@@ -60,8 +64,10 @@ class RefinementRound:
         The quantity.
     estimate : float
         Its estimated relative error; infinity if there is none.
-    guaranteed : bool
+    certainty : Certainty
         Whether the estimate is a bound of the error.
+    guaranteed : bool
+        Whether it is one without a condition.
 
     """
 
@@ -69,7 +75,12 @@ class RefinementRound:
     unknowns: int
     value: float
     estimate: float
-    guaranteed: bool = False
+    certainty: Certainty = Certainty.ESTIMATE
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether the estimate is a bound of the error without a condition."""
+        return self.certainty is Certainty.GUARANTEED
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -79,7 +90,8 @@ class Outcome:
     Attributes
     ----------
     status : RefinementStatus
-        Only `RefinementStatus.REACHED` means that the estimate is within the target.
+        Only `RefinementStatus.REACHED` means that the estimate is within the target, and guaranteed if that was asked
+        for.
     quantity : str
         Name of the quantity.
     target : float
@@ -135,9 +147,14 @@ class Outcome:
         return self.estimate * self.unit
 
     @property
-    def guaranteed(self) -> bool:
+    def certainty(self) -> Certainty:
         """Whether `estimate` is a bound of the error, up to rounding."""
-        return bool(self.rounds) and self.rounds[-1].guaranteed
+        return self.rounds[-1].certainty if self.rounds else Certainty.ESTIMATE
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether `estimate` is a bound of the error without a condition, up to rounding; see `Bracket.certainty`."""
+        return self.certainty is Certainty.GUARANTEED
 
     @property
     def message(self) -> str:
@@ -145,8 +162,9 @@ class Outcome:
         last = self.rounds[-1]
         cells = " × ".join(str(count) for count in last.cells)
         kind = "cells" if len(last.cells) > 1 else "triangles"
-        error = "guaranteed bound of the relative error" if self.guaranteed else "estimated relative error"
-        sense = "within" if self.status is RefinementStatus.REACHED else "above"
+        sure = self.certainty is not Certainty.ESTIMATE
+        error = f"relative error ({self.certainty})" if sure else "estimated relative error"
+        sense = "within" if self.status in {RefinementStatus.REACHED, RefinementStatus.NO_GUARANTEE} else "above"
         text = (
             f"{self.status.value}: {self.quantity} = {self.value:.9g}, {error} {self.estimate:.1e}, "
             f"{sense} the target {self.target:.1e}, with {last.unknowns} unknowns on {cells} {kind} after "
@@ -172,15 +190,6 @@ class Refinement(Outcome):
     def problem(self) -> ContactProblem:
         """The problem on the last mesh."""
         return self.result.problem
-
-    @property
-    def guaranteed(self) -> bool:
-        """Whether `estimate` is a bound of the error, up to rounding; see `Bracket.guaranteed`.
-
-        Where contacts have Coulomb friction it is one of the problem with these contacts tied: they stick in the
-        answer, and in a closer look at it.
-        """
-        return super().guaranteed
 
     @property
     def message(self) -> str:

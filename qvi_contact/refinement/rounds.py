@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, Protocol, TypeVar
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus
@@ -55,7 +56,7 @@ class Accuracy:
         The quantity, and what its error is relative to.
     estimate : float
         Relative error; infinity if there is none.
-    guaranteed : bool
+    certainty : Certainty
         Whether the estimate is a bound.
 
     """
@@ -63,7 +64,7 @@ class Accuracy:
     value: float
     unit: float
     estimate: float
-    guaranteed: bool = False
+    certainty: Certainty = Certainty.ESTIMATE
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,7 +101,7 @@ class Round:
     def record(self) -> RefinementRound:
         """What is kept of the round."""
         known = self.accuracy
-        return RefinementRound(self.cells, self.unknowns, known.value, known.estimate, known.guaranteed)
+        return RefinementRound(self.cells, self.unknowns, known.value, known.estimate, known.certainty)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

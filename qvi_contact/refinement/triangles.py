@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_number
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -120,7 +121,7 @@ class TriangleRefinement:
         mesh, measure = _mesh(problem), self.measure
         value, unit = measure.value(result), measure.unit(result)
         at = places(problem, mesh, result)
-        hopeless = any(each.tried and not each.accuracy.guaranteed for each in earlier)
+        hopeless = any(each.tried and each.accuracy.certainty is Certainty.ESTIMATE for each in earlier)
         sticking = sticks(result)
         tried = measure.bounded and not hopeless and (sticking or (self.settings.guaranteed and measure.of_a_force))
         found = bounded(measure, value, result) if tried else None
@@ -131,7 +132,7 @@ class TriangleRefinement:
         return TriangleRound(
             problem=problem,
             unknowns=unknowns_of(result),
-            accuracy=Accuracy(value, unit, estimate, found.guaranteed),
+            accuracy=Accuracy(value, unit, estimate, found.certainty),
             cells=(len(mesh.cells),),
             indicator=_shared(found.parts, estimate),
             result=result,
@@ -145,7 +146,7 @@ class TriangleRefinement:
         if not np.isfinite(estimate):
             return Marks(np.ones(len(mesh.cells), dtype=bool))
         marked = bulk(found.parts)
-        if found.guaranteed or not len(at.cells):
+        if found.certainty is not Certainty.ESTIMATE or not len(at.cells):
             return Marks(marked, _deeper(mesh, at.corners, found.parts, self.settings.target / (estimate or 1.0)))
         marked[at.cells] = True  # changes of state matter more for a force than their share says
         return Marks(marked)
@@ -184,8 +185,8 @@ class TriangleRefinement:
             if _usable(look, error, measure.unit(result)):
                 if bound is not None and sticks(look):
                     return bound
-                return Comparison(error, False, differences(result, look, mesh, _mesh(closer)), looked)
-        return None if bound is None else replace(bound, guaranteed=False)
+                return Comparison(error, Certainty.ESTIMATE, differences(result, look, mesh, _mesh(closer)), looked)
+        return None if bound is None else replace(bound, certainty=Certainty.ESTIMATE)
 
     def _solved(
         self, problem: ContactProblem, degree: int, most: float, more: Mapping[str, Any] = MappingProxyType({})
@@ -204,8 +205,10 @@ def _settled(found: Comparison | None, result: ContactResult, earlier: Sequence[
         late = RefinementStatus.TIME_LIMIT if expired() else RefinementStatus.UNSOLVED
         raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be determined")
     if found is None:
-        found = Comparison(np.inf, False, np.ones(len(_mesh(result.problem).cells)))
-    if earlier and not found.guaranteed:  # looks that still move are no measure of an error below their steps
+        found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(len(_mesh(result.problem).cells)))
+    if (
+        earlier and found.certainty is Certainty.ESTIMATE
+    ):  # looks that still move are no measure of an error below their steps
         found = replace(found, error=float(np.fmax(found.error, abs(found.looked - earlier[-1].looked))))
     return found
 

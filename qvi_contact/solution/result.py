@@ -334,7 +334,7 @@ class ContactResult(Stated):
         """Contacts where friction leaves its bound between the points by a share of the traction that counts."""
         for name, line in self.contacts.items():
             largest = float(np.hypot(line.normal_stress, line.tangential_stress).max(initial=0.0))
-            if line.excess_between_points > _EXCESS * largest:
+            if line.excess_between_points > max(_EXCESS * largest, line.rounding.stress):
                 share = 100.0 * line.excess_between_points / largest
                 yield (
                     f"On {name!r} friction exceeds its bound between the points of an edge, by up to "

@@ -409,9 +409,10 @@ def _facts(found: Recomputed) -> Iterator[Check]:
         lines = result.contacts.values()
         beyond = max((max(line.excess_between_points, line.pull_between_points) for line in lines), default=0.0)
         whole = result.discretization.space.contact_rule.kind == "bernstein"
-        limit = _BOUND * result.certificate.tolerance if whole else None
+        limit = _BOUND * result.certificate.tolerance
         yield Check(
-            "between points", beyond / found.stress, limit, None if limit is None else beyond <= limit * found.stress,
+            "between points", beyond / found.stress, limit if whole else None,
+            bool(beyond <= limit * found.stress) if whole else None,
             "Largest |σ_T| beyond the bound, or pull, anywhere on the contacts, over the largest traction. "
             "Above 0 where the law holds at Gauss points only (rectangles, contact_rows='gauss').",
             "Coefficients do not hold this law between the points: leave contact_rows out.",

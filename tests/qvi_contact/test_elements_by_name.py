@@ -65,7 +65,7 @@ class TestPython:
         result = solve(thin)
         assert result.problem is thin
         assert verify_result(result).passed
-        assert result.bracket.guaranteed
+        assert result.bracket.reasons == ()
 
     def test_an_earlier_result_says_what_is_refined(self):
         plate = compressed_plate(0.5, (2, 2))

@@ -277,7 +277,7 @@ def _bounds(problem: Problem, result: ContactResult) -> Record:
 def _bound_values(problem: Problem, found: Any) -> Record:
     force = found.forces.get(f"{problem.contact}.{problem.force}")
     return {
-        "kind": found.kind.name, "guaranteed": found.guaranteed, "reasons": list(found.reasons),
+        "kind": found.kind.name, "guaranteed": not found.reasons, "reasons": list(found.reasons),
         "lower": _finite(found.lower), "upper": _finite(found.upper), "gap": _finite(found.gap), "strain": found.strain,
         "force_bounds": None if force is None else [_finite(force.lower), _finite(force.upper)],
     }  # fmt: skip

@@ -97,13 +97,13 @@ def _bounds(found: "Bracket", unknowns: int) -> dict[str, Any]:
 
     "lower" and "upper" of P/2, None where P has no bounds; "width", half the gap of the energies over their mean, under
     slip that of the bounds of P/2; "strain_error", the bound of the stress's error in the energy norm, relative;
-    "guaranteed", and "kind": the name of the `BracketKind`, which problem is bracketed, or `ONE_SENSE`; "unknowns" of
+    "guaranteed" for the problem that "kind" names, a `BracketKind` or `ONE_SENSE`; "unknowns" of
     stress and displacement together.
     """
     from math import isfinite
 
     moved, slip = found.companion, found.slip
-    slips = slip is not None and isfinite(slip.error) and not found.guaranteed
+    slips = slip is not None and isfinite(slip.error) and bool(found.reasons)
     return {
         "half_force": None,
         "unknowns": unknowns + (0 if moved is None else int(moved.space.size)),
@@ -139,7 +139,7 @@ def _by_energies(found: "Bracket") -> dict[str, Any]:
         "upper": None if force is None else float(force.upper),
         "width": float(found.gap / abs(found.lower + found.upper)),
         "strain_error": float(found.relative_error),
-        "guaranteed": found.guaranteed,
+        "guaranteed": not found.reasons,
         "kind": found.kind.name,
         **failure,
     }

@@ -119,7 +119,7 @@ def orders_of_refined_bounds(element: Element, quick: bool) -> Iterator[Row]:
         rounds = [each for each in outcome.rounds if each.estimate <= start]
         order = np.log(rounds[0].estimate / outcome.estimate) / np.log(rounds[-1].unknowns / rounds[0].unknowns)
         quantity = f"{name}: order of the bound in unknowns, {start:.0e} to {end:.0e}"
-        proof = both(certified(outcome.result), by_hand(outcome.guaranteed, "a guaranteed bound"))
+        proof = both(certified(outcome.result), by_hand(outcome.certainty != "estimate", "a guaranteed bound"))
         yield at_least(quantity, float(order), least[element], 0.0, f"p = {element.degree}", proof)
 
 
@@ -174,7 +174,7 @@ def forces_under_slip(element: Element, quick: bool) -> Iterator[Row]:
         limit, uncertainty = LIMITS[friction]
         problem = compressed_plate(friction, (1, 1))
         outcome = refine(problem, None, target, "plate.normal_force", guaranteed=True, **element.options)
-        proof = both(certified(outcome.result), by_hand(outcome.guaranteed, "a guaranteed bound"))
+        proof = both(certified(outcome.result), by_hand(outcome.certainty != "estimate", "a guaranteed bound"))
         bounds = outcome.result.bracket.slip
         force = Bounds(-np.inf, np.inf) if bounds is None else bounds.forces["plate.normal_force"]
         where = f"μ = {friction:g}"

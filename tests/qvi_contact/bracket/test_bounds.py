@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import Contact, Displacement, Material, RectilinearMesh, Symmetry, Traction, solve, solve_history
-from qvi_contact.bracket import BracketKind, bracket, refined_where_apart
+from qvi_contact.bracket import BracketKind, Certainty, bracket, refined_where_apart
 from qvi_contact.bracket.given import given_problem
 from qvi_contact.errors import InputError
 from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
@@ -164,7 +164,7 @@ class TestForces:
         for cells, grading in ((4, 1.0), (8, 0.8), (16, 0.75)):
             found = solve(compressed_plate(0.5, (cells, cells), grading=grading)).bracket
             assert found.kind is BracketKind.STICKING
-            assert found.guaranteed
+            assert found.certainty is Certainty.IF_STICKING
             force = found.forces["plate.normal_force"]
             assert force.lower <= STICKING_FORCE + 4e-5
             assert force.upper >= STICKING_FORCE - 4e-5

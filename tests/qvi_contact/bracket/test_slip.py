@@ -324,7 +324,7 @@ class TestScope:
         result = solve(compressed_plate(1.5, (2, 2)).triangulated())
         found = result.bracket.slip
         assert found.error == np.inf
-        assert "too large" in found.message
+        assert found.norm.value > 2.0
 
     def test_where_the_proved_norm_is_too_large_the_bound_is_an_estimate(self):
         found = solve(compressed_plate(0.6, (2, 2)).triangulated()).bracket.slip
