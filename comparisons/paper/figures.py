@@ -5,12 +5,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from comparisons.lab.report.drawing import grid, legend_below
-from comparisons.paper.study import PaperStudy, half_force
-from qvi_contact import ContactResult
+from comparisons.paper.study import PaperStudy, Row
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, friction_used, principal_stress_map
-from qvi_contact.plots import contact_tractions as draw_tractions
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots.fields import stress_crosses
 from qvi_contact.plots.style import new_figure
+from solvers import QVISolution
+
+_ALONG = np.linspace(0.0, 1.0, 101)  # of an edge, where tractions are drawn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,10 +27,10 @@ def principal_stresses(study: PaperStudy) -> "Figure":
     for column, (friction, (number, printed)) in enumerate(study.reference.figures.items()):
         row = study.row(friction)
         upper, lower = axes[:, column]
-        ours = _map(upper, row.uzawa, largest)
+        ours = _map(upper, row, row.uzawa, largest)
         upper.set_title(f"Fig. {number}, μ = {friction:g}, Uzawa {study.reference.iterations}\n"
                         f"max {ours:.2f}, printed {printed:.2f} MPa")  # fmt: skip
-        converged = _map(lower, row.reference, largest)
+        converged = _map(lower, row, row.reference, largest)
         lower.set_title(f"converged, μ = {friction:g}\nmax {converged:.2f} MPa")
         lower.set_xlabel("x [length]")
     for left in axes[:, 0]:
@@ -37,12 +39,19 @@ def principal_stresses(study: PaperStudy) -> "Figure":
     return figure
 
 
-def _map(axes: "Axes", result: ContactResult, largest: float) -> float:
-    """Crosses, or a word where there is no stress state."""
-    if result.has_state:
-        return principal_stress_map(axes, result, largest)
-    axes.text(0.5, 0.5, f"no stress state: {result.status}", ha="center", transform=axes.transAxes)
-    return float("nan")
+def _map(axes: "Axes", row: Row, solution: QVISolution, largest: float) -> float:
+    """Grid lines and crosses, or a word where there is no stress state."""
+    if not np.isfinite(solution.z).all():
+        axes.text(0.5, 0.5, f"no stress state: {solution.status}", ha="center", transform=axes.transAxes)
+        return float("nan")
+    plate = row.plate
+    axes.vlines(plate.x, plate.y[0], plate.y[-1], color="#cccccc", linewidth=0.6)
+    axes.hlines(plate.y, plate.x[0], plate.x[-1], color="#cccccc", linewidth=0.6)
+    x, y, stress = plate.stress(solution.z)
+    spacing = np.full(len(x), np.sqrt(plate.x[-1] * plate.y[-1] / len(x)))
+    stress_crosses(axes, np.stack([x, y], axis=-1), stress, spacing, largest)
+    axes.set_aspect("equal")
+    return row.largest_principal_stress(solution)
 
 
 def contact_tractions(study: PaperStudy) -> "Figure":
@@ -51,14 +60,28 @@ def contact_tractions(study: PaperStudy) -> "Figure":
     figure = new_figure(13.0, 6.0)
     axes = figure.subplots(2, len(chosen), sharex=True, sharey="row")
     for (upper, lower), row in zip(axes.T, chosen, strict=True):
-        draw_tractions(upper, row.reference.contacts["plate"], "MPa")
-        friction_used(lower, row.reference.contacts["plate"])
+        x, normal, shear = (_apart(part) for part in row.plate.tractions(row.reference.z, _ALONG))
+        upper.plot(x, -normal, color=GREY, label="pressure $-\\sigma_N$")
+        upper.plot(x, row.friction * np.abs(normal), color=BLUE, linestyle="--", label="bound $\\mu|\\sigma_N|$")
+        upper.plot(x, np.abs(shear), color=VERMILLION, linestyle=":", label="$|\\sigma_T|$")
         upper.set_title(f"μ = {row.friction:g}")
-    for panel in axes.flat:
-        panel.label_outer()
+        upper.set_ylim(bottom=0.0, auto=None)
+        x, normal, shear = (part.ravel() for part in row.plate.tractions(row.reference.z))
+        lower.axhline(1.0, color=BLUE, linestyle="--", linewidth=1.0)
+        used = np.abs(shear / (row.friction * normal))
+        lower.plot(x, used, color=VERMILLION, linestyle=":", marker="o", markersize=3)
+        lower.set_ylim(0.0, 1.1)
+        lower.set_xlabel("x [length]")
+    axes[0, 0].set_ylabel("traction [MPa]")
+    axes[1, 0].set_ylabel("$|\\sigma_T|$ / bound [-]")
     legend_below(figure, 9, 9)
-    figure.suptitle("Contact tractions, converged, and the share of the friction bound used; shading marks the state")
+    figure.suptitle("Contact tractions, converged, and the share of the friction bound used at the Gauss points")
     return figure
+
+
+def _apart(values: FloatArray) -> FloatArray:
+    """Values edge by edge (n, q) as one curve that is broken between edges, where tractions may jump."""
+    return np.pad(values, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
 
 
 def convergence(study: PaperStudy) -> "Figure":
@@ -89,7 +112,7 @@ def convergence(study: PaperStudy) -> "Figure":
     return figure
 
 
-def _errors(result: ContactResult, solution: float) -> tuple[FloatArray, FloatArray]:
+def _errors(result: QVISolution, solution: float) -> tuple[FloatArray, FloatArray]:
     number = np.array([float(record.number) for record in result.history])
     force = -np.array([record.normal_resultant for record in result.history])
     return number, np.maximum(np.abs(force / solution - 1.0), 1e-16)
@@ -101,9 +124,9 @@ def table_1(study: PaperStudy) -> "Figure":
     axes = figure.subplots()
     friction = [row.friction for row in study.rows]
     n = study.reference.iterations
-    axes.plot(friction, [half_force(row.reference) for row in study.rows], color=BLUE, marker="o", markersize=4,
+    axes.plot(friction, [row.half_force(row.reference) for row in study.rows], color=BLUE, marker="o", markersize=4,
               label="solution (fixed point, QP and SOCP)")  # fmt: skip
-    axes.plot(friction, [half_force(row.uzawa) for row in study.rows], color=VERMILLION, linestyle="--",
+    axes.plot(friction, [row.half_force(row.uzawa) for row in study.rows], color=VERMILLION, linestyle="--",
               label=f"Uzawa after {n} iterations")  # fmt: skip
     axes.plot(friction, [row.printed for row in study.rows], color="black", marker="x", linestyle="none",
               markersize=7, label="paper, Table 1")  # fmt: skip

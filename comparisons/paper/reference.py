@@ -6,8 +6,10 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from qvi_contact import ContactProblem, ContactResult, Discretization, solve
+from qvi_contact import ContactProblem, paper
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.paper import QuarterPlate
+from solvers import FrictionQVI, QVISolution, solve_qvi
 
 
 @dataclass(frozen=True)
@@ -33,15 +35,22 @@ class Reference:
     figures: dict[float, tuple[int, float]]
     exact_without_friction: float
 
-    def plate(self, friction: float) -> ContactProblem:
-        """The example on the paper's mesh."""
-        return compressed_plate(
-            friction, (self.cells, self.cells), young=self.young, poisson=self.poisson, displacement=self.displacement
-        )
+    def plate(self, friction: float) -> QuarterPlate:
+        """The example in the paper's own system."""
+        return paper.plate(friction, **self._data)
 
-    def uzawa(self, problem: Discretization, **options: Any) -> ContactResult:
-        """The paper's iteration with its step."""
-        return solve(problem, method="uzawa", omega_T=self.omega_T / problem.scales.displacement, **options)
+    def problem(self, friction: float) -> ContactProblem:
+        """The same plate as a problem of the product."""
+        return compressed_plate(friction, **self._data)
+
+    def uzawa(self, qvi: FrictionQVI, **options: Any) -> QVISolution:
+        """The paper's iteration with its step; the problem's unit of displacement is U."""
+        return solve_qvi(qvi, method="uzawa", omega_T=self.omega_T / self.displacement, **options)
+
+    @property
+    def _data(self) -> dict[str, Any]:
+        cells = (self.cells, self.cells)
+        return {"cells": cells, "young": self.young, "poisson": self.poisson, "displacement": self.displacement}
 
 
 @cache

@@ -14,7 +14,7 @@ from comparisons.lab.study.rows import finite_json
 from comparisons.lab.tables import Form, Grid
 from comparisons.paper import figures
 from comparisons.paper.measures import back_end_rows, figure_rows, table_rows, values_of
-from comparisons.paper.study import PaperStudy, half_force
+from comparisons.paper.study import PaperStudy
 from qvi_contact.basics.writing import write_text
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ PICTURES: "Mapping[str, Callable[[PaperStudy], Figure]]" = {
 
 _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys(("friction", "paper", "uzawa_30", "uzawa_30_printed_rule", "converged"), fixed(".2f")),
-    **dict.fromkeys(("uzawa_converged", "fixed_point_qp", "fixed_point_socp", "condensed", "strict"), fixed(".6f")),
+    **dict.fromkeys(("uzawa_converged", "fixed_point_qp", "fixed_point_socp", "condensed"), fixed(".6f")),
     **dict.fromkeys(("half_force_difference", "traction_difference"), scientific), "seconds": seconds,
     "paper_minus_solution_percent": "{:+.2f} %".format,
 }  # fmt: skip
@@ -56,7 +56,7 @@ def _filled(study: PaperStudy, pictures: Mapping[str, str]) -> Document:
 def as_document(study: PaperStudy) -> dict[str, Any]:
     """The whole report as plain data for JSON; what is not a number becomes null."""
     document = {
-        "schema": "qvi-contact/paper/2",
+        "schema": "qvi-contact/paper/3",
         "source": "Więckowski, Dual finite element method in friction problems, Mech. Teoret. Stos. (1992)",
         "units": {"forces": "N/mm", "stresses": "MPa"},
         "rows": table_rows(study),
@@ -64,7 +64,7 @@ def as_document(study: PaperStudy) -> dict[str, Any]:
         "back_ends": back_end_rows(study),
         "uzawa_without_friction": {
             "cycle_low": min(study.cycle), "cycle_high": max(study.cycle),
-            "shrinking_step": half_force(study.row(0.0).uzawa_converged),
+            "shrinking_step": study.row(0.0).half_force(study.row(0.0).uzawa_converged),
             "exact": study.reference.exact_without_friction,
         },
         "findings": findings_of(_filled(study, dict.fromkeys(PICTURES, "")).text),

@@ -1,0 +1,291 @@
+"""The plate between two rough rigid plates of Więckowski (1992), section 5, as the algebraic problem (D2).
+
+The quarter [0, a] × [0, h] has symmetry on x = 0 and y = 0, a free side x = a, and contact on y = h with a rigid plate
+that is moved down by U. Stresses are those of an Airy function of Bogner-Fox-Schmit elements, (3.1) without volume
+forces:
+
+    σ_xx = Φ_yy,    σ_yy = Φ_xx,    σ_xy = −Φ_xy.
+
+Where the paper takes Lagrange multipliers for tractions on Γ_σ, degrees of freedom are left out. On the free side Φ is
+affine, and an affine function is no stress, (3.2): it is taken as zero. Zero shear stress on the two symmetry lines
+leaves Φ_y and Φ_x constant there:
+
+    x = a:  Φ = Φ_x = 0          y = 0:  Φ_y = 0          x = 0:  Φ_x = P/2, one unknown.
+
+In the corner of contact and free side the shear stress is therefore zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import FloatArray, finite_number, positive_number
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.lines import graded_lines
+from qvi_contact.paper.element import GAUSS_POINTS, GAUSS_WEIGHTS, Spline
+from qvi_contact.problem.material import Material, Plane
+from qvi_contact.solution.stress import principal_stresses
+from solvers import FrictionQVI
+from solvers.inequality.traces import Traces
+
+_COMPONENTS = ((0, 2, 1.0), (2, 0, 1.0), (1, 1, -1.0))
+"""σ_xx, σ_yy, σ_xy as derivatives of Φ: order in x, order in y, factor."""
+_EPSILON = float(np.finfo(float).eps)
+
+
+def plate(
+    friction: float,
+    cells: tuple[int, int] = (2, 2),
+    width: float = 1.0,
+    height: float = 1.0,
+    grading: float = 1.0,
+    young: float = 2.09e5,
+    poisson: float = 0.3,
+    plane: Plane = "stress",
+    displacement: float = 1e-3,
+) -> QuarterPlate:
+    """The quarter plate on a grid; the defaults are the paper's data, in MPa and a length of 1.
+
+    Parameters
+    ----------
+    friction : float
+        Coefficient of friction μ ≥ 0.
+    cells : (int, int)
+        Elements along x and y.
+    width, height : float
+        Size a × h of the quarter [length].
+    grading : float
+        Ratio of each cell to the one before it, in both directions: below 1 the cells shrink towards the free corner.
+    young, poisson, plane
+        Of the material, see `Material`; plane strain with ν = 0.5 is refused.
+    displacement : float
+        U > 0 of the quarter's own top [length]. The paper calls it the relative translation of the two plates, but its
+        forces are those of this U: P/2 = E U at μ = 0.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range.
+
+    """
+    mu = finite_number("friction", friction)
+    if mu < 0.0:
+        raise InputError("friction", mu, "give a coefficient of friction ≥ 0")
+    if not (isinstance(cells, tuple | list) and len(cells) == 2):
+        raise InputError("cells", cells, "give two whole numbers, along x and along y")
+    size = positive_number("width", width), positive_number("height", height)
+    U = positive_number("displacement", displacement)
+    material = Material(young, poisson, plane)
+    if material.incompressible:
+        raise InputError("poisson", poisson, "give less than 0.5 in plane strain")
+    lines = [graded_lines(0.0, side, count, grading) for side, count in zip(size, cells, strict=True)]
+    return QuarterPlate(lines[0], lines[1], material, mu, U)
+
+
+@dataclass(frozen=True, eq=False)
+class QuarterPlate:
+    """The plate on grid lines, its algebraic problem, and the forces and stresses of an answer z (n,) of that.
+
+    Lengths are divided by L = max(a, h), stresses by S = U / (c11 L), displacements by U. Where z is NaN (there is no
+    answer) forces and stresses are.
+
+    Attributes
+    ----------
+    x, y : (nx + 1,) and (ny + 1,) arrays
+        Grid lines [length], from 0 to a and to h.
+    material : Material
+        E, ν and the plane state.
+    friction : float
+        μ [-].
+    displacement : float
+        U [length].
+
+    """
+
+    x: FloatArray
+    y: FloatArray
+    material: Material
+    friction: float
+    displacement: float
+
+    @property
+    def length_unit(self) -> float:
+        """L [length]."""
+        return float(max(self.x[-1], self.y[-1]))
+
+    @property
+    def stress_unit(self) -> float:
+        """S = U / (c11 L) [stress]."""
+        return self.displacement / (float(self.material.compliance[0, 0]) * self.length_unit)
+
+    @cached_property
+    def qvi(self) -> FrictionQVI:
+        """The problem (D2) of (3.5) and (3.6), dimensionless.
+
+        K is the energy ∫ cσ : τ, the rows of N and T are σ_N = σ_yy and σ_T = σ_xy at four Gauss points of every edge,
+        W their weights, and the load is the obstacle u_N ≤ −U: f = −U ∫ τ_N ds, in units of U.
+        """
+        normal, shear = (sparse.csc_array(self._contact(GAUSS_POINTS, component)) for component in (1, 2))
+        weights = np.outer(self._along_x.sizes, GAUSS_WEIGHTS).ravel()
+        nothing = np.zeros(len(weights))
+        load = -(normal.T @ weights)
+        return FrictionQVI(
+            K=sparse.csc_array(self._root.R.T @ self._root.R), f=load, N=normal, n0=nothing, T=shear, t0=nothing,
+            mu=np.full(len(weights), self.friction), W=weights, root=self._root, load=load, traces=self._traces(),
+        )  # fmt: skip
+
+    def force(self, z: FloatArray) -> float:
+        """P/2 = −∫ σ_N ds over the contact [force per thickness]; Table 1 prints it."""
+        unit = self.stress_unit * self.length_unit
+        return -unit * float(self.qvi.W @ self.qvi.normal(z))
+
+    def tractions(self, z: FloatArray, t: FloatArray = GAUSS_POINTS) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(x, σ_N, σ_T) at the points t (q,) in [0, 1] of every edge of the contact, shape (nx, q) each.
+
+        Lengths and stresses are in the units of the data. σ_N is linear and σ_T quadratic on an edge; σ_T acts on the
+        body along +x.
+        """
+        x = self._along_x.points(t) * self.length_unit
+        normal, shear = ((self._contact(t, component) @ z).reshape(x.shape) for component in (1, 2))
+        return x, self.stress_unit * normal, self.stress_unit * shear
+
+    def excess_between_points(self, z: FloatArray) -> float:
+        """The largest |σ_T| + μσ_N anywhere on the contact [stress], where that is positive, else 0.
+
+        The friction law (1.6) holds at four points of every edge only. Between them the quadratic ±σ_T + μσ_N has its
+        maximum at an end, or where its slope is zero.
+        """
+        _, normal, shear = self.tractions(z, np.array([0.0, 0.5, 1.0]))
+        largest = 0.0
+        for sign in (1.0, -1.0):
+            first, middle, last = (sign * shear + self.friction * normal).T
+            slope, bend = 4.0 * middle - 3.0 * first - last, 2.0 * (first - 2.0 * middle + last)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                top = np.clip(np.nan_to_num(-slope / (2.0 * bend)), 0.0, 1.0)
+            values = np.stack([first, last, first + top * (slope + top * bend)])
+            largest = max(largest, float(values.max()))
+        return largest
+
+    def stress(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(x, y, σ) at the 4 × 4 Gauss points of each element, shapes (m,), (m,), (m, 3) with xx, yy, xy.
+
+        Lengths and stresses are in the units of the data; points go along x first, m = 16 nx ny.
+        """
+        x, y = np.meshgrid(self._along_x.points(GAUSS_POINTS).ravel(), self._along_y.points(GAUSS_POINTS).ravel())
+        sigma = np.stack([rows @ z for rows in self._stress_rows()], axis=1)
+        return x.ravel() * self.length_unit, y.ravel() * self.length_unit, sigma * self.stress_unit
+
+    def principal_stress(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(σ₁, σ₂, angle) at the same points, σ₁ ≥ σ₂, shape (m,) each; the angle [rad] of σ₁ from the x axis.
+
+        Figures 2-5 draw them, and print the largest |σ₁|, |σ₂|.
+        """
+        return principal_stresses(self.stress(z)[2])
+
+    @cached_property
+    def _along_x(self) -> Spline:
+        return Spline(self.x / self.length_unit)
+
+    @cached_property
+    def _along_y(self) -> Spline:
+        return Spline(self.y / self.length_unit)
+
+    @cached_property
+    def _basis(self) -> sparse.csr_array:
+        """Return B of u = B z: all degrees of freedom from those left, J = 2j + r of y before I = 2i + p of x."""
+        rows, columns = 2 * len(self.y), 2 * len(self.x)
+        free = np.ones((rows, columns), dtype=bool)
+        free[:, -2:] = False  # x = a: Φ = Φ_x = 0 and so Φ_y = Φ_xy = 0
+        free[1, :] = False  # y = 0: Φ_y = Φ_xy = 0
+        free[:, 1] = False  # x = 0: Φ_xy = 0, and Φ_x is one number
+        kept = np.flatnonzero(free)
+        on_axis = np.ravel_multi_index((np.arange(0, rows, 2), np.ones(len(self.y), dtype=int)), free.shape)
+        column = np.concatenate([np.arange(len(kept)), np.full(len(on_axis), len(kept))])
+        places = (np.concatenate([kept, on_axis]), column)
+        return sparse.csr_array((np.ones(len(column)), places), shape=(free.size, len(kept) + 1))
+
+    def _stress_rows(self) -> list[sparse.csr_array]:
+        """σ_xx, σ_yy, σ_xy at all Gauss points from z, (m, n) each, dimensionless."""
+        return [
+            sparse.csr_array(
+                factor * sparse.kron(self._along_y.matrix(GAUSS_POINTS, dy), self._along_x.matrix(GAUSS_POINTS, dx))
+            )
+            @ self._basis
+            for dx, dy, factor in ((in_x, in_y, factor) for in_x, in_y, factor in _COMPONENTS)
+        ]
+
+    @cached_property
+    def _root(self) -> StressRoot:
+        """The stresses at all Gauss points, weighted so that half the square of their norm is the energy."""
+        weights = np.outer(
+            np.outer(self._along_y.sizes, GAUSS_WEIGHTS), np.outer(self._along_x.sizes, GAUSS_WEIGHTS)
+        ).ravel()
+        compliance = self.material.compliance / self.material.compliance[0, 0]
+        triangle = np.linalg.cholesky(compliance)  # c = L Lᵀ, and rows of Lᵀ σ
+        stress = self._stress_rows()
+        parts = [sum(triangle[c, k] * stress[c] for c in range(3) if triangle[c, k] != 0.0) for k in range(3)]
+        R = sparse.diags_array(np.tile(np.sqrt(weights), 3)) @ sparse.vstack(parts)
+        x, y = np.meshgrid(self._along_x.points(GAUSS_POINTS).ravel(), self._along_y.points(GAUSS_POINTS).ravel())
+        return StressRoot(sparse.csr_array(R), np.tile(np.stack([x.ravel(), y.ravel()], axis=1), (3, 1)))
+
+    def _contact(self, t: FloatArray, component: int) -> sparse.csr_array:
+        """Rows of a stress on y = h at the points t (q,) of every edge, shape (nx q, n), dimensionless."""
+        in_x, in_y, factor = _COMPONENTS[component]
+        top = self._along_y.matrix(np.ones(1), in_y)[[-1]]
+        return sparse.csr_array(factor * sparse.kron(top, self._along_x.matrix(t, in_x)) @ self._basis)
+
+    def _traces(self) -> Traces:
+        """Tractions at the Gauss points from σ_N at the outer two of every edge, and σ_T at its ends and middle."""
+        n, q, t = len(self._along_x.sizes), len(GAUSS_POINTS), GAUSS_POINTS
+        every = np.arange(n)
+        normal = self._contact(t[[0, -1]], 1)
+        shear = sparse.vstack([self._contact(np.array([0.0, 0.5]), 2), self._contact(np.ones(1), 2)[[-1]]])
+        line = np.stack([t[-1] - t, t - t[0]], axis=1) / (t[-1] - t[0])
+        bow = np.stack([(1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)], axis=1)
+        blocks = [
+            (line, 2 * every[:, None] + np.arange(2)),
+            (bow, 2 * n + 2 * every[:, None] + np.arange(3)),  # an end belongs to both of its edges
+        ]
+        parts = []
+        for shapes, columns in blocks:
+            k = shapes.shape[1]
+            values, places = np.tile(shapes.ravel(), n), np.repeat(columns, q, axis=0).ravel()
+            parts.append(sparse.csr_array((values, places, k * np.arange(n * q + 1)), shape=(n * q, 4 * n + 1)))
+        return Traces(sparse.csc_array(sparse.vstack([normal, shear])), sparse.csc_array(sparse.vstack(parts)))
+
+
+@dataclass(frozen=True, eq=False)
+class StressRoot:
+    """R with RᵀR = K: gradients of the energy through stresses are closer than through the assembled K.
+
+    Attributes
+    ----------
+    R : (r, n) sparse array
+        Weighted stresses.
+    places : (r, 2) array
+        The point of each row, dimensionless.
+
+    """
+
+    R: sparse.csr_array
+    places: FloatArray
+
+    def apply(self, z: FloatArray) -> FloatArray:
+        """R z (r,)."""
+        return np.asarray(self.R @ z)
+
+    def adjoint(self, r: FloatArray) -> FloatArray:
+        """Rᵀ r (n,)."""
+        return np.asarray(self.R.T @ r)
+
+    def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
+        """R and the places of its rows."""
+        return self.R, self.places
+
+    def rounding(self, z: FloatArray) -> float:
+        """Error of R z that the rounding of z may cause, a norm."""
+        return _EPSILON * float(np.linalg.norm(abs(self.R) @ np.abs(z)))
