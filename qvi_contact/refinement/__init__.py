@@ -3,5 +3,18 @@
 from qvi_contact.refinement.adaptive import refine
 from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound, RefinementStatus
 from qvi_contact.refinement.quantity import LimitFactor
+from solvers.basics.front import front
 
 __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "RefinementStatus", "refine"]
+
+__getattr__ = front(
+    __name__,
+    {
+        "closer": ("closer_problem", "energies_between", "places"),
+        "doerfler": ("bulk",),
+        "estimate": ("CellErrors",),
+        "grids": ("bisected", "coarser", "finer", "halved", "needed_lines", "spread", "summed"),
+        "marking": ("marked_lines",),
+        "quantity": ("unit_of",),
+    },
+)

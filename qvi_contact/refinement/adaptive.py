@@ -167,9 +167,12 @@ def refine(
 
     Notes
     -----
-    On triangles the estimate is |q − q(closer look)| where `Refinement.certainty` is "estimate", and no less than the
-    step from the closer look of the round before: an estimate, not a bound, on the plate of the test within a factor
-    of 0.7 to 1.5 of the error. Later rounds do not start from the answer of the round before: the condensed method, the
+    On triangles the error told is 1.5 |q − q(closer look)| where `Refinement.certainty` is "estimate", and no less than
+    1.5 times the step from the closer look of the round before, nor than solves are accurate. It is an estimate, not a
+    bound. The closer look is off to the same side as the answer, mostly by a few per cent of their difference: the
+    difference alone would be too small in five of six runs. With the factor, which allows for a look that is off by a
+    third as much as the answer, the error was within what is told in 97 % of the generated problems of ``python -m
+    comparisons estimates``. Later rounds do not start from the answer of the round before: the condensed method, the
     default, has no use for a start.
 
     On grids, with E_k the complementary energy still missing in round k (the sum over the cells), Δ_k what the finest

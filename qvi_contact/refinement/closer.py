@@ -136,7 +136,7 @@ def _joint_ends(problem: ContactProblem) -> Iterator[IntArray]:
         yield vertex[count != 2]
 
 
-def differences(answer: ContactResult, look: ContactResult, mesh: TriangleMesh, fine: TriangleMesh) -> FloatArray:
+def energies_between(answer: ContactResult, look: ContactResult, mesh: TriangleMesh, fine: TriangleMesh) -> FloatArray:
     """½ ∫ c(σ − τ):(σ − τ) over each triangle of the answer's mesh, τ from the closer look [stress × length²]."""
     space, scales = look.discretization.space, look.discretization.scales
     cells, t = np.arange(len(fine.cells)), space.cell_points

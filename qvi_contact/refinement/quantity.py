@@ -12,6 +12,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
+from solvers.basics.names import known_name
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
@@ -71,10 +72,7 @@ class Measure:
         if quantity == "energy":
             return cls(quantity, lambda result: result.energies.complementary, lambda result: result.energies.strain)
         known = dict(_known(problem))
-        if quantity not in known:
-            raise InputError(
-                "quantity", quantity, f"there is no such number; there are {', '.join(['energy', *known])}"
-            )
+        known_name("quantity", quantity, {"numbers": ["energy", *known]})
         value, kind = known[quantity], quantity.rpartition(".")[2]
 
         def unit(result: ContactResult) -> float:

@@ -15,7 +15,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_num
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.closer import Places, closer_problem, differences, places
+from qvi_contact.refinement.closer import Places, closer_problem, energies_between, places
 from qvi_contact.refinement.comparison import Comparison, bounded, coulomb_contacts, sticks
 from qvi_contact.refinement.doerfler import bulk
 from qvi_contact.refinement.outcome import RefinementStatus
@@ -42,6 +42,7 @@ _FACTOR: Final = 0.4  # by which a bisection reduces what a corner holds, 2^(−
 _MARGIN: Final = 0.9  # share of the target below which a corner need not be bisected again
 _ABOVE: Final = 4.0  # what a triangle in a corner may hold, over the least that is bisected elsewhere
 _DEEPEST: Final = 3  # bisections in a corner in one round
+_SAFETY: Final = 1.5  # by which an estimate is more than a difference: the look may be off by a third of the answer
 _NEAR: Final = 0.1  # accuracy of a look over the error that is told from it
 _QUICK: Final = MappingProxyType({"method": "condensed"})  # no other methods, no second opinion: it is no answer
 _POSING: Final = ("degree", "contact_rows")  # options of the discretisation, not of its solve
@@ -181,11 +182,13 @@ class TriangleRefinement:
             except QVIError:
                 continue
             looked = measure.value(look) if look.has_state else np.nan
-            error = abs(looked - value)
-            if _usable(look, error, measure.unit(result)):
+            apart, unit = abs(looked - value), measure.unit(result)
+            if _usable(look, apart, unit):
                 if bound is not None and sticks(look):
                     return bound
-                return Comparison(error, Certainty.ESTIMATE, differences(result, look, mesh, _mesh(closer)), looked)
+                error = max(_SAFETY * apart, result.certificate.accuracy * unit)  # no less than solves are accurate
+                parts = energies_between(result, look, mesh, _mesh(closer))
+                return Comparison(error, Certainty.ESTIMATE, parts, looked)
         return None if bound is None else replace(bound, certainty=Certainty.ESTIMATE)
 
     def _solved(
@@ -206,10 +209,9 @@ def _settled(found: Comparison | None, result: ContactResult, earlier: Sequence[
         raise StopError(late, f"the accuracy of the answer with {unknowns_of(result)} unknowns could not be determined")
     if found is None:
         found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(len(_mesh(result.problem).cells)))
-    if (
-        earlier and found.certainty is Certainty.ESTIMATE
-    ):  # looks that still move are no measure of an error below their steps
-        found = replace(found, error=float(np.fmax(found.error, abs(found.looked - earlier[-1].looked))))
+    if earlier and found.certainty is Certainty.ESTIMATE:
+        step = abs(found.looked - earlier[-1].looked)  # looks that still move are no measure of an error below that
+        found = replace(found, error=float(np.fmax(found.error, _SAFETY * step)))
     return found
 
 
