@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from solvers.basics.status import Status
     from solvers.certificate.certificate import Certificate, certify
     from solvers.certificate.feasibility import Feasibility, check_feasibility
-    from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError
+    from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
     from solvers.inequality.edges import EdgeRows
     from solvers.inequality.problem import EnergyRoot, FrictionQVI
     from solvers.inequality.traces import Traces
@@ -36,6 +36,7 @@ _HOME = {
     "SolverUnavailableError": "errors",
     "Status": "basics.status",
     "Traces": "inequality.traces",
+    "UnknownNameError": "errors",
     "available": "inner.registry",
     "certify": "certificate.certificate",
     "check_feasibility": "certificate.feasibility",
@@ -56,6 +57,7 @@ __all__ = [
     "SolverUnavailableError",
     "Status",
     "Traces",
+    "UnknownNameError",
     "available",
     "certify",
     "check_feasibility",

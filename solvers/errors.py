@@ -38,6 +38,12 @@ class InputError(QVIError, ValueError):
         return type(self), (self.field, _as_sent(self.value), self.remedy), {"args": self.args}
 
 
+class UnknownNameError(InputError, KeyError):
+    """A name that nothing has: the message lists the names there are, and the one that was probably meant."""
+
+    __str__ = Exception.__str__  # KeyError's is the repr
+
+
 class SolverUnavailableError(InputError):
     """A solver was asked for that is unknown or not installed; the message lists what is."""
 
@@ -54,8 +60,18 @@ def _as_sent(value: object) -> object:
     return value
 
 
+def plain(value: object) -> str:
+    """`repr` with plain numbers: 0.2, not np.float64(0.2), also inside lists, tuples and objects."""
+    import numpy as np  # errors are raised before it is needed
+
+    if np.lib.NumpyVersion(np.__version__) < "2.0.0":
+        return repr(value)
+    with np.printoptions(legacy="1.25"):
+        return repr(value)
+
+
 def _shorten(value: object, limit: int = 120) -> str:
-    """`repr` on one line, in at most `limit` characters: of a path its end says more than its middle."""
-    text = " ".join(repr(value).split())
+    """`plain` on one line, in at most `limit` characters: of a path its end says more than its middle."""
+    text = " ".join(plain(value).split())
     half = (limit - 1) // 2
     return text if len(text) <= limit else f"{text[:half]}…{text[-half:]}"

@@ -55,8 +55,11 @@ _HOPELESS = 1e-4
 _FAILURES = {
     "singular": Status.ILL_CONDITIONED,
     "memory": Status.OUT_OF_MEMORY,
+    "time": Status.TIME_LIMIT,
     "backend": Status.BACKEND_FAILED,
 }
+
+_REFUSED = "Nothing was begun, as the limit could not be met."
 
 _OPTIONS = {
     "condensed": CondensedOptions, "fixed-point": FixedPointOptions, "uzawa": UzawaOptions, "pivoting": PivotingOptions,
@@ -206,6 +209,7 @@ def _attempt(qvi: FrictionQVI, method: str, inner: str, tolerance: float, option
         reason = error.reason if isinstance(error, FactorisationError) else "memory"
         outcome = no_outcome(qvi, _FAILURES[reason], str(error) or "out of memory")
         outcome.check_feasible = False
+        outcome.advice = _REFUSED if reason == "time" else ""
         return finish(qvi, outcome, method, inner if method == "fixed-point" else "", tolerance)
 
 

@@ -3,6 +3,7 @@
 import os
 import stat
 import zipfile
+from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import numpy as np
@@ -14,6 +15,13 @@ LARGEST: Final = 1_000_000_000
 """Bytes of all entries together; a megabyte of a compressed archive can hold a gigabyte of zeros."""
 
 
+def open_regular(path: str | Path) -> BinaryIO:
+    """Open a file for reading; `ValueError` for pipes, which may wait for ever, and devices, which may have no end."""
+    if not stat.S_ISREG(os.stat(path).st_mode):
+        raise ValueError("it is not a regular file")
+    return Path(path).open("rb")
+
+
 def read_arrays(field: str, path: str, stream: BinaryIO) -> dict[str, NDArray[Any]]:
     """All entries of an open .npz file, each read to its end so that nothing truncated goes unnoticed.
 
@@ -22,13 +30,15 @@ def read_arrays(field: str, path: str, stream: BinaryIO) -> dict[str, NDArray[An
     InputError
         About `field`, if the entries have more than `LARGEST` bytes in all; nothing is read then.
     Exception
-        Of many kinds (of zip, zlib, NumPy) for what is no such file, is broken, or holds pickles.
+        Of many kinds (of zip, zlib, NumPy) for what is no such file, is broken, names two entries alike, or holds
+        pickles.
 
     """
-    if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-        raise ValueError("it is not a regular file")  # the end of a device may be nowhere
     with zipfile.ZipFile(stream) as archive:
-        sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in archive.infolist()}
+        entries = archive.infolist()
+    sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in entries}
+    if len(sizes) < len(entries):
+        raise ValueError("two of its entries have one name")
     total = sum(sizes.values())  # a reader gets no more, whatever the header of an entry says
     if total > LARGEST:
         remedy = f"its arrays have {total} bytes, more than the limit of {LARGEST}: write it from a coarser mesh"

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache
-from threading import Lock
+from threading import Lock, RLock
 from typing import Any, Final, TextIO, cast
 
 _foreign: ContextVar[bool] = ContextVar("foreign", default=False)
@@ -74,36 +74,39 @@ def _flush_c() -> Callable[[None], Any]:
 
 
 class _StandardOutput:
-    """Hidden from when the first thread enters foreign code until the last one leaves it."""
+    """Hidden from when the first thread enters foreign code until the last one leaves it.
+
+    The garbage collector may run at any place here, and factors that it frees enter foreign code themselves.
+    """
 
     def __init__(self) -> None:
-        self._lock, self._inside = Lock(), 0
+        self._lock, self._inside = RLock(), 0
         self._kept: int | None = None
         self._filter: _Filter | None = None
 
     def hide(self) -> None:
         with self._lock:
-            if self._inside == 0:
-                self._kept = lead_nowhere()
-                if sys.stdout is not None:
-                    self._filter = _Filter(sys.stdout, self._kept)
-                    sys.stdout = cast("TextIO", self._filter)
             self._inside += 1
+            if self._inside > 1:
+                return
+            self._kept = lead_nowhere()
+            if sys.stdout is not None:
+                self._filter = _Filter(sys.stdout, self._kept)
+                sys.stdout = cast("TextIO", self._filter)
 
     def show(self) -> None:
         with self._lock:
+            if self._inside == 1:
+                _flush_c()(None)
+                if self._filter is not None:
+                    if sys.stdout is self._filter:  # else somebody has set another one
+                        sys.stdout = self._filter.stream
+                    self._filter.end()
+                if self._kept is not None:
+                    os.dup2(self._kept, 1)
+                    os.close(self._kept)
+                self._kept = self._filter = None
             self._inside -= 1
-            if self._inside:
-                return
-            _flush_c()(None)
-            if self._filter is not None:
-                if sys.stdout is self._filter:  # else somebody has set another one
-                    sys.stdout = self._filter.stream
-                self._filter.end()
-            if self._kept is not None:
-                os.dup2(self._kept, 1)
-                os.close(self._kept)
-            self._kept = self._filter = None
 
 
 class _Filter:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def pandas() -> Module:
     """The package; `InputError` with the command that installs it where it is missing."""
     if find_spec("pandas") is None:
-        remedy = "tables of results need pandas: python -m pip install 'qvi-contact[frame]'"
+        remedy = "tables of results need pandas: python -m pip install pandas"
         raise InputError("to_frame", "pandas", remedy)
     return load("pandas")
 

@@ -87,9 +87,12 @@ class Narration:
             _print(" ".join(cells).rstrip())
 
     def report(self, progress: Progress) -> None:
-        """A line for an iteration, or for the method that begins."""
+        """A line for an iteration, for what takes long, or for the method that begins."""
         entry = progress.iteration
-        if entry is None:
+        if progress.stage:
+            if self._shown:
+                _print(f"{progress.method}: {progress.stage}")
+        elif entry is None:
             words = f"{progress.method} begins" + (f": {progress.remark}" if progress.remark else "")
             LOGGER.debug("%s: %s", self._title, words)
             if self._shown and progress.remark:

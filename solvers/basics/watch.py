@@ -31,12 +31,14 @@ class Progress(NamedTuple):
     method : which method it is that begins or iterates
     iteration : what it has done; None where it begins
     remark : why it begins, where another one has failed before
+    stage : what is done that takes long and is no iteration, such as a large factorisation; `method` is what does it
 
     """
 
     method: str
     iteration: "Iteration | None" = None
     remark: str = ""
+    stage: str = ""
 
 
 Report: TypeAlias = Callable[[Progress], object]

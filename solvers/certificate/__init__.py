@@ -1,5 +1,6 @@
 """What is true of a state: the certificate, its measures, feasibility and uniqueness."""
 
+from solvers.basics.front import front
 from solvers.certificate.certificate import EXPONENTS, Certificate, CertificateRow, body_scales, certify, scales_at
 from solvers.certificate.feasibility import AdmissibleRows, Feasibility, check_feasibility, is_farkas
 from solvers.certificate.measures import MEASURES, Measure
@@ -21,3 +22,10 @@ __all__ = [
     "scales_at",
     "uniqueness_bound",
 ]
+
+__getattr__ = front(
+    __name__,
+    {
+        "uniqueness": ("LARGEST",),
+    },
+)

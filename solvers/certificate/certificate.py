@@ -155,7 +155,8 @@ class Certificate:
 
     @property
     def _needed(self) -> dict[str, float]:
-        return {measure.name: measure.needed(self.measures[measure.name]) for measure in MEASURES}
+        found = self.measures  # a claimed certificate may lack some
+        return {measure.name: measure.needed(found.get(measure.name, np.inf)) for measure in MEASURES}
 
     def rows(self) -> tuple[CertificateRow, ...]:
         """The table: each measure, its limit, what it means and when to worry."""
@@ -245,6 +246,7 @@ def _checked(name: str, value: Vector | None, size: int) -> Vector | None:
 
 def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) -> tuple[_Numbers, _Numbers, _Numbers]:
     """All measures, scales, and measures with their signs; the formulas stand in the module's docstring."""
+    _ = qvi.bonded_error  # chooses the factorisation that the problem needs: k and K⁻¹ρ must not depend on the way here
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
     residual = gradient + qvi.contact_rows.T @ np.concatenate([m_N, m_T]) + qvi.A.T @ nu

@@ -8,3 +8,19 @@ interior_point    its primal-dual interior point method
 central_path      what follows the central path where it turns back
 method            these four with defect corrections; `solve_condensed`
 """
+
+from solvers.basics.front import front
+
+__getattr__ = front(
+    __name__,
+    {
+        "central_path": ("CentralPath",),
+        "complementarity": ("Complementarity",),
+        "interior_point": ("InteriorPoint", "Newton", "Residuals", "Step"),
+        "method": ("CondensedOptions",),
+        "reduction": ("Reduction",),
+        "systems": ("DenseSystem", "FRICTION_SHARES", "Shares"),
+        "warm_start": ("GAP", "start_near"),
+        "whole": ("Whole",),
+    },
+)

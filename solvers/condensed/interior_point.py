@@ -8,7 +8,7 @@ Each iteration factorises, once, the Newton matrix of the conditions with s λ =
 Only products are nonlinear: a step of length t leaves 1 − t of every residual, and the kink of |σ_N| is rounded off by
 as much as the gap is open, no less. One step length is taken for everything, since the threshold couples slacks and
 multipliers. Among thousands of contact points those at the ends of joints snap one after the other, each at a turn of
-its own; there ω of friction is small at first (`settle`), and a step passes the few bounds that stop it (`_past_few`).
+its own; there ω of friction is small at first (`settle`), and a step passes the few bounds that stop it (`past_few`).
 Sources: S. Mehrotra, SIAM J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex problems; nothing
 is proved for this one, which is not monotone, hence `central_path`, and the certificate.
 
@@ -209,18 +209,18 @@ class InteriorPoint:
         most = _MOST_CENTRING if self._few else 1.0
         centring = min(most, max((max(ahead, 0.0) / now) ** 3, 1e-6, (1.0 - reach) ** 3))
         damping = 1.0 if reach >= _SHORT else reach**2
-        target = max(centring * tau, self._lowest(residuals, tau)) * self.shares
+        target = max(centring * tau, self.lowest(residuals, tau)) * self.shares
         comp = target - products - damping * affine.products
         passes = bool(self._few) and tau > _PASSED_FROM * self.least
         step, length = _corrected(newton, point, comp, target, _HELD_UP if passes else 0.0)
         share = min(max(_STEP, reach), self.problem.system.longest)  # products keep at least what the step leaves
         length = self._in_neighbourhood(step, min(1.0, share * length))
         if passes and length < _HELD_UP:
-            return self._past_few(step, length)
+            return self.past_few(step, length)
         self.point = point.moved(step, length)
         return length
 
-    def _past_few(self, step: Step, length: float) -> float:
+    def past_few(self, step: Step, length: float) -> float:
         """A step that is longer if it is stopped by few bounds, whose slacks and multipliers keep a share instead.
 
         That leaves residuals at these bounds alone, which the next steps reduce. Returns its length.
@@ -243,7 +243,7 @@ class InteriorPoint:
         pairs = zip(moved.positive, self.point.positive, strict=True)
         return Point(moved.y, *(np.maximum(after, _KEPT * before) for after, before in pairs))
 
-    def _lowest(self, residuals: Residuals, tau: float) -> float:
+    def lowest(self, residuals: Residuals, tau: float) -> float:
         """τ that may be aimed at; above the least one as long as bounds that were passed do not fit."""
         waits = self._few and self.measures(residuals).slack > _UNFIT
         return min(tau, _WAITS * self.least) if waits else self.least

@@ -24,7 +24,8 @@ after the third first those with which slacks fit most easily (`FITTING_SHARES`)
 of all starts the best point by its certificate is the result. Sparse systems have a start near the bonded solution too
 (`NEAR_BONDED_SHARES`): it is the first of large ones, and the last of others. Smaller shares are tried after the first
 two statuses if the residual of y is above 1e-12 in the energy norm: the two multipliers of shear at an open point are
-proportional to that share, and lose as many digits in their difference.
+proportional to that share, and lose as many digits in their difference. Before all these a linear program is asked, for
+a fifth of the time of the first start or half a second, whether the load can be carried, see `certificate.feasibility`.
 
 In `docs/theory.md`: (D8).
 """
@@ -41,6 +42,7 @@ from solvers.basics.checks import one_of, whole_number
 from solvers.basics.status import Status
 from solvers.basics.watch import Progress, expired, tell
 from solvers.certificate import certify
+from solvers.certificate.feasibility import Feasibility, refuted
 from solvers.condensed.central_path import CentralPath
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.interior_point import InteriorPoint, Measures, Point, Residuals
@@ -69,6 +71,7 @@ _FINER = 0.3  # of the gap that is asked for, at which iterations go on with the
 _ENOUGH = 1e-12  # relative defect correction that is not worth another one
 _FLOOR = 1e-6  # above, a correction that no longer shrinks is no rounding
 _HALVED = 0.5
+_ASKED, _AT_LEAST = 0.2, 0.5  # of the first start's time, and seconds, for a proof that the load cannot be carried
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _HOPELESS = 0.3  # of the defect corrections' contraction
 _FAR_ENOUGH = (0.5, 0.4)  # of the first steps from an earlier answer: shorter ones cost more than they gain
@@ -139,6 +142,7 @@ class _Run:
     elsewhere: bool = False  # whether the path of an earlier start, with other shares, had to turn
     warm: bool = False  # whether it started near the answer to a problem before
     turns: int = 0
+    feasibility: Feasibility | None = None  # that the load cannot be carried, if it was proved
     began: float = 0.0
     scale: float = 0.0  # energy norm of the first step
     steps: list[float] = field(default_factory=list)  # relative lengths of the steps between corrections
@@ -174,7 +178,7 @@ def solve_condensed(qvi: FrictionQVI, tolerance: float, options: CondensedOption
         if run.sizes and run.sizes[0] > SLOW_CONTRACTION and qvi.operator.use_root():
             run = _start(qvi, Reduction(qvi), options)
             _iterate(run)
-        run = _restarted(run, tolerance)
+        run = _restarted(run, tolerance, time.perf_counter() - set_up)
     outcome = _outcome(run)
     outcome.form = _FORMS[run.space.name]
     outcome.corrections = tuple(run.sizes)
@@ -196,13 +200,21 @@ def _space(qvi: FrictionQVI, options: CondensedOptions) -> tuple[Space, str]:
     return Whole(qvi), ""
 
 
-def _restarted(first: _Run, tolerance: float) -> _Run:
-    """The usual start where an earlier answer led nowhere, then other central paths; the best by its certificate."""
+def _restarted(first: _Run, tolerance: float, seconds: float) -> _Run:
+    """The usual start where an earlier answer led nowhere, then other central paths; the best by its certificate.
+
+    None of them where it is soon proved that there is no solution; the first start took so many seconds.
+    """
     inexact = first.reason is Status.SOLVED and _residual(first) > _ENOUGH
     last = _LAST if inexact else (Status.SOLVED, *_LAST)
     if first.reason in last:
         return first
-    best, run, accuracy = first, first, _accuracy(first)
+    accuracy = _accuracy(first)
+    if accuracy > tolerance:
+        first.feasibility = refuted(first.qvi, max(_ASKED * seconds, _AT_LEAST))
+        if first.feasibility is not None:
+            return first
+    best, run = first, first
     shares = first.space.shares
     others = [share for share in shares[1:] if share.late < shares[0].late or not inexact]
     if first.reason is Status.INNER_INFEASIBLE and FITTING_SHARES not in shares:
@@ -481,4 +493,6 @@ def _outcome(run: _Run) -> Outcome:
     m_N, m_T, nu = run.problem.multipliers(point.y, point.lam)
     threshold = run.qvi.threshold(run.qvi.pressure(z))
     count = len(run.history)
-    return Outcome(run.reason or Status.STALLED, z, m_N, m_T, nu, threshold, run.history, count, run.message)
+    reason = run.reason or Status.STALLED
+    found = run.feasibility
+    return Outcome(reason, z, m_N, m_T, nu, threshold, run.history, count, run.message, feasibility=found)

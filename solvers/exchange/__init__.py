@@ -32,6 +32,7 @@ The same as (D2): unknowns z = r, energy ½ zᵀWz + qᵀz, tractions σ_N = −
     <Status.SOLVED: 'solved'>
 """
 
+from solvers.basics.front import front
 from solvers.exchange.archive import load_qvi, save_qvi
 from solvers.exchange.fclib import FCLIBFile, read_fclib, write_fclib
 from solvers.exchange.local_problem import ContactState, LocalProblem, local_problem, solve_local, state_of
@@ -50,3 +51,10 @@ __all__ = [
     "state_of",
     "write_fclib",
 ]
+
+__getattr__ = front(
+    __name__,
+    {
+        "siconos_error": ("project",),
+    },
+)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
-from solvers.basics.archives import read_arrays
+from solvers.basics.archives import open_regular, read_arrays
 from solvers.basics.files import replacing
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse
@@ -96,7 +96,7 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
 def _arrays(path: str | Path) -> Arrays:
     """All arrays of the file, each read to its end so that nothing truncated goes unnoticed."""
     try:
-        with Path(path).open("rb") as stream:
+        with open_regular(path) as stream:
             return read_arrays("file", str(path), stream)
     except InputError:
         raise

@@ -146,7 +146,7 @@ def _h5py() -> Module:
     try:
         return load("h5py")
     except ImportError as error:
-        raise InputError("h5py", "not installed", "python -m pip install 'qvi-contact[exchange]'") from error
+        raise InputError("h5py", "not installed", "python -m pip install h5py") from error
 
 
 def _integers(group: Any, name: str, values: Any) -> None:

@@ -9,6 +9,7 @@ Back ends: Intel MKL's PARDISO (package mkl, extra fast), CHOLMOD (package cvxop
 there). None is imported before use.
 """
 
+from solvers.basics.front import front
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.errors import FactorisationError
 from solvers.factorisation.registry import (
@@ -30,3 +31,17 @@ __all__ = [
     "resolve",
     "set_default",
 ]
+
+__getattr__ = front(
+    __name__,
+    {
+        "augmented": ("ORTHOGONAL", "factorise_root"),
+        "choice": ("Request", "SHARED", "condensing_pays"),
+        "forecast": ("Forecast", "Work", "check_limits", "machine_memory"),
+        "levels": ("LEVELS",),
+        "ordering": ("interface_last", "nested_dissection"),
+        "registry": ("VARIABLE",),
+        "threads": ("limited_blas", "thread_count"),
+        "unsymmetric": ("refactorisation",),
+    },
+)

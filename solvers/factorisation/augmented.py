@@ -126,8 +126,9 @@ class OrthogonalFactor(Factorisation):
         state[self.interface] *= self._scale[self.interface, None]
         return np.asarray(state)
 
-    def _backward(self, state: State) -> Matrix:
+    def _backward(self, state: State, values: Matrix) -> Matrix:
         self._need_factors()
+        state = self._with_values(state, values)
         state[self.interface] *= self._scale[self.interface, None]
         with limited_blas(1):
             for front in reversed(self._fronts):

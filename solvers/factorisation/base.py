@@ -50,8 +50,8 @@ class Factorisation(ABC):
         """Eliminate I from right-hand sides (n, j): a new array, g_Γ − K_ΓI K_II⁻¹ g_I on Γ."""
 
     @abstractmethod
-    def _backward(self, state: State) -> Matrix:
-        """Unknowns x (n, j) from a state (n, j) whose rows on Γ have been replaced by x_Γ; may overwrite it."""
+    def _backward(self, state: State, values: Matrix) -> Matrix:
+        """Unknowns x (n, j) from a state (n, j), which is left as it is, and x_Γ (k, j); rows on Γ may be anything."""
 
     @abstractmethod
     def release(self) -> None:
@@ -80,11 +80,15 @@ class Factorisation(ABC):
         values = self._checked("values", values, self.interface.size)
         if values.shape[1:] != state.shape[1:]:
             raise InputError("values", values.shape, f"give as many columns as the right-hand side had: {state.shape}")
-        start = np.array(state, order="F")
-        start[self.interface] = values
-        x = self._backward(_as_columns(start)).reshape(state.shape, order="F")
+        x = self._backward(_as_columns(state), _as_columns(values)).reshape(state.shape, order="F")
         x[self.interface] = values
         return x
+
+    def _with_values(self, state: State, values: Matrix) -> State:
+        """A copy of a state with x_Γ in place of g̃."""
+        start = np.array(state, order="F")
+        start[self.interface] = values
+        return start
 
     def solve(self, right: Vector | Matrix) -> Vector | Matrix:
         """Unknowns x = K⁻¹ g for right-hand sides (n,) or (n, j); needs S positive definite, whose factor is kept."""
@@ -132,8 +136,8 @@ class NoInterior(Factorisation):
     def _forward(self, right: Matrix) -> State:
         return np.array(right, order="F")
 
-    def _backward(self, state: State) -> Matrix:
-        return state
+    def _backward(self, state: State, values: Matrix) -> Matrix:
+        return self._with_values(state, values)
 
     def release(self) -> None:
         """Nothing to free."""

@@ -4,14 +4,18 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Final, NamedTuple, TypeAlias
 
+import numpy as np
+from scipy.sparse import csc_array
+
 from solvers.basics.checks import whole_number
 from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.errors import SolverUnavailableError
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.dissection import SharedSubdomains, SubdomainTree
+from solvers.factorisation.forecast import check_limits
 from solvers.factorisation.levels import LEVELS
 from solvers.factorisation.ordering import nested_dissection
-from solvers.factorisation.registry import BACKENDS, chosen, factorise, resolve, usable
+from solvers.factorisation.registry import BACKENDS, chosen, factorise, faster_than, resolve, usable
 from solvers.factorisation.threads import limited_blas, thread_count
 from solvers.factorisation.unsymmetric import Refactorisation, refactorisation
 
@@ -90,6 +94,9 @@ def make_unsymmetric(starts: IntVector, columns: IntVector, places: Matrix | Non
     """
     backend = resolve(request.name if request.name in BACKENDS else "auto")
     threads = request.threads or _sensible_threads(len(starts) - 1)
+    pattern = csc_array((np.ones(len(columns)), columns, starts))
+    nothing = np.zeros(0, dtype=np.int64)
+    check_limits(pattern, nothing, backend, threads, faster_than(backend), symmetric=False)
     order = None if places is None else nested_dissection(places, starts, columns)
     return refactorisation(starts, columns, backend, threads, order)
 

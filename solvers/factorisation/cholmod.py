@@ -91,8 +91,8 @@ class Cholmod(Factorisation):
         ordered[first:] = self._last @ ordered[first:]
         return self._unordered(ordered)
 
-    def _backward(self, state: State) -> Matrix:
-        ordered = state[self._order]
+    def _backward(self, state: State, values: Matrix) -> Matrix:
+        ordered = self._with_values(state, values)[self._order]
         first = self.size - self.interface.size
         ordered[first:] = self._last.T @ ordered[first:]
         return self._unordered(self._triangular(System.LOWER_TRANSPOSED, ordered))

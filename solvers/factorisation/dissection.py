@@ -168,9 +168,9 @@ class SharedSubdomains(Factorisation):
         with limited_blas(1):
             return self._upwards(right)
 
-    def _backward(self, state: State) -> Matrix:
+    def _backward(self, state: State, values: Matrix) -> Matrix:
         with limited_blas(1):
-            return self._downwards(state)
+            return self._downwards(self._with_values(state, values))
 
     def _upwards(self, right: Matrix) -> State:
         """From the leaves to Γ."""

@@ -4,12 +4,14 @@ from typing import Any, Final, Literal, TypeAlias
 
 from solvers.errors import QVIError
 
-Reason: TypeAlias = Literal["singular", "memory", "backend"]
-"""Why a factorisation failed: not positive definite, out of memory, or anything else the back end reports."""
+Reason: TypeAlias = Literal["singular", "memory", "time", "backend"]
+"""Why a factorisation failed: not positive definite, out of memory, too long for the time limit, or what else the back
+end reports."""
 
 _REMEDY: Final[dict[Reason, str]] = {
     "singular": "fix the free modes and give positive stiffnesses, so that K is positive definite",
     "memory": "take fewer cells, or a machine with more memory",
+    "time": "allow more time (time_limit), or take fewer cells",
     "backend": "choose another back end with QVI_CONTACT_FACTORISATION or set_default",
 }
 
@@ -19,8 +21,8 @@ class FactorisationError(QVIError):
 
     Attributes
     ----------
-    reason : "singular", "memory" or "backend"
-        "singular" covers indefinite matrices too.
+    reason : "singular", "memory", "time" or "backend"
+        "singular" covers indefinite matrices too; "time": it would take far longer than the time limit allows.
     backend : str
         Name of the back end.
 

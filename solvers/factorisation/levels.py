@@ -158,8 +158,9 @@ class LevelFactor(Factorisation):
             state[self._members[j - 1]] -= self._couplings[j].T @ y
         return state
 
-    def _backward(self, state: State) -> Matrix:
+    def _backward(self, state: State, values: Matrix) -> Matrix:
         self._need_factors()
+        state = self._with_values(state, values)
         for j in range(1, len(self._members) if state.size else 0):
             y = state[self._members[j]] - self._couplings[j] @ state[self._members[j - 1]]
             state[self._members[j]] = dtrsm(1.0, self._own[j], y, lower=1, trans_a=1)

@@ -21,11 +21,16 @@ def interface_last(K: Sparse, interface: IntVector, minimum_degree: MinimumDegre
     Unknowns of a mesh node share their columns' pattern and are eliminated together in any good order, so the order is
     sought for the graph of such groups, which has a fraction of the entries.
     """
-    interior = np.setdiff1d(np.arange(K.shape[0]), interface)
-    graph, group = _graph_of_groups(_pattern(K)[interior][:, interior] if interface.size else _pattern(K))
+    interior, graph, group = interior_groups(K, interface)
     position = np.empty(graph.shape[0], dtype=np.int64)
     position[minimum_degree(graph)] = np.arange(graph.shape[0])
     return np.concatenate([interior[np.argsort(position[group], kind="stable")], interface])
+
+
+def interior_groups(K: Sparse, interface: IntVector) -> tuple[IntVector, Sparse, IntVector]:
+    """The interior of K (n, n), the pattern of its groups of unknowns with the same neighbours, the group of each."""
+    interior = np.setdiff1d(np.arange(K.shape[0]), interface)
+    return interior, *_graph_of_groups(_pattern(K)[interior][:, interior] if len(interface) else _pattern(K))
 
 
 def nested_dissection(places: Matrix, starts: IntVector, columns: IntVector) -> IntVector:

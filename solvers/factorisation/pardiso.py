@@ -148,8 +148,8 @@ class Pardiso(_Owner, Factorisation):
     def _forward(self, right: Matrix) -> State:
         return self._phase(Phase.FORWARD, right)
 
-    def _backward(self, state: State) -> Matrix:
-        return self._phase(Phase.BACKWARD, state)
+    def _backward(self, state: State, values: Matrix) -> Matrix:
+        return self._phase(Phase.BACKWARD, self._with_values(state, values))
 
     def _phase(self, phase: Phase, b: Matrix) -> Matrix:
         handle = self._open()

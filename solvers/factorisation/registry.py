@@ -12,7 +12,9 @@ from solvers.basics.types import IntVector, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import Factorisation, NoInterior
 from solvers.factorisation.errors import FactorisationError
+from solvers.factorisation.forecast import check_limits
 from solvers.factorisation.levels import LEVELS, LevelFactor, cheap_levels
+from solvers.factorisation.threads import thread_count
 
 BACKENDS: Final = ("pardiso", "cholmod", "superlu")
 """Names of the sparse back ends, the fastest first."""
@@ -20,7 +22,7 @@ BACKENDS: Final = ("pardiso", "cholmod", "superlu")
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
 
-_INSTALL: Final = {"pardiso": "pip install 'qvi-contact[fast]'", "cholmod": "pip install 'qvi-contact[cvxopt]'"}
+_INSTALL: Final = {"pardiso": "pip install mkl", "cholmod": "pip install cvxopt"}
 _WORTH_INSTALLING: Final = 20_000  # unknowns from which on PARDISO is at least twice as fast
 _default: str | None = None
 
@@ -50,6 +52,8 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
         The back end does not exist or is not installed.
     FactorisationError
         K_II is not positive definite, memory is lacking, or the back end fails. An indefinite S is found by `solve`.
+        Before it begins: if it is estimated to take more than twice the time that is left (see `watch`), or twice the
+        memory of the machine.
 
     """
     K, interface = _checked(K, interface)
@@ -68,9 +72,18 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
     try:
         if levels is not None:
             return LevelFactor(K, levels)
+        check_limits(K, interface, name, thread_count(threads), faster_than(name))
         return _module(name).factorise(K, interface, threads)  # type: ignore[no-any-return]
     except MemoryError as error:
         raise FactorisationError("memory", name, "out of memory") from error
+
+
+def faster_than(name: str) -> str:
+    """How to get the fastest back end in the place of another one; empty if that is the fastest."""
+    if name == BACKENDS[0]:
+        return ""
+    missing = _module(BACKENDS[0]).version() is None
+    return _INSTALL[BACKENDS[0]] if missing else f"factorisation={BACKENDS[0]!r}"
 
 
 def available_backends() -> dict[str, str]:

@@ -1,19 +1,27 @@
-"""SciPy's SuperLU in symmetric mode, the interface last, so that S is the product of trailing blocks."""
+"""SciPy's SuperLU in symmetric mode, the interface last, so that S is the product of trailing blocks.
+
+SuperLU solves with the whole of a matrix only. That is enough, and one factor does. With the diagonal D of K_ΓΓ the
+matrix K' = K + [0 0; 0 D] has the Schur complement S' = S + D, well conditioned however soft S is, and y = K'⁻¹ g gives
+
+    g_Γ − K_ΓI K_II⁻¹ g_I = S' y_Γ,        K_II⁻¹ (g_I − K_IΓ x_Γ) = y_I + (K'⁻¹ [0; S' (x_Γ − y_Γ)])_I.
+"""
 
 from time import perf_counter
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 import scipy
 from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import spilu, splu
 
 from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector
 from solvers.factorisation.base import Factorisation, State, check_pivots, symmetrised
 from solvers.factorisation.errors import FactorisationError
 from solvers.factorisation.ordering import interface_last
 
-__all__ = ["SuperLU", "factorise", "version"]
+__all__ = ["SuperLU", "factorise", "filled", "version"]
+
+_DROPPED: Final = 1e300  # entries of a factor below it: all of them
 
 
 def version() -> str | None:
@@ -23,47 +31,11 @@ def version() -> str | None:
 
 def factorise(K: Sparse, interface: IntVector, threads: int | None) -> Factorisation:  # noqa: ARG001
     """Factorise K (n, n), n > k, in compressed columns with sorted indices; one thread whatever is asked for."""
-    return SuperLU(K, interface) if interface.size else PlainSuperLU(K)
-
-
-class PlainSuperLU(Factorisation):
-    """K without interface: SciPy's `splu`, and a look at the pivots, for which it takes another third of the time."""
-
-    backend = "superlu"
-
-    def __init__(self, K: Sparse) -> None:
-        self.version = version() or ""
-        self.interface = np.zeros(0, dtype=np.int64)
-        self.schur = np.zeros((0, 0))
-        self._size = int(K.shape[0])
-        start = perf_counter()
-        self._factor: Module = _symmetric_splu(K, "MMD_AT_PLUS_A")
-        factorised = perf_counter()
-        diagonal = np.empty(self._size)
-        diagonal[self._factor.perm_c] = K.diagonal()
-        check_pivots(self._factor.U.diagonal(), diagonal, self.backend)
-        self.seconds = {"analysis": 0.0, "numeric": factorised - start, "check": perf_counter() - factorised}
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns n."""
-        return self._size
-
-    def release(self) -> None:
-        """Drop the factors; may be called again."""
-        self._factor = None
-
-    def _forward(self, right: Matrix) -> State:
-        return np.array(right, order="F")
-
-    def _backward(self, state: State) -> Matrix:
-        if self._factor is None:
-            raise FactorisationError("backend", self.backend, "the factors have been released")
-        return np.asarray(self._factor.solve(state)) if state.size else state
+    return SuperLU(K, interface)
 
 
 class SuperLU(Factorisation):
-    """P K Pᵀ = L̃ [D 0; 0 S] L̃ᵀ with the lower triangle L̃ = [L 0; M 1], unit diagonal; P puts Γ last."""
+    """P K Pᵀ = L D Lᵀ with unit diagonal of L, once; P puts Γ last, and without Γ it is SuperLU's own."""
 
     backend = "superlu"
 
@@ -71,48 +43,80 @@ class SuperLU(Factorisation):
         self.version = version() or ""
         self.interface = interface
         start = perf_counter()
-        self._order = interface_last(K, interface, _minimum_degree)
+        k = interface.size
+        self._order = interface_last(K, interface, _minimum_degree) if k else None
         analysed = perf_counter()
-        self._pivots, lower, self.schur = _eliminated(K, self._order, interface.size)
-        self._lower: Module = _symmetric_splu(lower, "NATURAL")  # solves several times faster than SciPy with L̃ itself
-        self.seconds = {"analysis": analysed - start, "numeric": perf_counter() - analysed}
+        diagonal = K.diagonal()
+        added = diagonal[interface]
+        raised = K if self._order is None else _reordered(K, self._order, added)
+        self._factor: Module = _symmetric_splu(raised, "NATURAL" if k else "MMD_AT_PLUS_A")
+        factorised = perf_counter()
+        self._raised = self._checked_schur(diagonal, k)
+        self.schur = self._raised - np.diag(added)
+        self._added = added
+        ended = perf_counter()
+        self.seconds = {"analysis": analysed - start, "numeric": factorised - analysed, "check": ended - factorised}
 
     @property
     def size(self) -> int:
         """Number of unknowns n."""
-        return int(self._order.size)
+        return int(self._open().shape[0])
 
     def release(self) -> None:
         """Drop the factors; may be called again."""
-        self._lower = None
+        self._factor = None
+
+    def _schur_scale(self) -> Vector:
+        return self._added
+
+    def _checked_schur(self, diagonal: Vector, k: int) -> Matrix:
+        """S' (k, k) by the trailing block of L and pivots; `FactorisationError` if one of the interior is rounding."""
+        lower, pivots = self._factor.L, self._factor.U.diagonal()
+        place = self._factor.perm_c if self._order is None else np.argsort(self._order)
+        ordered = np.empty_like(diagonal)
+        ordered[place] = diagonal
+        first = self.size - k
+        check_pivots(pivots[:first], ordered[:first], self.backend, self.size)
+        last = lower[:, first:][first:].toarray()
+        return symmetrised((last * pivots[first:]) @ last.T)
 
     def _forward(self, right: Matrix) -> State:
-        y = np.empty(right.shape, order="F")
-        y[self._order] = self._triangular(right[self._order], transposed=False)
-        return y
+        state = self._whole(right)
+        state[self.interface] = self._raised @ state[self.interface]
+        return state
 
-    def _backward(self, state: State) -> Matrix:
-        y = state[self._order]
-        y[: self._pivots.size] /= self._pivots[:, None]
-        x = np.empty(state.shape, order="F")
-        x[self._order] = self._triangular(y, transposed=True)
+    def _backward(self, state: State, values: Matrix) -> Matrix:
+        if not self.interface.size:
+            return np.array(state, order="F")
+        right = np.zeros(state.shape, order="F")
+        right[self.interface] = self._raised @ values - state[self.interface]
+        return np.asarray(state + self._whole(right))
+
+    def _whole(self, right: Matrix) -> Matrix:
+        """Return K'⁻¹ right (n, j)."""
+        factor = self._open()
+        if self._order is None or not right.size:
+            return np.asarray(factor.solve(np.asfortranarray(right))) if right.size else np.array(right, order="F")
+        x = np.empty(right.shape, order="F")
+        x[self._order] = factor.solve(np.asfortranarray(right[self._order]))
         return x
 
-    def _triangular(self, right: Matrix, transposed: bool) -> Matrix:
-        if self._lower is None:
+    def _open(self) -> Module:
+        if self._factor is None:
             raise FactorisationError("backend", self.backend, "the factors have been released")
-        return np.asarray(self._lower.solve(right, "T" if transposed else "N")) if right.size else right
+        return self._factor
 
 
-def _eliminated(K: Sparse, order: IntVector, k: int) -> tuple[Vector, Sparse, Matrix]:
-    """Pivots D (n − k,), L̃ (n, n) and S (k, k) of K in the given order."""
-    interior = K.shape[0] - k
-    factor = _symmetric_splu(K[order][:, order], "NATURAL")
-    lower, upper = factor.L, factor.U
-    pivots = upper.diagonal()
-    check_pivots(pivots, K.diagonal()[order], "superlu")
-    last = lower[:, interior:][interior:].toarray()
-    return pivots[:interior], _identity_last(lower, interior), symmetrised((last * pivots[interior:]) @ last.T)
+def _reordered(K: Sparse, order: IntVector, added: Vector) -> Sparse:
+    """K[order][:, order] for a symmetric K in compressed columns, with `added` (k,) on the end of its diagonal."""
+    columns = K[:, order]
+    place = np.empty(order.size, dtype=K.indices.dtype)
+    place[order] = np.arange(order.size)
+    rows = place[columns.indices]
+    first = order.size - added.size
+    end, column = columns.indptr[first], np.repeat(np.arange(order.size), np.diff(columns.indptr))
+    columns.data[end:][rows[end:] == column[end:]] += added
+    return csc_array((columns.data, rows, columns.indptr), shape=K.shape)
 
 
 def _symmetric_splu(K: Sparse, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> Module:
@@ -126,18 +130,21 @@ def _symmetric_splu(K: Sparse, order: Literal["NATURAL", "MMD_AT_PLUS_A"]) -> Mo
     return factor
 
 
-def _identity_last(lower: Sparse, interior: int) -> Sparse:
-    """[L 0; M 1] from [L 0; M N]."""
-    n = lower.shape[0]
-    end = lower.indptr[interior]
-    data = np.concatenate([lower.data[:end], np.ones(n - interior)])
-    indices = np.concatenate([lower.indices[:end], np.arange(interior, n)])
-    starts = np.concatenate([lower.indptr[:interior], end + np.arange(n - interior + 1)])
-    return csc_array((data, indices, starts), shape=lower.shape)
+def filled(graph: Sparse) -> tuple[IntVector, IntVector, IntVector]:
+    """An order of elimination of a symmetric pattern with full diagonal, and the pattern of L: rows, column starts.
+
+    By a factorisation of some matrix with this pattern.
+    """
+    dominant = graph + diags_array(np.asarray(graph.sum(axis=0), dtype=np.float64).ravel())
+    factor = _symmetric_splu(csc_array(dominant, dtype=np.float64), "MMD_AT_PLUS_A")
+    lower = factor.L
+    return np.argsort(factor.perm_c).astype(np.int64), lower.indices, lower.indptr
 
 
 def _minimum_degree(graph: Sparse) -> IntVector:
-    """SuperLU's multiple minimum degree of Aᵀ + A, which SciPy gives only with a factorisation of some matrix."""
-    dominant = graph + diags_array(np.asarray(graph.sum(axis=0), dtype=np.float64).ravel())
-    factor = _symmetric_splu(csc_array(dominant, dtype=np.float64), "MMD_AT_PLUS_A")
+    """SuperLU's multiple minimum degree of Aᵀ + A, which SciPy gives with a factorisation only: one that drops all."""
+    sums = np.asarray(graph.sum(axis=0), dtype=np.float64).ravel()
+    dominant = csc_array(graph + diags_array(sums), dtype=np.float64)
+    factor = spilu(dominant, _DROPPED, 1.0, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                   options={"SymmetricMode": True})  # fmt: skip
     return np.argsort(factor.perm_c).astype(np.int64)

@@ -1,1 +1,16 @@
 """The data of the inequality (D2), its linear algebra, and the residuals of its laws."""
+
+from solvers.basics.front import front
+
+__getattr__ = front(
+    __name__,
+    {
+        "blocks": ("dense",),
+        "compliance": ("Compliance",),
+        "edges": ("quadratic_basis",),
+        "linear": ("interface_of",),
+        "residuals": ("law_residuals",),
+        "rows": ("echelon", "independent_rows", "spanning_rows"),
+        "traces": ("Traces", "trace_coordinates"),
+    },
+)

@@ -5,6 +5,8 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
+import numpy as np
+
 from solvers.basics.foreign import foreign_code
 from solvers.basics.types import Module, Vector
 from solvers.basics.watch import left
@@ -39,6 +41,14 @@ def is_failure(error: BaseException) -> bool:
     if isinstance(error, Exception):
         return not isinstance(error, TimeoutError)
     return type(error).__name__ == _PANIC
+
+
+def real_vector(name: str, value: object, size: int) -> Vector:
+    """What a back end has returned as `name`, where it is (size,) real numbers, finite or not; else `TypeError`."""
+    array = np.asarray(value)
+    if array.shape != (size,) or array.dtype.kind != "f":
+        raise TypeError(f"{name} is {array.dtype}{list(array.shape)}, not {size} real numbers")
+    return array
 
 
 def one_line(text: str) -> str:

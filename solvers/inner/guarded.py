@@ -4,13 +4,12 @@ import time
 import warnings
 from dataclasses import replace
 
-import numpy as np
 from numpy.exceptions import ComplexWarning
 
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.guard import BackendFailure, attempt, one_line
+from solvers.inner.guard import BackendFailure, attempt, one_line, real_vector
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 
 
@@ -26,19 +25,20 @@ class Guarded:
         began = time.perf_counter()
         with warnings.catch_warnings():
             warnings.simplefilter("error", ComplexWarning)  # imaginary parts are not dropped
-            answer = attempt(self._name, lambda: self._solver.solve(threshold, centre, start))
-        failure = answer if isinstance(answer, BackendFailure) else self._wrong(answer)
-        if isinstance(answer, BackendFailure) or failure:
-            return no_result(self._qvi, Status.BACKEND_FAILED, str(failure), time.perf_counter() - began)
-        return replace(answer, message=one_line(answer.message))
+            answer = attempt(self._name, lambda: self._checked(self._solver.solve(threshold, centre, start)))
+        if isinstance(answer, BackendFailure):
+            return no_result(self._qvi, Status.BACKEND_FAILED, str(answer), time.perf_counter() - began)
+        return answer
 
-    def _wrong(self, answer: object) -> str:
-        """What is wrong with the form of an answer; its numbers are judged by others."""
+    def _checked(self, answer: object) -> InnerSolution:
+        """An answer of the promised form, and finite where it claims to be one; how good it is others judge."""
         if not isinstance(answer, InnerSolution):
-            return f"{self._name}: the answer is {type(answer).__name__}, not an InnerSolution"
+            raise TypeError(f"the answer is {type(answer).__name__}, not an InnerSolution")
         sizes = {"z": self._qvi.n, "m_N": self._qvi.m, "m_T": self._qvi.m, "nu": self._qvi.p}
         for part, size in sizes.items():
-            array = np.asarray(getattr(answer, part))
-            if array.shape != (size,) or array.dtype.kind != "f":
-                return f"{self._name}: {part} is {array.dtype}{list(array.shape)}, not {size} real numbers"
-        return ""
+            real_vector(part, getattr(answer, part), size)
+        message = one_line(answer.message)
+        if answer.status.usable and not answer.finite:
+            message = f"{message}; result is not finite"
+            return no_result(self._qvi, Status.BACKEND_FAILED, message, answer.seconds)
+        return replace(answer, message=message)

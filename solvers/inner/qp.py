@@ -64,11 +64,7 @@ class QPSolver:
         m_N, m_T = self._inner.multipliers(np.array(answer.z, dtype=np.float64))
         nu = np.array(answer.y, dtype=np.float64) if qvi.p else np.zeros(0)
         z = centre.z + np.array(answer.x, dtype=np.float64)
-        iterations = self.backend.iterations(answer)
-        solution = InnerSolution(z, m_N, m_T, nu, status, iterations, seconds, message)
-        if status.usable and not solution.finite:
-            return no_result(qvi, Status.BACKEND_FAILED, f"{message}; result is not finite", seconds)
-        return solution
+        return InnerSolution(z, m_N, m_T, nu, status, self.backend.iterations(answer), seconds, message)
 
 
 def _size(array: Any) -> int:

@@ -16,7 +16,10 @@ from solvers.inner.names import STRICT_DEFAULT, is_strict
 from solvers.inner.problem import InnerSolver
 
 _DIRECT = ("clarabel", "osqp")
-_EXTRAS = {"cvxopt": "cvxopt"}  # module → extra; all other free ones: solvers
+_FREE = frozenset(
+    {"clarabel", "cvxopt", "daqp", "ecos", "highspy", "osqp", "piqp", "proxsuite", "qpalm", "quadprog", "scs"}
+)
+"""Modules that a package index has under the same name, free of charge."""
 
 
 def available(kind: str | None = None) -> tuple[str, ...]:
@@ -79,17 +82,16 @@ def check_name(name: object) -> str:
         raise SolverUnavailableError("inner", name, f"there is no such inner solver; {_choices()}")
     missing = [module for module in modules if not _installed(module)]
     if missing:
-        remedy = (
-            f"module {', '.join(missing)} is not installed (free back ends: {how_to_install(canonical)}); {_choices()}"
-        )
+        remedy = f"module {', '.join(missing)} is not installed ({how_to_install(canonical)}); {_choices()}"
         raise SolverUnavailableError("inner", name, remedy)
     return canonical
 
 
 def how_to_install(name: str) -> str:
-    """The command that installs what an inner solver ``"kind:name"`` needs, where that is free."""
+    """The command that installs the library of an inner solver ``"kind:name"``, or where others are described."""
     modules = _catalogue()[name]
-    return f"pip install 'qvi-contact[{next((_EXTRAS[each] for each in modules if each in _EXTRAS), 'solvers')}]'"
+    free = [module for module in modules if module in _FREE]
+    return f"pip install {' '.join(free)}" if free else "https://qpsolvers.github.io and https://www.cvxpy.org say how"
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:

@@ -115,8 +115,4 @@ class SOCPSolver:
         arrays = [np.array(part, dtype=np.float64).ravel() for part in parts]
         nu = arrays[3] if qvi.p else np.zeros(0)
         iterations = int(getattr(self.problem.solver_stats, "num_iters", 0) or 0)
-        z = centre.z + arrays[0]
-        solution = InnerSolution(z, arrays[1], -arrays[2], nu, status, iterations, seconds, message)
-        if not solution.finite:
-            return no_result(qvi, Status.BACKEND_FAILED, f"{message}; result is not finite", seconds)
-        return solution
+        return InnerSolution(centre.z + arrays[0], arrays[1], -arrays[2], nu, status, iterations, seconds, message)

@@ -78,5 +78,4 @@ class StrictSOCPSolver:
         m_N, m_T = self._cones.multipliers(pushes, functional(upper) - functional(lower))
         nu = np.ravel(rows[-1]) if qvi.p else np.zeros(0)
         iterations = int(getattr(self.problem.solver_stats, "num_iters", 0) or 0)
-        solution = InnerSolution(centre.z + np.ravel(self._x.value), m_N, m_T, nu, status, iterations, seconds, message)
-        return solution if solution.finite else no_result(qvi, failed, f"{message}; result is not finite", seconds)
+        return InnerSolution(centre.z + np.ravel(self._x.value), m_N, m_T, nu, status, iterations, seconds, message)
