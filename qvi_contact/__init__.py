@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Branches, other_solutions, refined_where_apart
     from qvi_contact.companion import solve_companion
     from qvi_contact.discretization.discretization import Discretization, discretize
-    from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError
+    from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
     from qvi_contact.files.problem_file import ProblemFile, load_problem
     from qvi_contact.files.problem_writer import save_problem
     from qvi_contact.files.stored import load_result
@@ -76,6 +76,7 @@ _HOME = {
     "Symmetry": "problem.conditions",
     "Traction": "problem.conditions",
     "TriangleMesh": "mesh.triangles",
+    "UnknownNameError": "errors",
     "discretize": "discretization.discretization",
     "graded_lines": "mesh.lines",
     "limit_load_factor": "solution.limit",
@@ -130,6 +131,7 @@ __all__ = [
     "Symmetry",
     "Traction",
     "TriangleMesh",
+    "UnknownNameError",
     "discretize",
     "graded_lines",
     "limit_load_factor",

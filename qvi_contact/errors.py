@@ -7,7 +7,7 @@ the first module that needs the package `solvers`, a name that a file of the use
 import sys
 
 try:
-    from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError
+    from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
 except ImportError as error:
     _taken = getattr(sys.modules.get("solvers"), "__file__", None)
     if _taken is None:
@@ -16,4 +16,4 @@ except ImportError as error:
     _message = f"'solvers' is {_taken}, not the package that comes with qvi_contact. {_remedy}"
     raise ImportError(_message, name="solvers", path=_taken) from error
 
-__all__ = ["InputError", "QVIError", "SolveError", "SolverUnavailableError"]
+__all__ = ["InputError", "QVIError", "SolveError", "SolverUnavailableError", "UnknownNameError"]

@@ -1,1 +1,15 @@
 """What every room uses: checks of input, units, writing of files, the terminal."""
+
+from solvers.basics.front import front
+
+__getattr__ = front(
+    __name__,
+    {
+        "shown": ("Rounding",),
+        "signals": ("handlers_kept",),
+        "spread": ("Crew",),
+        "terminal": ("run",),
+        "units": ("Units",),
+        "writing": ("check_writable", "replacing", "writable_folder", "write_text"),
+    },
+)

@@ -60,7 +60,7 @@ def _check_installed(address: str) -> None:
     try:
         import distributed  # noqa: F401 - logging is set up when it is loaded
     except ImportError as error:
-        remedy = "needs the package distributed: pip install 'qvi-contact[dask]'"
+        remedy = "needs the package distributed: python -m pip install distributed"
         raise InputError("dask", address, remedy) from error
 
 

@@ -21,7 +21,12 @@ from typing import Final
 from qvi_contact.basics.writing import replacing, writable_folder
 from qvi_contact.errors import InputError
 
-SETTINGS: Final[tuple[str, ...]] = ("journal_mode = DELETE", "synchronous = EXTRA", "foreign_keys = ON")
+SETTINGS: Final[tuple[str, ...]] = (
+    "trusted_schema = OFF",
+    "journal_mode = DELETE",
+    "synchronous = EXTRA",
+    "foreign_keys = ON",
+)
 _PATIENCE: Final = 30.0  # seconds that a reader is waited for
 
 _REMEDIES: Final = {
@@ -85,9 +90,20 @@ class Database:
         ):
             for setting in SETTINGS:
                 connection.execute(f"PRAGMA {setting}")
+            self._refuse_other_tables(connection, path)
             if connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
                 raise self.damaged(path)
             yield connection
+
+    def _refuse_other_tables(self, connection: sqlite3.Connection, path: Path) -> None:
+        """Refuse one of these files whose tables were changed: a view in place of a table never ends."""
+        numbers = [connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")]
+        if numbers == [self._application, self._schema]:
+            with closing(sqlite3.connect(":memory:")) as known:
+                for statement in self._tables:
+                    known.execute(statement)
+                if _statements(connection) != _statements(known):
+                    raise InputError("store", str(path), "has other tables than it was made with: give another file")
 
     @contextmanager
     def explained(self, path: Path) -> Iterator[None]:
@@ -154,3 +170,9 @@ class Database:
     @property
     def _not_one(self) -> str:
         return f"is not {self._what}: give another file"
+
+
+def _statements(connection: sqlite3.Connection) -> list[tuple[str, str, list[str]]]:
+    """What makes each table, view, index and trigger, whatever its lines."""
+    found = connection.execute("SELECT type, name, coalesce(sql, '') FROM sqlite_master ORDER BY type, name")
+    return [(kind, name, statement.split()) for kind, name, statement in found]

@@ -4,7 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-_SHARE: Final = 1e-9  # of the problem's units
+SHARE: Final = 1e-9
+"""Share of the units of a problem up to which a number is rounding."""
 
 
 def shown(value: float, least: float = 0.0, digits: int = 6) -> str:
@@ -14,7 +15,7 @@ def shown(value: float, least: float = 0.0, digits: int = 6) -> str:
 
 @dataclass(frozen=True)
 class Rounding:
-    """Sizes up to which numbers of a result are rounding: 1e-9 of the units of its problem.
+    """Sizes up to which numbers of a result are rounding: 1e-9 of units of its problem or result, or another share.
 
     With S, D and L the units of stress, displacement and length, those of forces, moments, rotations and energies are
     S L, S L², D/L and S D L.
@@ -42,15 +43,15 @@ class Rounding:
     energy: float = 0.0
 
     @classmethod
-    def of(cls, stress: float, displacement: float, length: float) -> "Rounding":
-        """That of a problem with the units S, D and L."""
+    def of(cls, stress: float, displacement: float, length: float, share: float = SHARE) -> "Rounding":
+        """So large a share of the units S, D and L."""
         return cls(
-            stress=_SHARE * stress,
-            displacement=_SHARE * displacement,
-            force=_SHARE * stress * length,
-            moment=_SHARE * stress * length**2,
-            rotation=_SHARE * displacement / length,
-            energy=_SHARE * stress * displacement * length,
+            stress=share * stress,
+            displacement=share * displacement,
+            force=share * stress * length,
+            moment=share * stress * length**2,
+            rotation=share * displacement / length,
+            energy=share * stress * displacement * length,
         )
 
     @classmethod

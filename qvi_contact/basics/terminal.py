@@ -3,10 +3,13 @@
 import atexit
 import io
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, Protocol, TextIO, cast
+from types import FrameType
+from typing import TYPE_CHECKING, Any, Final, NoReturn, Protocol, TextIO, cast
 
 import click
 
@@ -17,10 +20,18 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
+_TERMINATED: Final = 143
+"""Exit status after SIGTERM, as shells tell it: 128 and the number of the signal."""
+
+
 class Advance(Protocol):
     """Reports that one more step is done, and what comes next."""
 
     def __call__(self, description: str = "") -> None: ...  # noqa: D102
+
+
+class TerminatedError(SystemExit):
+    """The process was told to end, by SIGTERM; like any exit nobody takes it for a failure of what was done."""
 
 
 class Command(click.Command):
@@ -56,10 +67,11 @@ def run(command: click.Command, name: str) -> None:
 
     Anything wrong with the input, and a standard output that cannot be written, is one line on standard error and exit
     status 2. A reader that has gone away, as in ``… | head -1``, is no fault: the command ends in silence. What
-    libraries print when the process ends does not reach standard output.
+    libraries print when the process ends does not reach standard output. At SIGTERM a command leaves as at an interrupt
+    from the keyboard: its temporary files and worker processes go, and the exit status is 143.
     """
     _accept_any_character()
-    with _remembered_output() as output:
+    with _remembered_output() as output, _leaving_at_sigterm():
         try:
             status = _status(command, name)
             if sys.stdout is not None:  # None where the shell has closed it
@@ -86,6 +98,30 @@ def _status(command: click.Command, name: str) -> int:
     except (click.Abort, KeyboardInterrupt):
         _say(f"{name}: interrupted")
         return 130
+    except TerminatedError:
+        _say(f"{name}: terminated")
+        return _TERMINATED
+
+
+@contextmanager
+def _leaving_at_sigterm() -> Iterator[None]:
+    """Leave every block in order at the first SIGTERM, and at once at the second.
+
+    A handler that is there already stays, as does that of a process whose commands run in other threads.
+    """
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+
+    def leave(_number: int, _frame: FrameType | None) -> NoReturn:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        raise TerminatedError(_TERMINATED)
+
+    signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 class _Output:

@@ -3,9 +3,13 @@
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.bracket.bounds import bracket
 from qvi_contact.bracket.branches import Branches, other_solutions
+from qvi_contact.bracket.document import document as document
+from qvi_contact.bracket.friction_norm import friction_norm as friction_norm
 from qvi_contact.bracket.marking import refined_where_apart
 from qvi_contact.bracket.outcome import Bounds, Bracket, BracketKind, EdgeParts, ForceDifference
 from qvi_contact.bracket.slip import SlipBounds
+from qvi_contact.bracket.star_norm import star_norm as star_norm
+from solvers.basics.front import front
 
 __all__ = [
     "Bounds",
@@ -20,3 +24,18 @@ __all__ = [
     "other_solutions",
     "refined_where_apart",
 ]
+
+__getattr__ = front(
+    __name__,
+    {
+        "bodies": ("bodies_of",),
+        "document": ("lines",),
+        "friction_ends": ("no_friction_operator",),
+        "friction_norm": ("computed_norm", "rectangle_constant", "rectangle_norm"),
+        "given": ("given_problem",),
+        "parts": ("CellFields", "bulk", "by_cell", "slip_work"),
+        "senses": ("outside_scope",),
+        "slip": ("slip_bounds",),
+        "slip_constants": ("amplification", "coercivity", "defect_bound", "error_bound"),
+    },
+)

@@ -57,7 +57,8 @@ def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     """
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
     if not joints:
-        return (Body(problem, {}),)
+        outside = [each for each in problem.conditions if each not in problem.joints]
+        return (Body(replace(problem, conditions=outside) if problem.joints else problem, {}),)
     found = _PARTED.get(problem)
     if found is None:
         found = _PARTED[problem] = _parted(problem, joints)

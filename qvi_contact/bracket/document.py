@@ -69,8 +69,10 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
 
 
 def _slip(bracket: Bracket, units: Units) -> dict[str, Any] | None:
-    """The bounds under slip, or why there are none; None where nothing has Coulomb friction."""
+    """The bounds under slip, or why there are none; None where nothing has Coulomb friction, or nothing slips."""
     slip = bracket.slip
+    if _needs_no_slip(bracket):
+        return None
     if slip is None:
         return {"reason": units.filled(bracket.slip_reason)} if bracket.slip_reason else None
     return {
@@ -88,10 +90,16 @@ def _slip(bracket: Bracket, units: Units) -> dict[str, Any] | None:
     }
 
 
+def _needs_no_slip(bracket: Bracket) -> bool:
+    """Whether nothing slips, so that the bounds of tied contacts are all there is to say."""
+    missing = bracket.slip is None or not np.isfinite(bracket.slip.error)
+    return bracket.kind is BracketKind.STICKING and missing
+
+
 def _slip_lines(bracket: Bracket, units: Units) -> Iterator[str]:
     """The bounds under slip, or why there are none."""
-    if bracket.kind is BracketKind.STICKING and (bracket.slip is None or not np.isfinite(bracket.slip.error)):
-        return  # nothing slips
+    if _needs_no_slip(bracket):
+        return
     if bracket.slip_reason:
         yield f"no bounds under Coulomb slip: {units.filled(bracket.slip_reason)}"
     if bracket.slip is not None:

@@ -27,7 +27,7 @@ def lines(result: ContactResult, found: Branches | None, units: Units) -> Iterat
         return
     yield from ("", units.filled(found.message))
     if len(found.results) > 1:
-        least = Rounding.largest(each.discretization.scales.rounding for each in found.results)
+        least = Rounding.largest(each.rounding for each in found.results)
 
         def first(number: int, _result: ContactResult) -> list[str]:
             distance = found.distances[number]

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from qvi_contact.bracket import Bracket
+    from qvi_contact.command.second_model import SecondModel
     from qvi_contact.command.series import Series
     from qvi_contact.discretization.families import ElementName
     from qvi_contact.files.problem_file import ProblemFile
@@ -78,6 +79,11 @@ _PLOT = click.option("--plot", metavar="PICTURE", help="Draw the result: a file 
 _VTK = click.option(
     "--vtk", metavar="VTU", help="Write the fields for ParaView (.vtu), and the contacts to …_contacts.vtu."
 )
+_DEFORMED = click.option(
+    "--deformed",
+    metavar="PICTURE",
+    help="Draw the deformed body by displacement elements on the same mesh.",
+)
 _NPZ = click.option(
     "--npz", metavar="NPZ", help="Write problem and result as NumPy arrays (.npz), for qvi-contact verify."
 )
@@ -120,6 +126,7 @@ def group() -> None:
 @_VERBOSE
 @_JSON
 @_PLOT
+@_DEFORMED
 @_VTK
 @_NPZ
 @_SAVE_JSON
@@ -156,6 +163,7 @@ def solve(
     verbose: bool,
     as_json: bool,
     plot: str | None,
+    deformed: str | None,
     vtk: str | None,
     npz: str | None,
     save_json: str | None,
@@ -180,7 +188,8 @@ def solve(
 
     --certificate computes every number of the result (of each step) again and compares them. The exit status is 1 if
     any differ, and --json lists them as "verification". --report writes one page. Its energy bounds take a second
-    solve, of at most --time-limit seconds.
+    solve, of at most --time-limit seconds, by displacement elements. So do the displacements in the file of --vtk, and
+    the picture of --deformed. Steps of a history have no such displacement.
 
     \b
     Exit status: 0 solved, with a passing certificate
@@ -202,12 +211,13 @@ def solve(
     """  # noqa: D301
     import numpy as np
 
+    from qvi_contact.command.second_model import SecondModel
     from qvi_contact.command.series import plan_of, solved_series
     from qvi_contact.command.stream import check_asked, streamed
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
-    targets = checked_targets(file, plot=plot, vtk=vtk, npz=npz, save_json=save_json, report=report)
+    targets = checked_targets(file, plot=plot, deformed=deformed, vtk=vtk, npz=npz, save_json=save_json, report=report)
     problem_file = load_problem(file)
     given = {
         "method": method, "inner": inner, "tolerance": tolerance, "factorisation": factorisation, "threads": threads,
@@ -215,7 +225,9 @@ def solve(
     }  # fmt: skip
     with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
         options, plan = _options(problem_file, _given(**given)), plan_of(problem_file, swept)
-        asked = {"plot": plot, "vtk": vtk, "npz": npz, "report": report, "certificate": certificate}
+        asked = {
+            "plot": plot, "deformed": deformed, "vtk": vtk, "npz": npz, "report": report, "certificate": certificate,
+        }  # fmt: skip
         check_asked(plan, store, {**asked, "workers": workers, "dask": dask})
         if plan is not None and store is not None:
             spread = _given(workers=workers, dask=dask)
@@ -225,8 +237,10 @@ def solve(
         series, steps = solved_series(problem_file, plan, options, verbose, store)
         checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, series, steps, checked) if as_json or save_json else {}
-        page = _page(file, problem_file, steps, options, series=series)
-        complete = _write(problem_file, None if series is None else series.history, steps[-1], targets, document, page)
+        second = SecondModel(steps[-1], options.get("time_limit"))
+        page = _page(file, problem_file, steps, second, series=series)
+        history = None if series is None else series.history
+        complete = _write(problem_file, history, second, targets, document, page)
     if as_json:
         click.echo(_json(document))
     else:
@@ -439,6 +453,7 @@ def branches(
     from qvi_contact.bracket import other_solutions
     from qvi_contact.command.branches_line import document, lines
     from qvi_contact.command.report import heading_lines
+    from qvi_contact.command.second_model import SecondModel
     from qvi_contact.command.solve_line import solving
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
@@ -459,7 +474,8 @@ def branches(
             advance("solved; friction is followed from other values")
             found = other_solutions(result) if result.status == "solved" else None
         told = {"title": problem_file.title, **document(result, found, problem_file.units)}
-        complete = _write(problem_file, None, result if found is None else found.preferred, targets, told, str)
+        last = SecondModel(result if found is None else found.preferred, time_limit)
+        complete = _write(problem_file, None, last, targets, told, str)
     if as_json:
         click.echo(_json(told))
     else:
@@ -549,6 +565,7 @@ def refine(
     import numpy as np
 
     from qvi_contact.command.refine_line import refined
+    from qvi_contact.command.second_model import SecondModel
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
@@ -566,8 +583,9 @@ def refine(
         options = _options(problem_file, given)
         found = refined(problem_file, {**problem_file.refine_options, **asked}, options, verbose=verbose)
         document = _refinement_document(problem_file, found)
-        page = _page(file, problem_file, (found.result,), options, found)
-        complete = _write(problem_file, None, found.result, targets, document, page)
+        second = SecondModel(found.result, options.get("time_limit"))
+        page = _page(file, problem_file, (found.result,), second, found)
+        complete = _write(problem_file, None, second, targets, document, page)
     if as_json:
         click.echo(_json(document))
     else:
@@ -653,8 +671,8 @@ def methods(as_json: bool) -> None:
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
     qpsolvers, "direct:…" solvers that keep their set-up between outer iterations, "socp:…" second-order cone programs
     through cvxpy. On rectangles "strict:…" and "strict-direct:…" impose the contact law on whole edges instead of at
-    Gauss points; triangles do so by default. More back ends come with: python -m pip install 'qvi-contact[solvers]'.
-    The list also names factorisations that are not installed, and how to install them.
+    Gauss points; triangles do so by default. In a copy of the repository "python -m pip install '.[solvers]'" installs
+    more back ends. The list also names factorisations that are not installed, and how to install them.
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
@@ -721,7 +739,7 @@ def _as_document(
     for step, verification in zip(found, checked, strict=False):
         step["verification"] = verification.document()
     heading = {"title": file.title, "solved": _all_solved(series, steps)}
-    return heading | (found[0] if series is None else series.document(found))
+    return heading | (found[0] if series is None else series.document(found, file.units))
 
 
 def _refuse_history(file: "ProblemFile", what: str) -> None:
@@ -813,13 +831,15 @@ def _show_bracket(file: "ProblemFile", result: "ContactResult", found: "Bracket 
 def _write(
     file: "ProblemFile",
     history: "History | None",
-    last: "ContactResult",
+    second: "SecondModel",
     targets: dict[str, str],
     document: dict[str, Any],
     page: "Callable[[], str]",
 ) -> bool:
     """Write the files asked for, as many as can be; whether all could be, and a line for each that could not."""
     from qvi_contact.command.targets import written
+
+    last = second.result
 
     def save_json(path: str) -> None:
         from qvi_contact.basics.writing import write_text
@@ -830,16 +850,9 @@ def _write(
         from qvi_contact import plots
 
         if history is not None and history.steps[0].has_state and last.problem.contacts:
-            plots.save_figure(path, plots.history_figure(history, file.units))
+            plots.save_figure(path, plots.history_figure(history, file.units, file.times))
         else:
             plots.save_figure(path, plots.result_figure(last, file.units))
-
-    def vtk(path: str) -> None:
-        from qvi_contact.files.export import contacts_path, write_contacts_vtu, write_vtu
-
-        write_vtu(path, last, file.units)
-        if last.contacts:
-            write_contacts_vtu(contacts_path(path), last, file.units)
 
     def npz(path: str) -> None:
         from qvi_contact.files.export import write_npz
@@ -851,10 +864,15 @@ def _write(
 
         write_text(path, page())
 
-    fields = {option: path for option, path in targets.items() if option in ("vtk", "npz") and not last.has_state}
+    of_state = ("deformed", "vtk", "npz")
+    fields = {option: path for option, path in targets.items() if option in of_state and not last.has_state}
     if fields:
         click.echo(f"qvi-contact: there is no stress state to write to {', '.join(fields.values())}", err=True)
-    writers = {"save_json": save_json, "plot": plot, "vtk": vtk, "npz": npz, "report": report}
+    writers = {
+        "save_json": save_json, "plot": plot, "npz": npz, "report": report,
+        "vtk": lambda path: second.write(path, file.units),
+        "deformed": lambda path: second.draw(path, file.units),
+    }  # fmt: skip
     failures = written({option: path for option, path in targets.items() if option not in fields}, writers)
     for failure in failures:
         click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
@@ -865,7 +883,7 @@ def _page(
     path: str,
     file: "ProblemFile",
     steps: "Sequence[ContactResult]",
-    options: dict[str, Any],
+    second: "SecondModel",
     refinement: "Refinement | None" = None,
     series: "Series | None" = None,
 ) -> "Callable[[], str]":
@@ -878,7 +896,7 @@ def _page(
 
         command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
         request = Request.read(path, file, command)
-        return result_page(request, steps, options.get("time_limit"), refinement, series)
+        return result_page(request, steps, second, refinement, series)
 
     return made
 

@@ -1,17 +1,17 @@
 """Results and problems as plain text for a terminal."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from qvi_contact.basics.shown import Rounding, shown
 from qvi_contact.basics.units import Units
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.solution.contact_line import ContactLine, ContactState
+from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult, plate_numbers
 from qvi_contact.verification.verification import Verification
 
-_STATES = [state.name.lower() for state in ContactState]
+STATES = [state.name.lower() for state in ContactState]
 _ROWS = {"gauss": "Gauss points", "bernstein": "Bernstein coefficients"}
 _HIDDEN = ("kind", "edges", "length", "joint")
 
@@ -32,11 +32,13 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     summary = result.certificate.summary()
     if summary not in result.message:
         yield summary
-    rows = [[line.name, *line.shown_forces, *_shares(line)] for line in result.contacts.values()]
-    force, least = units.engineering_force, result.discretization.scales.rounding
+    lines = result.contacts.values()
+    states = [state for state in STATES if any(state in line.shares for line in lines)]
+    rows = [[line.name, *line.shown_forces, *shares(line.shares, states)] for line in lines]
+    force, least = units.engineering_force, result.rounding
     if rows:
         yield ""
-        yield from table(["contact", f"normal [{force}]", f"tangential [{force}]", *_STATES], rows)
+        yield from table(["contact", f"normal [{force}]", f"tangential [{force}]", *states], rows)
     for line in result.contacts.values():
         if line.has_fluid:
             effective = shown(line.effective_normal_force, least.force)
@@ -53,7 +55,7 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
 
 def history_lines(history: History, times: Sequence[float], units: Units) -> Iterator[str]:
     """One table for each contact and each plate, a row for each step, then what became of it all."""
-    least = Rounding.largest(step.discretization.scales.rounding for step in history.steps)
+    least = Rounding.largest(step.rounding for step in history.steps)
 
     def first(number: int, step: ContactResult) -> list[str]:
         return [str(number + 1), f"{times[number]:.6g}", str(step.status)]
@@ -69,7 +71,7 @@ def sweep_lines(
     steps: Sequence[ContactResult], parameter: str, values: Sequence[float], message: str, units: Units
 ) -> Iterator[str]:
     """One table for each contact and each plate, a row for each value, then the outcome."""
-    least = Rounding.largest(step.discretization.scales.rounding for step in steps)
+    least = Rounding.largest(step.rounding for step in steps)
     length = f"[{units.displacement}]"
     swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
 
@@ -93,13 +95,18 @@ def contact_tables(
     contacts = steps[0].problem.contacts
     forces: dict[str, list[list[str]]] = {contact.name: [] for contact in contacts}
     plates: dict[str, list[list[str]]] = {contact.name: [] for contact in contacts if contact.plate is not None}
+    parts: dict[str, list[Mapping[str, float]]] = {contact.name: [] for contact in contacts}
     for number, step in enumerate(steps):  # each is read once: those of a store are files
-        for rows, cells in ((forces, _forces), (plates, _plate)):
-            for name, of_contact in rows.items():
-                of_contact.append([*first(number, step), *(cells(step, name, least) if step.has_state else [])])
-    for name, of_contact in forces.items():
+        for tables, cells in ((forces, _forces), (plates, _plate)):
+            for name, rows in tables.items():
+                rows.append([*first(number, step), *(cells(step, name, least) if step.has_state else [])])
+        for name, known in parts.items():
+            known.append(step.contacts[name].shares if step.has_state else {})
+    for name, rows in forces.items():
         yield f"contact {name}, forces in {units.engineering_force}"
-        yield from table([*headings, "normal", "tangential", *_STATES], of_contact)
+        states = [state for state in STATES if any(state in known for known in parts[name])]
+        told = [[*row, *shares(known, states)] for row, known in zip(rows, parts[name], strict=True)]
+        yield from table([*headings, "normal", "tangential", *states], told)
         yield ""
     for name, of_plate in plates.items():
         yield f"obstacle {name}, motion and what it does to the body"
@@ -126,8 +133,7 @@ def plate_limits(least: Rounding) -> tuple[float, ...]:
 
 def _forces(step: ContactResult, name: str, least: Rounding) -> list[str]:
     line = step.contacts[name]
-    forces = (shown(force, least.force) for force in (line.normal_force, line.tangential_force))
-    return [*forces, *_shares(line)]
+    return [shown(force, least.force) for force in (line.normal_force, line.tangential_force)]
 
 
 def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]:
@@ -186,9 +192,9 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     yield from (f"remark: {remark}" for remark in outline["remarks"])
 
 
-def _shares(line: ContactLine) -> list[str]:
-    """Shares of the contact's length that are open, stick and slip."""
-    return [f"{100.0 * share:.1f} %" for share in line.shares.values()]
+def shares(known: Mapping[str, float], states: Iterable[str]) -> list[str]:
+    """Shares of a contact's length in these states, as `ContactLine.shares` has them."""
+    return [f"{100.0 * known[name]:.1f} %" if name in known else "-" for name in states if known]
 
 
 def _data(condition: Mapping[str, Any]) -> str:

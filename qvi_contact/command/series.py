@@ -57,10 +57,16 @@ class Series:
             return history_lines(self.history, self.values, units)
         return sweep_lines(self.results.steps, self.label, self.values, self.results.message, units)
 
-    def document(self, summaries: Sequence[dict[str, Any]]) -> dict[str, Any]:
-        """What JSON holds of them beside the summaries of results."""
-        name = "times" if self.history is not None else self.label
-        return {name: list(self.values), "steps": list(summaries)}
+    def document(self, summaries: Sequence[dict[str, Any]], units: Units) -> dict[str, Any]:
+        """What JSON holds of them beside the summaries of results; of a history also the energy lost in friction."""
+        if self.history is None:
+            return {self.label: list(self.values), "steps": list(summaries)}
+        lost = self.history.dissipated
+        dissipated = {
+            "total": {"value": float(lost.sum()), "unit": units.energy},
+            "steps": {"value": lost.tolist(), "unit": units.energy},
+        }
+        return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
 
 def solved_series(
@@ -120,7 +126,7 @@ def named_errors(plan: SweepPlan, file: ProblemFile) -> Iterator[None]:
         if error.field not in _OWN:
             raise
         place = f"sweep.{error.field}" if plan is file.sweep else "--set"
-        raise InputError(place, error.value, error.remedy) from error
+        raise type(error)(place, error.value, error.remedy) from error
 
 
 def plan_of(file: ProblemFile, given: Sequence[str]) -> SweepPlan | None:

@@ -3,7 +3,8 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
-from threading import Lock, Timer
+from threading import Event, Lock, Thread, Timer
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from qvi_contact.basics import terminal
@@ -15,15 +16,18 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
 _PATIENCE = 2.0  # seconds of silence
+_OFF_TERMINALS = 30.0  # where there is no terminal; then twice as many, and so on
 
 
 @contextmanager
-def solving(title: str, steps: int = 1, *, verbose: bool = False) -> Iterator[Advance]:
+def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float = _OFF_TERMINALS) -> Iterator[Advance]:
     """Show on standard error how far the solves inside are, once they take two seconds; of several steps with a bar.
 
     With `verbose` no line is shown, and what the solves inside print goes there too: standard output is for answers.
 
-    A line that stays says when one method takes the place of another one. All is silent when that is not a terminal.
+    A line that stays says when one method takes the place of another one. Where that is not a terminal there are plain
+    lines: one before each large factorisation, and how far all is after so many seconds of `silence`, and then after
+    twice as many, and so on.
     The function yielded reports that a step is done, and may say how far all is: that is shown before the rest.
     """
     if verbose:
@@ -34,6 +38,7 @@ def solving(title: str, steps: int = 1, *, verbose: bool = False) -> Iterator[Ad
     timer = Timer(_PATIENCE, line.show)
     timer.daemon = True
     timer.start()
+    Thread(target=line.speak, args=(silence,), daemon=True).start()
     try:
         with watched(report=line.report):
             yield line.advance
@@ -50,12 +55,15 @@ class _Line:
         self._so_far = ""
         self._lock = Lock()
         self._bar: Bar | None = None
-        self._closed = False
+        self._ended = Event()
+        self._began = monotonic()
 
     def report(self, progress: Progress) -> None:
         """What a solve says."""
         self._state = _words(progress)
         self._update()
+        if progress.stage:
+            self._say(self._state)
         if progress.remark:
             console = terminal.error_console() if self._bar is None else self._bar.console
             said = f"{self._title}: {progress.remark}; next method: {progress.method}"
@@ -73,16 +81,28 @@ class _Line:
         if not console.is_terminal:
             return
         with self._lock:
-            if not self._closed:
+            if not self._ended.is_set():
                 self._bar = _bar(console, self._steps > 1)
                 task = self._bar.add_task(self._title, total=self._steps, completed=self._done, state=self._text)
                 self._bar.tasks[task].start_time = self._bar.get_time() - _PATIENCE
                 self._bar.start()
 
+    def speak(self, pause: float) -> None:
+        """Say how far all is where there is no terminal, until the end."""
+        while not self._ended.wait(pause):
+            self._say(f"{self._text or 'setting up'}; {monotonic() - self._began:.0f} s")
+            pause *= 2.0
+
+    def _say(self, words: str) -> None:
+        """A plain line, unless a terminal shows the same."""
+        console = terminal.error_console()
+        if not console.is_terminal:
+            console.print(f"{self._title}: {words}", markup=False, highlight=False, soft_wrap=True)
+
     def close(self) -> None:
         """End."""
         with self._lock:
-            self._closed = True
+            self._ended.set()
             if self._bar is not None:
                 self._bar.stop()
 
@@ -110,6 +130,8 @@ def _bar(console: "Console", several: bool) -> "Bar":
 def _words(progress: Progress) -> str:
     """Method, iteration, residual."""
     entry = progress.iteration
+    if progress.stage:
+        return f"{progress.method}: {progress.stage}"
     if entry is None:
         return f"{progress.method}: setting up"
     return f"{progress.method}: iteration {entry.number}, residual {entry.residual:.1e}"

@@ -7,11 +7,14 @@ from importlib.util import find_spec
 from qvi_contact.basics.writing import check_suffix, check_writable, identity
 from qvi_contact.errors import InputError
 
-_MODULES = {  # option → module, extra that brings it
-    "plot": ("matplotlib", "plot"),
-    "report": ("matplotlib", "plot"),
-    "vtk": ("meshio", "vtk"),
+_MODULES = {
+    "plot": "matplotlib",
+    "deformed": "matplotlib",
+    "report": "matplotlib",
+    "vtk": "meshio",
 }
+"""Option → the library that it needs."""
+
 _SUFFIXES = {"vtk": ".vtu", "npz": ".npz", "report": ".html"}
 
 
@@ -57,14 +60,14 @@ def _name(option: str) -> str:
 
 def _check_kind(option: str, path: str) -> None:
     if option in _MODULES:
-        module, extra = _MODULES[option]
+        module = _MODULES[option]
         if find_spec(module) is None:
-            raise InputError(f"--{option}", path, f"needs {module}: python -m pip install 'qvi-contact[{extra}]'")
+            raise InputError(f"--{option}", path, f"needs {module}: python -m pip install {module}")
     if option in _SUFFIXES:
         check_suffix(f"--{option}", path, _SUFFIXES[option])
-    if option in ("plot", "report"):
+    if option in ("plot", "deformed", "report"):
         from qvi_contact.plots import picture_suffix, require_matplotlib
 
-        if option == "plot":
+        if option != "report":
             picture_suffix(path)
         require_matplotlib()

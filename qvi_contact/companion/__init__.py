@@ -10,6 +10,7 @@ Conforming elements on the mesh of the problem; the contact problem is solved in
 from qvi_contact.companion.result import CompanionResult
 from qvi_contact.companion.solver import solve_companion, solve_companions
 from qvi_contact.companion.state import CompanionContact, CompanionParts, CompanionState
+from solvers.basics.front import front
 
 __all__ = [
     "CompanionContact",
@@ -19,3 +20,18 @@ __all__ = [
     "solve_companion",
     "solve_companions",
 ]
+
+__getattr__ = front(
+    __name__,
+    {
+        "at_rest": ("BodyAtRest",),
+        "cell": ("reference_matrices",),
+        "cells": ("cell_for",),
+        "dual": ("DualProblem",),
+        "elasticity": ("Elasticity",),
+        "rectangle": ("Rectangle",),
+        "solver": ("moduli",),
+        "space": ("Space",),
+        "triangle": ("Triangle",),
+    },
+)

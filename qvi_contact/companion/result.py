@@ -17,11 +17,13 @@ from qvi_contact.companion.traces import Trace, plate_centre
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
+from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import contact_states
 from qvi_contact.solution.contact_path import turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from solvers import Certificate, QVISolution, Status
+from solvers.basics.names import Named, known_name
 from solvers.basics.pickles import Stated
 
 _DIGITS = 12  # of coordinates over the body's length: more is rounding
@@ -192,7 +194,7 @@ class CompanionResult(Stated):
             x = moved["force_x"] - turn * (plate.pivot[1] - place[1])
             y = moved["force_y"] + turn * (plate.pivot[0] - place[0])
             found[trace.name] = plate_motion(plate, x, y, turn)
-        return MappingProxyType(found)
+        return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
 
     @cached_property
     def nodal_displacements(self) -> FloatArray:
@@ -214,14 +216,11 @@ class CompanionResult(Stated):
         return self._state.v
 
     def _trace(self, name: str) -> tuple[Trace, slice]:
-        start = 0
         traces = self._state.contacts.traces
-        for trace in traces:
-            if trace.name == name:
-                return trace, slice(start, start + trace.count)
-            start += trace.count
-        known = ", ".join(trace.name for trace in traces) or "there is none"
-        raise InputError("name", name, f"name one of the contacts: {known}")
+        names = [trace.name for trace in traces]
+        number = names.index(known_name("name", name, {"contacts": names}))
+        start = sum(trace.count for trace in traces[:number])
+        return traces[number], slice(start, start + traces[number].count)
 
     def _friction(self, trace: Trace) -> float:
         """∫ s |v_T − w| ds, dimensionless; under Coulomb's law the sum over coefficients that was minimised."""
@@ -243,7 +242,10 @@ class CompanionResult(Stated):
         gap, slip = trace.gap - state.c[:n][chosen], state.c[n:][chosen] - trace.offset
         unit = max(self.certificate.scales.get("stress", 1.0), 1e-300)
         may_open = trace.law == "unilateral"
-        states = contact_states(normal, tangential, bound, gap, slip, unit, unit, may_open=may_open)
+        frictionless = any(is_frictionless(each) for each in self.problem.contacts if each.name == trace.name)
+        states = contact_states(
+            normal, tangential, bound, gap, slip, unit, unit, may_open=may_open, frictionless=frictionless
+        )
         order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
         x, y = (self.problem.mesh.origin + scales.length * trace.places).T
         return CompanionContact(

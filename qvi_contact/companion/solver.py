@@ -36,7 +36,7 @@ from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.choice import Request
 
-_FAILURES = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY}
+_FAILURES = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
 
 _INDICATOR = "The friction bound was taken from the displacement model's own contact forces: its energy is no bound."
 

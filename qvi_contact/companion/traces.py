@@ -32,6 +32,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.problem.conditions import DRIVES, Contact, Law, RigidPlate
 from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.names import known_name
 from solvers.strict.quadratics import smallest
 
 _PLACES: FloatArray = np.concatenate([[0.0], bernstein.SAMPLES, [1.0]])
@@ -166,8 +167,7 @@ def checked_bounds(problem: ContactProblem, bounds: Mapping[str, ArrayLike] | No
         )
     known = [contact.name for contact in problem.contacts]
     for name in bounds:
-        if name not in known:
-            raise InputError("bounds", name, f"name contacts of the problem: {', '.join(known) or 'there is none'}")
+        known_name("bounds", name, {"contacts": known})
     found = {}
     for contact in problem.contacts:
         if contact.law == "tied":

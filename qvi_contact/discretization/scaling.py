@@ -11,7 +11,7 @@ from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.foreign import foreign_code
+from solvers.inner.linear_program import solved
 
 _AT_REST = 1e-6  # strain that is the unit of a body without any load
 REACH = 100.0
@@ -216,8 +216,6 @@ def _forced_along(bounds: list[_Bounds], axis: int) -> float:
 
 def _least_miss(bounds: list[_Bounds]) -> float:
     """2 min over c of the largest violation of lower ≤ d·c ≤ upper [length], a linear program in (c, violation)."""
-    from scipy.optimize import linprog  # slow to import, and only edges aslant need it
-
     rows, limits = [], []
     for each in bounds:
         for sign, values, bounded in (
@@ -227,7 +225,6 @@ def _least_miss(bounds: list[_Bounds]) -> float:
             if bounded:
                 rows.append(np.column_stack([sign * each.direction, -np.ones(len(values))]))
                 limits.append(values)
-    with foreign_code():
-        free, positive = (None, None), (0.0, None)
-        found = linprog([0.0, 0.0, 1.0], np.vstack(rows), np.concatenate(limits), bounds=[free, free, positive])
-    return 2.0 * float(found.x[2]) if found.x is not None else 0.0
+    ends = [(None, None), (None, None), (0.0, None)]
+    found = solved(np.array([0.0, 0.0, 1.0]), A_ub=np.vstack(rows), b_ub=np.concatenate(limits), bounds=ends)
+    return 2.0 * float(found.x[2]) if found.solved else 0.0  # any unit will do, if not as well

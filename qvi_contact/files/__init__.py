@@ -1,1 +1,16 @@
 """Documents in and out: problem files, archives of results, VTU."""
+
+from solvers.basics.front import front
+
+__getattr__ = front(
+    __name__,
+    {
+        "archive": ("Archive", "FORMAT_VERSION", "OWN", "digest", "write_archive"),
+        "companion": ("write_vtu",),
+        "export": ("summary", "write_npz"),
+        "problem_document": ("SolveTable",),
+        "problem_file": ("ELEMENT_OPTIONS", "load_problem", "problem_from_toml"),
+        "problem_writer": ("problem_to_toml",),
+        "stored": ("answer_from_archive", "load_result"),
+    },
+)

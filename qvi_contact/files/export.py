@@ -21,7 +21,7 @@ from qvi_contact.files.archive import write_archive
 from qvi_contact.files.stored import solution_arrays
 from qvi_contact.files.vtu import check_vtu, named, stress_fields, vectors, write_grid
 from qvi_contact.mesh.rectilinear import RectilinearMesh
-from qvi_contact.solution.contact_line import ContactLine, ContactState
+from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
 from qvi_contact.solution.sampling import cell_factors
 from qvi_contact.solution.stress import stress_in_cells
@@ -33,7 +33,14 @@ if TYPE_CHECKING:
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
 _SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
 _MOST_SUBDIVISIONS: Final = 100  # of a cell: ten thousand quadrilaterals
-_NOT_STORED: Final = ("name", "ends", "pore_pressure", "rounding", "senses")  # of contacts, or not always
+_NOT_STORED: Final = (
+    "name",
+    "ends",
+    "pore_pressure",
+    "rounding",
+    "senses",
+    "frictionless",
+)  # of contacts, or not always
 
 SUMMARY_VERSION: Final = 1
 """Grows when an entry of `summary` changes its meaning or goes away; new entries may come at any time."""
@@ -255,7 +262,7 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
     Notes
     -----
     Point data: "pressure" −σ_N, "fluid pressure" p_w, which is part of it, "shear" σ_T, "friction bound" (NaN where
-    tied), "gap", "slip" and "state" (0 open, 1 stick, 2 slip) as `ContactLine` has them, "traction" on the body and
+    tied), "gap", "slip" and "state" (numbers of `ContactState`) as `ContactLine` has them, "traction" on the body and
     "normal" as vectors. Cell data: "contact", its number in the order of the problem. Lines join neighbouring points
     along each contact.
 
@@ -359,12 +366,11 @@ def _plate_force(result: ContactResult, name: str, units: Units) -> dict[str, An
 
 def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
     """Forces, lengths and extremes of one contact."""
-    lengths = {state.name.lower(): float(line.weights[line.state == state].sum()) for state in ContactState}
     return {
         "normal_force": _quantity(line.normal_force, units.force),
         "tangential_force": _quantity(line.tangential_force, units.force),
         **_effective(line, units),
-        "length": {name: _quantity(length, units.length) for name, length in lengths.items()},
+        "length": {name: _quantity(length, units.length) for name, length in line.lengths.items()},
         "largest_pressure": _quantity((-line.normal_stress).max(), units.stress),
         "largest_shear": _quantity(np.abs(line.tangential_stress).max(), units.stress),
         "largest_gap": _quantity(line.gap.max(), units.displacement),

@@ -47,7 +47,7 @@ def _without(x: FloatArray, y: FloatArray, removed: BoolArray, rectangles: Seque
         return RectilinearMesh(x, y, ~removed)
     except InputError as error:
         value = [rectangle.model_dump(exclude_none=True) for rectangle in rectangles]
-        raise InputError(error.field, value, error.remedy) from error
+        raise type(error)(error.field, value, error.remedy) from error
 
 
 def _lines(path: str, axis: Axis | None) -> FloatArray:

@@ -8,6 +8,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.problem_document import Missing, Table
 
 _IN_TOML: Final = (
+    ("with_edges() or with_joint()", "[[edges]] or [[joints]]"),
     ("with_edges()", "[[edges]]"),
     ("with_joint()", "[[joints]]"),
     ("with_region()", "[[regions]]"),
@@ -36,4 +37,4 @@ def located(path: str, table: Table | None = None) -> Iterator[None]:
         key = error.field.split(".")[-1]
         known = table is not None and key in type(table).model_fields
         value = Missing() if error.value is None else error.value
-        raise InputError(f"{path}.{key}" if known else path, value, in_toml(error.remedy)) from error
+        raise type(error)(f"{path}.{key}" if known else path, value, in_toml(error.remedy)) from error

@@ -67,10 +67,16 @@ def contact_html(line: ContactLine) -> Markup:
 def _contacts(lines: Iterable[ContactLine]) -> Markup:
     """Forces and shares of the length by contact."""
     lines = list(lines)
+    states = list(dict.fromkeys(name for line in lines for name in line.shares))
     rows = [
-        [line.name, *line.shown_forces, *(f"{100.0 * share:.1f} %" for share in line.shares.values())] for line in lines
+        [
+            line.name,
+            *line.shown_forces,
+            *(f"{100.0 * line.shares[name]:.1f} %" if name in line.shares else "-" for name in states),
+        ]
+        for line in lines
     ]
-    return _table(["contact", "N [stress × length]", "T [stress × length]", *lines[0].shares], rows)
+    return _table(["contact", "N [stress × length]", "T [stress × length]", *states], rows)
 
 
 def _given(condition: Condition) -> str:

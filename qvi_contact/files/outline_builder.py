@@ -26,7 +26,7 @@ def outlined(table: OutlineTable) -> TriangleMesh:
     try:
         return TriangleMesh.outline(corners, table.size, holes=holes, joints=joints, regions=regions, sizes=sizes)
     except InputError as error:
-        raise InputError(_place(table, error.field), error.value, error.remedy) from error
+        raise type(error)(_place(table, error.field), error.value, error.remedy) from error
 
 
 def _place(table: OutlineTable, field: str) -> str:

@@ -163,8 +163,7 @@ class Reader:
             for index, table in enumerate(getattr(self.document, kind)):
                 path = f"{kind}[{index}]"
                 with located(path, table):
-                    if kind != "contacts" or table.edges not in mesh.joint_names:
-                        mesh.edge_set(table.edges)
+                    _ = mesh.edges(table.edges) if kind == "contacts" else mesh.edge_set(table.edges)
                 fields = {key: self.optional(f"{path}.{key}", getattr(table, key)) for key in FIELDS[kind]}
                 plate = self._obstacle(path, table, fields) if kind == "contacts" else None
                 with located(path, table):

@@ -3,7 +3,6 @@
 Paths in errors count from 0: ``contacts[1].friction`` belongs to the second ``[[contacts]]``.
 """
 
-import difflib
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Final, Literal
@@ -22,6 +21,7 @@ from pydantic import (
 
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_size import check_size
+from solvers.basics.names import closest
 
 
 class Missing:
@@ -801,9 +801,9 @@ def _wrong_line(text: str, message: str) -> str:
 def _instead(key: str, known: Mapping[str, object]) -> str:
     """What to write in place of an unknown key."""
     listed = f"the keys here are {', '.join(known)}"
-    close = difflib.get_close_matches(key, known, n=1)
-    if close:
-        return f"there is no such key; did you mean {close[0]}? ({listed})"
+    near = closest(key, known)
+    if near is not None:
+        return f"there is no such key; did you mean {near}? ({listed})"
     if key in Document.model_fields:
         return f"this belongs to the top of the file, before the first [table]; {listed}"
     return f"there is no such key; {listed}"
@@ -851,5 +851,5 @@ def _remedy(error: Mapping[str, Any]) -> str:
 
 def _choices(value: object, expected: str) -> str:
     words: Sequence[str] = [part.strip(" '") for part in expected.replace(" or ", ",").split(",")]
-    close = difflib.get_close_matches(value, words, n=1) if isinstance(value, str) else []
-    return f"give {expected}" + (f"; did you mean {close[0]!r}?" if close else "")
+    near = closest(value, words)
+    return f"give {expected}" + (f"; did you mean {near!r}?" if near else "")

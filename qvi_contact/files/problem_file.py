@@ -84,7 +84,7 @@ class ProblemFile:
         try:
             return Reader(self._document, t).problem(self.problem.mesh)
         except InputError as error:
-            raise InputError(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
+            raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
 
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
@@ -100,7 +100,7 @@ class ProblemFile:
             path, remedy = file_path(self._document, error), in_toml(error.remedy)
             if (path, remedy) == (error.field, error.remedy):
                 raise
-            raise InputError(path, error.value, remedy) from error
+            raise type(error)(path, error.value, remedy) from error
 
 
 def load_problem(path: str | Path) -> ProblemFile:

@@ -23,6 +23,7 @@ from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.material import Region
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import load
+from solvers.errors import plain
 
 _WIDTH: Final = 110  # characters in a line of numbers
 _ABSENT: Final = {"gap": 0.0, "offset": 0.0, "cohesion": 0.0, "pore_pressure": 0.0}  # need not be written
@@ -159,7 +160,7 @@ class _Writer:
                 raise InputError(path, value.text, f"{remedy}: rename one of them")
         if value.uses_time:
             if self.time not in (None, value.t):
-                raise InputError(path, value.text, f"t is {self.time!r} elsewhere: give all expressions one time")
+                raise InputError(path, value.text, f"t is {plain(self.time)} elsewhere: give all expressions one time")
             self.time = value.t
 
     def condition(self, name: str, index: int, condition: Condition) -> dict[str, Any]:

@@ -1,23 +1,27 @@
 """Rows of a sweep in an SQLite file, each on disk when its value is done.
 
 `planned` has all values, `results` and `contacts` what is done, and the view `rows` joins them: one row for each value
-and contact, with the columns of `ContactResult.forces_frame`.
+and contact, with the columns of `ContactResult.forces_frame`. The fingerprint in `sweep` is that of problem and
+options, and behind a colon a digest of parameter and values, which tells a file that was changed; older ones have none.
 """
 
 from __future__ import annotations
 
+import hashlib
+import math
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, get_args
+from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args
+
+import numpy as np
 
 from qvi_contact.basics.database import Database
 from qvi_contact.basics.writing import given_path
 from qvi_contact.errors import InputError
-from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, overall_status
 from qvi_contact.solution.sweep_rows import Parameter, SweepRow, outcome_of, table_of
 from solvers import Status
@@ -28,10 +32,12 @@ if TYPE_CHECKING:
     from qvi_contact.basics.units import Units
 
 SUMMARY_COLUMNS: Final = (
-    "normal_force", "tangential_force", *(f"share_{state.name.lower()}" for state in ContactState),
+    "normal_force", "tangential_force", "share_open", "share_stick", "share_slip",
     "largest_pressure", "largest_shear", "largest_gap", "largest_slip", *PLATE_COLUMNS,
 )  # fmt: skip
 """Keys of `ContactLine.summary`, and those of plates and pins, which contacts without have no values for."""
+
+_Kind = TypeVar("_Kind")
 
 _COLUMNS: Final = ", ".join(SUMMARY_COLUMNS)
 _TABLES: Final = (
@@ -85,14 +91,15 @@ class StoredSweep:
 
     def rows(self) -> Iterator[SweepRow]:
         """What is done, in the order of the values."""
-        with _DATABASE.opened(self.path) as connection:
+        with _DATABASE.opened(self.path) as connection, _sound(self.path):
             yield from _rows(connection)
 
     @property
     def statuses(self) -> tuple[Status, ...]:
         """The status of each value done, in the order of the values."""
         found = self._read("SELECT status FROM results ORDER BY number")
-        return tuple(Status(status) for (status,) in found)
+        with _sound(self.path):
+            return tuple(Status(status) for (status,) in found)
 
     @property
     def status(self) -> Status:
@@ -103,7 +110,10 @@ class StoredSweep:
     def message(self) -> str:
         """One sentence about the outcome."""
         ((done,),) = self._read("SELECT count(*) FROM results")
-        return outcome_of(self.parameter, self._read(_FAILED), done, len(self.values))
+        failed = self._read(_FAILED)
+        with _sound(self.path):
+            failed = [(_of(float, value), _of(str, message)) for value, message in failed]
+        return outcome_of(self.parameter, failed, done, len(self.values))
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
         """One row for each value and contact as a pandas table, as by `Sweep.to_frame`."""
@@ -178,8 +188,11 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
         raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
     with _DATABASE.writing(place, lambda empty: _declare(empty, fingerprint, parameter, values)) as connection:
         _DATABASE.try_to_write(connection)
-        _, found, planned = _plan(connection, place)
-        if found != fingerprint:
+        stored, found, planned = _plan(connection, place)
+        if found.partition(":")[0] == fingerprint:
+            if (stored, planned) != (parameter, tuple(values)):
+                raise _changed(place)
+        else:
             if connection.execute("SELECT EXISTS (SELECT * FROM results)").fetchone() != (0,):
                 remedy = f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
                 raise InputError("store", str(path), remedy)
@@ -198,7 +211,8 @@ def _take(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter
 
 def _declare(connection: sqlite3.Connection, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> None:
     began = datetime.now(UTC).isoformat(timespec="seconds")
-    connection.execute("INSERT INTO sweep VALUES (?, ?, ?)", (parameter, fingerprint, began))
+    marked = f"{fingerprint}:{_digest(fingerprint, parameter, values)}"
+    connection.execute("INSERT INTO sweep VALUES (?, ?, ?)", (parameter, marked, began))
     connection.executemany("INSERT INTO planned VALUES (?, ?)", enumerate(values, 1))
 
 
@@ -208,8 +222,46 @@ def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, t
     found = connection.execute("SELECT parameter, fingerprint FROM sweep").fetchall()
     if len(found) != 1 or found[0][0] not in get_args(Parameter):
         raise _DATABASE.damaged(path)
-    values = connection.execute("SELECT value FROM planned ORDER BY number").fetchall()
-    return found[0][0], found[0][1], tuple(value for (value,) in values)
+    parameter, fingerprint = found[0]
+    planned = connection.execute("SELECT number, value FROM planned ORDER BY number").fetchall()
+    with _sound(path):
+        values = tuple(_of(float, value) for _, value in planned)
+        run, _, digest = _of(str, fingerprint).partition(":")
+    numbered = [number for number, _ in planned] == list(range(1, len(planned) + 1))
+    if not numbered or (digest and digest != _digest(run, parameter, values)):
+        raise InputError(
+            "store", str(path), "its parameter or values were changed after it was made: give another file"
+        )
+    return parameter, fingerprint, values
+
+
+def _changed(path: Path) -> InputError:
+    remedy = "its parameter or values were changed after it was made: give another file"
+    return InputError("store", str(path), remedy)
+
+
+def _digest(fingerprint: str, parameter: str, values: Sequence[float]) -> str:
+    """SHA-256 of what a sweep was asked for, as hexadecimal text."""
+    asked = (np.array(values, dtype="<f8") + 0.0).tobytes()  # SQLite keeps no −0.0
+    return hashlib.sha256(f"{fingerprint}:{parameter}:".encode() + asked).hexdigest()
+
+
+@contextmanager
+def _sound(path: Path) -> Iterator[None]:
+    """What is no row of a sweep inside becomes one line; SQLite keeps anything in any column."""
+    try:
+        yield
+    except (ValueError, TypeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise _DATABASE.damaged(path) from error
+
+
+def _of(kind: type[_Kind], value: object) -> _Kind:
+    """The value, if it is of this kind."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{type(value).__name__} instead of {kind.__name__}")
+    return value
 
 
 def _rows(connection: sqlite3.Connection) -> Iterator[SweepRow]:
@@ -220,10 +272,13 @@ def _rows(connection: sqlite3.Connection) -> Iterator[SweepRow]:
         chosen = connection.execute(
             f"SELECT contact, {_COLUMNS} FROM contacts WHERE number = ? ORDER BY rowid", (number,)
         )
-        contacts = {name: _known(numbers) for name, *numbers in chosen}
-        yield SweepRow(number, value, Status(status), message, iterations, accuracy, seconds, contacts)
+        contacts = {_of(str, name): _known(numbers) for name, *numbers in chosen}
+        told = Status(status), _of(str, message), _of(int, iterations)
+        accuracy = math.nan if accuracy is None else _of(float, accuracy)
+        yield SweepRow(number, _of(float, value), *told, accuracy, _of(float, seconds), contacts)
 
 
-def _known(numbers: Sequence[float | None]) -> dict[str, float]:
+def _known(numbers: Sequence[object]) -> dict[str, float]:
     """Columns that have a value."""
-    return {name: value for name, value in zip(SUMMARY_COLUMNS, numbers, strict=True) if value is not None}
+    named = zip(SUMMARY_COLUMNS, numbers, strict=True)
+    return {name: _of(float, value) for name, value in named if value is not None}

@@ -100,7 +100,7 @@ def _inline(table: MeshTable) -> TriangleMesh:
     try:
         return TriangleMesh(vertices, cells, edges, regions)
     except InputError as error:
-        raise InputError(_place(table, error), error.value, error.remedy) from error
+        raise type(error)(_place(table, error), error.value, error.remedy) from error
 
 
 def _place(table: MeshTable, error: InputError) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -15,13 +16,14 @@ from qvi_contact.solution.sampling import von_mises
 from qvi_contact.solution.stress import principal_stresses
 from solvers.basics.types import load
 
+_QUOTES = {'"': "&quot;"}
 _KINDS = {2: "line", 3: "triangle", 4: "quad"}
 
 
 def check_vtu(path: str | Path) -> None:
     """Refuse a name that does not end in .vtu; `InputError` with the command to type if meshio is missing."""
     if find_spec("meshio") is None:
-        raise InputError("vtk", "meshio", "VTU files need meshio: python -m pip install 'qvi-contact[vtk]'")
+        raise InputError("vtk", "meshio", "VTU files need meshio: python -m pip install meshio")
     check_suffix("vtk", path, ".vtu")
 
 
@@ -32,11 +34,17 @@ def write_grid(
     point_data: Mapping[str, FloatArray],
     cell_data: Mapping[str, FloatArray | IntArray],
 ) -> None:
-    """Write points (n, 2), parts of two to four corners (c, s), and data of both; whole or not at all."""
+    """Write points (n, 2), parts of two to four corners (c, s), and data of both; whole or not at all.
+
+    Meshio writes names as they are: those of fields are escaped here, as a unit may be called anything.
+    """
     flat = np.column_stack([points, np.zeros(len(points))])
     blocks: Sequence[Any] = [(_KINDS[parts.shape[1]], parts)]
     grid = load("meshio").Mesh(
-        flat, blocks, point_data=dict(point_data), cell_data={name: [values] for name, values in cell_data.items()}
+        flat,
+        blocks,
+        point_data={escape(name, _QUOTES): values for name, values in point_data.items()},
+        cell_data={escape(name, _QUOTES): [values] for name, values in cell_data.items()},
     )
     with replacing(path) as temporary:
         grid.write(temporary, file_format="vtu")

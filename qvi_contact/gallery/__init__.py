@@ -20,6 +20,7 @@ from qvi_contact.gallery.literature import (
     stick_slip_block,
 )
 from qvi_contact.gallery.rollers import cylinder_on_block, half_discs
+from solvers.basics.front import front
 
 __all__ = [
     "CORNER_EXPONENTS",
@@ -47,3 +48,10 @@ __all__ = [
     "stick_slip_block",
     "uniform",
 ]
+
+__getattr__ = front(
+    __name__,
+    {
+        "meshes": ("arc", "fan"),
+    },
+)

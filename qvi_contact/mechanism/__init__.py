@@ -13,5 +13,14 @@ would carry if they were rigid. So three numbers a block decide: a small linear 
 """
 
 from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, RigidMotion, find_mechanism, upper_bound
+from solvers.basics.front import front
 
 __all__ = ["ContactMotion", "Mechanism", "RigidMotion", "find_mechanism", "upper_bound"]
+
+__getattr__ = front(
+    __name__,
+    {
+        "bodies": ("Bodies",),
+        "program": ("Rigid",),
+    },
+)

@@ -14,6 +14,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.program import Motion, Rigid
 from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.names import Named
 from solvers.basics.pickles import Stated
 
 _CERTAIN: Final = 1e-8
@@ -213,10 +214,14 @@ def _mechanism(problem: ContactProblem, rigid: Rigid, motion: Motion) -> Mechani
     return Mechanism(
         bodies.of_cells,
         tuple(moved[: bodies.blocks]),
-        MappingProxyType(dict(zip(bodies.plates, moved[bodies.blocks :], strict=True))),
-        MappingProxyType({name: scale * work for name, work in motion.works.items()}),
+        MappingProxyType(
+            Named(
+                "plates", "contacts with a plate or pin", dict(zip(bodies.plates, moved[bodies.blocks :], strict=True))
+            )
+        ),
+        MappingProxyType(Named("works", "loads", {name: scale * work for name, work in motion.works.items()})),
         scale * motion.resistance,
-        MappingProxyType(_contacts(problem, rigid, scale * motion.v)),
+        MappingProxyType(Named("contacts", "contacts", _contacts(problem, rigid, scale * motion.v))),
         scale * motion.violation,
     )
 

@@ -23,7 +23,6 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.linear_program import INFEASIBLE, TIME_LIMIT, solved
 from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.lines import Line, lines
@@ -31,6 +30,7 @@ from qvi_contact.mechanism.works import works
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
+from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 
 _FARTHEST: Final = 1e5  # size of motions that do the work 1 with loads of the size 1: beyond, work is rounding
 _LEAST: Final = 1e-7  # work of loads of the size 1 on motions of the size 1, below which it may be rounding
@@ -325,9 +325,9 @@ class _Program:
             return None
         if answer.status == TIME_LIMIT:
             raise SolveError("mechanism: the time limit was reached: allow more (time_limit=…)")
-        if answer.status != 0:
+        if not answer.solved:
             raise SolveError(f"mechanism: the linear program was not solved ({answer.message})")
-        return np.asarray(self._basis @ answer.x[: self._motions]), float(answer.fun)
+        return np.asarray(self._basis @ answer.x[: self._motions]), float(objective @ answer.x)
 
     @property
     def _matrix(self) -> sparse.csr_array:

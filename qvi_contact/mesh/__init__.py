@@ -3,5 +3,19 @@
 from qvi_contact.mesh.lines import graded_lines
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.triangles import TriangleMesh
+from solvers.basics.front import front
 
 __all__ = ["RectilinearMesh", "TriangleMesh", "graded_lines"]
+
+__getattr__ = front(
+    __name__,
+    {
+        "arcs": ("arc_offsets", "cross"),
+        "curves": ("Curve",),
+        "edges": ("frames_along",),
+        "outline": ("Outline", "polygons"),
+        "rectilinear": ("SIDES",),
+        "topology": ("Topology", "outward_normals"),
+        "triangulation": ("divided_corners",),
+    },
+)

@@ -7,14 +7,19 @@ regions. Names are
 * ELSET in .inp files, with line elements such as T3D2 for curves,
 * groups in .med files.
 
-Middle nodes of quadratic triangles are left out; sides are straight. Points that no triangle needs are dropped.
+Nothing but the named file is read, and no array is made of a size that a file only claims: see `gmsh_file`, `med_file`
+and `abaqus_file`. Middle nodes of quadratic triangles are left out; sides are straight. Points that no triangle needs
+are dropped.
 """
 
+import stat
+import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import nullcontext
+from contextlib import redirect_stderr
 from importlib import import_module
-from io import SEEK_END
+from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
@@ -22,9 +27,8 @@ import numpy as np
 from qvi_contact.basics.checks import IntArray
 from qvi_contact.basics.writing import given_path
 from qvi_contact.errors import InputError
-from qvi_contact.mesh import half_named
+from qvi_contact.mesh import abaqus_file, gmsh_file, med_file
 from qvi_contact.mesh.parts import MeshParts
-from solvers.basics.types import load
 
 _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med"}
 _TRIANGLES: Final = ("triangle", "triangle6", "triangle7")
@@ -62,7 +66,7 @@ def read_mesh(path: str | Path) -> MeshParts:
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
         raise InputError("mesh", str(path), f"give a file with one of the endings {', '.join(_FORMATS)}")
-    _check_size(reader, path)
+    _check_regular(path)
     found = _read(reader, path)
     kinds = {block.type for block in found.cells} - {*_TRIANGLES, *_IGNORED}
     if kinds:
@@ -82,49 +86,67 @@ def read_mesh(path: str | Path) -> MeshParts:
     pairs = {
         name: np.concatenate([found.cells[i].data[rows, :2] for i, rows in parts]) for name, parts in edge_sets.items()
     }
+    _refuse_strangers(path, points, cells, *pairs.values())
     return _tidy(points[:, :2], cells, pairs, numbered)
 
 
-def _check_size(reader: str, path: Path) -> None:
-    """`InputError` if the file cannot be opened, or is larger than any plane problem needs."""
+def _check_regular(path: Path) -> None:
+    """`InputError` if the file is none that can be read, or is larger than any plane problem needs.
+
+    Pipes and devices are not opened: they may wait for ever, and their end may be nowhere.
+    """
     try:
-        with path.open("rb") as stream:
-            size = stream.seek(0, SEEK_END)
+        found = path.stat()
+        if stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode):
+            path.open("rb").close()
     except FileNotFoundError as error:
         raise InputError("mesh", str(path), "there is no such file: correct its name or folder") from error
     except (OSError, ValueError) as error:  # ValueError: a name no file can have
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError("mesh", str(path), f"cannot be read ({reason}): give the name of a mesh file") from error
-    if reader == "med" and size <= LARGEST:
-        size = _unfolded(path)
-    if size > LARGEST:
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError("mesh", str(path), "is not a regular file: give the name of a mesh file")
+    if found.st_size > LARGEST:
         raise InputError("mesh", str(path), f"holds more than {LARGEST} bytes, the limit: give a coarser mesh")
 
 
-def _unfolded(path: Path) -> int:
-    """Bytes of the arrays in an HDF5 file, which may be compressed; 0 where it cannot be read as one."""
-    sizes = [0]
-    try:
-        with load("h5py").File(path, "r") as file:
-            file.visititems(lambda _, item: sizes.append(int(getattr(item, "nbytes", 0))))
-    except (ImportError, OSError, RuntimeError):  # the reader says what is wrong
-        return 0
-    return sum(sizes)
-
-
 def _read(reader: str, path: Path) -> Any:
-    """What meshio reads, or one `InputError`."""
+    """What meshio reads of a copy that was checked, or one `InputError`.
+
+    What meshio prints, and NumPy warns of, is part of the error, and else nothing that anybody needs.
+    """
+    printed = StringIO()
     try:
-        module = import_module(f"meshio.{reader}")
-        with half_named.completed(path) if reader == "gmsh" else nullcontext(path) as complete:
-            return module.read(complete)
+        with TemporaryDirectory() as folder, warnings.catch_warnings(), redirect_stderr(printed):
+            warnings.simplefilter("ignore")
+            module, copy = import_module(f"meshio.{reader}"), Path(folder) / path.name
+            if reader == "abaqus":
+                return module.read(abaqus_file.checked_text(path))
+            if reader == "gmsh":
+                gmsh_file.copy_needed(path, copy)
+            else:
+                med_file.copy_needed(path, copy, LARGEST)
+            return module.read(copy)
+    except InputError:
+        raise
     except ImportError as error:
-        needed = "MED files need meshio and h5py" if reader == "med" else "mesh files need meshio"
-        raise InputError("mesh", str(path), f"{needed}: python -m pip install 'qvi-contact[mesh]'") from error
+        needed = "MED files need meshio and h5py: python -m pip install meshio h5py"
+        if reader != "med":
+            needed = "mesh files need meshio: python -m pip install meshio"
+        raise InputError("mesh", str(path), needed) from error
     except Exception as error:  # meshio raises whatever a broken file makes it stumble over
-        told = " ".join(str(error).split()) or type(error).__name__
+        told = " ".join(f"{error} {printed.getvalue()}".split()) or type(error).__name__
         hint = "save the mesh as ASCII, or in format 2.2" if _HALF_NAMED in told else "write the mesh again"
         raise InputError("mesh", str(path), f"cannot be read as {reader} ({told}): {hint}") from error
+
+
+def _refuse_strangers(path: Path, points: Any, *joined: Any) -> None:
+    """`InputError` if cells join points that are not there."""
+    for numbers in joined:
+        wrong = numbers[(numbers < 0) | (numbers >= len(points))]
+        if wrong.size:
+            remedy = f"joins nodes that it does not hold (it has {len(points)}): write the mesh again"
+            raise InputError("mesh", str(path), remedy)
 
 
 def _starts(found: Any, kinds: Iterable[str]) -> dict[int, int]:

@@ -74,7 +74,7 @@ def _gmsh() -> Any:
     try:
         return load("gmsh")
     except ImportError as error:
-        remedy = "outlines are divided by gmsh: python -m pip install 'qvi-contact[mesh]'"
+        remedy = "outlines are divided by gmsh: python -m pip install gmsh"
         raise InputError("outline", "gmsh", remedy) from error
     except OSError as error:  # a library of the system is missing
         told = " ".join(str(error).split())

@@ -7,8 +7,9 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from qvi_contact.basics.checks import IntArray, one_of
+from qvi_contact.basics.checks import IntArray
 from qvi_contact.mesh.edges import Edges
+from solvers.basics.names import known_name
 
 _Edges = TypeVar("_Edges", bound=Edges)
 
@@ -43,21 +44,18 @@ class NamedEdges(ABC, Generic[_Edges]):
 
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`."""
-        known = ", ".join(self.edge_names) or "there is none"
-        remedy = f"name one of the mesh's edge sets ({known}) or add it by with_edges()"
-        return self._sets[one_of("edges", name, self.edge_names, remedy)]
+        return self._sets[known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")]
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the joint called `name`."""
-        known = ", ".join(self.joint_names) or "there is none"
-        remedy = f"name one of the mesh's joints ({known}) or add it by with_joint()"
-        return self._sets[one_of("joint", name, self.joint_names, remedy)]
+        return self._sets[known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")]
 
     def edges(self, name: str) -> _Edges:
         """The edges called `name`, on the boundary or in a joint."""
         if isinstance(name, str) and name in self._taken:
             return self._taken[name]
-        if isinstance(name, str) and name in self.joint_names:
+        known = {"edge sets": self.edge_names, "joints": self.joint_names}
+        if known_name("edges", name, known, "add it by with_edges() or with_joint()") in self.joint_names:
             found = self.interior.take(self.joint_set(name))
         else:
             found = self.boundary.take(self.edge_set(name))

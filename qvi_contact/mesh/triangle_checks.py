@@ -16,6 +16,7 @@ from qvi_contact.mesh.topology import Topology
 _LARGEST: Final = 2.0**53  # whole numbers below it are exact
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
+_SPACE: Final = 0.1  # distance of pieces over the body's length up to which they may be meant to touch
 _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
 
 
@@ -59,10 +60,20 @@ def _numbers(name: str, value: Any, kind: type) -> Any:
 def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
     """`InputError` unless triangles are a mesh of one piece."""
     _refuse_flat(vertices, cells)
-    _refuse_strays(vertices, cells)
+    _refuse_unused(vertices, cells)
     _refuse_overlaps(vertices, cells, topology)
-    _refuse_hanging(vertices, topology)
-    _refuse_pieces(vertices, cells, topology)
+    piece = _pieces(cells, topology)
+    same, hanging = same_places(vertices), _hanging(vertices, topology)
+    _refuse_meeting(vertices, cells, topology, piece, same, hanging)
+    if len(same):
+        pair = same[np.lexsort(same.T[::-1])[0]]
+        remedy = "these vertices lie in the same place {}: merge them (a Contact along a joint separates bodies)"
+        _refuse(pair.tolist(), remedy, vertices[pair[0]])
+    if len(hanging):
+        vertex, edge = hanging[0]
+        remedy = f"this vertex at {{}} lies inside the edge of the vertices {topology.ends[edge].tolist()}: "
+        _refuse(int(vertex), remedy + "divide the triangle there", vertices[vertex])
+    _refuse_pieces(vertices, cells, topology, piece)
 
 
 def same_places(vertices: FloatArray) -> IntArray:
@@ -86,17 +97,12 @@ def _refuse_flat(vertices: FloatArray, cells: IntArray) -> None:
         _refuse(cells[cell].tolist(), "the triangle of these vertices at {} has no area: leave it out", a[cell])
 
 
-def _refuse_strays(vertices: FloatArray, cells: IntArray) -> None:
+def _refuse_unused(vertices: FloatArray, cells: IntArray) -> None:
     used = np.zeros(len(vertices), dtype=bool)
     used[cells] = True
     if not used.all():
         vertex = int(np.argmin(used))
         _refuse(vertex, "this vertex at {} belongs to no triangle: leave it out", vertices[vertex])
-    same = same_places(vertices)
-    if len(same):
-        pair = same[np.lexsort(same.T[::-1])[0]]
-        remedy = "these vertices lie in the same place {}: merge them (a Contact along a joint separates bodies)"
-        _refuse(pair.tolist(), remedy, vertices[pair[0]])
 
 
 def _refuse_overlaps(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
@@ -120,40 +126,111 @@ def _refuse_overlaps(vertices: FloatArray, cells: IntArray, topology: Topology) 
         _refuse(topology.ends[edge].tolist(), remedy, vertices[topology.ends[edge]].mean(axis=0))
 
 
-def _refuse_hanging(vertices: FloatArray, topology: Topology) -> None:
-    """Vertices of the boundary inside edges of the boundary: two triangles meet one along its side."""
-    edges = topology.ends[topology.boundary]
-    first, second = vertices[edges].swapaxes(0, 1)
-    along, middle = second - first, (first + second) / 2.0
+def _pieces(cells: IntArray, topology: Topology) -> IntArray:
+    """The piece of each triangle, numbered from 0: those joined by edges."""
+    inner = topology.cells[topology.count == 2]
+    graph = sparse.coo_array((np.ones(len(inner)), inner.T), shape=(len(cells), len(cells)))
+    return np.asarray(csgraph.connected_components(graph, directed=False)[1])
+
+
+def _hanging(vertices: FloatArray, topology: Topology) -> IntArray:
+    """Pairs (k, 2) of a vertex and an edge of the boundary it lies inside: two triangles meet one along its side."""
+    outer = np.flatnonzero(topology.boundary)
+    first, second = vertices[topology.ends[outer]].swapaxes(0, 1)
+    along = second - first
     lengths = np.hypot(*along.T)
-    candidates = np.unique(edges)
-    near = cKDTree(vertices[candidates]).query_ball_point(middle, lengths * (0.5 - 1e-6))
-    counts = [len(found) for found in near]
-    if not sum(counts):
-        return
-    edge = np.repeat(np.arange(len(edges)), counts)
-    vertex = candidates[np.concatenate([np.array(found, dtype=np.int64) for found in near])]
+    candidates = np.unique(topology.ends[outer])
+    edge, vertex = _near(vertices[candidates], first, second, lengths * (0.5 - 1e-6))
+    vertex = candidates[vertex]
     offset = vertices[vertex] - first[edge]
     distance = np.abs(along[edge, 0] * offset[:, 1] - along[edge, 1] * offset[:, 0]) / lengths[edge]
     hanging = distance <= _ON_EDGE * lengths[edge]
-    if hanging.any():
-        at = int(np.argmax(hanging))
-        remedy = f"this vertex at {{}} lies inside the edge of the vertices {edges[edge[at]].tolist()}: "
-        _refuse(int(vertex[at]), remedy + "divide the triangle there", vertices[vertex[at]])
+    return np.column_stack([vertex[hanging], outer[edge[hanging]]])
 
 
-def _refuse_pieces(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
+def _near(points: FloatArray, first: FloatArray, second: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs of a segment and a point within a distance of its middle."""
+    found = cKDTree(points).query_ball_point((first + second) / 2.0, radius)
+    segment = np.repeat(np.arange(len(first)), [len(each) for each in found])
+    return segment, np.concatenate([np.empty(0, np.int64), *(np.array(each, np.int64) for each in found if each)])
+
+
+def _refuse_meeting(
+    vertices: FloatArray, cells: IntArray, topology: Topology, piece: IntArray, same: IntArray, hanging: IntArray
+) -> None:
+    """`InputError` if two pieces meet along a line, each with vertices of its own.
+
+    Where an edge of one has the two places of an edge of the other, they match.
+    """
+    of_vertex = np.empty(len(vertices), dtype=np.int64)
+    of_vertex[cells] = piece[:, None]
+    twins = same[of_vertex[same[:, 0]] != of_vertex[same[:, 1]]]
+    owner = piece[topology.cells[hanging[:, 1], 0]]
+    apart = hanging[:, 0][of_vertex[hanging[:, 0]] != owner]
+    met = np.concatenate([twins.ravel(), apart])
+    line = vertices[met][np.lexsort(vertices[met].T[::-1])]
+    if len(met) < 2 or np.ptp(line, axis=0).max() <= _SAME * np.ptp(vertices, axis=0).max():
+        return
+    other = np.full(len(vertices), -1)
+    other[twins], other[twins[:, ::-1]] = twins[:, ::-1], twins
+    edges = other[topology.ends[topology.boundary]]
+    matching = (topology.number(edges[(edges >= 0).all(axis=1)], len(vertices)) >= 0).any()
+    place = f"from ({line[0, 0]:.6g}, {line[0, 1]:.6g}) to ({line[-1, 0]:.6g}, {line[-1, 1]:.6g})"
+    if matching and not len(apart):
+        remedy = (
+            f"two parts of the mesh meet {place}, each with its own vertices in the same places, as {{}}: merge these "
+            "nodes (Coherence Mesh in Gmsh), and name the line; a Contact along it separates bodies"
+        )
+        _refuse(twins[0].tolist(), remedy, vertices[twins[0, 0]])
+    vertex = apart[0] if len(apart) else twins[0, 0]
+    remedy = (
+        f"two parts of the mesh meet {place}, and their vertices do not match there, as {{}}: mesh both as one body "
+        "with common nodes on that line (BooleanFragments in Gmsh), and name it; a Contact along it separates bodies"
+    )
+    _refuse(int(vertex), remedy, vertices[vertex])
+
+
+def _refuse_pieces(vertices: FloatArray, cells: IntArray, topology: Topology, piece: IntArray) -> None:
     boundary = topology.ends[topology.boundary]
     pinched = np.flatnonzero(np.bincount(boundary.ravel()) > 2)
     if len(pinched):
         remedy = "this vertex at {} alone connects two parts of the body: fill or cut there"
         _refuse(int(pinched[0]), remedy, vertices[pinched[0]])
-    inner = topology.cells[topology.count == 2]
-    graph = sparse.coo_array((np.ones(len(inner)), inner.T), shape=(len(cells), len(cells)))
-    pieces, label = csgraph.connected_components(graph, directed=False)
-    if pieces > 1:
-        apart = vertices[cells[label == 1]].mean(axis=(0, 1))
-        _refuse(pieces, "the body consists of this many pieces, one of them around {}: give one piece", apart)
+    count = int(piece.max()) + 1
+    if count == 1:
+        return
+    second = piece[topology.cells[topology.boundary, 0]] == 1
+    distance, at = min(
+        (
+            _nearest(vertices, boundary[second], boundary[~second]),
+            _nearest(vertices, boundary[~second], boundary[second]),
+        ),
+        key=lambda found: found[0],
+    )
+    if distance <= _SPACE * float(np.ptp(vertices, axis=0).max()):
+        remedy = (
+            f"the body consists of this many pieces, and two are {distance:.3g} apart at {{}}: if bodies touch across "
+            f"this space, mesh them without it, with common nodes along a joint, and give its Contact "
+            f"gap = {distance:.3g}; if they are one body, merge the nodes with a larger tolerance (Geometry.Tolerance "
+            "in Gmsh)"
+        )
+        _refuse(count, remedy, at)
+    apart = vertices[cells[piece == 1]].mean(axis=(0, 1))
+    _refuse(count, "the body consists of this many pieces, one of them around {}: give one piece", apart)
+
+
+def _nearest(vertices: FloatArray, one: IntArray, other: IntArray) -> tuple[float, FloatArray]:
+    """Least distance from the vertices of some edges to other edges, and where the middle of that space is."""
+    points = vertices[np.unique(one)]
+    first, second = vertices[other].swapaxes(0, 1)
+    along = second - first
+    reach = np.min(cKDTree(points).query(first)[0])  # the least distance is no larger
+    edge, vertex = _near(points, first, second, np.hypot(*along.T) / 2.0 + reach * (1.0 + 1e-9))
+    offset = points[vertex] - first[edge]
+    share = np.clip((offset * along[edge]).sum(axis=1) / np.square(along[edge]).sum(axis=1), 0.0, 1.0)
+    across = offset - share[:, None] * along[edge]
+    at = int(np.argmin(np.hypot(*across.T)))
+    return float(np.hypot(*across[at])), points[vertex[at]] - across[at] / 2.0
 
 
 def checked_pairs(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray) -> IntArray:

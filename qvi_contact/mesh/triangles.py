@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, one_of, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import reversed_bends, stretches
 from qvi_contact.mesh.bends import AnyArc, bends_of, refuse_bad_arcs
@@ -42,6 +42,7 @@ from qvi_contact.mesh.triangle_checks import (
 )
 from qvi_contact.mesh.triangulation import triangulated
 from qvi_contact.mesh.words import mesh_line
+from solvers.basics.names import known_name
 from solvers.basics.pickles import Stated
 from solvers.basics.types import load
 
@@ -166,7 +167,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     @classmethod
     def load(cls, path: str | Path) -> TriangleMesh:
-        """Read a mesh file by meshio: Gmsh (.msh), Abaqus or CalculiX (.inp), MED (.med).
+        """Read a mesh file by meshio: Gmsh (.msh, format 4.1 or 2.2), Abaqus or CalculiX (.inp), MED (.med).
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
         body; names of surfaces become regions. See `mesh.files`.
@@ -325,9 +326,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     def region(self, name: str) -> IntArray:
         """Numbers of the triangles of a region, in ascending order."""
-        known = ", ".join(self.regions) or "there is none"
-        remedy = f"name one of the mesh's regions ({known}) or add it by with_region()"
-        return self.regions[one_of("region", name, self.regions, remedy)]
+        return self.regions[known_name("region", name, {"regions": self.regions}, "add it by with_region()")]
 
     def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates x, y [length] at reference points t, 0 to 1, (q,) or (n, q), of n edges; shape (n, q) each."""
@@ -340,7 +339,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
 
     def numbers(self, name: str) -> IntArray:
         """Numbers in `topology` of the edges called `name`, in ascending order."""
-        pairs = self.edge_sets[one_of("name", name, self.edge_sets, "name an edge set or joint")]
+        pairs = self.edge_sets[known_name("name", name, {"edge sets and joints": self.edge_sets})]
         return self.topology.number(pairs, len(self.vertices))
 
     def _on_boundary(self, name: str) -> bool:

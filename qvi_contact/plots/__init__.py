@@ -21,6 +21,7 @@ from qvi_contact.plots.style import (
     save_figure,
 )
 from qvi_contact.plots.tractions import contact_tractions, friction_used
+from solvers.basics.front import front
 
 __all__ = [
     "BLUE",
@@ -46,3 +47,17 @@ __all__ = [
     "save_figure",
     "stress_field",
 ]
+
+__getattr__ = front(
+    __name__,
+    {
+        "bracket": ("bracket_figure",),
+        "companion": ("deformed_figure",),
+        "fields": ("stress_crosses",),
+        "inline": ("inline_svg",),
+        "labels": ("value_range",),
+        "mechanism": ("moved_outlines",),
+        "style": ("cell_outlines", "edge_lines", "new_figure"),
+        "symbols": ("runs",),
+    },
+)

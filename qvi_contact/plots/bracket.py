@@ -8,7 +8,18 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.bracket import Bracket
 from qvi_contact.errors import InputError
-from qvi_contact.plots.style import BLUE, GREEN, ORANGE, draw_outline, edge_lines, frame, lines, new_figure
+from qvi_contact.plots.style import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    draw_outline,
+    edge_lines,
+    frame,
+    lines,
+    new_figure,
+    plain_text,
+    plain_units,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +46,7 @@ def bracket_map(axes: "Axes", bracket: Bracket, units: Units | None = None) -> "
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LogNorm
 
-    mesh, units = bracket.problem.mesh, units or Units()
+    mesh, units = bracket.problem.mesh, plain_units(units)
     corners = mesh.vertices[mesh.cells]
     density = bracket.cell_gaps / _areas(corners)
     largest = float(density.max()) or 1.0
@@ -77,7 +88,7 @@ def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = ""
 
     `InputError` where a bound is missing: there is no gap to draw.
     """
-    units = units or Units()
+    units = plain_units(units)
     if not np.isfinite(bracket.gap):
         raise InputError("bracket", bracket.gap, f"there is no duality gap to draw: {bracket.message}")
     figure = new_figure(9.0, 4.2)
@@ -93,7 +104,7 @@ def bracket_figure(bracket: Bracket, units: Units | None = None, title: str = ""
     right.margins(y=0.15)
     right.set_ylabel(f"part of the duality gap [{units.engineering_energy}]")
     right.spines[["top", "right"]].set_visible(False)
-    figure.suptitle("\n".join(filter(None, [title, _title(bracket, units)])), fontsize=9)
+    figure.suptitle(plain_text("\n".join(filter(None, [title, _title(bracket, units)]))), fontsize=9)
     return figure
 
 

@@ -10,7 +10,16 @@ from qvi_contact.companion.result import CompanionResult
 from qvi_contact.element.lattices import triangles_of
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.plots.fields import draw_values
-from qvi_contact.plots.style import GREY, VERMILLION, bounding_box, draw_outline, legend_below, lines, new_figure
+from qvi_contact.plots.style import (
+    GREY,
+    VERMILLION,
+    bounding_box,
+    draw_outline,
+    legend_below,
+    lines,
+    new_figure,
+    plain_units,
+)
 from qvi_contact.solution.sampling import cell_factors, von_mises
 
 if TYPE_CHECKING:
@@ -51,7 +60,7 @@ def deformed_figure(companion: CompanionResult, scale: float | None = None, unit
         If there is no displacement, the scale is no positive number, or matplotlib is missing.
 
     """
-    units = units or Units()
+    units = plain_units(units)
     factor = _automatic(companion) if scale is None else positive_number("scale", scale)
     mesh = companion.problem.mesh
     low, high = bounding_box(mesh)

@@ -15,6 +15,7 @@ from qvi_contact.plots.style import (
     frame,
     legend_below,
     lines,
+    plain_units,
     points_per_length,
 )
 from qvi_contact.solution.result import ContactResult
@@ -81,25 +82,48 @@ def principal_stress_map(
     spacing = np.repeat(sizes[:, None], x.shape[1], axis=1)
     if crosses is not None:
         x, y, stress, spacing = _evenly(result, crosses) or (x, y, stress, spacing)
-    first, second, angle = principal_stresses(stress)
     draw_grid(axes, mesh)
     width = float(np.clip(0.25 * np.median(spacing) * points_per_length(axes, mesh), 0.2, 1.1))
-    middle = np.stack([x, y], axis=-1)
+    stress_crosses(axes, np.stack([x, y], axis=-1), stress, spacing, full, width)
+    frame(axes, mesh)
+    if units is not None:
+        _label_axes(axes, plain_units(units))
+    if legend:
+        _legend(axes, full, plain_units(units))
+    return maximum
+
+
+def stress_crosses(
+    axes: "Axes", points: FloatArray, stress: FloatArray, spacing: FloatArray, full: float, width: float = 0.8
+) -> None:
+    """Draw principal stresses as crosses: compression solid, tension dotted with round ends.
+
+    Parameters
+    ----------
+    axes : matplotlib axes
+        Where to draw.
+    points : (..., 2) array
+        Middles of the crosses.
+    stress : (..., 3) array
+        σ_xx, σ_yy, σ_xy there.
+    spacing : (...) array
+        Distance of neighbouring points [length].
+    full : float
+        The stress [stress] that is drawn as long as this distance.
+    width : float
+        Of the lines, in points.
+
+    """
+    first, second, angle = principal_stresses(stress)
+    least = 1e-3 * float(max(np.abs(first).max(), np.abs(second).max()))
     for values, turn in ((first, 0.0), (second, np.pi / 2)):
         direction = np.stack([np.cos(angle + turn), np.sin(angle + turn)], axis=-1)
         half = direction * (0.5 * spacing * np.abs(values) / full)[..., None]
-        ends = middle[..., None, :] + half[..., None, :] * np.array([[-1.0], [1.0]])
-        visible = np.abs(values) > 1e-3 * maximum
-        axes.add_collection(lines(ends[visible & (values < 0)], BLUE, "solid", width))
-        pulled = visible & (values > 0)
+        ends = points[..., None, :] + half[..., None, :] * np.array([[-1.0], [1.0]])
+        pushed, pulled = values < -least, values > least
+        axes.add_collection(lines(ends[pushed], BLUE, "solid", width))
         axes.add_collection(lines(ends[pulled], VERMILLION, (0, (1, 1)), width))
         _dots(axes, ends[pulled], spacing[pulled])
-    frame(axes, mesh)
-    if units is not None:
-        _label_axes(axes, units)
-    if legend:
-        _legend(axes, full, units or Units())
-    return maximum
 
 
 def stress_field(
@@ -138,7 +162,7 @@ def stress_field(
         The field, for a colour bar of one's own.
 
     """
-    mesh, units = result.problem.mesh, units or Units()
+    mesh, units = result.problem.mesh, plain_units(units)
     samples = sample_body(result, _SAMPLES)
     values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells])
     field = draw_values(axes, samples.points, samples.triangles, values, limits)

@@ -16,7 +16,7 @@ from qvi_contact.plots.fields import principal_stress_map, stress_field
 from qvi_contact.plots.mechanism import draw_mechanism
 from qvi_contact.plots.motion import deformed_contact
 from qvi_contact.plots.problem import draw_problem
-from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, settings
+from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, plain_text, plain_units, settings
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Condition, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
@@ -68,7 +68,7 @@ def result_figure(result: ContactResult, units: Units | None = None) -> "Figure"
         To be saved by `save_figure`.
 
     """
-    units = units or Units()
+    units = plain_units(units)
     title = result.message
     if not result.has_state:
         figure = problem_figure(result.problem, units)
@@ -156,9 +156,14 @@ def limit_figure(problem: ContactProblem, limit: LimitLoad, units: Units | None 
 
 
 def history_figure(
-    history: LoadHistory | Mapping[str, tuple[ArrayLike, ArrayLike]], units: Units | None = None
+    history: LoadHistory | Mapping[str, tuple[ArrayLike, ArrayLike]],
+    units: Units | None = None,
+    times: Sequence[float] | None = None,
 ) -> "Figure":
     """Hysteresis loops of up to four contacts, and for a history their forces step by step.
+
+    A loop needs something that moves, such as an obstacle or a prescribed displacement. Under loads alone there are
+    forces only.
 
     Parameters
     ----------
@@ -166,6 +171,9 @@ def history_figure(
         A history with `steps` and `loop(contact)`, or (displacements [length], forces [stress × length]) by name.
     units : Units, optional
         Labels.
+    times : sequence of float, optional
+        The value of t in each step: forces are drawn over t instead of the number of the step, a hollow square at the
+        first step.
 
     Returns
     -------
@@ -175,10 +183,11 @@ def history_figure(
     Raises
     ------
     InputError
-        If there is nothing to draw.
+        If there is nothing to draw, or not a time for each step.
 
     """
-    units = units or Units()
+    units = plain_units(units)
+    abscissa = None if times is None else real_array("times", times)
     forces: dict[str, list[tuple[float, float]]] = {}
     if isinstance(history, Mapping):
         loops: Mapping[str, tuple[ArrayLike, ArrayLike]] = history
@@ -186,19 +195,23 @@ def history_figure(
         forces = _forces_of(history)
         first = next((step for step in history.steps if step.has_state), None)
         loops = {} if first is None else _loops(history, first.problem)
-    if not loops:
-        raise InputError("history", history, "there is no contact whose loop could be drawn")
-    contacts = list(forces)[:_PANELS]
-    shown, columns = list(loops)[:_PANELS], max(len(contacts), min(len(loops), _PANELS))
+    contacts, shown = list(forces)[:_PANELS], list(loops)[:_PANELS]
+    if not contacts and not shown:
+        raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
+    steps = max(map(len, forces.values()), default=0)
+    if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < steps):
+        raise InputError("times", times, f"give the times of all {steps} steps")
     with settings():
-        figure = new_figure(max(4.6, 3.6 * columns), 6.8 if contacts else 3.6)
-        parts = figure.subfigures(2 if contacts else 1, 1, squeeze=False)
-        for panel, name in zip(parts[0, 0].subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+        rows = bool(contacts) + bool(shown)
+        figure = new_figure(max(4.6, 3.6 * max(len(contacts), len(shown))), 3.6 if rows == 1 else 6.8)
+        parts = figure.subfigures(rows, 1, squeeze=False)
+        for number, name in enumerate(shown, 1):
+            panel = parts[0, 0].add_subplot(1, len(shown), number)
             hysteresis_loop(panel, *loops[name], units)
-            panel.set_title(name)
-        for name in contacts:
-            panel = parts[1, 0].add_subplot(1, len(contacts), contacts.index(name) + 1)
-            _forces(panel, forces[name], name, units)
+            panel.set_title(plain_text(name))
+        for number, name in enumerate(contacts, 1):
+            panel = parts[rows - 1, 0].add_subplot(1, len(contacts), number)
+            _forces(panel, forces[name], name, units, abscissa)
         if len(loops) > len(shown):
             figure.suptitle(_wrapped(f"loops not shown: {', '.join(list(loops)[_PANELS:])}", figure))
     return figure
@@ -228,14 +241,14 @@ def hysteresis_loop(
         If the two are not rows of numbers of one length.
 
     """
-    units = units or Units()
+    units = plain_units(units)
     moved, carried = real_array("displacement", displacement), real_array("force", force)
     if moved.ndim != 1 or moved.shape != carried.shape or not len(moved):
         shapes = (moved.shape, carried.shape)
         raise InputError("hysteresis_loop", shapes, "give displacements and forces as rows of one length")
     axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
     axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
-    axes.plot(moved, carried, color=BLUE, marker="o", markersize=3, linewidth=1.0, label=label)
+    axes.plot(moved, carried, color=BLUE, marker="o", markersize=3, linewidth=1.0, label=label and plain_text(label))
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     axes.locator_params(axis="x", nbins=6)
     axes.plot(moved[:1], carried[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
@@ -246,7 +259,7 @@ def hysteresis_loop(
 def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[ArrayLike, ArrayLike]]:
     """Loops of what is moved sideways: contacts, and edge sets whose tangential displacement is prescribed.
 
-    All contacts if nothing is, as under loads that change; edge sets moved across if these move the body.
+    Edge sets moved across if these move the body; none if nothing moves, as under loads that change.
     """
     driven = [condition.edges for condition in problem.conditions if _is_driven(problem, condition)]
     loops: dict[str, tuple[FloatArray, FloatArray]] = {}
@@ -256,8 +269,7 @@ def _loops(history: LoadHistory, problem: ContactProblem) -> dict[str, tuple[Arr
     for condition in problem.conditions if not loops else ():
         if isinstance(condition, Displacement):
             loops.setdefault(condition.edges, history.loop(condition.edges))
-    moving = {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
-    return dict(moving or loops)
+    return {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
 
 
 def _is_driven(problem: ContactProblem, condition: Condition) -> bool:
@@ -301,10 +313,14 @@ def _tractions(part: "SubFigure", result: ContactResult, names: Sequence[str], u
         contact_tractions(panel, line, units)
         if max(np.abs(line.normal_stress).max(), np.abs(line.tangential_stress).max()) < _NOTHING * largest:
             panel.set_ylim(0.0, largest)  # rather than rounding in full size
-        forces = (shown(force, line.rounding.force, 4) for force in (line.normal_force, line.tangential_force))
-        text = "N = {}, T = {} {}".format(*forces, units.engineering_force).replace("-", "−")
-        apart, size = ("\n", "medium") if len(names) > 2 else (": ", "large")  # narrow panels
-        panel.set_title(f"{name}{apart}{text}", fontsize=size)
+        named = {"N": line.normal_force, "T": line.tangential_force}
+        if line.has_fluid:
+            named = {"N": line.normal_force, "effective N'": line.effective_normal_force, "T": line.tangential_force}
+        forces = ", ".join(f"{force} = {shown(value, line.rounding.force, 4)}" for force, value in named.items())
+        text = f"{forces} {units.engineering_force}".replace("-", "−")
+        narrow = len(names) > 2 or (line.has_fluid and len(names) > 1)
+        apart, size = ("\n", "medium") if narrow else (": ", "large")
+        panel.set_title(plain_text(f"{name}{apart}{text}"), fontsize=size)
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     part.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=len(handles), frameon=False)
@@ -319,19 +335,23 @@ def _forces_of(history: LoadHistory) -> dict[str, list[tuple[float, float]]]:
     return forces
 
 
-def _forces(axes: "Axes", forces: Sequence[tuple[float, float]], name: str, units: Units) -> None:
-    """Normal and tangential force of one contact step by step."""
-    number = np.arange(1, len(forces) + 1)
+def _forces(
+    axes: "Axes", forces: Sequence[tuple[float, float]], name: str, units: Units, times: FloatArray | None
+) -> None:
+    """Normal and tangential force of one contact step by step, over t where times are given."""
+    place = np.arange(1, len(forces) + 1) if times is None else times[: len(forces)]
     looks: list[tuple[str, dict[str, Any]]] = [
         ("N", {"color": GREY, "marker": "s"}),
         ("T", {"color": BLUE, "marker": "o", "linestyle": "--"}),
     ]
     for (label, look), values in zip(looks, zip(*forces, strict=True), strict=True):
-        axes.plot(number, values, markersize=3, linewidth=1.0, label=label, **look)
-    axes.set_title(f"{name}: forces")
-    axes.set_xlabel("step [-]")
+        axes.plot(place, values, markersize=3, linewidth=1.0, label=label, **look)
+        if times is not None:
+            axes.plot(place[:1], values[:1], color=GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
+    axes.set_title(plain_text(f"{name}: forces"))
+    axes.set_xlabel("step [-]" if times is None else "t")
     axes.set_ylabel(f"force [{units.engineering_force}]")
-    axes.locator_params(axis="x", integer=True)
+    axes.locator_params(axis="x", integer=times is None)
     axes.legend(frameon=False)
 
 
@@ -342,4 +362,4 @@ def _panel_height(problem: ContactProblem, width: float) -> float:
 
 
 def _wrapped(title: str, figure: "Figure") -> str:
-    return textwrap.fill(title, int(11 * figure.get_figwidth()))
+    return plain_text(textwrap.fill(title, int(11 * figure.get_figwidth())))

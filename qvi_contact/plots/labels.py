@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.plots.style import plain_text
 from qvi_contact.problem.conditions import CARTESIAN, LOCAL, Condition, Displacement, Traction, components
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def value_range(name: str, values: FloatArray, unit: str) -> str:
 
 def wrapped(text: str) -> str:
     """The text in lines short enough for a legend."""
-    return textwrap.fill(text, _WRAP, subsequent_indent="   ", break_on_hyphens=False)
+    return plain_text(textwrap.fill(text, _WRAP, subsequent_indent="   ", break_on_hyphens=False))
 
 
 def _place_panels(figure: "Figure", axes: "Axes") -> None:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, one_of
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
-from qvi_contact.plots.style import GREY, STATE_LOOK, draw_outline, frame, legend_below, lines
+from qvi_contact.plots.style import GREY, STATE_LOOK, draw_outline, frame, legend_below, lines, plain_units
 from qvi_contact.plots.symbols import CORNER, ground
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.contact_path import ContactPath
 from qvi_contact.solution.result import ContactResult
+from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,7 +92,7 @@ def deformed_contact(
         The factor.
 
     """
-    mesh, units = result.problem.mesh, units or Units()
+    mesh, units = result.problem.mesh, plain_units(units)
     motions = [_motion(result, name) for name in _names(result, contacts)]
     if factor is None:
         factor = _automatic_factor(motions, mesh.length, _ROUNDING * result.discretization.scales.displacement)
@@ -110,8 +111,7 @@ def deformed_contact(
 def _names(result: ContactResult, contacts: str | Sequence[str] | None) -> list[str]:
     known = list(result.contacts)
     names = known if contacts is None else [contacts] if isinstance(contacts, str) else list(contacts)
-    remedy = f"give names of contacts: {', '.join(known) or 'there is none'}"
-    return [one_of("contacts", name, known, remedy) for name in names]
+    return [known_name("contacts", name, {"contacts": known}) for name in names]
 
 
 def _motion(result: ContactResult, name: str) -> _Motion:

@@ -19,6 +19,8 @@ from qvi_contact.plots.style import (
     draw_grid,
     draw_outline,
     frame,
+    plain_text,
+    plain_units,
     require_matplotlib,
 )
 from qvi_contact.plots.symbols import Places, Run, arrows, ground, runs
@@ -93,7 +95,7 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
 
     """
     require_matplotlib()
-    sketch = _Sketch(axes, problem, units or Units())
+    sketch = _Sketch(axes, problem, plain_units(units))
     sketch.body()
     for condition in merged(problem.conditions):
         sketch.condition(condition)
@@ -377,7 +379,7 @@ class _Sketch:
         box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.8}
         look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
         place, align = spots[0]
-        self.written.append((self.axes.text(place[0], place[1], text, **look, **align), spots))
+        self.written.append((self.axes.text(place[0], place[1], plain_text(text), **look, **align), spots))
 
     def _law(self, contact: Contact, pieces: Sequence[Run]) -> Iterator[str]:
         """The contact's data, without those that do nothing."""

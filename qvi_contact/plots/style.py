@@ -5,6 +5,7 @@ on colour alone: line style, hatching and markers say the same.
 """
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.arcs import arc_offsets, reversed_bends
@@ -38,6 +40,7 @@ STATE_LOOK: Final[dict[ContactState, tuple[str, str, str]]] = {
     ContactState.OPEN: (GREY, "o", "white"),
     ContactState.STICK: (BLUE, "s", BLUE),
     ContactState.SLIP: (VERMILLION, "^", "white"),
+    ContactState.CLOSED: (GREEN, "D", GREEN),
 }
 """Colour, marker and the marker's filling for each state of a contact point."""
 
@@ -45,6 +48,9 @@ _SETTINGS: Final[Any] = {"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.l
 
 _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 """Kinds of files; the same picture makes the same file on any day."""
+
+
+_DOLLAR: Final = re.compile(r"(?<!\\)\$")  # not escaped yet
 
 
 def has_matplotlib() -> bool:
@@ -55,7 +61,7 @@ def has_matplotlib() -> bool:
 def require_matplotlib() -> None:
     """Raise `InputError` with the command to type if matplotlib is missing, and name a wrong MPLBACKEND."""
     if not has_matplotlib():
-        remedy = "pictures need matplotlib: python -m pip install 'qvi-contact[plot]'"
+        remedy = "pictures need matplotlib: python -m pip install matplotlib"
         raise InputError("plot", "matplotlib", remedy)
     try:
         load("matplotlib")
@@ -133,6 +139,17 @@ def picture_suffix(path: str | Path) -> str:
     if suffix not in _METADATA:
         raise InputError("plot", str(path), f"give a file name that ends in {', '.join(_METADATA)}")
     return suffix
+
+
+def plain_text(text: str) -> str:
+    """The text with its dollar signs escaped: matplotlib reads what stands between two of them as a formula."""
+    return _DOLLAR.sub(r"\\$", text)
+
+
+def plain_units(units: Units | None) -> Units:
+    """Units whose names are drawn as they are; those without names for None."""
+    given = units or Units()
+    return Units(plain_text(given.length), plain_text(given.stress))
 
 
 def cell_outlines(mesh: Mesh) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.units import Units
 from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.plots.style import BLUE, GREY, STATE_LOOK, VERMILLION
+from qvi_contact.plots.style import BLUE, GREY, STATE_LOOK, VERMILLION, plain_units
 from qvi_contact.solution.contact_line import ContactLine, ContactState
 
 if TYPE_CHECKING:
@@ -23,10 +23,12 @@ _STATE_STYLE: Final[dict[ContactState, dict[str, Any]]] = {
     ContactState.OPEN: {"facecolor": "none", "edgecolor": "#bbbbbb", "hatch": ".."},
     ContactState.STICK: {"facecolor": "#eeeeee", "edgecolor": "none"},
     ContactState.SLIP: {"facecolor": "none", "edgecolor": "#bbbbbb", "hatch": "//"},
+    ContactState.CLOSED: {"facecolor": "#dddddd", "edgecolor": "none"},
 }
 
 _PRESSURE: Final[dict[str, Any]] = {"color": GREY, "marker": "s"}
 _BOUND: Final[dict[str, Any]] = {"color": BLUE, "linestyle": "--", "marker": "^"}
+_TOTAL: Final[dict[str, Any]] = {"color": GREY, "linestyle": "-.", "linewidth": 0.8}
 _FLUID: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 0.8}
 _TANGENTIAL: Final[dict[str, Any]] = {"color": VERMILLION, "linestyle": ":", "marker": "o"}
 
@@ -40,7 +42,8 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | str | None
     """Draw pressure, friction bound and |σ_T| along a contact, with its open, stick and slip parts shaded by hatching.
 
     A negative pressure is tension, which bilateral and tied contacts can carry. Where a fluid presses in the contact it
-    is the effective pressure, which friction depends on, and the fluid's own is drawn beside it.
+    is drawn three times: in all, of the fluid, and the effective pressure, which friction depends on. Curves are the
+    polynomials of the element on each edge: where the state changes within an edge they may show a tooth.
 
     Parameters
     ----------
@@ -58,8 +61,9 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | str | None
     abscissa = _along(line, units)
     bound, prime = _bound(abscissa, line), _prime(line)
     pressure = abscissa.curve(-line.effective_normal_stress)
-    curves = [_Curve(f"pressure $-\\sigma_N{prime}$", pressure, _PRESSURE), bound]
+    curves = [_Curve(f"{'effective ' if prime else ''}pressure $-\\sigma_N{prime}$", pressure, _PRESSURE), bound]
     if line.has_fluid:
+        curves.append(_Curve("pressure $-\\sigma_N$", abscissa.curve(-line.normal_stress), _TOTAL))
         curves.append(_Curve("fluid $p_w$", abscissa.curve(line.pore_pressure), _FLUID))
     if signed:
         curves.append(_Curve("", -bound.values, _BOUND))
@@ -280,4 +284,4 @@ def _draw_bands(axes: "Axes", kind: ContactState, ranges: FloatArray) -> None:
 
 
 def _labels(units: Units | str | None) -> Units:
-    return Units(stress=units) if isinstance(units, str) else units or Units()
+    return plain_units(Units(stress=units) if isinstance(units, str) else units)

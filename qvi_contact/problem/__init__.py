@@ -4,6 +4,7 @@ from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Sy
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.material import Material, Region
 from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.front import front
 
 __all__ = [
     "Contact",
@@ -17,3 +18,10 @@ __all__ = [
     "Symmetry",
     "Traction",
 ]
+
+__getattr__ = front(
+    __name__,
+    {
+        "conditions": ("disc_gap",),
+    },
+)

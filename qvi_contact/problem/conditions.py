@@ -364,6 +364,11 @@ def has_coulomb(contact: Contact) -> bool:
     return contact.law != "tied" and not limited and (callable(contact.friction) or contact.friction != 0.0)
 
 
+def is_frictionless(contact: Contact) -> bool:
+    """Whether a contact is open or closed, with nothing that could stick or slip."""
+    return contact.law != "tied" and not bears_shear(contact)
+
+
 def bears_shear(contact: Contact) -> bool:
     """Whether a contact that is not tied has friction or cohesion."""
     fields = (contact.friction, contact.cohesion)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, check_field
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, UnknownNameError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
@@ -339,9 +339,11 @@ def _checked_conditions(conditions: object) -> tuple[Condition, ...]:
 
 def _edges_of(mesh: Mesh, condition: Condition) -> IntArray:
     try:
+        if isinstance(condition, Contact):
+            mesh.edges(condition.edges)  # the names of joints fit as well
         return mesh.edge_set(condition.edges)
-    except InputError as error:
-        raise InputError(f"{type(condition).__name__}.edges", condition.edges, error.remedy) from error
+    except UnknownNameError as error:
+        raise UnknownNameError(f"{type(condition).__name__}.edges", condition.edges, error.remedy) from error
 
 
 def _name(condition: Condition) -> str:

@@ -20,6 +20,7 @@ from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
 from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.solution.between_points import between_points
 from qvi_contact.solution.contact_path import ContactPath, turning_senses
 from solvers.basics.frames import frame, pandas
@@ -52,11 +53,12 @@ STATE_TOLERANCE: Final = 1e-6
 
 
 class ContactState(IntEnum):
-    """State of a contact point."""
+    """State of a contact point; without friction it is open or closed."""
 
     OPEN = 0
     STICK = 1
     SLIP = 2
+    CLOSED = 3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,7 +92,7 @@ class ContactLine:
         u_T − w [length] along the same tangent, opposite in sign to σ_T and zero at sticking points up to the mesh: a
         projection as well, on rectangles on continuous quadratic functions.
     state : (m,) int array
-        `ContactState`: 0 open, 1 stick, 2 slip; see `contact_states` for the rule and its tolerance.
+        `ContactState`: 0 open, 1 stick, 2 slip, without friction 3 closed; see `contact_states` for the rule.
     ends : (edges, 2, 2) array
         The two ends x, y of each edge, in the direction of the tangent [length].
     pore_pressure : (m,) array
@@ -107,6 +109,8 @@ class ContactLine:
         number stands for all.
     rounding : Rounding
         Sizes up to which numbers of the contact are rounding, and shown as 0.
+    frictionless : bool
+        Whether the contact has no friction: then it is open or closed, and nothing sticks or slips.
 
     Notes
     -----
@@ -135,6 +139,7 @@ class ContactLine:
     excess_between_points: float = 0.0
     pull_between_points: float = 0.0
     rounding: Rounding = field(default_factory=Rounding)
+    frictionless: bool = False
     senses: FloatArray = field(default_factory=lambda: np.ones(1))
 
     @property
@@ -189,10 +194,17 @@ class ContactLine:
         return ContactPath.of(self.ends, self.weights.reshape(len(self.ends), -1).sum(axis=1))
 
     @property
+    def lengths(self) -> Mapping[str, float]:
+        """Lengths of the contact that are "open", "stick" and "slip", without friction "open" and "closed" [length]."""
+        states = [ContactState.OPEN, ContactState.STICK, ContactState.SLIP]
+        if self.frictionless:
+            states = [ContactState.OPEN, ContactState.CLOSED]
+        return {state.name.lower(): float(self.weights[self.state == state].sum()) for state in states}
+
+    @property
     def shares(self) -> Mapping[str, float]:
-        """Shares of the contact's length that are "open", "stick" and "slip", of sum 1."""
-        length = float(self.weights.sum())
-        return {state.name.lower(): float(self.weights[self.state == state].sum()) / length for state in ContactState}
+        """`lengths` as shares of the contact's length, of sum 1."""
+        return {name: length / float(self.weights.sum()) for name, length in self.lengths.items()}
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
         """All points in order along the contact as a pandas table; needs the extra ``frame`` (pandas).
@@ -207,7 +219,7 @@ class ContactLine:
         pandas.DataFrame
             One row a point, with the columns "s" (length along the contact, line by line), "x", "y", "weight",
             "friction", "friction_bound", "normal_stress", "pore_pressure", "tangential_stress", "gap", "slip" as
-            described above, and "state", a categorical of "open", "stick", "slip".
+            described above, and "state", a categorical of "open", "stick", "slip", "closed".
 
         Raises
         ------
@@ -225,11 +237,14 @@ class ContactLine:
         return frame({**columns, "state": states}, labels)
 
     def summary(self) -> dict[str, float]:
-        """Resultant forces, shares of the length in each state, and extremes, see `SUMMARY` for their units."""
+        """Resultant forces, shares of the length that are open, stick and slip, and extremes.
+
+        `SUMMARY` has their units. Without friction nothing sticks or slips.
+        """
         return {
             "normal_force": self.normal_force,
             "tangential_force": self.tangential_force,
-            **{f"share_{state}": share for state, share in self.shares.items()},
+            **{f"share_{state}": self.shares.get(state, 0.0) for state in ("open", "stick", "slip")},
             "largest_pressure": float((-self.normal_stress).max()),
             "largest_shear": float(np.abs(self.tangential_stress).max()),
             "largest_gap": float(self.gap.max()),
@@ -262,12 +277,14 @@ def contact_states(
     tolerance: float = STATE_TOLERANCE,
     *,
     may_open: bool = True,
+    frictionless: bool = False,
 ) -> IntArray:
     """State of each point from tractions and displacements, never from raw multipliers.
 
     With p = −σ_N'/S, t = |σ_T|/S, b = bound/S and d = gap/D, v = |slip|/D in the units S, D given, the point is
 
     * open if it may and p ≤ d + tolerance: the gap outweighs the pressure, or nothing presses it;
+    * else closed if the contact has no friction;
     * else slip if b − t < v + tolerance and the point moves or is loaded (v or t above the tolerance): the slip
       outweighs what is left of the bound;
     * else stick.
@@ -293,6 +310,8 @@ def contact_states(
     loaded = np.abs(tangential_stress) > tolerance * stress_unit
     slips = (left < sliding + tolerance) & (moves | loaded)
     state = np.where(slips, int(ContactState.SLIP), int(ContactState.STICK))
+    if frictionless:
+        state = np.full_like(state, int(ContactState.CLOSED))
     opens = (pressure <= opening + tolerance) & may_open
     return np.where(opens, int(ContactState.OPEN), state)
 
@@ -305,10 +324,12 @@ def contact_line(
     normal_multiplier: FloatArray,
     tangential_multiplier: FloatArray,
     unit: float = 1.0,
+    rounding: Rounding | None = None,
 ) -> ContactLine:
     """Results on the contact of a number from its dimensionless σ_N', σ_T and their multipliers, (m,) each.
 
-    The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`).
+    The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`). Numbers up to
+    `rounding` are shown as 0; by default that of the scales.
 
     λ = m/W gives u_N − g = −λ_N and u_T − w = −λ_T, projected on the trace spaces; g as far as it is within reach, the
     rest is added.
@@ -324,6 +345,7 @@ def contact_line(
     )
     slip = -against
     bound = rows.bound(effective)
+    frictionless = is_frictionless(discretization.problem.contacts[number])
     may_open = rows.law == "unilateral"
     violations = between_points(rows, effective, tangential)
     return ContactLine(
@@ -337,11 +359,14 @@ def contact_line(
         tangential_stress=tangential * scales.stress,
         gap=gap * scales.displacement,
         slip=slip * scales.displacement,
-        state=contact_states(effective, tangential, bound, gap, slip, unit, unit, may_open=may_open),
+        state=contact_states(
+            effective, tangential, bound, gap, slip, unit, unit, may_open=may_open, frictionless=frictionless
+        ),
         ends=np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1),
         pore_pressure=rows.pore_pressure * scales.stress,
         excess_between_points=float(violations.excess.max(initial=0.0)) * scales.stress,
         pull_between_points=float(violations.pull.max(initial=0.0)) * scales.stress,
-        rounding=scales.rounding,
+        rounding=rounding or scales.rounding,
+        frictionless=frictionless,
         senses=turning_senses(mesh.vertices, edges),
     )

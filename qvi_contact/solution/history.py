@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias
 import numpy as np
 
 from qvi_contact import __version__
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, one_of, real_array
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.contact_rows import laws_vary
@@ -39,6 +39,7 @@ from qvi_contact.solution.solver import check_options, rows_for, solve
 from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.frames import columns_of, frame
+from solvers.basics.names import known_name
 from solvers.basics.narration import narrated
 from solvers.basics.types import load
 from solvers.basics.watch import expired, watched
@@ -125,7 +126,7 @@ class History:
         states = self._states
         if states:
             names = states[0].contacts
-            one_of("contact", contact, names, f"name a contact: {', '.join(names) or 'there is none'}")
+            known_name("contact", contact, {"contacts": names})
         return np.cumsum([step.contacts[contact].slip for step in states], axis=0)
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
@@ -202,12 +203,9 @@ class History:
         drives = self._drives
         if not drives:
             return np.zeros(0), np.zeros(0)
-        if isinstance(name, str) and name in drives[0].contacts:
-            return self._contact_loop(name)
-        if isinstance(name, str) and name in drives[0].supports:
-            return self._edge_loop(name)
-        self._states[0].problem.mesh.edges(name)  # refuses a name that nothing has
-        raise InputError("name", name, _NAME_ONE)
+        fitting = {"contacts": drives[0].contacts, "edge sets with a prescribed displacement": drives[0].supports}
+        name = known_name("name", name, fitting)
+        return self._contact_loop(name) if name in drives[0].contacts else self._edge_loop(name)
 
     def _contact_loop(self, name: str) -> tuple[FloatArray, FloatArray]:
         """The loop of a contact: that which does the most work, if there are several."""

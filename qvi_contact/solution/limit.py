@@ -10,8 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact import __version__
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, one_of
-from qvi_contact.basics.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, solved
+from qvi_contact.basics.checks import Field, FloatArray, IntArray
 from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.contact_rows import joined
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -26,8 +25,10 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.carried_forces import Relations
 from qvi_contact.solution.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from solvers.basics.frames import frame
+from solvers.basics.names import known_name
 from solvers.basics.narration import narrated
 from solvers.basics.watch import watched
+from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, Answer, solved
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -313,7 +314,7 @@ def _program(low: Discretization, high: Discretization, signs: IntArray) -> tupl
     if answer is None:
         return carried, None
     tractions = (answer.x[:-1] + zero + carried.factor * slope) / shares
-    return carried, LimitState(tractions, shares * (H.T @ np.maximum(-answer.ineqlin.marginals, 0.0)))
+    return carried, LimitState(tractions, shares * (H.T @ np.maximum(-answer.inequalities, 0.0)))
 
 
 def loads_of(problem: ContactProblem) -> list[str]:
@@ -329,8 +330,7 @@ def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "l
     known = loads_of(problem)
     if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
         raise InputError(field, loads, f"give a list of names out of {', '.join(known)}")
-    remedy = f"there is no such load; there are {', '.join(known)}"
-    return tuple(one_of(field, name, known, remedy) for name in loads)
+    return tuple(known_name(field, name, {"loads": known}) for name in loads)
 
 
 def _sampled(
@@ -388,7 +388,7 @@ class _Program:
     b: FloatArray
     b_slope: FloatArray
 
-    def solve(self) -> tuple[_Carried, Any]:
+    def solve(self) -> tuple[_Carried, Answer | None]:
         """Simplex, and a bound from its multipliers; its answer (y, α) too, or None if that is not finite."""
         answer = self._linprog(np.append(np.zeros(self.G.shape[1]), -1.0))
         if answer.status == UNBOUNDED:
@@ -399,7 +399,7 @@ class _Program:
             raise SolveError(_AT_LIMIT)
         if answer.status == TIME_LIMIT:
             raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
-        if answer.status != 0:
+        if not answer.solved:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
         y, factor = answer.x[:-1], float(answer.x[-1])
         return _Carried(factor, self._bound(answer, y), self._violation(y, factor)), answer
@@ -411,7 +411,7 @@ class _Program:
         missed = np.abs(self.A @ y - self.b - factor * self.b_slope)
         return float(max(above.max(), missed.max(initial=0.0))) / size
 
-    def _linprog(self, cost: FloatArray, relaxed: bool = False) -> Any:
+    def _linprog(self, cost: FloatArray, relaxed: bool = False) -> Answer:
         """Minimise over (y, α), or over (y, α, t ≥ 0) with G y ≤ h + α h' + t."""
         G = _beside(self.G, -self.h_slope, *(-np.ones(len(self.h)) for _ in range(relaxed)))
         A = _beside(self.A, -self.b_slope, *(np.zeros(len(self.b)) for _ in range(relaxed)))
@@ -422,12 +422,11 @@ class _Program:
     def _is_infeasible(self) -> bool:
         """Whether the rows cannot be met even approximately."""
         answer = self._linprog(np.append(np.zeros(self.G.shape[1] + 1), 1.0), relaxed=True)
-        return bool(answer.status == 0 and answer.x[-1] > _CERTIFIED * max(1.0, float(np.abs(self.h).max())))
+        return bool(answer.solved and answer.x[-1] > _CERTIFIED * max(1.0, float(np.abs(self.h).max())))
 
-    def _bound(self, answer: Any, y: FloatArray) -> float:
+    def _bound(self, answer: Answer, y: FloatArray) -> float:
         """From Σ d (h + α h' − G y) ≥ 0 with Gᵀd + Aᵀν = 0:  α ≤ (h·d + b·ν) / −(h'·d + b'·ν), rounding added."""
-        d = np.maximum(-answer.ineqlin.marginals, 0.0)
-        nu = -answer.eqlin.marginals if len(self.b) else np.zeros(0)
+        d, nu = np.maximum(-answer.inequalities, 0.0), -answer.equations
         rate = -float(self.h_slope @ d + self.b_slope @ nu)
         rounding = float(np.abs(self.G.T @ d + self.A.T @ nu) @ np.abs(y))
         return (float(self.h @ d + self.b @ nu) + rounding) / rate if rate > 0.0 else np.inf

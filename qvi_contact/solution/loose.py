@@ -147,7 +147,7 @@ def _described(problem: ContactProblem, bodies: Bodies, motions: FloatArray) -> 
         waiting = {body: other for body, other in waiting.items() if body not in alike}
         own = motions[3 * first : 3 * first + _ALL]
         motions_of = int(np.linalg.matrix_rank(own, tol=_MOVES))
-        yield LooseBody(names, motions_of, _way(own, bodies, first), max(alike) >= bodies.blocks)
+        yield LooseBody(names, motions_of, motions_in_words(own, bodies, first), max(alike) >= bodies.blocks)
 
 
 def _about(bodies: Bodies, body: int, motions: FloatArray) -> FloatArray:
@@ -157,8 +157,8 @@ def _about(bodies: Bodies, body: int, motions: FloatArray) -> FloatArray:
     return np.stack([x - turn * arm[1], y + turn * arm[0], turn * bodies.size[0]])
 
 
-def _way(own: FloatArray, bodies: Bodies, body: int) -> str:
-    """A body's motions (3, d) in words."""
+def motions_in_words(own: FloatArray, bodies: Bodies, body: int) -> str:
+    """The motions (3, d) of a body in words; rows are translations of its centre and rotation times its size."""
     basis, values, _ = np.linalg.svd(own, full_matrices=False)
     basis = basis[:, values > _MOVES]
     if basis.shape[1] == _ALL:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, one_of, real_array
+from qvi_contact.basics.checks import FloatArray, real_array
+from qvi_contact.basics.shown import SHARE, Rounding
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
@@ -30,9 +31,11 @@ from qvi_contact.solution.stress import cell_stresses, cell_weights, stress_at, 
 from qvi_contact.solution.work import misfit_of_tractions, normal_and_shear, support_work, traction
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.frames import columns_of, frame, pandas
+from solvers.basics.names import Named, known_name
 from solvers.basics.pickles import Stated
 from solvers.basics.types import load
 from solvers.certificate.feasibility import AdmissibleRows
+from solvers.factorisation import FactorisationError
 from solvers.strict.threshold import strict_bound
 
 if TYPE_CHECKING:
@@ -40,11 +43,15 @@ if TYPE_CHECKING:
 
     from qvi_contact.bracket import Bracket
 
+_LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 _ROUNDED = 1e-6
 _FAR = 1e4  # gaps over displacements above which rounding of gaps is what an inaccurate result lacks
 _COUNTED = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
 _NOTHING = 1e-9  # share of it below which they are none
 """Share of the stress in which rounding of single stresses is worth a remark."""
+
+_LARGE_FRICTION = 1.0
+"""Friction up to which nothing is said of other solutions: those that are known are of 2 and more."""
 
 _EXCESS = 1e-2
 """Share of a contact's largest traction by which friction may leave its bound between points without a remark."""
@@ -58,6 +65,7 @@ PLATE_COLUMNS: Final = {
 }  # fmt: skip
 """Which of the `Units` the columns of plates are in; the rotation in rad."""
 
+_WITH_PLATE: Final = "contacts with a plate or pin"
 _SHARE = 1e-3
 """Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
 
@@ -246,7 +254,31 @@ class ContactResult(Stated):
             return remarks
         loose = tuple(body.remark for body in self.loose_bodies)
         found = self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds() + self._rounded_gaps()
-        return remarks + loose + found + tuple(self._coarse_arcs()) + tuple(self._excess_between_points())
+        several = () if self.solution.remarks else self._one_of_several()
+        return remarks + several + loose + found + tuple(self._coarse_arcs()) + tuple(self._excess_between_points())
+
+    def _one_of_several(self) -> tuple[str, ...]:
+        """That large friction allows several solutions, unless it is below its bound for one only.
+
+        The bound alone says nothing: on usual meshes it is 0.01 to 0.1. It is computed where friction is large.
+        """
+        qvi = self.solution.problem
+        moving = (qvi.mu > 0.0) & (qvi.cap > qvi.cohesion)
+        friction = float(qvi.mu[moving].max(initial=0.0))
+        if self.status is not Status.SOLVED or friction <= _LARGE_FRICTION or self._is_unique():
+            return ()
+        return (
+            f"Friction is {friction:.3g}. Above {_LARGE_FRICTION:g} the discrete problem may have several solutions. "
+            "This is one of them. To look for others, call other_solutions(result), or run 'qvi-contact branches' with "
+            "the problem file.",
+        )
+
+    def _is_unique(self) -> bool:
+        """Whether the solution is proved to be the only one; not where that cannot be computed."""
+        try:
+            return self.solution.uniqueness.satisfied
+        except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
+            return False
 
     @cached_property
     def loose_bodies(self) -> tuple[LooseBody, ...]:
@@ -441,12 +473,26 @@ class ContactResult(Stated):
     def contacts(self) -> Mapping[str, ContactLine]:
         """Results on each contact by name."""
         unit = self.certificate.scales.get("stress", 1.0)
-        return MappingProxyType(
-            {
-                rows.name: contact_line(self.discretization, number, *self._contact_values(rows), unit=unit)
-                for number, rows in enumerate(self.discretization.contacts)
-            }
-        )
+        lines = {
+            rows.name: contact_line(
+                self.discretization, number, *self._contact_values(rows), unit=unit, rounding=self.rounding
+            )
+            for number, rows in enumerate(self.discretization.contacts)
+        }
+        return MappingProxyType(Named("contacts", "contacts", lines))
+
+    @cached_property
+    def rounding(self) -> Rounding:
+        """Sizes up to which numbers of this result are shown as 0.
+
+        A share of the stress and displacement that the problem or the certificate has as units, whichever is larger:
+        where only an overlap of bodies loads them, the problem's own say nothing. The share is 1e-9, or the accuracy of
+        the certificate if that is worse, at most 1e-6.
+        """
+        scales, known, accuracy = self.discretization.scales, self.certificate.scales, self.certificate.accuracy
+        stress, moved = (max(1.0, known.get(name, 0.0)) for name in ("stress", "displacement"))
+        share = min(max(SHARE, accuracy), _LEAST_SHOWN) if np.isfinite(accuracy) else _LEAST_SHOWN
+        return Rounding.of(stress * scales.stress, moved * scales.displacement, scales.length, share)
 
     @cached_property
     def plates(self) -> Mapping[str, PlateMotion]:
@@ -454,13 +500,12 @@ class ContactResult(Stated):
         motion: dict[str, dict[str, float]] = {}
         for row, multiplier in zip(self.discretization.plates.rows, self._multipliers("equality"), strict=True):
             motion.setdefault(row.contact, {})[DRIVES[row.component]] = -float(multiplier) * row.motion
-        return MappingProxyType(
-            {
-                contact.name: self._about_pivot(contact.plate, rows, **motion.get(contact.name, {}))
-                for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True)
-                if contact.plate is not None
-            }
-        )
+        moved = {
+            contact.name: self._about_pivot(contact.plate, rows, **motion.get(contact.name, {}))
+            for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True)
+            if contact.plate is not None
+        }
+        return MappingProxyType(Named("plates", _WITH_PLATE, moved))
 
     def _about_pivot(
         self, plate: RigidPlate, rows: ContactRows, x: float = 0.0, y: float = 0.0, rotation: float = 0.0
@@ -473,7 +518,7 @@ class ContactResult(Stated):
     def plate_force(self, name: str) -> Resultant:
         """Force of a rigid plate or pin on the body, by the name of its contact; the moment is about its pivot."""
         plates = {contact.name: contact for contact in self.problem.contacts if contact.plate is not None}
-        contact = plates[one_of("name", name, plates, f"name a contact with a plate: {', '.join(plates) or 'none'}")]
+        contact = plates[known_name("name", name, {_WITH_PLATE: plates})]
         assert contact.plate is not None  # as chosen
         found, (x, y) = self.resultant(contact.edges), contact.plate.pivot
         return Resultant(found.x, found.y, found.moment - (x * found.y - y * found.x))
@@ -485,9 +530,9 @@ class ContactResult(Stated):
         """
         mesh, scales = self.problem.mesh, self.discretization.scales
         named = {contact.name: contact.edges for contact in self.problem.contacts}
-        known = (*mesh.edge_names, *mesh.joint_names)
-        contact = isinstance(edges, str) and edges not in known
-        chosen = mesh.edges(named.get(edges, edges) if contact else edges)
+        known = {"edge sets": mesh.edge_names, "joints": mesh.joint_names}
+        found = known_name("edges", edges, {**known, "contacts": named})
+        chosen = mesh.edges(found if any(found in names for names in known.values()) else named[found])
         points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS).for_resultants()
         x, y = physical(self.problem, scales, points.coordinates)
         forces = scales.length * points.weights * traction(self.discretization, self.dofs, points)

@@ -21,7 +21,7 @@ from qvi_contact.solution.result import ContactResult
 from solvers import Status
 from solvers.basics.checks import true_or_false
 from solvers.basics.narration import narrated
-from solvers.basics.watch import expired, watched
+from solvers.basics.watch import Progress, expired, tell, watched
 from solvers.factorisation import FactorisationError
 from solvers.inner.names import is_strict
 from solvers.solution.finish import out_of_time
@@ -31,6 +31,7 @@ from solvers.solve import check_settings, default_method, facts_of, takes_initia
 _CONDENSED_ONLY = ("gap",)  # options
 _COUNTS = ("max_iterations", "iterations")
 _LEAST_SECONDS = 10.0  # giving up corners may take as long again as the solve before, and at least so long
+_MANY_CELLS = 20_000  # whose discretisation takes seconds
 _LINEAR = 2  # coefficients of a linear function
 
 
@@ -69,7 +70,8 @@ def solve(
     time_limit : float, optional
         Seconds for everything together: all methods, retries and inner problems. When they are over the best state so
         far is returned, with the status "time_limit" unless its certificate passes. A factorisation under way, and an
-        inner solver that takes no limit, are not interrupted.
+        inner solver that takes no limit, are not interrupted. A factorisation that is estimated to take more than twice
+        the time left, or twice the memory of the machine, is not begun; the message has the estimate.
     element : "bfs" or "hct", optional
         The Bogner-Fox-Schmit element on rectangles or the Hsieh-Clough-Tocher element on triangles, into which
         rectangles are cut: the result is then one of the problem on triangles. By default "hct", but "bfs" where a
@@ -115,6 +117,8 @@ def solve(
     with watched(time_limit), narrated(f"qvi_contact {__version__}: solve", verbose) as story:
         chosen = problem
         if isinstance(chosen, ContactProblem):
+            if chosen.mesh.cell_count >= _MANY_CELLS:
+                tell(Progress("mesh", stage=f"discretising {chosen.mesh.cell_count} cells"))
             chosen = posed(chosen, element=element, degree=degree, contact_rows=contact_rows, **settings)
         story.begin(_facts(chosen, settings))
         result = judged(_solve(chosen, settings))
@@ -222,7 +226,8 @@ def _check_uzawa(discretization: Discretization, method: str | None) -> None:
 def _stopped(result: ContactResult, settings: dict[str, Any]) -> bool:
     """Whether a limit that the caller has set came first."""
     counted = any(settings.get(name) is not None for name in _COUNTS)
-    return result.status is Status.TIME_LIMIT or (counted and result.status is Status.MAX_ITERATIONS)
+    spent = counted and result.status is Status.MAX_ITERATIONS
+    return spent or result.status in (Status.TIME_LIMIT, Status.OUT_OF_MEMORY)
 
 
 def _on_coefficients(inner: str | None) -> str | None:

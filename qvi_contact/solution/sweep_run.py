@@ -21,6 +21,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import check_options, posed, solve
 from qvi_contact.solution.sweep_rows import Parameter
 from solvers import Status
+from solvers.basics.names import known_name
 from solvers.solve import takes_state
 
 
@@ -158,8 +159,7 @@ def _checked_names(problem: ContactProblem, parameter: Parameter, of: Sequence[s
         return tuple(known)
     if isinstance(of, str) or not isinstance(of, Sequence) or not of:
         raise InputError("of", of, f"give a list of names out of {', '.join(known)}")
-    remedy = f"there is no such contact that could open or slip; there are {', '.join(known)}"
-    return tuple(one_of("of", name, known, remedy) for name in of)
+    return tuple(known_name("of", name, {"contacts that could open or slip": known}) for name in of)
 
 
 def _changed(condition: Condition, parameter: Parameter, value: float, names: Sequence[str]) -> Condition:

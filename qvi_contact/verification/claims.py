@@ -23,6 +23,7 @@ from qvi_contact.solution.work import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
+from solvers.factorisation.augmented import ORTHOGONAL
 from solvers.strict.threshold import bound_at
 
 AGREEMENT: Final = 1e-8
@@ -103,8 +104,9 @@ def _certified(qvi: FrictionQVI, result: ContactResult, tolerance: float) -> Cer
         solution.tangential_multiplier,
         solution.equality_multiplier,
     )
+    if solution.factorisation.startswith(ORTHOGONAL):  # as another problem with this K had needed it
+        qvi.operator.use_root()
     try:
-        _ = qvi.bonded_error  # chooses the factorisation that the problem needs
         return certify(qvi, *parts, tolerance=tolerance)
     except InputError:
         raise

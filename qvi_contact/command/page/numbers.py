@@ -7,7 +7,7 @@ import numpy as np
 
 from qvi_contact.basics.shown import Rounding, shown
 from qvi_contact.basics.units import Units
-from qvi_contact.command.report import plate_limits
+from qvi_contact.command.report import plate_limits, shares
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, plate_numbers
 
@@ -17,7 +17,7 @@ def number(value: float, digits: int = 5, least: float = 0.0) -> str:
     return shown(value, least, digits).replace("-", "−")
 
 
-def contact_rows(lines: Iterable[ContactLine]) -> list[list[str]]:
+def contact_rows(lines: Iterable[ContactLine], states: Sequence[str]) -> list[list[str]]:
     """Forces, largest tractions and motions, and shares of the length, a row for each contact."""
     return [
         [
@@ -25,25 +25,25 @@ def contact_rows(lines: Iterable[ContactLine]) -> list[list[str]]:
             *_numbers(line.rounding.force, line.normal_force, line.tangential_force),
             *_numbers(line.rounding.stress, (-line.normal_stress).max(), np.abs(line.tangential_stress).max()),
             *_numbers(line.rounding.displacement, line.gap.max(), np.abs(line.slip).max()),
-            *(f"{100.0 * share:.1f} %" for share in line.shares.values()),
+            *shares(line.shares, states),
         ]
         for line in lines
     ]
 
 
-def contact_headings(units: Units) -> list[str]:
+def contact_headings(units: Units, states: Sequence[str]) -> list[str]:
     """Headings of `contact_rows`."""
     force, stress, length = units.engineering_force, units.stress, units.displacement
     return [
         "contact", f"N [{force}]", f"T [{force}]", f"largest pressure [{stress}]", f"largest |σ_T| [{stress}]",
-        f"largest gap [{length}]", f"largest |slip| [{length}]", "open", "stick", "slip",
+        f"largest gap [{length}]", f"largest |slip| [{length}]", *states,
     ]  # fmt: skip
 
 
 def resultant_rows(result: ContactResult) -> list[list[str]]:
     """Force and moment on each edge set that a condition names."""
     names = list(dict.fromkeys(condition.edges for condition in result.problem.conditions))
-    least = result.discretization.scales.rounding
+    least = result.rounding
     found = [result.resultant(name) for name in names]
     return [
         [name, *_numbers(least.force, force.x, force.y), *_numbers(least.moment, force.moment)]
@@ -80,12 +80,12 @@ def _read(step: ContactResult) -> tuple[str, list[float], dict[str, tuple[float,
     forces = [force for line in lines for force in (line.normal_force, line.tangential_force)]
     names = [contact.name for contact in step.problem.contacts if contact.plate is not None]
     plates = {name: plate_numbers(step, name) if step.has_state else () for name in names}
-    return str(step.status), forces, plates, step.discretization.scales.rounding
+    return str(step.status), forces, plates, step.rounding
 
 
 def plate_rows(result: ContactResult) -> list[list[str]]:
     """Motion, force and moment of each plate or pin."""
-    limits = plate_limits(result.discretization.scales.rounding)
+    limits = plate_limits(result.rounding)
     return [[name, *_plate(plate_numbers(result, name), limits)] for name in result.plates]
 
 

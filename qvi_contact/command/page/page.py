@@ -25,9 +25,9 @@ from qvi_contact.command.page.numbers import (
     step_tables,
 )
 from qvi_contact.command.refine_line import headings, rows, trust
-from qvi_contact.command.report import plate_headings
+from qvi_contact.command.report import STATES, plate_headings
+from qvi_contact.command.second_model import SecondModel
 from qvi_contact.command.series import Series
-from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.plots.figures import problem_figure, result_figure
 from qvi_contact.plots.inline import inline_svg, svg_text
@@ -81,17 +81,18 @@ class Request:
 def result_page(
     request: Request,
     steps: Sequence[ContactResult],
-    time_limit: float | None = None,
+    second: SecondModel | None = None,
     refinement: Refinement | None = None,
     series: Series | None = None,
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
-    The bracket of the result is computed for it, in at most so many seconds.
+    The bracket of a single result is that of the second model, which is computed for it.
     """
     file, result = request.file, steps[-1]
+    second = second or SecondModel(result)
     bracket, missing = (
-        _bracket(result, time_limit)
+        (second.bracket, second.missing)
         if len(steps) == 1
         else (None, "bounds are computed for a single solve only, and this is one of several results")
     )
@@ -123,18 +124,6 @@ def result_page(
     return text
 
 
-def _bracket(result: ContactResult, time_limit: float | None) -> "tuple[Bracket | None, str]":
-    """The bracket, or why there is none."""
-    from qvi_contact.bracket import bracket
-
-    if not result.has_state:
-        return None, "there is no stress state"
-    try:
-        return bracket(result, time_limit=time_limit), ""
-    except InputError as error:
-        return None, error.remedy
-
-
 def _refinement(found: Refinement, units: Units) -> dict[str, Any]:
     """Rounds of a refinement, how it ended, and how far the number can be trusted."""
     return {
@@ -149,10 +138,11 @@ def _refinement(found: Refinement, units: Units) -> dict[str, Any]:
 def _shown(result: ContactResult, bracket: "Bracket | None", units: Units) -> dict[str, Any]:
     """Tables and pictures of a stress state."""
     lines = list(result.contacts.values())
+    states = [state for state in STATES if any(state in line.shares for line in lines)]
     companion = bracket.companion if bracket is not None and bracket.companion is not None else None
     tables = [("Resultants of the tractions on the body", resultant_headings(units), resultant_rows(result))]
     if lines:
-        tables.insert(0, ("Contacts", contact_headings(units), contact_rows(lines)))
+        tables.insert(0, ("Contacts", contact_headings(units, states), contact_rows(lines, states)))
     if result.plates:
         tables.append(("Rigid plates and pins", ["contact", *plate_headings(units)], plate_rows(result)))
     return {
@@ -175,6 +165,7 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
     return {
         "name": line.name,
         "id": name,
+        "changes": bool((line.state != line.state[0]).any()),
         "picture": _picture(figure, name, f"Tractions along contact {line.name}"),
         "data": contact_data(line, units) | frame,
     }
