@@ -7,6 +7,7 @@ import click
 from comparisons.benchmark.command import benchmark
 from comparisons.benchmark.systems_command import systems
 from comparisons.convergence.command import convergence
+from comparisons.estimates.command import estimates
 from comparisons.exchange.commands import export, import_file
 from comparisons.paper.command import paper
 from comparisons.peers.command import peers
@@ -36,10 +37,13 @@ def _check_installed() -> None:
 
     from qvi_contact.errors import InputError
 
-    missing = ", ".join(name for name, module in _NEEDED.items() if find_spec(module) is None)
+    missing = [name for name, module in _NEEDED.items() if find_spec(module) is None]
     if missing:
-        raise InputError("installation", missing, "is missing: python -m pip install 'qvi-contact[comparisons]'")
+        remedy = f"is missing: python -m pip install {' '.join(missing)}"
+        raise InputError("installation", ", ".join(missing), remedy)
 
 
-for command in (paper, benchmark, systems, verify, solvers, convergence, scaling, peers, wild, export, import_file):
+for command in (
+    paper, benchmark, systems, verify, solvers, convergence, scaling, peers, wild, estimates, export, import_file,
+):  # fmt: skip
     group.add_command(command)

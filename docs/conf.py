@@ -16,8 +16,6 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx_click",
     "docstrings",
-    "gallery",
-    "problem_keys",
     "repository",
 ]
 exclude_patterns = ["_ext"]

@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from comparisons.benchmark.wall import wall
+from comparisons.benchmark.wall import wall_of
 from qvi_contact import ContactProblem, discretize
 from qvi_contact.discretization.families import CELLS, ElementName
 from qvi_contact.gallery import compressed_plate, masonry_wall
@@ -27,7 +27,7 @@ def _plate(cells: tuple[int, int]) -> Made:
 
 
 def _wall(blocks: int) -> Made:
-    return lambda: wall(blocks, 0.02)
+    return lambda: wall_of(blocks, 0.02)
 
 
 def _masonry(courses: int, blocks: int) -> Made:

@@ -14,7 +14,7 @@ import numpy as np
 
 from comparisons.benchmark.naive import cvxpy_loop
 from comparisons.benchmark.study import GENERAL, METHODS, SUBDOMAINS
-from comparisons.benchmark.wall import wall as wall_of
+from comparisons.benchmark.wall import wall_of
 from comparisons.lab.study.children import LIMITING
 from qvi_contact import ContactProblem, ContactResult, discretize, solve
 from qvi_contact.gallery import compressed_plate
@@ -90,9 +90,23 @@ def _beside(path: str, own: str, cells: int, count: int, plain: dict[str, list[d
     """How often each back end factorises K beside a path; what would take too long is told in `plain`."""
     if path != GENERAL:
         return {own: count}
-    often, small = {}, _matrix(_FREE) if cells > _FREE else None
-    for backend in available_backends():
-        seconds = 0.0 if small is None else predicted(_probed(small, backend), _FREE**2, cells**2)
+    small = _matrix(_FREE) if cells > _FREE else None
+    expected = {
+        backend: 0.0 if small is None else predicted(_probed(small, backend), _FREE**2, cells**2)
+        for backend in available_backends()
+    }
+    return affordable(expected, own, count, plain)
+
+
+def affordable(
+    expected: Mapping[str, float], own: str, count: int, plain: dict[str, list[dict[str, Any]]]
+) -> dict[str, int]:
+    """How often each back end is measured: `own` every time, others by the seconds that are expected of them.
+
+    What would take more than `TOO_LONG` is not measured; that is told in `plain`.
+    """
+    often = {}
+    for backend, seconds in expected.items():
         if seconds > TOO_LONG and backend != own:
             message = f"not run: about {seconds:.0f} s expected"
             plain[backend] = [{"status": "skipped", "message": message, "seconds": {}}]

@@ -9,7 +9,7 @@ _WEIGHT: Final = 24.0  # kN/m³
 _FRICTION: Final = 0.6
 
 
-def wall(blocks: int, load: float) -> ContactProblem:
+def wall_of(blocks: int, load: float) -> ContactProblem:
     """A wall of blocks × blocks metres on the ground, under its weight and a load from the left, over that weight.
 
     Units are m and kPa. Pushed by 0.02 of its weight nothing slides but under single edges, by 0.3 beds open and slip;

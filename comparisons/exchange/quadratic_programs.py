@@ -79,7 +79,7 @@ def standard_problems() -> Iterator[tuple[str, ContactProblem]]:
     yield "ssnv128_16", ssnv128((16, 16))
 
 
-def quadratic_programs(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterator[QuadraticProgram]:
+def programs_of(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterator[QuadraticProgram]:
     """The inner problems of a `FrictionQVI` in both forms, for one or two friction bounds.
 
     Parameters
@@ -114,7 +114,7 @@ def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: C
     written = []
     for name, problem in problems.items():
         qvi, pressure = _solved(solve(problem, element="bfs"))
-        written += [program.save(target) for program in quadratic_programs(name, qvi, pressure)]
+        written += [program.save(target) for program in programs_of(name, qvi, pressure)]
         advance(name)
     with replacing(folder / TEST_SET) as temporary:
         shutil.copyfile(Path(__file__).with_name(TEST_SET), temporary)

@@ -36,7 +36,7 @@ CODES: Final[Mapping[str, Code]] = {
     COMPANION: Code("the companion", "qvi_contact", "companion", "purple", "P"),
     BRACKET: Code("the bracket", "qvi_contact", "equilibrium", "black", "x"),
     "ngsolve": Code("NGSolve", "ngsolve", "ngsolve_nitsche", "vermillion", "v",
-                    "python -m pip install 'qvi-contact[peers]'"),
+                    "python -m pip install ngsolve"),
     "getfem": Code("GetFEM", "getfem", "getfem_bricks", "green", ">",
                    "apt install python3-getfem on Debian or Ubuntu, then --getfem /usr/bin/python3"),
 }  # fmt: skip

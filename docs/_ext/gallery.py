@@ -1,25 +1,27 @@
 """The gallery: problem files of `examples`, checked, solved and drawn by the command line, and scripts beside them.
 
-Made when the site is built. The page holds a line ``% gallery``, which is replaced by a section for each file.
-Everything shown comes from the file and from what the programs printed and drew. The setting ``gallery_examples`` (-D
-gallery_examples=punch,bracket) keeps only those named.
+``python docs/_ext/gallery.py`` writes a section for each file, and the pictures into ``docs/gallery``; with names, such
+as ``punch bracket``, it renews these sections only. Everything shown comes from the file and from what the programs
+printed and drew.
 """
 
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from sphinx.application import Sphinx
-from sphinx.errors import ExtensionError
+from made import DOCS, made, make
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-MARK = "% gallery"
+EXAMPLES = DOCS.parent / "examples"
+PAGE, PICTURES = DOCS / "gallery.md", DOCS / "gallery"
 _SECONDS = 90.0  # after which a command is given up, and the page says so
 _AT_ONCE = 2
+_WIDTH = 1000  # of a picture, in pixels
+_COLOURS = 64  # in a picture, which makes its file small
 
 
 @dataclass(frozen=True)
@@ -50,27 +52,33 @@ def comments(text: str) -> tuple[str, list[str]]:
 
 def shown(path: Path, folder: Path) -> Shown:
     """Check, solve and draw a problem file, pictures into the folder."""
-    import tomllib
-
-    text = path.read_text(encoding="utf-8")
-    words, commands = comments(text)
     problem, answer = folder / f"{path.stem}_problem.png", folder / f"{path.stem}.png"
     _run(path, "-m", "qvi_contact", "check", str(path), "--plot", str(problem))
     status, output = _run(path, "-m", "qvi_contact", "solve", str(path), "--plot", str(answer))
     script = path.with_suffix(".py")
     printed = _run(script, str(script))[1] if script.exists() else ""
     pictures = tuple(picture for picture in (problem, answer) if picture.exists())
-    title = tomllib.loads(text)["title"]
-    return Shown(
-        path.stem,
-        title,
-        (words, *commands),
-        f"qvi-contact solve examples/{path.name}",
-        output,
-        status,
-        pictures,
-        printed,
-    )
+    for picture in pictures:
+        _made_small(picture)
+    return example_of(path, output, status, pictures, printed)
+
+
+def example_of(path: Path, output: str, status: int | None, pictures: tuple[Path, ...], script: str) -> Shown:
+    """What a problem file says of itself, with what the programs said and drew."""
+    text = path.read_text(encoding="utf-8")
+    words, commands = comments(text)
+    title, command = tomllib.loads(text)["title"], f"qvi-contact solve examples/{path.name}"
+    return Shown(path.stem, title, (words, *commands), command, output, status, pictures, script)
+
+
+def _made_small(path: Path) -> None:
+    """Make a picture one that a page can have many of."""
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        height = round(picture.height * _WIDTH / picture.width)
+        small = picture.convert("RGB").resize((_WIDTH, height), Image.Resampling.LANCZOS)
+    small.quantize(_COLOURS).save(path, optimize=True)
 
 
 def _run(path: Path, *words: str) -> tuple[int | None, str]:
@@ -84,8 +92,8 @@ def _run(path: Path, *words: str) -> tuple[int | None, str]:
     except subprocess.TimeoutExpired:
         return None, f"given up after {_SECONDS:.0f} s"
     output = done.stdout.decode() + done.stderr.decode()
-    if done.returncode == 2 or (path.suffix == ".py" and done.returncode):
-        raise ExtensionError(f"{path.name}: {output}")
+    if done.returncode == 2 or (path.suffix == ".py" and done.returncode) or "Traceback" in output:
+        raise RuntimeError(f"{path.name}: {output}")
     return done.returncode, output.rstrip()
 
 
@@ -109,26 +117,26 @@ def section(example: Shown, folder: str) -> str:
     ])  # fmt: skip
 
 
-def _replace(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Put the sections in the place of the mark."""
-    if MARK not in source[0]:
-        return
-    only = [name for name in app.config.gallery_examples.split(",") if name]
-    files = [path for path in sorted(EXAMPLES.glob("*.toml")) if not only or path.stem in only]
-    if len(files) < len(only):
-        raise ExtensionError(f"gallery_examples: not all of {', '.join(only)} are in {EXAMPLES.name}")
-    folder = Path(app.doctreedir).parent / "gallery"
-    folder.mkdir(parents=True, exist_ok=True)
+def sections(markdown: str) -> dict[str, str]:
+    """Name of the problem file → its section, of those in a page."""
+    found = [part.strip() for part in re.split(r"^(?=## )", markdown, flags=re.M) if part.strip()]
+    return {re.findall(r"\[examples/(\w+)\.toml\]", part)[-1]: part for part in found}
+
+
+def main(names: list[str]) -> None:
+    """Renew the sections of these problem files, of all without names."""
+    files = sorted(EXAMPLES.glob("*.toml"))
+    unknown = set(names) - {path.stem for path in files}
+    if unknown:
+        raise SystemExit(f"not in {EXAMPLES.name}: {', '.join(sorted(unknown))}")
+    PICTURES.mkdir(exist_ok=True)
+    known = sections(made(PAGE, "gallery"))
+    wanted = [path for path in files if not names or path.stem in names]
     with ThreadPoolExecutor(_AT_ONCE) as pool:
-        examples = list(pool.map(lambda path: shown(path, folder), files))
-    for path in files:
-        app.env.note_dependency(str(path))
-    seen = os.path.relpath(folder, Path(app.env.doc2path(docname)).parent)
-    source[0] = source[0].replace(MARK, "\n\n".join(section(example, seen) for example in examples))
+        for example in pool.map(lambda path: shown(path, PICTURES), wanted):
+            known[example.name] = section(example, PICTURES.name)
+            make(PAGE, "gallery", "\n\n".join(known[path.stem] for path in files if path.stem in known))
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
-    """Sphinx's entry."""
-    app.add_config_value("gallery_examples", "", "env", str)
-    app.connect("source-read", _replace)
-    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,7 +1,7 @@
-"""The tables of keys of a problem file, made from the schema when the site is built.
+"""The tables of keys of a problem file, made from the schema: ``python docs/_ext/problem_keys.py`` writes the page.
 
-The page holds a line ``% problem keys``, which is replaced by a table for each table of the file. What a key means, and
-an example of it, stand below it in `qvi_contact.files.problem_document`; what it is by default says the schema itself.
+What a key means, and an example of it, stand below it in `qvi_contact.files.problem_document`; what it is by default
+says the schema itself.
 """
 
 import ast
@@ -10,16 +10,14 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from made import DOCS, make
 from pydantic_core import PydanticUndefined
 
 from qvi_contact.files import problem_document as schema
 
-if TYPE_CHECKING:
-    from sphinx.application import Sphinx
-
-MARK = "% problem keys"
+PAGE = DOCS / "problem_files.md"
 
 TABLES: dict[str, type[schema.Table]] = {
     "top of the file": schema.Document,
@@ -113,14 +111,10 @@ def _default(value: Any) -> str:
     return f"`{str(value).lower() if isinstance(value, bool) else value}`"
 
 
-def _replace(_app: "Sphinx", _docname: str, source: list[str]) -> None:
-    """Put the tables in the place of the mark."""
-    if MARK in source[0]:
-        tables = "\n\n".join(section(heading, table) for heading, table in TABLES.items())
-        source[0] = source[0].replace(MARK, tables)
+def tables() -> str:
+    """The Markdown of all tables."""
+    return "\n\n".join(section(heading, table) for heading, table in TABLES.items())
 
 
-def setup(app: "Sphinx") -> dict[str, Any]:
-    """Register the replacement."""
-    app.connect("source-read", _replace)
-    return {"parallel_read_safe": True}
+if __name__ == "__main__":
+    make(PAGE, "problem_keys", tables())

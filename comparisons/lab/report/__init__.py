@@ -15,5 +15,26 @@ from comparisons.lab.report.environment import environment_grids
 from comparisons.lab.report.page import write_report
 from comparisons.lab.report.reader import findings_of
 from comparisons.lab.report.terminal import show
+from solvers.basics.front import front
 
 __all__ = ["Document", "drawn", "environment_grids", "fill", "findings_of", "render", "show", "write_report"]
+
+__getattr__ = front(
+    __name__,
+    {
+        "browser": ("WIDTHS", "command", "find_browser", "missing", "open_browser", "problems_on"),
+        "document": ("NO_PICTURES",),
+        "numbers": (
+            "NOTHING",
+            "fixed",
+            "listing",
+            "memory",
+            "percent",
+            "scientific",
+            "seconds",
+            "significant",
+        ),
+        "page": ("as_page",),
+        "reader": ("parts_of",),
+    },
+)

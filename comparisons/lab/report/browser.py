@@ -52,7 +52,7 @@ def find_browser() -> str | None:
 def missing() -> str:
     """How to get what is needed to look at pages; empty if it is all there."""
     if find_spec("playwright") is None:
-        return "playwright is not installed: python -m pip install 'qvi-contact[browser]'"
+        return "playwright is not installed: python -m pip install playwright"
     if find_browser() is None:
         return "no Chromium is on the path: install your system's package chromium (Debian: apt-get install chromium)"
     return ""

@@ -26,7 +26,7 @@ from qvi_contact.errors import InputError
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-NO_PICTURES: Final = "Not drawn: pictures need matplotlib, `python -m pip install 'qvi-contact[plot]'`."
+NO_PICTURES: Final = "Not drawn: pictures need matplotlib, `python -m pip install matplotlib`."
 
 _FILTERS: Final = ("listing", "memory", "percent", "scientific", "seconds", "significant")
 _NAME: Final = re.compile(r"[a-z0-9]+(?:[-_][a-z0-9]+)*")

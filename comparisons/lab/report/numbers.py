@@ -70,7 +70,7 @@ def percent(share: float | None, digits: int = 0) -> str:
     if share is None or not math.isfinite(share):
         return NOTHING
     value, step = 100.0 * share, 10.0**-digits
-    if 0.0 < value < step / 2.0:
+    if 0.0 < value <= step / 2.0:  # at the half, rounding to even gives zero
         return f"< {step:.{digits}f} %"
     if 100.0 - step / 2.0 <= value < 100.0:
         return f"> {100.0 - step:.{digits}f} %"

@@ -15,6 +15,7 @@ from comparisons.lab.study.rows import Row, StoredStudy, frame_of, largest_of, r
 from comparisons.lab.study.runner import StudyRun, run_study
 from comparisons.lab.study.store import read_study
 from comparisons.lab.worker.outcome import DONE, FAILURES, Outcome
+from solvers.basics.front import front
 
 __all__ = [
     "DONE",
@@ -34,3 +35,11 @@ __all__ = [
     "study_options",
     "write_csv",
 ]
+
+__getattr__ = front(
+    __name__,
+    {
+        "rows": ("finite_json",),
+        "store": ("writing",),
+    },
+)

@@ -66,7 +66,7 @@ def _orders(
 
 
 def _plate(size: int) -> ContactProblem:
-    return stretched(plate(size, 2 * size))
+    return stretched(sheet(size, 2 * size))
 
 
 def ring(size: int) -> ContactProblem:
@@ -91,8 +91,8 @@ def lame_energy() -> float:
     return float(np.pi / 4.0 * ((1.0 - NU) + (1.0 + NU) * OUTER**2) / (OUTER**2 - 1.0))
 
 
-def plate(radial: int, around: int, *, curved: bool = True) -> TriangleMesh:
-    """A quarter of the plate between its ellipses "inner" and "outer", or chords of them."""
+def sheet(radial: int, around: int, *, curved: bool = True) -> TriangleMesh:
+    """A quarter of the sheet between its ellipses "inner" and "outer", or chords of them."""
     angles = np.linspace(0.0, np.pi / 2.0, around + 1)
     mesh = fan([ellipse(radius)(angles) for radius in np.geomspace(1.0, OUTER, radial + 1)], closed=False)
     mesh = TriangleMesh(np.where(np.abs(mesh.vertices) < 1e-14, 0.0, mesh.vertices), mesh.cells, mesh.edge_sets)

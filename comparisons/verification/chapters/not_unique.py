@@ -51,7 +51,7 @@ def nothing_else(quick: bool) -> Iterator[Row]:
         "stick with the shear turned round": states["stick"] * [1, -1],
     }
     for name, r in list(wrong.items())[: 2 if quick else None]:
-        violation = _violation(r)
+        violation = law_violation(r)
         proof = by_hand(violation > 1e-6, f"law violated by {violation:.0e}")
         outcome = "passes" if _certificate(r).passed else "fails"
         yield word(f"certificate, {name}", outcome, "fails", "contact law by hand", proof)
@@ -83,7 +83,7 @@ def _certificate(r: FloatArray) -> Certificate:
     return certify(_problem(), r, np.array([u[0]]), np.array([-u[1]]), tolerance=1e-9)
 
 
-def _violation(r: FloatArray) -> float:
+def law_violation(r: FloatArray) -> float:
     """Largest violation of the contact law at r: of p ≥ 0, gap ≥ 0, p gap = 0, |t| ≤ μp, and of t against the slip."""
     (gap, slip), (p, t) = _W @ r + _Q, r
     free = max(_MU * p - abs(t), 0.0)

@@ -2,15 +2,19 @@
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from comparisons.paper.reference import load
-from comparisons.paper.study import SHRINKING, half_force, largest_principal_stress
+from comparisons.paper.study import SHRINKING
 from comparisons.verification.elements import BOTH, RECTANGLES, Chapter, Element
 from comparisons.verification.measures import FORCE, mean_pressure, traction_difference
-from comparisons.verification.proof import Proof, certified
+from comparisons.verification.proof import Proof, certified, certified_algebra
 from comparisons.verification.row import Kind, Row, absolute, relative
-from qvi_contact import ContactResult, Discretization, solve
+from qvi_contact import ContactResult, Discretization, principal_stresses, solve
+from qvi_contact.basics.checks import FloatArray
+from solvers import QVISolution
 
 PROBLEMS: Final = Chapter()
 
@@ -24,7 +28,7 @@ def printed_forces(quick: bool) -> Iterator[Row]:
     """Table 1: P/2 after the paper's 30 Uzawa iterations, to every printed digit."""
     reference = load()
     for friction, printed in list(reference.table.items())[:: 3 if quick else 1]:
-        ours = half_force(_uzawa(friction))
+        ours = reference.plate(friction).force(_uzawa(friction).z)
         source = f"{_PAPER}, Table 1; half a unit of the last digit"
         quantity = f"P/2 after {reference.iterations} iterations, μ = {friction:.2f} [{FORCE}]"
         yield absolute(quantity, ours, printed, _HALF_DIGIT, source, _limit(friction), Kind.PUBLISHED)
@@ -35,7 +39,7 @@ def printed_stresses(quick: bool) -> Iterator[Row]:
     """Figures 2-5: largest principal stress after 30 iterations, to every printed digit."""
     reference = load()
     for friction, (number, printed) in list(reference.figures.items())[:: 3 if quick else 1]:
-        ours = largest_principal_stress(_uzawa(friction))
+        ours = _largest(reference.plate(friction).stress(_uzawa(friction).z)[2])
         source = f"{_PAPER}, Fig. {number}; half a unit of the last digit"
         quantity = f"largest |principal stress| after {reference.iterations} iterations, μ = {friction:.1f} [MPa]"
         yield absolute(quantity, ours, printed, _HALF_DIGIT, source, _limit(friction), Kind.PUBLISHED)
@@ -49,9 +53,9 @@ def methods_on_the_paper_mesh(element: Element, quick: bool) -> Iterator[Row]:
         for name, other in _others(element, friction, quick):
             proof = certified(condensed, other)
             source = f"{name}; ours: condensed interior point"
-            force = half_force(other)
+            force = other.contacts["plate"].normal_force
             quantity = f"P/2, μ = {friction:g} [{FORCE}]"
-            yield relative(quantity, half_force(condensed), force, 1e-7, source, proof, Kind.METHODS)
+            yield relative(quantity, condensed.contacts["plate"].normal_force, force, 1e-7, source, proof, Kind.METHODS)
             plate = other.contacts["plate"]
             difference = traction_difference(condensed.contacts["plate"], plate, mean_pressure(plate))
             quantity = f"largest difference of tractions over the mean pressure, μ = {friction:g}"
@@ -63,32 +67,43 @@ def without_friction(element: Element, _: bool) -> Iterator[Row]:
     """μ = 0: the stress is uniform and P/2 = E U."""
     result = solve(_problem(0.0, element))
     exact, source = load().exact_without_friction, f"P/2 = E U; {_PAPER}, section 5"
-    yield relative(f"P/2 [{FORCE}]", half_force(result), exact, 1e-9, source, certified(result))
-    largest = largest_principal_stress(result)
+    yield relative(f"P/2 [{FORCE}]", result.contacts["plate"].normal_force, exact, 1e-9, source, certified(result))
+    largest = _largest(result.gauss_stress()[2])
     yield relative("largest |principal stress| [MPa]", largest, exact, 1e-9, "|σ_yy| = E U / height", certified(result))
 
 
 def _problem(friction: float, element: Element = RECTANGLES) -> Discretization:
     """On the paper's mesh; what is bounded are tractions at Gauss points, which Uzawa's steps are made for."""
-    return element.discretized(load().plate(friction), contact_rows="gauss")
+    return element.discretized(load().problem(friction), contact_rows="gauss")
 
 
 @cache
-def _uzawa(friction: float) -> ContactResult:
-    """The state after the paper's number of iterations."""
-    return load().uzawa(_problem(friction), rule="accumulating", iterations=load().iterations)
-
-
-@cache
-def _converged_uzawa(friction: float, element: Element = RECTANGLES) -> ContactResult:
-    """The limit of the same iteration; without friction the step must shrink."""
-    return load().uzawa(_problem(friction, element), step_decay=SHRINKING if friction == 0.0 else None)
+def _uzawa(friction: float) -> QVISolution:
+    """The state after the paper's number of iterations, in its own system."""
+    return load().uzawa(load().plate(friction).qvi, rule="accumulating", iterations=load().iterations)
 
 
 def _limit(friction: float) -> Proof:
     """What certifies a state that is not converged: the certificate of the limit of the same iteration."""
-    proof = certified(_converged_uzawa(friction))
+    proof = certified_algebra(load().uzawa(load().plate(friction).qvi, **_decay(friction)))
     return Proof(proof.passed, f"{proof.text} of the limit")
+
+
+def _decay(friction: float) -> dict[str, Any]:
+    """Without friction the step must shrink."""
+    return {"step_decay": SHRINKING if friction == 0.0 else None}
+
+
+def _converged_uzawa(friction: float, element: Element) -> ContactResult:
+    problem = _problem(friction, element)
+    step = load().omega_T / problem.scales.displacement
+    return solve(problem, method="uzawa", omega_T=step, **_decay(friction))
+
+
+def _largest(stress: FloatArray) -> float:
+    """The largest |principal stress|."""
+    first, second, _ = principal_stresses(stress)
+    return float(max(np.abs(first).max(), np.abs(second).max()))
 
 
 def _others(element: Element, friction: float, quick: bool) -> Iterator[tuple[str, ContactResult]]:
