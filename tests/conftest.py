@@ -1,4 +1,4 @@
-"""The whole suite on one factorisation back end: ``python -m pytest --factorisation superlu``."""
+"""The whole suite on one factorisation back end, ``pytest --factorisation superlu``; what many tests share."""
 
 import gc
 import os
@@ -91,11 +91,11 @@ def _forced_factorisation(request):
     if name is None:
         yield
         return
-    from solvers.factorisation.registry import VARIABLE
+    from solvers.factorisation import VARIABLE
 
     _force(name)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(os.environ, VARIABLE, name)
+        patch.setenv(VARIABLE, name)
         yield
 
 
@@ -107,27 +107,35 @@ def bogner_fox_schmit():
         yield
 
 
-class Clock:
-    """Seconds of `solvers.basics.watch` that pass only when something lets them."""
-
-    def __init__(self):
-        self.now = 0.0
-
-    def passes(self, seconds):
-        self.now += seconds
+@pytest.fixture
+def clock(monkeypatch):
+    """Seconds of `solvers.basics.watch`, which pass only when `passes` lets them."""
+    clock = SimpleNamespace(now=0.0)
+    clock.passes = lambda seconds: setattr(clock, "now", clock.now + seconds)
+    monkeypatch.setattr("solvers.basics.watch.time", SimpleNamespace(monotonic=lambda: clock.now))
+    return clock
 
 
 @pytest.fixture
-def clock(monkeypatch):
-    clock = Clock()
-    monkeypatch.setattr("solvers.basics.watch.time", SimpleNamespace(monotonic=lambda: clock.now))
-    return clock
+def shell(capfd, monkeypatch):
+    """Run a command in this process, `qvi-contact` if no other is given: exit status, standard output and error."""
+
+    def call(*words, command=None, name="qvi-contact"):
+        from qvi_contact.basics import run
+        from qvi_contact.command import group
+
+        monkeypatch.setattr("sys.argv", [name, *map(str, words)])
+        with pytest.raises(SystemExit) as caught:
+            run(command or group, name)
+        return caught.value.code, *capfd.readouterr()
+
+    return call
 
 
 @pytest.fixture(scope="module")
 def browser():
     """A Chromium without a window. Tests that miss it are skipped; where CI is set, they fail."""
-    from comparisons.lab.report.browser import missing, open_browser
+    from comparisons.lab.report import missing, open_browser
 
     if remedy := missing():
         (pytest.fail if os.environ.get("CI") else pytest.skip)(remedy)

@@ -6,23 +6,21 @@ import shlex
 import tomllib
 from contextlib import redirect_stdout, suppress
 from importlib import import_module
-from importlib.util import module_from_spec, spec_from_file_location
 from io import StringIO
 from pathlib import Path
 from typing import Annotated
 
 import click
 import pytest
-from click import shell_completion as completion
 from pydantic import TypeAdapter
 
 from comparisons.cli import group as comparisons
-from comparisons.lab.worker.outcome import DONE, FAILURES
+from comparisons.lab.worker import DONE, FAILURES
 from qvi_contact import RefinementStatus
 from qvi_contact.cli import group as qvi_contact
 from qvi_contact.files import problem_document
 from solvers import Status
-from solvers.certificate.measures import MEASURES
+from solvers.certificate import MEASURES
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -34,9 +32,9 @@ QUICK = {"qvi-contact": set(qvi_contact.commands), "python -m comparisons": {"ex
 ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m sphinx", ". .venv", "sqlite3")
 
 PACKAGES = (
-    "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.plots",
-    "qvi_contact.refinement", "solvers", "solvers.exchange", "solvers.factorisation", "comparisons.lab.report",
-    "comparisons.lab.study",
+    "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.paper",
+    "qvi_contact.plots", "qvi_contact.refinement", "solvers", "solvers.exchange", "solvers.factorisation",
+    "comparisons.lab.report", "comparisons.lab.study",
 )  # fmt: skip
 INTERNAL = {"has_matplotlib", "picture_suffix", "require_matplotlib", "CompanionState", "Exhibit"}
 
@@ -135,7 +133,9 @@ def _log_as_before():
 
 
 @pytest.mark.usefixtures("_log_as_before")
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if blocks(page) and page.stem != "gallery"], ids=lambda page: page.stem
+)
 def test_code_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
@@ -192,16 +192,15 @@ def test_reference_has_every_public_name(package):
 
 def named(path):
     """The object of a dotted name; a function may have the name of its module."""
-    first, *others = path.split(".")
-    found, module = import_module(first), first
-    for part in others:
-        module = f"{module}.{part}"
-        found = getattr(found, part, None) or import_module(module)
-    return found
+    home, _, name = path.rpartition(".")
+    with suppress(ModuleNotFoundError):
+        module = import_module(home)
+        return getattr(module, name, None) or import_module(path)
+    return getattr(named(home), name)
 
 
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
-def test_links_exist(path):
+def test_links_and_files_that_are_named_exist(path):
     for target in re.findall(r"\]\(([^)\s]+)\)", text(path)):
         file, _, anchor = target.partition("#")
         if "://" in target:
@@ -210,19 +209,10 @@ def test_links_exist(path):
         assert found.exists(), target
         assert not anchor or anchor in anchors(found), target
 
-
-def anchors(path):
-    """Names of a page's headings in links."""
-    headings = re.findall(r"^#+ (.+)$", text(path), re.M)
-    return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
-
-
-@pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
-def test_files_that_are_named_exist(path):
-    for name in re.findall(r"`((?:qvi_contact|solvers|comparisons|tests|examples|docs)/[\w/.]*\w)`", text(path)):
+    for name in re.findall(
+        r"`((?:qvi_contact|solvers|comparisons|tests|examples|docs)/[\w/.]*\w)(?:::\w+)?`", text(path)
+    ):
         assert (ROOT / name).exists(), name
-    for name in re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", text(path)):
-        assert (ROOT / name[0]).exists(), name
 
 
 @pytest.mark.parametrize("path", TEXTS, ids=lambda path: path.stem)
@@ -236,14 +226,16 @@ def test_commands_exist(path):
             parse(*command_of(" ".join(command.split())))
 
 
-def test_a_wrong_command_is_found():
-    with pytest.raises(click.UsageError):
-        check_console("$ python -m comparisons paper --nonsense\n")
+def anchors(path):
+    """Names of a page's headings in links."""
+    headings = re.findall(r"^#+ (.+)$", text(path), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading).strip().lower().replace(" ", "-") for heading in headings}
+
+
+def test_what_is_wrong_is_found():
+    """A command that does not exist; and numbers that differ in more than their last digit."""
     with pytest.raises(click.UsageError):
         check_console("$ qvi-contact solved examples/punch.toml\n")
-
-
-def test_what_is_shown_may_differ_in_the_last_digit_only():
     assert agree(["P = 1.235", "x", "y", "end"], ["P = 1.234", "…", "end"])
     assert not agree(["P = 1.236"], ["P = 1.234"])
     assert not agree(["P = 1.234", "more"], ["P = 1.234"])
@@ -290,33 +282,58 @@ def own_errors(root):
     return {each for each in {root} | inside if each.__module__.split(".")[0] in ("solvers", "qvi_contact")}
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_shell_completes_as_the_page_says(shell):
-    assert f"_QVI_CONTACT_COMPLETE={shell}_source qvi-contact" in text(DOCS / "commands.md")
-    made = completion.get_completion_class(shell)(qvi_contact, {}, "qvi-contact", "_QVI_CONTACT_COMPLETE")
-    assert "qvi-contact" in made.source_template % made.source_vars()
-    assert [item.value for item in made.get_completions([], "so")] == ["solve"]
-    assert [item.type for item in made.get_completions(["solve"], "examples/")] == ["file"]
-    assert "--plot" in [item.value for item in made.get_completions(["solve"], "--pl")]
+@pytest.fixture(scope="module")
+def made_by():
+    """The commands that make parts of pages, by name; they import each other from their folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(DOCS / "_ext")
+        yield import_module
 
 
 @pytest.fixture(scope="module")
-def problem_keys():
-
-    spec = spec_from_file_location("problem_keys", DOCS / "_ext" / "problem_keys.py")
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def problem_keys(made_by):
+    return made_by("problem_keys")
 
 
-def test_every_table_of_a_problem_file_is_on_the_page(problem_keys):
+@pytest.fixture(scope="module")
+def gallery(made_by):
+    return made_by("gallery")
+
+
+def test_all_keys_on_the_page_are_those_of_the_schema(made_by, problem_keys):
+    """Else: python docs/_ext/problem_keys.py."""
+    assert made_by("made").made(problem_keys.PAGE, "problem_keys") == problem_keys.tables()
+
+
+def test_the_gallery_has_every_problem_file_as_it_is(made_by, gallery):
+    """Else: python docs/_ext/gallery.py with the names of the files that changed."""
+    found = gallery.sections(made_by("made").made(gallery.PAGE, "gallery"))
+    files = sorted(gallery.EXAMPLES.glob("*.toml"))
+    assert list(found) == [path.stem for path in files]
+    for path in files:
+        output, *script = re.findall(r"```text\n(.*?)\n```", found[path.stem], re.S)
+        status = re.search(r"ends with exit status (\d)", found[path.stem])
+        pictures = tuple(gallery.PICTURES / f"{path.stem}{end}.png" for end in ("_problem", ""))
+        assert all(picture.exists() for picture in pictures)
+        assert bool(script) == path.with_suffix(".py").exists()
+        shown = gallery.example_of(path, output, status and int(status[1]), pictures, "".join(script))
+        assert found[path.stem] == gallery.section(shown, gallery.PICTURES.name)
+
+
+@pytest.mark.parametrize("name", ["block_with_hole", "gravity_column", "stacked_blocks"])
+def test_forces_in_the_gallery_are_those_computed(made_by, gallery, name):
+    """Of examples that are solved at once; iterations and libraries are those of a machine."""
+    section = gallery.sections(made_by("made").made(gallery.PAGE, "gallery"))[name]
+    shown = lines(re.findall(r"```text\n(.*?)\n```", section, re.S)[0])
+    printed = lines(run("qvi-contact", ["solve", str(gallery.EXAMPLES / f"{name}.toml")]))
+    of_contacts = [next(i for i, line in enumerate(each) if line.startswith("contact ")) for each in (printed, shown)]
+    assert agree(printed[of_contacts[0] :], shown[of_contacts[1] :])
+
+
+def test_every_table_and_key_of_a_problem_file_is_on_the_page_with_an_example_that_is_taken(problem_keys):
     kinds = {kind for kind in vars(problem_document).values() if isinstance(kind, type)}
     tables = {kind for kind in kinds if issubclass(kind, problem_document.Table) and kind.model_fields}
     assert set(problem_keys.TABLES.values()) == tables - {problem_document.RingTable, problem_document.DriveTable}
-    assert problem_keys.MARK in text(DOCS / "problem_files.md")
-
-
-def test_every_key_of_a_problem_file_has_an_example_that_is_taken(problem_keys):
     for heading, table in problem_keys.TABLES.items():
         assert [key.name for key in problem_keys.keys(table)] == list(table.model_fields)
         for key in problem_keys.keys(table):
@@ -326,3 +343,11 @@ def test_every_key_of_a_problem_file_has_an_example_that_is_taken(problem_keys):
             field = table.model_fields[name]
             kind = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
             TypeAdapter(kind).validate_python(value, strict=True)
+
+
+def test_code_of_the_readme_runs_and_is_certified(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    codes = [content for language, content in blocks(ROOT / "README.md") if language == "python"]
+    for code, start in zip(codes, ["solved", "reached"], strict=True):
+        exec(compile(code, "README.md", "exec"), {})
+        assert capsys.readouterr().out.startswith(start)

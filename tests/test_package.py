@@ -75,10 +75,8 @@ def test_licences_are_those_of_the_metadata(name):
         assert not re.search(FAMILIES["GPL"], said), said
 
 
-@pytest.mark.parametrize("taken", ["solvers.py", "solvers/__init__.py"])
-def test_a_file_of_the_user_that_has_taken_the_name_of_a_package_is_named(tmp_path, taken):
-    path = tmp_path / taken
-    path.parent.mkdir(exist_ok=True)
+def test_a_file_of_the_user_that_has_taken_the_name_of_a_package_is_named(tmp_path):
+    path = tmp_path / "solvers.py"
     path.write_text("mine = True\n", encoding="utf-8")
     folders = [str(tmp_path), str(Path(qvi_contact.__file__).parents[1]), sysconfig.get_path("purelib")]
     code = f"import sys; sys.path[:0] = {folders}; from qvi_contact import QVIError"
@@ -95,22 +93,14 @@ def test_all_files_of_a_package_are_installed(package, patterns):
     assert [path for path in files if path not in installed and folder / "reports" not in path.parents] == []
 
 
-def test_one_version():
+def test_the_citation_has_the_version_and_what_its_format_asks_for():
+    found = pytest.importorskip("yaml").safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert PROJECT["dynamic"] == ["version"]
-    assert str(citation()["version"]) == qvi_contact.__version__
-
-
-def test_the_citation_has_what_its_format_asks_for():
-    found = citation()
+    assert str(found["version"]) == qvi_contact.__version__
     assert found["cff-version"] == "1.2.0"
     assert {"message", "title", "authors", "references"} <= found.keys()
     assert found["license"] == PROJECT["license"]
     assert all({"type", "title", "authors"} <= reference.keys() for reference in found["references"])
-
-
-def citation():
-    """CITATION.cff as data."""
-    return pytest.importorskip("yaml").safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("package", ["qvi_contact", "solvers"])

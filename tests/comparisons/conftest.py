@@ -1,29 +1,51 @@
-"""Pictures without the time it takes to lay them out and to write them, for tests of what is drawn."""
+"""What only the outside world can do: pictures without the time it takes to lay them out, and packages that miss."""
 
 import html
+import sys
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
-from comparisons.lab.report import drawing
-
 _DECIMALS = 9  # rounding differs from call to call
 
 
-def outline(figure, name):
-    """The texts of a figure, and the data of its lines and marks; no picture."""
-    texts, data = [text.get_text() for text in figure.texts], []
+def texts_of(figure):
+    """Titles, labels, notes and legends of a figure."""
+    texts = [text.get_text() for text in figure.texts]
     for axes in figure.axes:
         texts += [axes.get_title(), axes.get_xlabel(), axes.get_ylabel(), *(text.get_text() for text in axes.texts)]
-        data += [line.get_xydata() for line in axes.lines] + [each.get_offsets() for each in axes.collections]
     legends = [*figure.legends, *filter(None, (axes.get_legend() for axes in figure.axes))]
-    texts += [text.get_text() for legend in legends for text in legend.get_texts()]
-    elements = "".join(f"<text>{html.escape(text)}</text>" for text in texts if text)
+    return [text for text in [*texts, *(text.get_text() for each in legends for text in each.get_texts())] if text]
+
+
+def outline(figure, file, **_):
+    """Instead of `savefig`: the texts of a figure, and the data of its lines and marks; no picture."""
+    data = []
+    for axes in figure.axes:
+        data += [line.get_xydata() for line in axes.lines] + [each.get_offsets() for each in axes.collections]
+    elements = "".join(f"<text>{html.escape(text)}</text>" for text in texts_of(figure))
     numbers = [np.round(points, _DECIMALS).tolist() for points in data]
-    return f"<svg><title>{name}</title>{elements}<desc>{numbers}</desc></svg>\n"
+    file.write(f"<svg>{elements}<desc>{numbers}</desc></svg>\n")
+
+
+@contextmanager
+def outlines():
+    """Pictures as outlines; whether they are drawn well is seen where they are written."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.figure.Figure.savefig", outline)
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
+        yield
 
 
 @pytest.fixture
-def outlined(monkeypatch):
-    """Pictures as outlines, see there; whether they are drawn well is seen where they are written."""
-    monkeypatch.setattr(drawing, "svg_text", outline)
+def outlined():
+    pytest.importorskip("matplotlib")
+    with outlines():
+        yield
+
+
+@pytest.fixture
+def without(monkeypatch):
+    """A function that hides a package, as where it is not installed."""
+    return lambda package: monkeypatch.setitem(sys.modules, package, None)

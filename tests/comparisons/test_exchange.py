@@ -11,15 +11,12 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from comparisons.cli import group
-from comparisons.exchange import quadratic_programs as programs
-from qvi_contact import discretize, solve
-from qvi_contact.basics import terminal
-from qvi_contact.gallery import compressed_plate, ssnv128
+from comparisons.exchange import programs_of, standard_problems
+from qvi_contact import discretize, load_problem, solve
+from qvi_contact.gallery import compressed_plate
 from solvers import solve_qvi
-from solvers.exchange import load_qvi, local_problem, read_fclib, siconos_error, solve_local, state_of, write_fclib
-
-pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # four points of an edge are bound by equations
+from solvers.exchange import load_qvi, local_problem, read_fclib, solve_local, state_of, write_fclib
+from tests.comparisons.convergence_parts import command, refused
 
 pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
 
@@ -69,55 +66,6 @@ def tiny(tmp_path):
     return path
 
 
-def run(capfd, *arguments):
-    """Exit status, standard output and standard error of a command."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["comparisons", *map(str, arguments)])
-        with pytest.raises(SystemExit) as caught:
-            terminal.run(group, "comparisons")
-    out, err = capfd.readouterr()
-    return caught.value.code, out, err
-
-
-def refused(capfd, *arguments):
-    """Standard error of a command that must end with status 2, one line, and nothing on standard output."""
-    status, out, err = run(capfd, *arguments)
-    assert (status, out) == (2, "")
-    assert len(err.splitlines()) == 1
-    assert err.startswith("comparisons: ")
-    return err
-
-
-@pytest.mark.parametrize(
-    "problem",
-    [plate(4), plate(16), plate(16, friction=1.0), plate(8, grading=0.6), ssnv128((16, 16))],
-    ids=["4", "16", "mu 1", "graded", "ssnv128"],
-)
-def test_fclib_files_give_the_same_solution(tmp_path, problem):
-    """Tractions, forces and energy to 1e-9 from a file that knows nothing of the mesh."""
-    qvi = discretize(problem).fitted().qvi
-    solution = solve_qvi(qvi)
-    local = local_problem(qvi)
-    known = state_of(local, solution)
-    write_fclib(tmp_path / "a.hdf5", local, known)
-    held = read_fclib(tmp_path / "a.hdf5")
-    state, found = solve_local(held.problem)
-    assert solution.solved
-    assert found.solved
-    assert found.problem is not qvi
-    normal, tangential = held.problem.tractions(state.r)
-    size = np.abs(qvi.normal(solution.z)).max()
-    assert np.abs(normal - qvi.normal(solution.z)).max() < 1e-9 * size
-    assert np.abs(tangential - qvi.tangential(solution.z)).max() < 1e-9 * size
-    for forces, rows in ((-state.r[0::2], qvi.normal(solution.z)), (state.r[1::2], qvi.tangential(solution.z))):
-        assert forces.sum() == pytest.approx(qvi.W @ rows, rel=1e-9)
-    assert held.problem.energy(state.r) == pytest.approx(local.energy(known.r), rel=1e-9)
-    for each in (held.solution, state):
-        assert siconos_error(held.problem, each.r, each.lam) < 1e-8
-        assert held.problem.certify(each).passed
-    assert len(held.problem.s) >= qvi.m  # rows are dependent: without the equations it is another problem
-
-
 def test_strongly_graded_meshes_keep_force_and_energy():
     """The compliance has none of the rounding inside K (1e-6 in the force here), since R is factorised instead."""
     qvi = discretize(plate(16, friction=0.1, grading=0.6)).fitted().qvi
@@ -129,25 +77,12 @@ def test_strongly_graded_meshes_keep_force_and_energy():
     assert local.energy(state.r) == pytest.approx(local.energy(state_of(local, solution).r), rel=1e-9)
 
 
-def test_without_the_equations_it_is_another_problem():
-    """What a program that passes over V, R and s would solve; penalised it comes close."""
-    local = local_problem(discretize(plate(4)).fitted().qvi)
-    exact, _ = solve_local(local)
-    truncated = type(local)(local.W, local.q, local.mu, weights=local.weights)
-    other, _ = solve_local(truncated)
-    near, solution = solve_local(local.penalised(1e6))
-    assert solution.solved
-    size = np.abs(exact.r).max()
-    assert np.abs(other.r - exact.r).max() > 1e-2 * size
-    assert np.abs(near.r - exact.r).max() < 1e-4 * size
-
-
 @pytest.mark.parametrize("form", ["full", "condensed"])
 def test_a_converged_quadratic_program_has_the_solution_of_the_contact_problem(form):
     """The minimiser for the friction bound of the solution is the solution; for the cold bound it is not."""
     result = solve(plate(8, friction=0.1))
     qvi, z = result.solution.problem, result.solution.z
-    found = {p.name: p for p in programs.quadratic_programs("p", qvi, qvi.pressure(z))}
+    found = {p.name: p for p in programs_of("p", qvi, qvi.pressure(z))}
     assert set(found) == {f"p_{f}_{b}" for f in ("full", "condensed") for b in ("converged", "cold")}
     errors = []
     for bound in ("converged", "cold"):
@@ -165,7 +100,7 @@ def test_a_converged_quadratic_program_has_the_solution_of_the_contact_problem(f
 
 def test_standard_problems_cover_good_and_bad_conditioning():
     conditions = {}
-    for name, problem in programs.standard_problems():
+    for name, problem in standard_problems():
         if "plate_8" in name:
             K = discretize(problem).qvi.K.toarray()
             conditions[name] = float(np.linalg.cond(K))
@@ -174,10 +109,10 @@ def test_standard_problems_cover_good_and_bad_conditioning():
 
 
 @pytest.mark.skipif(QPBENCHMARK is None, reason="qpbenchmark is not installed")
-def test_qpbenchmark_runs_the_exported_test_set(capfd, tmp_path, tiny):
+def test_qpbenchmark_runs_the_exported_test_set(tmp_path, tiny):
     """Its own command finds the solutions of all problems with one solver, of the sparse ones with another."""
     folder, results = tmp_path / "set", tmp_path / "results.csv"
-    status, out, _ = run(capfd, "export", "qpbenchmark", folder, tiny)
+    status, out, _ = command("export", "qpbenchmark", folder, tiny)
     assert status == 0
     runs = {"friction_contact": "quadprog", "friction_contact_sparse": "clarabel"}
     assert all(f"qpbenchmark {folder / name}.py" in out for name in runs)
@@ -216,17 +151,17 @@ for sys.argv[1:] in {[[str(word) for word in words] for words in commands]}:
     assert done.returncode == 0, done.stderr
 
 
-def test_export_and_import_commands(capfd, tmp_path, tiny):
+def test_export_and_import_commands(tmp_path, tiny):
     """A problem file becomes .hdf5 and .npz, and both are solved and judged from the command line."""
     for kind, file in (("fclib", tmp_path / "a.hdf5"), ("npz", tmp_path / "a.npz")):
-        status, out, err = run(capfd, "export", kind, tiny, file)
+        status, out, err = command("export", kind, tiny, file)
         assert (status, err) == (0, "")
         assert "solved" in out
-        status, out, err = run(capfd, "import", file)
+        status, out, err = command("import", file)
         assert (status, err) == (0, "")
         assert out.count("certificate passed") == 3  # of the file's solution, of that found, in the status
         assert out.count("Siconos error") == 2
-        status, out, _ = run(capfd, "import", file, "--json", "--tolerance", "1e-7")
+        status, out, _ = command("import", file, "--json", "--tolerance", "1e-7")
         document = json.loads(out)
         assert (status, document["status"]) == (0, "solved")
         assert [judgement["label"] for judgement in document["judgements"]] == ["solution", "solved here"]
@@ -235,72 +170,62 @@ def test_export_and_import_commands(capfd, tmp_path, tiny):
     assert held.title == "Tiny plate"
     assert "squeezed. Dimensionless. Units" in held.description
     force = float(held.description.split("thickness ")[1].split(",")[0])
+    expected = solve(load_problem(tiny).problem).contacts["plate"].normal_force
     qvi, solution = load_qvi(tmp_path / "a.npz")
     assert held.solution.r[0::2].sum() == pytest.approx(-qvi.resultant(solution.z), rel=1e-12)
-    assert force * held.solution.r[0::2].sum() == pytest.approx(_normal_force(tiny), rel=1e-9)
+    assert force * held.solution.r[0::2].sum() == pytest.approx(expected, rel=1e-9)
 
 
-def _normal_force(path: Path) -> float:
-    from qvi_contact.files.problem_file import load_problem
-
-    return solve(load_problem(path).problem).contacts["plate"].normal_force
-
-
-def test_a_penalised_export_has_no_equations_and_no_solution(capfd, tmp_path, tiny):
-    assert run(capfd, "export", "fclib", tiny, tmp_path / "a.hdf5", "--penalty", "1e6")[0] == 0
+def test_a_penalised_export_has_no_equations_and_no_solution(tmp_path, tiny):
+    assert command("export", "fclib", tiny, tmp_path / "a.hdf5", "--penalty", "1e6")[0] == 0
     held = read_fclib(tmp_path / "a.hdf5")
     assert (len(held.problem.s), held.solution) == (0, None)
-    assert run(capfd, "import", tmp_path / "a.hdf5")[0] == 0
+    assert command("import", tmp_path / "a.hdf5")[0] == 0
 
 
-def test_what_cannot_be_carried_is_written_and_found_infeasible(capfd, tmp_path):
+def test_what_cannot_be_carried_is_written_and_found_infeasible(tmp_path):
     source = EXAMPLES / "dragged_block_slides.toml"
-    status, out, _ = run(capfd, "export", "fclib", source, tmp_path / "a.hdf5")
+    status, out, _ = command("export", "fclib", source, tmp_path / "a.hdf5")
     assert status == 1
     assert "infeasible" in out
-    assert run(capfd, "export", "npz", source, tmp_path / "a.npz")[0] == 1
+    assert command("export", "npz", source, tmp_path / "a.npz")[0] == 1
     for name in ("a.hdf5", "a.npz"):
-        status, out, _ = run(capfd, "import", tmp_path / name, "--json")
+        status, out, _ = command("import", tmp_path / name, "--json")
         document = json.loads(out)
         assert (status, document["status"]) == (1, "infeasible")
         assert document["judgements"][-1]["accuracy"] is None
 
 
-def test_laws_without_a_place_in_fclib(capfd, tmp_path, tiny):
+def test_laws_without_a_place_in_fclib(tmp_path, tiny):
     """Cohesion: no FCLIB file, an archive yes, and the report says why there is no Siconos error."""
     tiny.write_text(TINY + "cohesion = 0.1\n", encoding="utf-8")
-    assert "cohesion" in refused(capfd, "export", "fclib", tiny, tmp_path / "a.hdf5")
+    assert "cohesion" in refused("export", "fclib", tiny, tmp_path / "a.hdf5")
     assert not (tmp_path / "a.hdf5").exists()
-    assert run(capfd, "export", "npz", tiny, tmp_path / "a.npz")[0] == 0
-    status, out, _ = run(capfd, "import", tmp_path / "a.npz")
+    assert command("export", "npz", tiny, tmp_path / "a.npz")[0] == 0
+    status, out, _ = command("import", tmp_path / "a.npz")
     assert status == 0
     assert "no Siconos error: cohesion" in out
 
 
-def test_wrong_files_and_places_are_one_line(capfd, tmp_path, tiny):
+def test_wrong_files_and_places_are_one_line(tmp_path, tiny):
     broken = tmp_path / "broken.hdf5"
     broken.write_bytes(b"\x89HDF\r\n\x1a\n" + b"0" * 100)
-    assert "FCLIB" in refused(capfd, "import", broken)
+    assert "FCLIB" in refused("import", broken)
     (tmp_path / "broken.npz").write_bytes(b"PK")
-    assert "save_qvi" in refused(capfd, "import", tmp_path / "broken.npz")
-    assert "No such file" in refused(capfd, "import", tmp_path / "missing.hdf5")
-    assert ".hdf5" in refused(capfd, "export", "fclib", tiny, tmp_path / "a.txt")
-    assert ".npz" in refused(capfd, "export", "npz", tiny, tmp_path / "a.hdf5")
-    assert "No such file" in refused(capfd, "export", "npz", tmp_path / "missing.toml", tmp_path / "a.npz")
-    assert "--penalty" in refused(capfd, "export", "fclib", tiny, tmp_path / "a.hdf5", "--penalty", "-1")
+    assert "save_qvi" in refused("import", tmp_path / "broken.npz")
+    assert "No such file" in refused("import", tmp_path / "missing.hdf5")
+    assert ".hdf5" in refused("export", "fclib", tiny, tmp_path / "a.txt")
+    assert ".npz" in refused("export", "npz", tiny, tmp_path / "a.hdf5")
+    assert "No such file" in refused("export", "npz", tmp_path / "missing.toml", tmp_path / "a.npz")
+    assert "--penalty" in refused("export", "fclib", tiny, tmp_path / "a.hdf5", "--penalty", "-1")
     (tmp_path / "file").write_text("kept", encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("qvi_contact.solution.solver.solve", lambda *_, **__: pytest.fail("it was solved first"))
-        for kind, name in (("npz", "a.npz"), ("fclib", "a.hdf5")):
-            assert "is a file, not a folder" in refused(capfd, "export", kind, tiny, tmp_path / "file" / name)
-    assert "is a file, not a folder" in refused(capfd, "export", "qpbenchmark", tmp_path / "file", tiny)
-    assert "FOLDER" in refused(capfd, "export", "qpbenchmark", "", tiny)
-    assert "different names" in refused(capfd, "export", "qpbenchmark", tmp_path / "set", tiny, tiny)
+    for kind, name in (("npz", "a.npz"), ("fclib", "a.hdf5")):
+        assert "is a file, not a folder" in refused("export", kind, tiny, tmp_path / "file" / name)
+    assert "is a file, not a folder" in refused("export", "qpbenchmark", tmp_path / "file", tiny)
+    assert "FOLDER" in refused("export", "qpbenchmark", "", tiny)
+    assert "different names" in refused("export", "qpbenchmark", tmp_path / "set", tiny, tiny)
     assert (tmp_path / "file").read_text(encoding="utf-8") == "kept"
-    assert "method" in refused(capfd, "import", _written(tmp_path), "--method", "guess")
-    assert "tolerance" in refused(capfd, "import", _written(tmp_path), "--tolerance", "2")
-
-
-def _written(folder: Path) -> Path:
-    write_fclib(folder / "good.hdf5", local_problem(discretize(plate(4)).qvi))
-    return folder / "good.hdf5"
+    good = tmp_path / "good.hdf5"
+    write_fclib(good, local_problem(discretize(plate(4)).qvi))
+    assert "method" in refused("import", good, "--method", "guess")
+    assert "tolerance" in refused("import", good, "--tolerance", "2")

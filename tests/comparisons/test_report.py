@@ -1,25 +1,101 @@
-"""Reports as files: the same bytes for the same data, nothing loaded, nothing lost on the page, no text harms."""
+"""Reports as files and in a real browser: the same bytes for the same data, nothing loaded, nothing lost, no harm."""
 
 import math
+import os
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
-from io import StringIO
 
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from click.testing import CliRunner
 from pandas import DataFrame
 
-from comparisons.lab.cells import is_numeric, number_in, position, sort_key
-from comparisons.lab.report import Document, environment_grids, fill, findings_of, numbers, show, write_report
-from comparisons.lab.report.document import NO_PICTURES
-from comparisons.lab.report.page import as_page
-from comparisons.lab.report.reader import parts_of
-from comparisons.lab.tables import Grid
-from qvi_contact.errors import InputError
-from qvi_contact.plots.inline import inline_svg
-from tests.comparisons.report_parts import MACHINE, TEMPLATE, TIMES, row, sample
+from comparisons.lab import Grid
+from comparisons.lab import report as room
+from comparisons.lab.report import Document, drawn, fill, findings_of, parts_of, show, write_report
+from qvi_contact import InputError
+from qvi_contact.plots import new_figure
+
+SETTINGS = Grid("Versions", ("package", "version", "rows"), [("numpy", "2.0.0", "2")])
+
+TIMES = Grid(
+    "Times",
+    ("back end", "median\ntime", "stationarity [-]", "certi-\nfied", "status", "reason"),
+    [
+        ("qp:clarabel", "12.3 ms", "1.2e-05", "12 %", "done", "-"),
+        ("qp:osqp", "1.2 s", "< 1e-9", "> 99 %", "done", "-"),
+        ("qp:scs", "340 µs", "3.0e-02", "5 %", "timeout", f"ended after 60 s | with `ValueError`{9 * ', a sentence'}"),
+        ("qp:daqp", "none", "n/a", "100 %", "done", "-"),
+        ("qp:piqp", "2 min", "−1.0e-3", "0 %", "error", "-"),
+    ],
+)  # fmt: skip
+
+
+def picture(name):
+    """A picture with clip paths, markers and mathematical text."""
+
+    def draw():
+        figure = new_figure(6.0, 3.0)
+        axes = figure.subplots()
+        axes.semilogy([0.0, 1.0, 2.0], [1e-3, 1e-2, 1e-1], marker="o", label=name)
+        axes.set_xlabel("time [s]")
+        axes.legend()
+        return figure
+
+    return drawn(name, draw)
+
+
+TEMPLATE = """
+# Solvers compared
+
+By `python -m comparisons solvers`.
+
+## Findings
+
+1. *Clarabel* takes {{ fastest | seconds }} ([table](#times)).
+2. Nobody lies ([table](#lies)).
+
+## Times
+
+{{ figure("a", "Figure of a") }}
+
+{{ table("times") }}
+
+Rows whose status is not `done` failed.
+
+## Lies
+
+{{ table("lies") }}
+
+{{ figure("b", "Figure of b") }}
+
+<details>
+<summary>All of them</summary>
+
+{{ table("many") }}
+
+</details>
+
+## Settings
+
+{{ settings }}
+
+## Limits
+
+{% for limit in limits %}
+- {{ limit }}
+{% endfor %}
+"""
+
+
+def sample(svg=picture, template=TEMPLATE, times=TIMES, **values):
+    """The report; values are replaced by name."""
+    many = Grid("", ("case", "μ"), [(f"plate-{i}", f"{i / 10:g}") for i in range(40)])
+    tables = {"times": times, "many": many, "lies": Grid("", ("back end", "times"), [])}
+    known = {"fastest": 0.0123, "limits": ["One thread."]} | values
+    figures = {name: svg(name) for name in "ab"}
+    return fill(template, "sample", known, tables, figures, [SETTINGS])
+
 
 HOSTILE = [
     "<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "a|b", "{{ 7 * 7 }} {% raw %}",
@@ -120,19 +196,11 @@ def test_the_same_data_gives_the_same_bytes(folder, tmp_path):
 
 def test_the_page_can_be_made_of_the_files_alone(folder, tmp_path):
     """So that only Markdown and pictures need to be kept."""
-    made = as_page(Document.read(folder / "sample.md"))
+    made = room.as_page(Document.read(folder / "sample.md"))
     assert made == (folder / "sample.html").read_text(encoding="utf-8")
     (tmp_path / "a.md").write_text("![b](missing.svg)", encoding="utf-8")
     with pytest.raises(InputError, match="cannot be read"):
         Document.read(tmp_path / "a.md")
-
-
-def test_the_folder_is_made_and_pictures_are_written_first(report, tmp_path, monkeypatch):
-    names = []
-    monkeypatch.setattr("comparisons.lab.report.page.write_text", lambda path, _: names.append(path.name))
-    written = write_report(report, tmp_path / "new" / "folder")
-    assert (tmp_path / "new" / "folder").is_dir()
-    assert names == [path.name for path in reversed(written)]
 
 
 def test_the_page_is_sound_and_loads_nothing(page):
@@ -150,15 +218,6 @@ def test_ids_are_unique_and_references_lead_somewhere(page):
     pictures = {name.split("--")[0] for name in page.ids if "--" in name}
     assert pictures == {"a", "b"}
     assert sum(name.startswith("a--") for name in page.references) > 5  # clip paths and markers
-
-
-def test_ids_are_prefixed_in_tags_only():
-    svg = '<svg width="72pt"><g id="x" clip-path="url(#x)"><use xlink:href="#x"/><text> id="x" url(#x)</text></g></svg>'
-    made = inline_svg(svg, "f", 'a "b" <c>')
-    assert '<g id="f--x" clip-path="url(#f--x)"><use xlink:href="#f--x"/><text> id="x" url(#x)</text>' in made
-    assert made.startswith(
-        '<svg id="f--svg" role="img" aria-label="a &quot;b&quot; &lt;c&gt;" style="min-width: 82px" '
-    )
 
 
 def test_rows_are_lines_of_the_text_and_of_the_page(report, page):
@@ -215,12 +274,6 @@ def test_where_no_picture_can_be_drawn_it_says_how_to_get_them(tmp_path, install
         assert path.read_text(encoding="utf-8").count("need matplotlib") == (0 if installed else 2)
 
 
-def test_a_folder_that_cannot_be_written_is_bad_input(report, tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
-        write_report(report, tmp_path / "file" / "folder")
-
-
 def test_files_are_replaced_whole_or_not_at_all(report, folder, tmp_path, monkeypatch):
     write_report(replace(report, text="Earlier."), tmp_path)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -263,7 +316,7 @@ def test_a_number_that_is_missing_is_an_error():
 def test_a_template_names_the_columns_of_a_frame():
     frame = DataFrame({"time": [0.5, math.nan], "left out": [1, 2], "solver": ["a", "b"]})
     template = '{{ table("times", {"solver": "solver", "time": "median time"}) }}'
-    text = fill(template, "sample", {}, {"times": frame}, {}, forms={"time": numbers.seconds}).text
+    text = fill(template, "sample", {}, {"times": frame}, {}, forms={"time": room.seconds}).text
     (grid,) = parts_of(text)
     assert (grid.headings, grid.rows) == (("solver", "median time"), [("a", "500 ms"), ("b", "none")])
 
@@ -280,148 +333,126 @@ def test_the_terminal_has_findings_tables_and_files(report, folder, capsys):
     assert 100 < max(map(len, table)) <= 120
 
 
-def test_the_terminal_says_how_to_get_pictures(tmp_path):
-    from rich.console import Console
-
-    text = StringIO()
-    show(sample(undrawn), [tmp_path / "sample.html"], Console(file=text, width=120, markup=False))
-    assert NO_PICTURES.replace("`", "") in text.getvalue()
-    assert TEMPLATE.count("figure(") == 2
+@pytest.fixture(scope="module")
+def text(folder):
+    """Of the sample's page."""
+    return (folder / "sample.html").read_text(encoding="utf-8")
 
 
-class TestOrder:
-    """Sorting, by whatever a cell begins with."""
+@pytest.fixture
+def problems(browser, tmp_path):
+    def look(text, widths=room.WIDTHS):
+        file = tmp_path / "page.html"
+        file.write_text(text, encoding="utf-8")
+        return room.problems_on(browser, file, widths)
 
-    @pytest.mark.parametrize(
-        ("cell", "value"),
-        [
-            ("1.2e-5", 1.2e-5), ("1.2e-05", 1.2e-5), ("−3", -3.0), ("-3.5 m", -3.5), ("+.5", 0.5), ("12 %", 0.12),
-            ("12 ms", 0.012), ("340 µs", 3.4e-4), ("2 min", 120.0), ("2h", 7200.0), ("2 MiB", 2.0**21), ("32²", 32.0),
-            ("32 × 32", 32.0), ("1,234,567", 1234567.0), ("3 of 5", 3.0), ("1.5 ± 0.2", 1.5), ("0.5 to 1.6", 0.5),
-            ("≤ 1e-8", 1e-8), ("1e−5", 1e-5), ("inf", math.inf), ("-∞", -math.inf), ("5e-3 (relative)", 5e-3),
-            ("7 N/m", 7.0),
-        ],
-    )  # fmt: skip
-    def test_the_number_of_a_cell(self, cell, value):
-        assert number_in(cell) == pytest.approx(value, rel=1e-12)
-
-    @pytest.mark.parametrize(
-        "cell", ["1.2.3", "2026-01-02", "12:30", "info", "qp:osqp", "e5", "3d-model2", "", "-", "µ"]
-    )
-    def test_words_are_no_numbers(self, cell):
-        assert number_in(cell) is None
-
-    def test_words_stand_behind_numbers_and_nothing_behind_words(self):
-        cells = ["-", "word", "2 s", "n/a", "1 ms", "inf", "none"]
-        assert sorted(cells, key=position) == ["1 ms", "2 s", "inf", "word", "-", "n/a", "none"]
-
-    def test_bounds_lie_beside_their_number(self):
-        assert 0.999e-9 < number_in("< 1e-9") < 1e-9
-        assert 0.99 < number_in("> 99 %") < 0.991
-        assert number_in("< -2") < -2.0
-
-    @given(st.floats(allow_nan=False), st.floats(allow_nan=False))
-    @example(0.0, -0.0)
-    def test_numbers_keep_their_order(self, first, second):
-        small, large = sorted((first, second))
-        for form in ("{:.3e}", "{:.6f} MPa", "{:g}", "< {:.1e}"):
-            a, b = (position(form.format(value)) for value in (small, large))
-            assert a[0] == b[0] == 0
-            assert a <= b
-
-    @given(st.floats(1e-7, 1e6), st.floats(1e-7, 1e6))
-    def test_formats_keep_the_order_of_what_they_print(self, first, second):
-        small, large = sorted((first, second))
-        for form in (numbers.seconds, numbers.scientific, numbers.significant, numbers.memory):
-            assert number_in(form(small)) <= number_in(form(large)) * (1.0 + 1e-12)
-
-    @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.integers(0, 3))
-    def test_percentages_keep_the_order_of_shares(self, first, second, digits):
-        small, large = sorted((first, second))
-        assert number_in(numbers.percent(small, digits)) <= number_in(numbers.percent(large, digits)) + 1e-12
-
-    @given(st.text("0123456789.,eE+-−<>≤~ %µsminhKMGTiB∞²½٣f/:_abé\ud800", max_size=12))
-    def test_a_key_is_read_like_its_cell(self, cell):
-        key = sort_key(cell)
-        assert (key is None) == (position(cell)[0] == 1)
-        if key:
-            assert sort_key(key) == key
-
-    @given(st.lists(st.sampled_from(["1", "-", "2 s", "n/a"]), min_size=1))
-    def test_columns_of_numbers(self, cells):
-        assert is_numeric(cells) == any(cell[0].isdigit() for cell in cells)
-        assert not is_numeric([*cells, "word"])
-        assert not is_numeric([*cells, "3 of them failed for a reason that is long"])
+    return look
 
 
-class TestNumbers:
-    """Formats of numbers."""
-
-    @pytest.mark.parametrize(
-        ("text", "expected"),
-        [
-            (numbers.scientific(1.234e-5), "1.2e-5"), (numbers.scientific(9.99e9, 1), "1e10"),
-            (numbers.scientific(-2e-12, 3), "-2.00e-12"), (numbers.scientific(0.0), "0"),
-            (numbers.significant(0.0012345), "0.00123"), (numbers.significant(1234567.0), "1230000"),
-            (numbers.significant(-0.0), "0"), (numbers.significant(2.0), "2"),
-            (numbers.seconds(3.4e-4), "340 µs"), (numbers.seconds(0.99999), "1 s"),
-            (numbers.seconds(0.0123), "12.3 ms"),
-            (numbers.seconds(119.0), "119 s"), (numbers.seconds(150.0), "2.5 min"), (numbers.seconds(9000.0), "2.5 h"),
-            (numbers.seconds(0.0), "0 s"), (numbers.memory(2**34), "16 GiB"), (numbers.memory(12), "12 bytes"),
-            (numbers.percent(0.123), "12 %"), (numbers.percent(0.0), "0 %"), (numbers.percent(1.0), "100 %"),
-            (numbers.percent(0.0001), "< 1 %"), (numbers.percent(0.9999), "> 99 %"),
-            (numbers.percent(0.99961, 1), "> 99.9 %"),
-            (numbers.percent(1.5), "150 %"), (numbers.percent(-0.1), "-10 %"),
-            (numbers.listing([]), "none"), (numbers.listing(["a"]), "a"), (numbers.listing(["a", "b"]), "a and b"),
-            (numbers.listing(["a", "b", "c"], "or"), "a, b or c"),
-        ],
-    )  # fmt: skip
-    def test_texts(self, text, expected):
-        assert text == expected
-
-    @pytest.mark.parametrize("value", [None, math.nan, math.inf, -math.inf])
-    def test_what_is_no_number_is_none(self, value):
-        forms = (numbers.scientific, numbers.significant, numbers.seconds, numbers.memory, numbers.percent)
-        assert {form(value) for form in forms} == {"none"}
-
-    @settings(max_examples=50)
-    @given(st.floats(0.0, 1.0), st.integers(0, 4))
-    def test_only_all_is_all_and_only_nothing_is_nothing(self, share, digits):
-        text = numbers.percent(share, digits)
-        assert (number_in(text) == 1.0) == (share == 1.0)
-        assert (number_in(text) == 0.0) == (share == 0.0)
+ADDED = {
+    "<script>console.error('wrong')</script>": "error in the console: wrong",
+    "<script>missing()</script>": "exception in a script: missing is not defined",
+    '<div style="overflow: hidden"><p style="width: 1400px">wide</p></div>': "outside of the window or of its box: <p>",
+    '<img src="http://192.0.2.1/x.png" alt="">': "error in the console: Loading the image",
+    '<figure id="x1" style="visibility: hidden"><p>text</p></figure>': "figure x1 is not visible",
+    '<figure id="x2" style="display: none"><p>text</p></figure>': "figure x2 is not visible",
+    '<figure id="x3"><svg width="90" height="90"></svg></figure>': "figure x3 is empty",
+    '<figure id="x4"><img src="data:," width="90" height="90" alt=""></figure>': "figure x4 is empty",
+    '<p style="font-size: 6px">small</p>': 'letters too small to be read: <p> "small"',
+    '<p id="a">again</p>': "ids that are there more than once: a",
+    '<a href="#nowhere">there</a>': "links that lead nowhere: #nowhere",
+}
+"""What is put into a page, and how it is complained of."""
 
 
-class TestEnvironment:
-    """Tables of what rows were computed with."""
+CHANGED = [
+    ('<html lang="en">', "<html>", "the page does not say which language it is in"),
+    ("<title>Solvers compared</title>", "", "the page has no title"),
+    ('<div class="box"', '<div class="none"', "the page is "),
+    ("min-width: 490px", "width: 300px", "letters too small to be read: <text>"),
+    ('<svg id="b--svg"', '<svg id="b--svg" transform="translate(-90)"', "figure b is not inside its box"),
+    (">time [s]</text>", f">{120 * 'time'}</text>", "figure a cuts off <text>"),
+]
+"""Text of a page, what it is replaced by, and how it is complained of."""
 
-    def test_one_machine(self):
-        runs, machine, versions = environment_grids([row(0), row(1, "timeout", 1.5), row(2, "done", None, 8)])
-        assert dict(runs.rows) == {
-            "rows": "3", "status": "done (2), timeout (1)", "threads of a run": "1", "time limit of a run": "60 s",
-            "memory limit of a run": "none", "seeds": "7 (2), 8 (1)",
-            "load average before a run": "0.5 to 1.5 (unknown for 1 row)",
-        }  # fmt: skip
-        assert machine.rows == [("P1", "4", "16 GiB", "Linux, x86_64", "CPython 3.12.1", "3")]
-        assert versions.rows == [("numpy", "2.0.0", "3")]
-        assert (machine.title, machine.note, versions.note) == ("Machine", "", "")
 
-    def test_several_machines_and_versions_are_said(self):
-        other = row(2, machine=MACHINE | {"processor": "P2"}, versions={"numpy": "2.1.0", "osqp": None}, memory_mib=512)
-        rows = [row(0), row(1), other, row(3, "crashed", machine=None, versions={})]
-        runs, machines, versions = environment_grids(rows)
-        assert machines.title == "Machines"
-        assert "2 kinds of machine" in machines.note
-        assert [(cells[0], cells[-1]) for cells in machines.rows] == [("P1", "2"), ("P2", "1"), ("unknown", "1")]
-        assert versions.rows[:3] == [("numpy", "2.0.0", "2"), ("numpy", "2.1.0", "1"), ("numpy", "unknown", "1")]
-        assert ("osqp", "not installed", "1") in versions.rows
-        assert versions.note == "The rows were computed with different versions of numpy."
-        assert dict(runs.rows)["memory limit of a run"] == "512 MiB (1), none (3)"
-        assert environment_grids(rows[::-1]) == [runs, machines, versions]
+def test_a_report_is_good_and_whatever_is_wrong_is_seen(problems, text):
+    """All of it on one page, as each takes a while to open; of many that are alike some are only counted."""
+    assert problems(text) == []
+    for right, wrong, _ in CHANGED:
+        assert right in text
+        text = text.replace(right, wrong, 1)
+    found = problems(text.replace("</main>", "".join(ADDED) + "</main>"), (390,))
+    for problem in (*ADDED.values(), *(problem for _, _, problem in CHANGED)):
+        head, _, name = problem.partition(": ")
+        assert any(head in each and (name in each or each.endswith(" more")) for each in found), (problem, found)
 
-    def test_rows_that_say_nothing(self):
-        runs, machine, versions = environment_grids([row(load=None, machine=None, versions={})])
-        assert machine.rows == [("unknown",) * 5 + ("1",)]
-        assert versions.rows == []
-        assert dict(runs.rows)["load average before a run"] == "unknown"
-        assert dict(environment_grids([])[0].rows)["status"] == "none"
+
+SORTING = {
+    "numbers as words": (": number ?", ": number === null ?", "column 3: the rows are not ascending"),
+    "words in one direction": ("sign * compare", "(a.kind === 0 ? sign : 1) * compare", "words are not turned round"),
+    "one direction only": ("sign * compare", "compare", "column 2: the rows are not descending"),
+    "nothing as zero": ("kind: 2, value: 0", "kind: 0, value: 0", "column 2: the rows are not ascending"),
+    "no word of it": ('heading.setAttribute("aria-sort", next)', "0", "aria-sort is None, not ascending"),
+    "two columns": ('other.removeAttribute("aria-sort"))', "0)", "more than one column says that it is sorted"),
+    "rows lost": (
+        "body.append(...(",
+        "body.replaceChildren(...(1 ? written.slice(1) : ",
+        "sorting changes the rows",
+    ),
+    "no way back": ('next === "none" ? written : sorted', "sorted", "does not bring back the order of the rows"),
+    "no buttons": ("heading.append(button)", "heading.append(...button.childNodes)", "by all its columns"),
+    "no keyboard": (
+        'button.type = "button"',
+        "button.onkeydown = () => false",
+        "by keyboard and mouse",
+    ),
+}
+
+
+def test_wrong_sorting_is_seen(problems, tmp_path):
+    """One page with a table for each fault, sorted by a script that has this fault alone."""
+    one = fill("# T\n\n{{ table('times') }}\n", "sample", {}, {"times": TIMES}, {})
+    page = write_report(one, tmp_path)[0].read_text(encoding="utf-8")
+    before, grid, after = re.split('(<table class="sortable">.*?</table>)', page, maxsplit=1, flags=re.DOTALL)
+    rest, script = after.split("<script>")
+    script, end = script.split("</script>")
+    tables, scripts = [grid], [f"{{{script.replace('.sortable', '.t0')}}}"]
+    for number, (right, wrong, _) in enumerate(SORTING.values(), start=1):
+        assert right in script
+        scripts.append(f"{{{script.replace('.sortable', f'.t{number}').replace(right, wrong, 1)}}}")
+        tables.append(grid)
+    tables = [text.replace('"sortable"', f'"sortable t{number}"') for number, text in enumerate(tables)]
+    found = problems(f"{before}{''.join(tables)}{rest}<script>{''.join(scripts)}</script>{end}", (1280,))
+    assert not [text for text in found if not re.match(r"table ([2-9]|1\d)\b", text)], found
+    for number, (name, (_, _, problem)) in enumerate(SORTING.items(), start=2):
+        assert any(re.match(rf"table {number}\b", text) and problem in text for text in found), (name, found)
+
+
+def test_a_request_is_seen_where_the_page_allows_it(problems):
+    image, style = '<img src="http://192.0.2.1/x.png" alt="">', "<link rel=stylesheet href=a.css>"
+    found = problems(f'<html lang="en"><title>t</title><p>text{image}{style}')
+    assert "the page asks for http://192.0.2.1/x.png" in found
+    assert any(problem.startswith("the page asks for file:") and problem.endswith("/a.css") for problem in found)
+
+
+@pytest.mark.parametrize("what", ["playwright", "chromium"])
+def test_what_is_missing_is_said(what, without, monkeypatch, tmp_path):
+    if what == "playwright":
+        without(what)
+    else:
+        pytest.importorskip("playwright")
+        monkeypatch.setattr(os, "access", lambda *_, **__: False)  # no program can be run
+        assert room.find_browser() is None
+    done = CliRunner().invoke(room.command, [str(tmp_path / "page.html")], standalone_mode=False)
+    assert (done.return_value, done.output.startswith("not checked: "), "install" in done.output) == (0, True, True)
+    with pytest.raises(InputError), room.open_browser():
+        pass
+
+
+def test_the_browser_is_looked_for_on_the_path(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    program = tmp_path / "google-chrome"
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    assert room.find_browser() == str(program)

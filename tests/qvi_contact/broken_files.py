@@ -2,166 +2,14 @@
 
 import copy
 import tomllib
+from pathlib import Path
 
 import tomli_w
 from hypothesis import strategies as st
 
-RICH = """
-version = 1
-title = "everything"
-body_potential = { polynomial = [[0.0, 0.1]] }
-
-[units]
-length = "m"
-stress = "Pa"
-
-[constants]
-p = 2.0
-mu = 0.3
-
-[mesh]
-x = [{ start = 0.0, stop = 1.0, cells = 2 }, { stop = 2.0, cells = 1 }]
-y = [0.0, 0.5, 1.0]
-remove = [{ x = [1.0, 2.0], y = [0.5, 1.0] }]
-refine = { largest = 1.0, smallest = 0.5, ratio = 0.5, towards = ["roof"] }
-
-[[edges]]
-name = "roof"
-side = "top"
-at = 1.0
-
-[[edges]]
-name = "step"
-side = "top"
-start = 1.0
-stop = 2.0
-at = 0.5
-
-[[joints]]
-name = "joint"
-direction = "horizontal"
-at = 0.5
-stop = 1.0
-
-[material]
-young = 1000.0
-poisson = 0.25
-plane = "strain"
-
-[[regions]]
-x = [0.0, 1.0]
-young = 2000.0
-poisson = 0.1
-
-[[symmetry]]
-edges = "left"
-
-[[displacements]]
-edges = "roof"
-x = 0.0
-y = "-1e-3 * (1 + x)"
-
-[[tractions]]
-edges = "right"
-name = "side"
-x = "-p * (1 - y) * 0"
-y = 0.0
-
-[[tractions]]
-edges = "step"
-x = 0.0
-y = -0.5
-
-[[contacts]]
-edges = "bottom"
-name = "ground"
-friction = "mu"
-gap = { polynomial = [[0.0], [1e-5]] }
-cohesion = 0.1
-shear_limit = 5.0
-
-[[contacts]]
-edges = "joint"
-friction = 0.6
-law = "bilateral"
-
-[solve]
-inner = "qp:clarabel"
-tolerance = 1e-8
-max_iterations = 60
-"""
-
-TRIANGLES = """
-version = 1
-title = "triangles"
-
-[mesh]
-vertices = [[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]]
-triangles = [[0, 1, 3], [1, 4, 3], [1, 2, 4], [2, 5, 4]]
-regions = { left = [0, 1], unused = [2] }
-
-[mesh.edges]
-bottom = [[0, 1], [1, 2]]
-seam = [[1, 4]]
-
-[[edges]]
-name = "roof"
-segment = [[0.0, 1.0], [2.0, 1.0]]
-
-[[edges]]
-name = "wall"
-box = { x = [-0.1, 0.1] }
-
-[[edges]]
-name = "end"
-segment = [[2.0, 0.0], [2.0, 1.0]]
-
-[[joints]]
-name = "slope"
-segment = [[1.0, 0.1], [0.0, 1.0]]
-
-[material]
-young = 1000.0
-poisson = 0.25
-
-[[regions]]
-name = "left"
-young = 2000.0
-poisson = 0.1
-
-[[regions]]
-x = [1.0, 2.0]
-young = 500.0
-poisson = 0.1
-
-[[displacements]]
-edges = "roof"
-normal = 0.0
-tangential = 0.0
-
-[[tractions]]
-edges = "wall"
-normal = "-1.0"
-tangential = 0.0
-
-[[tractions]]
-edges = "end"
-x = 0.0
-y = 0.0
-
-[[contacts]]
-edges = "bottom"
-friction = 0.3
-gap = -1e-3
-
-[[contacts]]
-edges = "slope"
-law = "tied"
-
-[solve]
-degree = 3
-contact_rows = "gauss"
-"""
+PROBLEMS = Path(__file__).parent / "problems"
+RICH = (PROBLEMS / "rich.toml").read_text(encoding="utf-8")
+TRIANGLES = (PROBLEMS / "triangles.toml").read_text(encoding="utf-8")
 
 PRINTED = "aZ09_-.,:;!?#$%&*+/\\|~^<>=()[]{}'\"`@§½²₂Ⅷµμßéåπσ→∞≤€中あ한אع☃😀𝒙"
 """Letters, numbers, punctuation and symbols of one to four bytes, with all that TOML gives a meaning."""
@@ -170,30 +18,10 @@ LETTERS = PRINTED + " \t\n\r\0\x1b\x7f\x85\xa0\xad\u0301\u200b\u200f\u2028\u3000
 
 numbers = st.floats(allow_nan=True) | st.integers() | st.sampled_from([0, -1, 1e-320, 1e308, 2**70, -0.0, 1e59])
 words = st.text(LETTERS, max_size=12) | st.sampled_from(
-    [
-        "t",
-        "x /",
-        "1/0",
-        "x**99999",
-        "().__class__",
-        "open('f')",
-        "top",
-        "bottom",
-        "joint",
-        "roof",
-        "lambda: 1",
-        "9" * 300,
-    ]
+    ["t", "x /", "1/0", "x**99999", "().__class__", "open('f')", "top", "joint", "roof", "lambda: 1", "9" * 300]
 )
-junk = st.deferred(
-    lambda: (
-        numbers
-        | words
-        | st.booleans()
-        | st.lists(numbers | words, max_size=3)
-        | st.dictionaries(words, numbers, max_size=2)
-    )
-)
+lists = st.lists(numbers | words, max_size=3)
+junk = numbers | words | st.booleans() | lists | st.dictionaries(words, numbers, max_size=2)
 
 
 def places(value, path=()):

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from qvi_contact import Contact
-from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.solution.solver import posed
+from qvi_contact.discretization import Discretization
+from qvi_contact.solution import posed
 
 
 def with_friction(known: Discretization, friction: float) -> Discretization:

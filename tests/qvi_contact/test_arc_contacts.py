@@ -1,28 +1,16 @@
-"""Contacts on arcs: a rigid shaft in a ring, Hertz on a quarter of a disc, arcs too coarse for what they carry."""
+"""Contacts on arcs: a rigid shaft in a ring, Hertz on a quarter of a disc, both models, bores in which pins turn."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    limit_load_factor,
-    solve,
-)
+from qvi_contact import TriangleMesh, limit_load_factor, solve
 from qvi_contact.companion import solve_companion
-from qvi_contact.refinement.closer import _boundary_corners, _changing_cells
-from qvi_contact.solution.contact_path import turning_senses
-from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, A, quarter
-from tests.qvi_contact.test_holes import polygon
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
+from qvi_contact.refinement import places
+from qvi_contact.solution import turning_senses
+from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, A, polygon, quarter
 
 
 def ring(contact, other, **settings):
@@ -43,17 +31,12 @@ def test_rigid_shaft(rows):
     assert result.remarks == ()
 
 
-@cache
-def ring_under_a_plate():
-    """A rigid half ring is pressed on the outer circle."""
-    return ring(Contact("outer", friction=0.2, plate=RigidPlate(force_y=-0.1)), "inner", degree=4)
-
-
 def test_plate_on_an_arc():
-    """The plate has the force that it is driven by."""
-    result = ring_under_a_plate()
+    """A rigid half ring pressed on the outer circle has its force, and in both models the same motion."""
+    result = ring(Contact("outer", friction=0.2, plate=RigidPlate(force_y=-0.1)), "inner", degree=4)
     assert result.status.value == "solved"
     assert result.resultant("outer").y == pytest.approx(-0.1, rel=1e-12)
+    assert result.bracket.companion.plates["outer"].y == pytest.approx(result.plates["outer"].y, rel=2e-3)
 
 
 def disc():
@@ -131,14 +114,9 @@ def test_bracket_on_arcs(contact):
     np.testing.assert_allclose(np.hypot(*moved.T), radial, rtol=1e-3)
 
 
-def test_plate_of_both_models():
-    result = ring_under_a_plate()
-    companion = result.bracket.companion
-    assert companion.plates["outer"].y == pytest.approx(result.plates["outer"].y, rel=2e-3)
-
-
-@pytest.mark.parametrize("components", [{"normal": -WIDENED}, {"normal": -WIDENED, "tangential": 0.0}])
-@pytest.mark.parametrize("degree", [2, 3])
+@pytest.mark.parametrize(
+    ("components", "degree"), [({"normal": -WIDENED}, 3), ({"normal": -WIDENED, "tangential": 0.0}, 2)]
+)
 def test_displacements_along_normals_of_arcs(components, degree):
     """A ring that is widened along its normals: the energy of displacements of degree p has the order 2p."""
     free = [Traction("inner", tangential=0.0)] if len(components) == 1 else []
@@ -156,8 +134,7 @@ def test_smooth_arcs_have_no_corners():
     mesh = quarter(1, 2)
     conditions = [Traction(name, normal=0.0, tangential=0.0) for name in ("inner", "outer")]
     problem = ContactProblem(mesh, Material(1.0, NU), [*conditions, Symmetry("bottom"), Symmetry("left")])
-    chosen = np.concatenate(list(_boundary_corners(problem)))
-    assert len(chosen) == 4
+    assert len(places(problem, mesh, solve(problem, degree=3)).corners) == 4
 
 
 def test_a_ring_turns_on_its_shaft():
@@ -175,10 +152,9 @@ def test_a_ring_turns_on_its_shaft():
     np.testing.assert_allclose([motion.x, motion.y], motion.rotation * np.array([-y, x]), atol=1e-9)  # of its middle
 
 
-@pytest.mark.parametrize("around", [4, 6])
-def test_high_degrees_where_much_is_open(around):
+def test_high_degrees_where_much_is_open():
     """Multipliers on both sides of an open point's shear are large, and must not cost the digits of the tractions."""
-    mesh = quarter(1, around)
+    mesh = quarter(1, 4)
     plug = Contact("inner", 0.2, gap=lambda _, y: 0.3 * y**2 - 0.1)
     free = [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]
     result = solve(ContactProblem(mesh, Material(1.0, NU), [plug, *free]), degree=10, method="condensed")
@@ -200,7 +176,7 @@ def held_ring(contact, angle=0.0):
     return ContactProblem(mesh, Material(1.0, NU), [contact, Displacement("outside", x=0.0, y=0.0)])
 
 
-@pytest.mark.parametrize("angle", [0.0, 10.0, 22.5, 90.0])
+@pytest.mark.parametrize("angle", [10.0, 90.0])
 def test_a_shaft_turns_in_a_rough_bore(angle):
     """Slip is the same all around, also where the tangents of the bore turn back: work is friction times slip."""
     bound, rotation = 0.02, 0.1
@@ -218,7 +194,7 @@ def test_a_shaft_turns_in_a_rough_bore(angle):
 
 def test_both_energies_in_a_round_bore_turn_with_it():
     found = []
-    for angle in (0.0, 10.0, 90.0):
+    for angle in (0.0, 10.0):
         x, y = turn(angle) @ [0.03, 0.0]
         pin = Contact("hole", 0.2, gap=-0.05, plate=RigidPlate(rotation=0.05, x=x, y=y))
         bracket = solve(held_ring(pin, angle), degree=4).bracket
@@ -226,14 +202,14 @@ def test_both_energies_in_a_round_bore_turn_with_it():
         found.append([bracket.lower, bracket.upper, bracket.own.energy, differences.normal, differences.tangential])
     lower, upper, *_ = found[0]
     assert lower < upper < lower + 0.01 * abs(lower)
-    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-7)
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-7)
 
 
 def test_slip_all_around_a_bore_changes_nowhere():
     """A closer look refines where slip changes its sense, not where tangents do."""
     result = solve(held_ring(Contact("hole", 0.2, gap=-0.05, plate=RigidPlate(rotation=0.1))), degree=4)
     assert result.contacts["hole"].shares["slip"] == pytest.approx(1.0)
-    assert len(_changing_cells(result.problem.mesh, result)) == 0
+    assert len(places(result.problem, result.problem.mesh, result).cells) == 0
 
 
 def test_an_offset_along_tangents_that_turn_back_jumps():
@@ -243,12 +219,11 @@ def test_an_offset_along_tangents_that_turn_back_jumps():
     assert solve_companion(held_ring(Contact.tied("hole", gap=0.1))).reasons == ()
 
 
-@pytest.mark.parametrize("angle", [0.0, 10.0])
-def test_a_ring_turns_in_a_rough_ring(angle):
+def test_a_ring_turns_in_a_rough_ring():
     """A joint changes its sides where its tangents turn back: slip is the same there, and all of it bears friction."""
     bound, radius = 0.01, np.sqrt(3.0)
     mesh = polygon(12, 2, outer=3.0)
-    mesh = replace(mesh, vertices=mesh.vertices @ turn(angle).T)
+    mesh = replace(mesh, vertices=mesh.vertices @ turn(10.0).T)
     mesh = mesh.with_joint("fit", lambda x, y: abs(np.hypot(x, y) - radius * np.cos(np.pi / 12.0)) < 1e-9)
     for name, r in (("hole", 1.0), ("fit", radius), ("outside", 3.0)):
         mesh = mesh.with_arc(name, (0.0, 0.0), r)

@@ -1,32 +1,15 @@
-"""Edges that are arcs of circles: geometry, orders on Lamé's ring, resultants."""
-
-import re
+"""Edges that are arcs of circles: geometry, orders on Lamé's ring, loads, joints, what rigid bodies carry on them."""
 
 import numpy as np
 import pytest
 from scipy import integrate
 
-from comparisons.verification.chapters.curves import lame, lame_energy
-from comparisons.verification.measures import stress_deviation
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Corner,
-    Displacement,
-    Expression,
-    InputError,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    load_result,
-    solve,
-    verify_result,
-)
-from qvi_contact.export import write_npz
-from qvi_contact.files.problem_file import problem_from_toml
-from qvi_contact.files.problem_writer import problem_to_toml
-from qvi_contact.solution.stress import cell_weights
+from comparisons.verification import stress_deviation
+from comparisons.verification.chapters import lame, lame_energy
+from qvi_contact import Corner, InputError, TriangleMesh, solve, verify_result
+from qvi_contact.gallery import arc, fan
+from qvi_contact.mechanism import Rigid, find_mechanism
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Symmetry, Traction
 from tests.qvi_contact.rings import INNER, NU, OUTER, WIDENED, quarter
 
 
@@ -62,17 +45,6 @@ def test_energy_of_a_ring_to_twelve_digits():
     assert abs(errors(result)[1]) < 1e-12
 
 
-def test_chords_leave_the_sagitta():
-    assert abs(errors(solve(under_pressure(quarter(3, 5, arcs=False)), degree=8))[1]) > 1e-3
-
-
-def test_areas_follow_arcs():
-    known = solve(under_pressure(quarter(1, 2)), degree=4).discretization
-    assert cell_weights(known).sum() * known.scales.length**2 == pytest.approx(
-        np.pi / 4.0 * (OUTER**2 - INNER**2), rel=1e-13
-    )
-
-
 def test_resultants_of_arcs_are_exact():
     """Pressure on a quarter of a circle has the force of its projections, and no moment about the centre."""
     pressure = solve(under_pressure(quarter(1, 2)), degree=3).resultant("inner")
@@ -92,40 +64,6 @@ def test_one_component_on_an_arc():
     given = [Traction("inner", tangential=0.0), Displacement("inner", normal=-WIDENED)]
     problem = ContactProblem(mesh, Material(1.0, NU), [*given, *under_pressure(mesh).conditions[1:]])
     assert errors(solve(problem, degree=8))[0] < 1e-5
-
-
-def test_a_body_that_only_tractions_hold():
-    """Tractions of a cubic Φ all around, by x and y: they balance, and the stress is that of Φ."""
-
-    def stress(x, y):
-        return 6.0 * y + 2.0 * x, 6.0 * x - 4.0 * y, -2.0 * y + 4.0 * x - 1.0
-
-    def traction(normal, row):
-        def value(x, y):
-            n, (xx, yy, xy) = normal(x, y), stress(x, y)
-            return (xx, xy)[row] * n[0] + (xy, yy)[row] * n[1]
-
-        return value
-
-    normals = {
-        "inner": lambda x, y: (-x / np.hypot(x, y), -y / np.hypot(x, y)),
-        "outer": lambda x, y: (x / np.hypot(x, y), y / np.hypot(x, y)),
-        "bottom": lambda x, y: (0.0 * x, 0.0 * y - 1.0),
-        "left": lambda x, y: (0.0 * x - 1.0, 0.0 * y),
-    }
-    given = [Traction(name, x=traction(normal, 0), y=traction(normal, 1)) for name, normal in normals.items()]
-    result = solve(ContactProblem(quarter(2, 4), Material(1.0, NU), given), degree=8)
-    x, y = np.array([0.8, 1.2, 1.95]), np.array([0.7, 1.3, 0.1])
-    np.testing.assert_allclose(result.stress(x, y), np.stack(stress(x, y), axis=-1), atol=1e-6)
-
-
-def test_finer_meshes_have_their_vertices_on_the_circle():
-    mesh = quarter(1, 2).refined().refined([0, 5])
-    for name, radius in (("inner", INNER), ("outer", OUTER)):
-        edges = mesh.edges(name)
-        np.testing.assert_allclose(np.hypot(*mesh.vertices[edges.first].T), radius, rtol=1e-14)
-        assert edges.length.sum() == pytest.approx(np.pi / 2.0 * radius, rel=1e-14)
-        np.testing.assert_allclose(np.hypot(*mesh.points_along(edges, np.array([0.3, 0.9]))), radius, rtol=1e-14)
 
 
 def test_points_between_chord_and_arc_are_found():
@@ -180,32 +118,6 @@ def test_barycentres_see_their_arcs(height, seen):
             triangle.with_arc("rim", (0.0, 0.0), 1.0)
 
 
-def test_problem_files_and_archives_keep_arcs(tmp_path):
-    problem = under_pressure(quarter(1, 2))
-    again = problem_from_toml(problem_to_toml(problem)).problem
-    assert again.mesh.same_as(problem.mesh)
-    assert [arc.radius for arc in again.mesh.arcs] == [INNER, OUTER]
-    result = solve(problem, degree=4)
-    write_npz(tmp_path / "ring.npz", result)
-    stored = load_result(tmp_path / "ring.npz")
-    np.testing.assert_array_equal(stored.dofs, result.dofs)
-    assert stored.problem.mesh.same_as(problem.mesh)
-
-
-def test_arcs_of_a_problem_file_by_name():
-    text = problem_to_toml(under_pressure(quarter(1, 2, arcs=False)))
-
-    def given(radius):
-        arc = f'{{ name = "inner", centre = [0.0, 0.0], radius = {radius} }}'
-        return problem_from_toml(text.replace("[mesh]\n", f"[mesh]\narcs = [{arc}]\n")).problem
-
-    assert given("1.0").mesh.curved.sum() == 2
-    for wrong, place in (("1.1", "mesh.arcs[0].radius"), ("-1.0", "mesh.arcs[0].radius")):
-        with pytest.raises(InputError) as caught:
-            given(wrong)
-        assert caught.value.field == place
-
-
 def test_materials_and_joints_along_an_arc():
     """A closed joint between two rings of one material, along an arc: energy and pressure of one ring."""
     mesh = quarter(2, 4)
@@ -223,32 +135,6 @@ def test_materials_and_joints_along_an_arc():
     np.testing.assert_allclose(result.contacts["between"].normal_stress, -pressure, rtol=2e-3)
 
 
-def test_pictures_draw_arcs():
-    pytest.importorskip("matplotlib")
-    from qvi_contact.plots.style import cell_outlines, edge_lines
-    from qvi_contact.plots.symbols import runs
-
-    mesh = quarter(1, 2)
-    for name, radius in (("inner", INNER), ("outer", OUTER)):
-        edges = mesh.edges(name)
-        np.testing.assert_allclose(np.hypot(*edge_lines(mesh, edges).reshape(-1, 2).T), radius, rtol=1e-14)
-        (run,) = runs(mesh, edges)
-        assert run.length == pytest.approx(np.pi / 2.0 * radius, rel=1e-2)
-        np.testing.assert_allclose(np.hypot(*run.line.T), radius, rtol=1e-14)
-    radii = np.hypot(*np.moveaxis(cell_outlines(mesh), -1, 0))
-    assert radii.min() == pytest.approx(INNER, rel=1e-14)
-    assert (np.abs(radii - OUTER) < 1e-12).sum() > 12
-
-
-def test_arcs_that_a_notebook_draws():
-    """The picture is 280 points high and wide: places on the outer circle are so far from its centre."""
-    path = re.findall(r'd="([^"]*)" stroke="#444"', quarter(1, 2)._repr_html_())[0]
-    places = np.array([[float(x) for x in place.split()] for place in re.split("[ML]", path)[1:]])
-    radii = np.hypot(*(places - [8.0, 288.0]).T)
-    assert (np.abs(radii - 280.0) < 0.1).sum() == 2 * 9 + 2
-    assert (np.abs(radii - 140.0) < 0.1).sum() == 2 * 9 + 2
-
-
 def test_finer_meshes_see_their_arcs():
     """A triangle halved beside its arc is too flat for it, and divided until the arc is short enough."""
     mesh = quarter(1, 2)
@@ -256,11 +142,12 @@ def test_finer_meshes_see_their_arcs():
         finer = mesh.refined([cell]).refined([cell])
         radii = np.hypot(*finer.vertices[finer.edge_sets["inner"]].reshape(-1, 2).T)
         np.testing.assert_allclose(radii, INNER, rtol=1e-14)
+        assert finer.edges("outer").length.sum() == pytest.approx(np.pi / 2.0 * OUTER, rel=1e-14)
 
 
-@pytest.mark.parametrize("degree", [3, 4, 6])
 @pytest.mark.parametrize(
-    "load", [{"normal": "-1 - sin(3*x)", "tangential": "0.2*exp(x)"}, {"x": "cos(4*x)", "y": "-exp(x)"}]
+    ("load", "degree"),
+    [({"normal": "-1 - sin(3*x)", "tangential": "0.2*exp(x)"}, 3), ({"x": "cos(4*x)", "y": "-exp(x)"}, 6)],
 )
 def test_loads_that_are_no_polynomials_keep_their_force_on_arcs(load, degree):
     """The force is that of the data, by quadrature over the angle; normal and tangential components are no forces."""
@@ -285,3 +172,76 @@ def test_loads_that_are_no_polynomials_keep_their_force_on_arcs(load, degree):
     found = result.resultant("t")
     assert (found.x, found.y) == pytest.approx(force, abs=1e-10)
     assert verify_result(result).passed
+
+
+HALF = np.pi / 3.0  # of the cradle's angle
+
+
+STEEL = Material(1000.0, 0.3)
+
+
+def cradle(contact, push=1.0, edges=4):
+    """A piece of a ring in a cradle of 120°, pressed by a force 1 downwards and `push` to the right, at its centre."""
+    angles = np.linspace(-HALF, HALF, edges + 1) - np.pi / 2.0
+    mesh = fan([arc(0.5, angles), arc(1.0, angles)], closed=False, arcs=("inner", "outer"))
+
+    def down(x, y):
+        return 2.0 * y / np.hypot(x, y) / (HALF + np.sin(2.0 * HALF) / 2.0)
+
+    def right(x, y):
+        return -2.0 * push * x / np.hypot(x, y) / (HALF - np.sin(2.0 * HALF) / 2.0)
+
+    radial = [Traction("inner", normal=lambda x, y: down(x, y) + right(x, y), tangential=0.0, name="push")]
+    return ContactProblem(
+        mesh, STEEL, [contact, *radial, *(Traction(end, normal=0.0, tangential=0.0) for end in ("start", "end"))]
+    )
+
+
+def holds(contact, push, edges):
+    return find_mechanism(cradle(contact, push, edges)) is None
+
+
+@pytest.mark.parametrize("edges", [3, 4])
+def test_what_a_cradle_holds(edges):
+    """A force through the centre leaves within the angle of the cradle, however many arcs that is divided into."""
+    contact = Contact("outer", 0.0)
+    assert holds(contact, 0.999999 * np.tan(HALF), edges)
+    assert not holds(contact, 1.000001 * np.tan(HALF), edges)
+
+
+def test_what_friction_holds():
+    """Not less than without; not as much more as at a point, since friction at the rim alone would turn the ring."""
+    contact = Contact("outer", 0.2)
+    assert holds(contact, 0.999999 * np.tan(HALF), 3)
+    assert not holds(contact, 0.99 * np.tan(HALF + np.arctan(0.2)), 3)
+
+
+def test_the_work_of_pressure_on_arcs():
+    """Of a uniform pressure all around nothing is left, and on the lower half of a ring what is above it."""
+    angles = np.linspace(0.0, np.pi, 5)
+    mesh = fan([arc(0.5, angles), arc(1.0, angles)], closed=False, arcs=("inner", "outer"))
+    ends = [Traction(end, normal=-3.0, tangential=0.0) for end in ("start", "end")]
+    pressed = ContactProblem(
+        mesh, STEEL, [*(Traction(e, normal=-3.0, tangential=0.0) for e in ("inner", "outer")), *ends]
+    )
+    works = Rigid(pressed).works
+    assert sum(work.row for work in works.values()) == pytest.approx(0.0, abs=1e-13)
+    assert works["outer"].row[:2] == pytest.approx([0.0, -6.0], abs=1e-13)
+    along = ContactProblem(mesh, STEEL, [Traction(e, x=0.0, y=-1.0) for e in ("inner", "outer", "start", "end")])
+    assert Rigid(along).works["outer"].row[:2] == pytest.approx([0.0, -np.pi], abs=1e-13)
+
+
+def test_supports_on_arcs_let_a_disc_turn():
+    """Held normally all around it can turn about its centre, and nothing else."""
+    mesh = fan([arc(1.0, np.linspace(0.0, 2.0 * np.pi, 13)[:-1])], closed=True, centre=(0.0, 0.0), arcs=("outer",))
+    turning = Rigid(
+        ContactProblem(mesh, STEEL, [Displacement("outer", normal=0.0), Traction("outer", tangential=0.0)])
+    ).free
+    assert turning.shape == (3, 1)
+    assert np.abs(turning[:, 0]) == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
+
+
+def test_a_push_beyond_the_cradle_is_infeasible():
+    result = solve(cradle(Contact("outer", 0.0), 1.8))
+    assert result.status.value == "infeasible"
+    assert result.mechanism.overload > 1.0

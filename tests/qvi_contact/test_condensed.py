@@ -1,4 +1,4 @@
-"""The condensed method on bodies: few iterations, settled values, and the answers of the fixed point."""
+"""The condensed method on bodies: few iterations, settled values, answers of the fixed point, folds of the path."""
 
 from functools import cache
 from itertools import product
@@ -6,42 +6,24 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    RectilinearMesh,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    discretize,
-    solve,
-)
+from qvi_contact import RectilinearMesh, discretize, solve, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
-from qvi_contact.solution.solver import posed
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
+from qvi_contact.solution import posed
 from solvers import Status
-from solvers.condensed import method as module
-from solvers.condensed.central_path import CentralPath
-from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.interior_point import InteriorPoint
-from solvers.condensed.method import CondensedOptions
-from solvers.condensed.reduction import Reduction
-from solvers.condensed.systems import Shares
-from solvers.inequality.blocks import dense as dense_rows
-from solvers.inequality.linear import interface_of
-from solvers.inequality.traces import trace_coordinates
-from tests.effort import examples, thinned
+from solvers.condensed import CentralPath, Complementarity, InteriorPoint, Reduction, Shares
+from solvers.inequality import dense as dense_rows
+from solvers.inequality import interface_of, trace_coordinates
+from tests.effort import thinned
 from tests.qvi_contact.frictions import with_friction
 
-pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # settled values and iterations on grids
-
 FRICTIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
+
+
 FEW = 25
+
+
 STEEL, SOFT = Material(1000.0, 0.3), Material(100.0, 0.4)
-SETTLED = {32: 214.10403803, 64: 214.15964926, 128: 214.19115763}
-"""P/2 of `compressed_plate(0.2)` on n² cells, converged, see TRIAL.md."""
 
 
 def in_turn(*meshes):
@@ -71,53 +53,26 @@ def plate_solved_in_few(friction, cells, grading=1.0):
     return solved_in_few(with_friction(plate_on(cells, grading), friction))
 
 
-@pytest.mark.parametrize(("friction", "cells"), thinned(product(FRICTIONS, (2, 4, 8, 16)), 22))
-def test_few_iterations_on_the_plate(friction, cells):
-    plate_solved_in_few(friction, cells)
+@pytest.mark.parametrize(
+    ("friction", "cells", "grading"),
+    thinned(product(FRICTIONS, (2, 4, 8, 16), (1.0,)), 14) + thinned(in_turn((16, 0.7), (24, 0.8)), 6),
+)
+def test_few_iterations_on_the_plate(friction, cells, grading):
+    plate_solved_in_few(friction, cells, grading)
 
 
-@pytest.mark.parametrize("friction", thinned(FRICTIONS, 5))
+@pytest.mark.parametrize("friction", thinned(FRICTIONS, 3))
 def test_few_iterations_on_the_finer_plate(friction):
     """Force and energies are those of the 16² cells to a discretisation error, and stick reduces the force's rise."""
     plate = plate_solved_in_few(friction, 32).contacts["plate"]
     assert 209.0 - 1e-6 < plate.normal_force < 214.36767
-    assert np.abs(plate.tangential_stress).max() <= max(friction, 1e-9) * np.abs(plate.normal_stress).max()
+    assert np.abs(plate.tangential_stress).max() <= (1 + 1e-9) * max(friction, 1e-9) * np.abs(plate.normal_stress).max()
 
 
-@pytest.mark.parametrize(
-    ("friction", "cells", "grading"), thinned(in_turn((16, 0.7), (24, 0.8)) + in_turn((24, 0.8), (32, 0.85)), 11)
-)
-def test_few_iterations_on_graded_plates(friction, cells, grading):
-    plate_solved_in_few(friction, cells, grading)
-
-
-@pytest.mark.parametrize("friction", thinned([0.02, 0.2, 1.0], 1))
-def test_few_iterations_on_4096_cells(friction):
-    plate_solved_in_few(friction, 64)
-
-
-@pytest.mark.parametrize(("friction", "cells"), thinned(in_turn((8,), (16,)) + in_turn((16,), (32,)), 11))
+@pytest.mark.parametrize(("friction", "cells"), thinned(in_turn((8,), (16,)), 6))
 def test_few_iterations_where_contact_opens(friction, cells):
     base = solved_in_few(with_friction(ground(cells), friction)).contacts["base"]
     assert base.normal_force == pytest.approx(2e6, rel=1e-8)
-
-
-@pytest.mark.parametrize("cells", [8, 16])
-@pytest.mark.parametrize("friction", [3.0, 4.0, 5.0])
-def test_large_friction_is_solved_by_whatever_it_takes(friction, cells):
-    result = solve(with_friction(ground(cells), friction))
-    assert result.status is Status.SOLVED, result.message
-    assert result.certificate.passed
-    base = result.contacts["base"]
-    assert base.normal_force == pytest.approx(2e6, rel=1e-8)
-    assert -1.7e6 < base.tangential_force < -1.6e6
-
-
-@pytest.mark.parametrize("cells", list(SETTLED)[: examples(2)])
-def test_settled_forces(cells):
-    """To all printed digits, 1e-6 beyond what a direct solve of the assembled K has on 128² cells."""
-    plate = plate_solved_in_few(0.2, cells).contacts["plate"]
-    assert plate.normal_force == pytest.approx(SETTLED[cells], rel=1e-9 if cells < 128 else 2e-9)
 
 
 def free(*sides):
@@ -196,74 +151,6 @@ def test_same_tractions_as_the_fixed_point(name, inner):
         assert found.slip == pytest.approx(line.slip, abs=1e-6 * max(slip, 1e-4))
 
 
-@pytest.mark.parametrize("name", BODIES)
-def test_the_bodies_show_what_they_are_named_after(name):
-    result = solve(BODIES[name]())
-    lines = list(result.contacts.values())
-    states = np.concatenate([line.state for line in lines])
-    assert (states == 2).any()  # something slips
-    shown = {
-        "opening": lambda: (states == 0).any(),
-        "cohesion": lambda: any(
-            (line.state == 0).any() and (np.abs(line.tangential_stress) > 0.1).any() for line in lines
-        ),
-        "cap": lambda: (lines[0].friction_bound == 1.5).any(),
-        "tresca": lambda: (lines[0].state == 0).any(),
-        "bilateral": lambda: (lines[0].normal_stress > 0.1).any(),
-        "joint": lambda: (result.contacts["b"].state == 0).any() or (result.contacts["a"].state == 0).any(),
-        "driven": lambda: result.plates["plate"].y != 0.0,
-        "several": lambda: len(lines) == 4,
-    }
-    assert shown[name]()
-
-
-def dragged(factor, cells=(4, 3), pressure=10.0, friction=0.3):
-    """Uniform pressure and shear on a block that nothing else holds; the base is pushed back by friction alone."""
-    mesh = RectilinearMesh.rectangle(cells, 2.0, 1.0)
-    shear = factor * friction * pressure
-    sides = [Traction("left", 0.0, -shear), Traction("right", 0.0, shear)]
-    top = Traction("top", shear, -pressure)
-    return ContactProblem(mesh, STEEL, [Contact("bottom", friction, name="base"), top, *sides])
-
-
-@pytest.mark.parametrize("method", [None, "condensed"])
-def test_dragged_block_at_the_limit(method):
-    carried = solve(dragged(0.999), method=method)
-    assert carried.status is Status.SOLVED, carried.message
-    assert carried.contacts["base"].tangential_force == pytest.approx(-0.999 * 0.3 * 20.0, rel=1e-8)
-    lost = solve(dragged(1.01), method=method)
-    assert lost.status is Status.INFEASIBLE
-    assert "slide" in lost.message
-    assert "base" in lost.message
-
-
-@pytest.mark.parametrize("method", [None, "condensed"])
-def test_tension_on_top(method):
-    mesh = RectilinearMesh.rectangle((3, 3), 2.0, 1.0)
-
-    def pulled(stress):
-        conditions = [Contact("bottom", 0.3, name="base"), Traction("top", 0.0, stress), Symmetry("left")]
-        return solve(ContactProblem(mesh, STEEL, [*conditions, *free("right")]), method=method)
-
-    assert pulled(-1e-3).status is Status.SOLVED
-    result = pulled(1e-3)
-    assert result.status is Status.INFEASIBLE
-    assert "pull" in result.message
-    assert "base" in result.message
-
-
-@pytest.mark.parametrize("law", [{}, {"cohesion": 0.03}, {"cohesion": 1e6, "shear_limit": 1e9}])
-@pytest.mark.parametrize("gap", [1e-3, 0.0, -1e-3])
-def test_nothing_but_rounding_to_carry(gap, law):
-    """A free block is not pressed by a base at any distance: zero, beside which cohesion is large beyond measure."""
-    block = RectilinearMesh.rectangle((2, 2))
-    base = Contact("bottom", 0.3, gap=gap, name="base", **law)
-    result = solve(ContactProblem(block, STEEL, [base, *free("left", "right", "top")]), method="condensed")
-    assert result.status is Status.SOLVED, result.message
-    assert np.abs(result.contacts["base"].normal_stress).max() < 1e-15 * STEEL.young
-    assert result.iterations < 60
-
-
 SIDES = {
     "one side": [Contact("bottom", 0.3), *free("left", "right"), Displacement("top", 0.0, -1e-3)],
     "opposite sides": [Contact("bottom", 0.3), Contact("top", 0.2, gap=-1e-3), *free("left", "right")],
@@ -307,16 +194,22 @@ def test_traces_reproduce_the_tractions(sides, joints):
     assert result.status is Status.SOLVED, result.message
 
 
-def at(problem):
+def begun(body):
     """Complementarity and interior point of a body, as `solve_condensed` begins, with a share that leads into folds."""
-    qvi = discretize(problem).fitted().qvi
-    run = module._start(qvi, Reduction(qvi), CondensedOptions(), Shares(1000.0, 1000.0))
-    return run.problem, run.interior
+    qvi = discretize(body).fitted().qvi
+    space = Reduction(qvi)
+    base = space.base(np.zeros(qvi.n))
+    bonded = space.bonded(base)
+    stress = max(np.abs(part).max() for part in space.tractions(base, bonded))
+    problem = Complementarity(qvi, space, base, stress, Shares(1000.0, 1000.0))
+    interior = InteriorPoint(problem, stress / qvi.contact_stiffness)
+    interior.start_at(problem.restricted(bonded))
+    return problem, interior
 
 
 def followed(friction, cells=32, patience=6):
     """The interior point method until it stalls, and the central path from there."""
-    problem, interior = at(ssnv128((cells, cells), friction))
+    problem, interior = begun(ssnv128((cells, cells), friction))
     best, since = np.inf, 0
     for _ in range(100):
         gap = interior.measures(interior.residuals()).gap
@@ -331,15 +224,13 @@ def followed(friction, cells=32, patience=6):
 
 @pytest.fixture(scope="module")
 def fold():
-    """μ = 3 on 32² cells: log τ, steps, s λ over τ ω and residuals along the path until it is passed."""
+    """μ = 3 on 32² cells: log τ, and s λ over ω and its mean, along the path until it is passed."""
     problem, interior, path = followed(3.0)
     record = []
     while not (path.passed or path.lost):
-        change = path.advance()
-        point = interior.point
-        tau = np.exp(path._log)
-        residuals = interior.residuals()
-        record.append((np.log(interior.parameter()), change, point.s * point.lam / (tau * problem.shares), residuals))
+        path.advance()
+        products = interior.point.s * interior.point.lam / problem.shares
+        record.append((np.log(interior.parameter()), products / products.mean()))
     return path, record
 
 
@@ -355,9 +246,8 @@ def test_the_path_passes_a_fold(fold):
 
 
 def test_the_path_is_central(fold):
-    """Once found, s λ stays within a factor of two of τ ω, though every step is only one Newton step."""
-    _, record = fold
-    products = [entry[2] for entry in record]
+    """Once found, s λ over ω stays within a factor of two of its mean, though every step is only one Newton step."""
+    products = [entry[1] for entry in fold[1]]
     near = [bool((np.abs(p - 1.0) < 1.0).all()) for p in products]
     first = near.index(True)
     assert first < len(near) / 2
@@ -365,29 +255,14 @@ def test_the_path_is_central(fold):
     assert all((p > 0.0).all() for p in products)
 
 
-def test_the_parameter_is_what_the_path_says(fold):
-    path, record = fold
-    assert sum(change for _, change, *_ in record) == pytest.approx(path._log - path._start, abs=1e-9)
-    assert record[-1][0] == pytest.approx(path._log, abs=0.3)
-
-
-@pytest.mark.parametrize(
-    ("friction", "cells", "most"), [(2.5, 32, 65), (3.0, 32, 110), (4.0, 8, 60), (4.0, 32, 140), (5.0, 32, 100)]
-)
-def test_what_the_interior_point_cannot_the_path_can(friction, cells, most):
-    """At the first start; where the path was looked for next to its turn the last three took 350, 474 and 224."""
+@pytest.mark.parametrize(("friction", "cells"), [(3.0, 16), (4.0, 8), (5.0, 32)])
+def test_large_friction(friction, cells):
     result = solve(ssnv128((cells, cells), friction), method="condensed")
     assert result.status is Status.SOLVED, result.message
-    assert result.iterations <= most
-
-
-def test_without_friction_the_path_only_falls():
-    problem, interior = at(ssnv128((8, 8), 0.0))
-    for _ in range(3):
-        interior.iterate(interior.residuals())
-    assert isinstance(problem, Complementarity)
-    assert isinstance(interior, InteriorPoint)
-    path = CentralPath(interior)
-    changes = [path.advance() for _ in range(12)]
-    assert all(change < 0.0 for change in changes[6:])
-    assert not path.lost
+    assert result.iterations <= 20
+    base = result.contacts["base"]
+    assert base.normal_force == pytest.approx(2e6, rel=1e-8)
+    assert -1.7e6 < base.tangential_force < -1.6e6
+    if cells == 16:
+        companion = solve_companion(result.problem)
+        assert base.tangential_force == pytest.approx(companion.contacts["base"].tangential_force, rel=2e-3)

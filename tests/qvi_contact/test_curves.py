@@ -5,39 +5,16 @@ import pytest
 from numpy.polynomial.legendre import poly2leg
 from scipy.optimize import linprog
 
-from comparisons.verification.chapters.curves import (
-    NU,
-    OUTER,
-    M,
-    ellipse,
-    kirsch,
-    kirsch_energy,
-    plate,
-    stretched,
-    zeta_of,
-)
-from comparisons.verification.measures import stress_deviation
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    InputError,
-    Material,
-    Traction,
-    TriangleMesh,
-    load_result,
-    solve,
-)
+from comparisons.verification import stress_deviation
+from comparisons.verification.chapters import NU, OUTER, M, ellipse, kirsch, kirsch_energy, sheet, stretched, zeta_of
+from qvi_contact import InputError, TriangleMesh, load_result, solve
 from qvi_contact.export import write_npz
-from qvi_contact.files.problem_file import problem_from_toml
-from qvi_contact.files.problem_writer import problem_to_toml
-from qvi_contact.gallery.meshes import fan
-from qvi_contact.mechanism import find_mechanism
-from qvi_contact.mechanism.program import Rigid
-from qvi_contact.mesh.arcs import arc_offsets
-from qvi_contact.mesh.curves import Curve
-from qvi_contact.mesh.edges import frames_along
-from qvi_contact.plots.style import cell_outlines
+from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.gallery import fan
+from qvi_contact.mechanism import Rigid, find_mechanism
+from qvi_contact.mesh import Curve, arc_offsets, frames_along
+from qvi_contact.plots import cell_outlines, edge_lines, runs
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from tests.qvi_contact.rings import INNER, quarter
 
 
@@ -48,7 +25,7 @@ def errors(result):
 
 @pytest.mark.parametrize("degree", [4, 6])
 def test_orders_on_an_ellipse_are_those_of_straight_bodies(degree):
-    (coarse, less), (fine, least) = (errors(solve(stretched(plate(k, 3 * k)), degree=degree)) for k in (2, 4))
+    (coarse, less), (fine, least) = (errors(solve(stretched(sheet(k, 3 * k)), degree=degree)) for k in (2, 4))
     assert np.log2(coarse / fine) > degree - 1.5
     assert np.log2(abs(less / least)) > 2.0 * (degree - 1.5)
 
@@ -69,7 +46,7 @@ def test_a_curve_that_leaves_the_circle_through_the_corners():
 
 
 def test_energy_of_a_plate_to_twelve_digits():
-    result = solve(stretched(plate(2, 5)), degree=12)
+    result = solve(stretched(sheet(2, 5)), degree=12)
     assert result.status.value == "solved"
     assert len(result.solution.z) < 500
     assert abs(errors(result)[1]) < 1e-12
@@ -112,7 +89,7 @@ def test_closed_curves_may_begin_anywhere(start):
 
 
 def test_finer_meshes_stay_on_the_curve():
-    mesh = plate(1, 4).refined().graded([(1.25, 0.0)], 6)
+    mesh = sheet(1, 4).refined().graded([(1.25, 0.0)], 6)
     for name, radius in (("inner", 1.0), ("outer", OUTER)):
         edges = mesh.edges(name)
         points = mesh.points_along(edges, np.array([0.0, 0.3, 0.5, 0.9, 1.0]))
@@ -122,7 +99,7 @@ def test_finer_meshes_stay_on_the_curve():
 
 def test_frames_are_those_of_the_curve():
     """Normals of a confocal ellipse point along ζ dz/dζ, on both sides of edges taken either way."""
-    mesh = plate(1, 4)
+    mesh = sheet(1, 4)
     for name, sign in (("inner", -1.0), ("outer", 1.0)):
         edges, t = mesh.edges(name), np.linspace(0.0, 1.0, 5)
         zeta = zeta_of(*mesh.points_along(edges, t))
@@ -133,12 +110,11 @@ def test_frames_are_those_of_the_curve():
         np.testing.assert_allclose((found * tangent).sum(axis=-1), 0.0, atol=1e-15)
 
 
-def test_problem_files_and_archives_keep_curves(tmp_path):
-    mesh = plate(1, 4)
+@pytest.mark.parametrize(("mesh", "ends"), [(quarter(1, 4), ("bottom", "left")), (sheet(1, 4), ("start", "end"))])
+def test_problem_files_and_archives_keep_the_shape(mesh, ends, tmp_path):
     given = [Traction("inner", normal=-1.0, tangential=0.0), Displacement("outer", x=0.0, y=0.0)]
-    problem = ContactProblem(mesh, Material(1.0, NU), [*given, *stretched(mesh).conditions[2:]])
-    again = problem_from_toml(problem_to_toml(problem)).problem
-    assert again.mesh.same_as(problem.mesh)
+    problem = ContactProblem(mesh, Material(1.0, NU), [*given, *(Symmetry(end) for end in ends)])
+    assert problem_from_toml(problem_to_toml(problem)).problem.mesh.same_as(problem.mesh)
     result = solve(problem, degree=4)
     write_npz(tmp_path / "plate.npz", result)
     stored = load_result(tmp_path / "plate.npz")
@@ -147,7 +123,7 @@ def test_problem_files_and_archives_keep_curves(tmp_path):
 
 
 def test_ellipses_of_a_problem_file():
-    mesh = plate(1, 4, curved=False)
+    mesh = sheet(1, 4, curved=False)
     given = [Traction("inner", normal=-1.0, tangential=0.0), Displacement("outer", x=0.0, y=0.0)]
     problem = ContactProblem(mesh, Material(1.0, NU), [*given, *stretched(mesh).conditions[2:]])
     text = problem_to_toml(problem)
@@ -165,6 +141,8 @@ def test_ellipses_of_a_problem_file():
         ('{ name = "inner", axes = [0.75, 1.25] }', "centre"),
         ('{ name = "inner", centre = [0.0, 0.0] }', "radius"),
         ('{ name = "inner", centre = [0.0, 0.0], radius = 1.0, angle = 0.2 }', "angle"),
+        ('{ name = "inner", centre = [0.0, 0.0], radius = 1.1 }', "radius"),
+        ('{ name = "inner", centre = [0.0, 0.0], radius = -1.0 }', "radius"),
         (f"{{ edges = {pairs}, bends = [[0.0, 0.1]] }}", "bends"),
         (f"{{ edges = {pairs}, bends = {[[0.0, 0.1, 0.2]] * 4} }}", "bends"),
         (f"{{ edges = {pairs}, bends = {[[0.0, 0.1], [0.1], [0.1], [0.1]]} }}", "bends"),
@@ -194,11 +172,11 @@ def test_ellipses_of_a_problem_file():
 )
 def test_curves_that_cannot_be(curve, ends):
     with pytest.raises(InputError):
-        plate(1, 4, curved=False).with_curve("inner", curve, *ends)
+        sheet(1, 4, curved=False).with_curve("inner", curve, *ends)
 
 
 def test_curves_that_turn_too_far_or_fold():
-    mesh = plate(1, 4, curved=False)
+    mesh = sheet(1, 4, curved=False)
 
     def folded(t):
         """Forth, back and forth again between vertices."""
@@ -216,7 +194,7 @@ def test_curves_that_turn_too_far_or_fold():
 
 def test_edges_by_bends():
     """Rows may come in any order and direction; a row too many or an edge given twice is refused."""
-    mesh = plate(1, 4)
+    mesh = sheet(1, 4)
     known = mesh.arcs[0]
     order = [2, 0, 3, 1]
     flipped = Curve(
@@ -237,9 +215,14 @@ def test_edges_by_bends():
 
 def test_pictures_follow_curves():
     pytest.importorskip("matplotlib")
-    radii = np.abs(zeta_of(*np.moveaxis(cell_outlines(plate(1, 4)), -1, 0)))
+    radii = np.abs(zeta_of(*np.moveaxis(cell_outlines(sheet(1, 4)), -1, 0)))
     assert radii.min() == pytest.approx(1.0, rel=1e-11)
     assert (np.abs(radii - OUTER) < 1e-11).sum() >= 4 * 8
+    mesh = quarter(1, 2)
+    (run,) = runs(mesh, mesh.edges("outer"))
+    assert run.length == pytest.approx(np.pi, rel=1e-2)
+    np.testing.assert_allclose(np.hypot(*run.line.T), 2.0, rtol=1e-14)
+    np.testing.assert_allclose(np.hypot(*edge_lines(mesh, mesh.edges("inner")).reshape(-1, 2).T), 1.0, rtol=1e-14)
 
 
 def test_what_an_elliptic_bed_holds():
@@ -271,7 +254,7 @@ def test_bracket_on_an_ellipse():
     """Both models end at the curve: their energies enclose the exact one, at twice the order."""
     gaps = []
     for k in (1, 2):
-        bracket = solve(stretched(plate(k, 4 * k)), degree=5).bracket
+        bracket = solve(stretched(sheet(k, 4 * k)), degree=5).bracket
         assert bracket.lower < -kirsch_energy() < bracket.upper
         gaps.append(bracket.gap / kirsch_energy())
     assert gaps[1] < 1e-4
@@ -281,7 +264,7 @@ def test_bracket_on_an_ellipse():
 @pytest.mark.parametrize("rows", ["bernstein", "gauss"])
 def test_contact_on_an_ellipse(rows):
     """A smooth plug too large for the hole by a constant distance along normals: pressures do the work of its gap."""
-    mesh = plate(2, 6)
+    mesh = sheet(2, 6)
     free = [Traction("outer", normal=0.0, tangential=0.0), *stretched(mesh).conditions[2:]]
     problem = ContactProblem(mesh, Material(1.0, NU), [Contact("inner", 0.0, gap=-0.1), *free])
     result = solve(problem, degree=6, contact_rows=rows)

@@ -4,7 +4,6 @@ import warnings
 
 import numpy as np
 import pytest
-import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,26 +19,22 @@ from qvi_contact import (
     Traction,
     solve,
 )
-from solvers import Status
 
 POINTS = np.random.default_rng(0).uniform(0.1, 2.0, (2, 3, 4))
 
 
 class TestPolynomial:
-    """Σ c_ij xⁱ yʲ."""
+    """Sums of powers."""
 
-    @settings(max_examples=50, deadline=None, derandomize=True)
+    @settings(max_examples=30, deadline=None, derandomize=True)
     @given(st.lists(st.lists(st.integers(-9, 9), min_size=0, max_size=4), min_size=1, max_size=4).filter(any))
     def test_values(self, coefficients):
-        x, y = sympy.symbols("x y")
-        terms = [c * x**i * y**j for i, row in enumerate(coefficients) for j, c in enumerate(row)]
-        expected = sympy.lambdify((x, y), sympy.Add(*terms))(*POINTS)
+        """Σ c_ij xⁱ yʲ, term by term."""
+        x, y = POINTS
+        expected = sum(c * x**i * y**j for i, row in enumerate(coefficients) for j, c in enumerate(row))
         found = Polynomial(coefficients)(*POINTS)
-        assert found.shape == POINTS[0].shape
+        assert found.shape == x.shape
         assert found == pytest.approx(np.broadcast_to(expected, found.shape), rel=1e-12, abs=1e-10)
-
-    def test_one_term(self):
-        assert Polynomial([[0, 0], [0, 0], [0, 5.0]])(np.array(2.0), np.array(3.0)) == 5.0 * 2.0**2 * 3.0
 
     @pytest.mark.parametrize(
         "bad", [[], [[]], [[], []], [[float("nan")]], [[float("inf")]], [["a"]], 3, [1, 2], None, [[None]]]
@@ -80,39 +75,14 @@ EXPRESSIONS = [
 ]
 
 
-@st.composite
-def expressions(draw, depth=3):
-    """Random text of the allowed kind."""
-    if depth == 0 or draw(st.integers(0, 3)) == 0:
-        return draw(st.sampled_from(["x", "y", "t", "pi", "a", "1.5", "2", "0.25"]))
-    first, second = draw(expressions(depth=depth - 1)), draw(expressions(depth=depth - 1))
-    kind = draw(st.integers(0, 4))
-    if kind == 0:
-        return f"({first} {draw(st.sampled_from(['+', '-', '*', '/']))} {second})"
-    if kind == 1:
-        return f"{draw(st.sampled_from(['sin', 'abs', 'tanh', 'exp', 'sqrt', 'log', 'sign']))}({first})"
-    if kind == 2:
-        return f"{draw(st.sampled_from(['min', 'max', 'hypot']))}({first}, {second})"
-    if kind == 3:
-        return f"where({first} {draw(st.sampled_from(['<', '<=', '>', '>=']))} {second}, {second}, {first})"
-    return f"(-{first} ** 2)"
-
-
 class TestExpression:
-    """Values are numpy's."""
+    """Values are those of numpy, and nothing but arithmetic is let in."""
 
     @pytest.mark.parametrize("text", EXPRESSIONS)
     def test_values(self, text):
         found = Expression(text, {"a": 2.5}, 0.7)(*POINTS)
         assert found.shape == POINTS[0].shape
         assert found == pytest.approx(np.broadcast_to(trusted(text.strip()), found.shape), rel=1e-14)
-
-    @settings(max_examples=150, deadline=None, derandomize=True)
-    @given(expressions())
-    def test_random_expressions(self, text):
-        found = Expression(text, {"a": 2.5}, 0.7)(*POINTS)
-        expected = np.broadcast_to(np.asarray(trusted(text), dtype=float), found.shape)
-        np.testing.assert_allclose(found, expected, rtol=1e-13)
 
     def test_time(self):
         load = Expression("x * t")
@@ -134,19 +104,11 @@ class TestExpression:
         assert np.isinf(Expression("9**9**9")(np.array([1.0]), np.array([1.0]))).all()
         assert np.isinf(Expression("(9**9**9)**9**9 * x")(np.array([1.0]), np.array([1.0]))).all()
 
-    def test_in_a_problem(self):
-        mesh = RectilinearMesh.rectangle((3, 3))
-        loads = [Traction("right", Polynomial([[0.0]]), 0.0), Traction("top", 0.0, Expression("-3 * (1 + 0*x)"))]
-        base = Contact("bottom", Expression("0.1 + 0.1 * x"), name="base")
-        result = solve(ContactProblem(mesh, Material(1000.0, 0.3), [Symmetry("left"), base, *loads]))
-        assert result.status is Status.SOLVED
-        assert result.contacts["base"].normal_force == pytest.approx(3.0, rel=1e-9)
-
     @pytest.mark.parametrize("text", ["1/(x-x)", "log(-x)", "exp(1e4)", "0/0*x", "9**9**9"])
     def test_what_is_not_finite_is_refused_where_it_is_used(self, text):
-        mesh = RectilinearMesh.rectangle((2, 2))
         conditions = [Contact("bottom", 0.1), Symmetry("left"), Traction("right", 0.0, 0.0)]
-        problem = ContactProblem(mesh, Material(1.0, 0.3), [*conditions, Traction("top", 0.0, Expression(text))])
+        conditions.append(Traction("top", 0.0, Expression(text)))
+        problem = ContactProblem(RectilinearMesh.rectangle((2, 2)), Material(1.0, 0.3), conditions)
         with pytest.raises(InputError, match=r"Traction\.y.*finite"):
             solve(problem)
 
@@ -166,7 +128,7 @@ DANGEROUS = [
 
 
 class TestRefused:
-    """Nothing but arithmetic, and the message says which part is meant."""
+    """Texts that are no formulas, in one line."""
 
     @pytest.mark.parametrize("text", DANGEROUS)
     def test_dangerous_or_meaningless(self, text):
@@ -176,18 +138,18 @@ class TestRefused:
                 Expression(text)
         assert "\n" not in str(caught.value)
 
-    @pytest.mark.parametrize("function", [*FUNCTIONS])
-    @pytest.mark.parametrize("count", range(5))
-    def test_number_of_arguments(self, function, count):
+    def test_number_of_arguments(self):
         """One more would be taken by numpy for the array to write the result to: into x itself."""
-        wanted = {"hypot": 2, "min": 2, "max": 2, "where": 3}.get(function, 1)
         x = np.array([0.5, 0.25])
-        text = f"{function}({', '.join(['x'] * count)})"
-        if count == wanted:
-            assert np.isfinite(Expression(text)(x, x)).all()
-        else:
-            with pytest.raises(InputError, match=f"{function} takes {wanted} argument"):
-                Expression(text)
+        for function in FUNCTIONS:
+            wanted = {"hypot": 2, "min": 2, "max": 2, "where": 3}.get(function, 1)
+            for count in range(5):
+                text = f"{function}({', '.join(['x'] * count)})"
+                if count == wanted:
+                    assert np.isfinite(Expression(text)(x, x)).all()
+                else:
+                    with pytest.raises(InputError, match=f"{function} takes {wanted} argument"):
+                        Expression(text)
         assert (x == [0.5, 0.25]).all()
 
     @pytest.mark.parametrize(
@@ -208,7 +170,7 @@ class TestRefused:
             return
         assert np.isfinite(found).all()
 
-    @settings(max_examples=300, deadline=None, derandomize=True)
+    @settings(max_examples=150, deadline=None, derandomize=True)
     @given(st.text(alphabet="xyt()+-*/.,0159eE_[]{}<>= '\"\\:sinwhere%@&|~\n", max_size=40))
     def test_noise(self, text):
         """An expression, or one line of complaint: never another exception, nor a warning."""

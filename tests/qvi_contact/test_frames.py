@@ -1,20 +1,47 @@
-"""Results as pandas tables: each row is what the result says in another way."""
+"""Results elsewhere: as pandas tables, beside claims that are compared with them, and in archives that are verified."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, LimitFactor, limit_load_factor, load_problem, refine, solve, solve_history
-from qvi_contact.basics.units import Units
+from qvi_contact import (
+    InputError,
+    LimitFactor,
+    limit_load_factor,
+    load_problem,
+    load_result,
+    refine,
+    solve,
+    solve_history,
+)
+from qvi_contact.basics import Units
+from qvi_contact.export import field_arrays, write_npz
+from qvi_contact.files import Archive, digest
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.mesh import RectilinearMesh
+from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Region, RigidPlate, Traction
+from qvi_contact.solution import ContactResult
+from qvi_contact.verification import (
+    difference,
+    missed_tractions,
+    problem_difference,
+    scales_difference,
+    verify_file,
+    worse_than_claimed,
+)
+from solvers import Certificate
+from solvers.certificate import EXPONENTS
 
 PLATE = compressed_plate(0.3, (2, 2))
+
+
 UNITS = Units("mm", "MPa")
 
 
 @pytest.fixture(scope="module")
-def result():
+def plate_result():
     return solve(PLATE)
 
 
@@ -23,16 +50,19 @@ def dragged(pytestconfig):
     return load_problem(pytestconfig.rootpath / "examples" / "dragged_block_holds.toml").problem
 
 
-def test_a_result_has_the_points_of_its_contacts_and_a_row_for_each(result):
-    points, forces = result.to_frame(), result.forces_frame()
-    line = result.contacts["plate"]
+def test_a_result_has_the_points_of_its_contacts_and_a_row_for_each(plate_result):
+    points, forces = plate_result.to_frame(), plate_result.forces_frame()
+    line = plate_result.contacts["plate"]
     assert list(points["contact"].unique()) == list(forces["contact"]) == ["plate"]
     assert len(points) == len(line.x)
     assert points["weight"] @ points["normal_stress"] == pytest.approx(-forces["normal_force"][0])
     assert forces["largest_pressure"][0] == -points["normal_stress"].min()
     assert forces[["share_open", "share_stick", "share_slip"]].sum(axis=1)[0] == pytest.approx(1.0)
-    assert {"normal_force [N/mm]", "largest_slip [mm]", "share_slip"} <= set(result.forces_frame(UNITS).columns)
-    assert "slip [mm]" in result.to_frame(UNITS).columns
+    assert {"normal_force [N/mm]", "largest_slip [mm]", "share_slip"} <= set(plate_result.forces_frame(UNITS).columns)
+    assert "slip [mm]" in plate_result.to_frame(UNITS).columns
+    iterations = plate_result.solution.to_frame()
+    assert list(iterations["number"]) == list(range(1, plate_result.solution.iterations + 1))
+    assert list(iterations["residual"]) == [entry.residual for entry in plate_result.solution.history]
 
 
 def test_a_history_has_a_row_for_each_step_and_contact():
@@ -62,14 +92,175 @@ def test_a_limit_load_is_a_row(dragged):
     assert rounds["value"].iloc[-1] == pytest.approx(limit.lower)
 
 
-def test_a_solution_has_a_row_an_iteration(result):
-    table = result.solution.to_frame()
-    assert list(table["number"]) == list(range(1, result.solution.iterations + 1))
-    assert list(table["residual"]) == [entry.residual for entry in result.solution.history]
-
-
-def test_without_pandas_each_names_the_extra(result, monkeypatch):
+def test_without_pandas_each_names_the_extra(plate_result, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    for table in (result.to_frame, result.forces_frame, result.solution.to_frame):
-        with pytest.raises(InputError, match=r"pip install 'qvi-contact\[frame\]'"):
+    for table in (plate_result.to_frame, plate_result.forces_frame, plate_result.solution.to_frame):
+        with pytest.raises(InputError, match="pip install"):
             table()
+
+
+def test_each_entry_by_its_own_size():
+    values = np.array([1.0, 1e-3, 1e-8])
+    assert difference(values, values) == 0.0
+    assert difference(values * [1.0, 1.0 + 1e-6, 1.0], values) == pytest.approx(1e-9 / 1.1e-3)
+    assert difference(values + np.array([0.0, 0.0, 1e-9]), values) == pytest.approx(1e-5, rel=1e-3)
+    assert difference([1e-12], [0.0], unit=1.0) == pytest.approx(1e-8)
+    assert difference([1.0 + 1e-12], [1.0], rounding=1e-11) == 0.0
+    assert difference([np.nan, np.inf, 1.0], [np.nan, np.inf, 1.0]) == 0.0
+    for wrong in ([1.0, np.inf, 1.0], [np.nan, 1.0, 1.0], [np.nan, -np.inf, 1.0], [np.nan, np.inf, np.nan]):
+        assert difference(wrong, [np.nan, np.inf, 1.0]) == np.inf
+    assert difference([True, False], [True, True]) == 1.0
+    assert difference(np.array("a"), np.array("b")) == 1.0
+    assert difference([1.0, 2.0], [1.0]) == difference([1], [1.0]) == np.inf
+
+
+def test_what_is_not_a_number_is_the_largest_of_all():
+    """Python's max would pass over it."""
+    measures = dict.fromkeys(EXPONENTS, 1e-12)
+    computed = Certificate(measures, 1e-8, {"stress": 1.0}, {"bipotential": 1e-12})
+    for wrong in (
+        replace(computed, measures=measures | {"friction": np.nan}),
+        replace(computed, signed={"bipotential": np.nan}),
+        replace(computed, signed={}),
+    ):
+        assert worse_than_claimed(wrong, computed) == np.inf
+    assert worse_than_claimed(computed, computed) == 0.0
+    other = replace(computed, signed={"bipotential": -1e-8})
+    assert worse_than_claimed(other, computed) == pytest.approx(0.5, rel=1e-3)  # of 2 tolerance
+    for scales in ({"stress": np.nan}, {}, {"stress": 1.0, "rounding": np.nan}, {"stress": 1.0, "rounding": 1e-3}):
+        assert scales_difference(replace(computed, scales=scales), computed) == np.inf
+    assert scales_difference(replace(computed, scales={"stress": 1.0, "rounding": 1e-8}), computed) == 0.0
+    qvi = solve(compressed_plate(0.2, (2, 2))).solution.problem
+    assert problem_difference(qvi, qvi) == 0.0
+    broken = replace(qvi)
+    object.__setattr__(broken, "f", np.full(qvi.n, np.nan))  # the constructor refuses it
+    assert problem_difference(broken, qvi) == np.inf
+
+
+def test_resultants_of_prescribed_tractions():
+    """Met though the load is no polynomial; missed by 1 % where the particular stress is 1 % too large."""
+    top = Traction("top", x=lambda x, y: np.sin(3.0 * x) + 0.0 * y, y=lambda x, y: -10.0 * np.exp(x) + 0.0 * y)
+    sides = [Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+    problem = ContactProblem(
+        RectilinearMesh.rectangle((3, 2)), Material(1e3, 0.3), [Contact("bottom", 0.5), top, *sides]
+    )
+    result = solve(problem)
+    assert result.traction_misfit > 1e-3
+    assert missed_tractions(result) < 1e-12
+    known = result.discretization
+    larger = replace(known.elimination, particular=1.01 * known.elimination.particular)
+    wrong = ContactResult(replace(known, elimination=larger), result.solution)
+    assert 1e-3 < missed_tractions(wrong) < 1e-2
+
+
+def fails(path):
+    """Names of the checks that fail, or the message with which the file is refused."""
+    try:
+        return {row.name for row in verify_file(path).failures}
+    except InputError as error:
+        return str(error)
+
+
+def forged(path, entries):
+    """An archive of entries, with their own digest."""
+    np.savez(path, **entries | {"digest": np.array(digest(entries))})
+    return path
+
+
+def stack(push):
+    """Two blocks of different materials on each other, a plate driven by force."""
+    plate = RigidPlate(force_x=push, force_y=-10.0)
+    mesh = RectilinearMesh.rectangle((3, 4), width=1.0, height=2.0).with_joint("joint", "horizontal", at=1.0)
+    contacts = [
+        Contact("bottom", friction=Expression("0.2 + 0.1 * x"), cohesion=0.01, name="ground"),
+        Contact("joint", friction=0.3, law="bilateral"),
+        Contact("top", friction=0.8, plate=plate, name="plate"),
+    ]
+    regions = [Region(Material(2e4, 0.3, "strain"), y=(1.0, 2.0))]
+    free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    return ContactProblem(mesh, Material(1e4, 0.2, "strain"), [*contacts, *free], regions=regions)
+
+
+@pytest.fixture(scope="module")
+def result():
+    """The second step of a history on triangles, with slip before it, a plate driven by force, a joint, a region."""
+    steps = [stack(2.0), stack(2.2)]
+    history = solve_history(steps, element="hct", degree=3)
+    assert history.status == "solved"
+    assert np.abs(history.steps[0].contacts["plate"].slip).max() > 1e-5
+    return history.steps[-1]
+
+
+@pytest.fixture(scope="module")
+def path(result, tmp_path_factory):
+    path = tmp_path_factory.mktemp("stored") / "result.npz"
+    write_npz(path, result)
+    return path
+
+
+@pytest.fixture(scope="module")
+def entries(path):
+    return Archive(path).arrays
+
+
+def test_what_is_read_is_what_was_written(result, path):
+    again = load_result(path)
+    for name in ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold"):
+        assert np.array_equal(getattr(again.solution, name), getattr(result.solution, name)), name
+    assert again.problem.mesh.same_as(result.problem.mesh)
+    assert again.discretization.space.degree == 3
+    assert again.discretization.space.contact_rule.kind == result.discretization.space.contact_rule.kind
+    found = field_arrays(again)
+    for name, values in field_arrays(result).items():
+        assert np.asarray(found[name]) == pytest.approx(np.asarray(values), rel=1e-10, abs=1e-12), name
+    assert fails(path) == set()
+
+
+def test_unknowns_are_read_from_where_they_count(tmp_path):
+    """Small cells in two places: read from elsewhere, unknowns load as solved, with other stresses."""
+    plate = compressed_plate(0.2, (2, 2)).triangulated()
+    problem = replace(plate, mesh=plate.mesh.graded([(1.0, 1.0), (0.5, 1.0)], 11))
+    write_npz(tmp_path / "a.npz", solve(problem, degree=3, method="condensed"))
+    entries = dict(Archive(tmp_path / "a.npz").arrays)
+    assert len(entries["centres"]) == 2
+    assert fails(tmp_path / "a.npz") == set()
+    one, none = entries | {"centres": entries["centres"][:1]}, {k: v for k, v in entries.items() if k != "centres"}
+    for wrong in (one, none):
+        assert "counts from other vertices" in fails(forged(tmp_path / "b.npz", wrong))
+
+
+def test_whatever_is_changed_is_seen(entries, tmp_path):
+    """Also where the digest was forged: the numbers disagree, or the file is refused."""
+    for name in ("vertices", "cells", "degree", "z", "energies", "joint.slip", "earlier_slip"):
+        changed = np.array(entries[name])
+        place = np.unravel_index(np.abs(changed).argmax(), changed.shape)
+        changed[place] += 1e-5 * max(abs(changed[place]), 1e-3) if changed.dtype.kind == "f" else 1
+        found = fails(forged(tmp_path / "a.npz", entries | {name: changed}))
+        assert found, name
+        assert isinstance(found, str) or "digest" not in found
+    text = str(entries["problem"])
+    for old, new in (("[0.0, 0.5]", "[0.0, 0.50001]"), ("young = 20000.0", "young = 20000.1")):
+        assert old in text
+        assert fails(forged(tmp_path / "a.npz", entries | {"problem": np.array(text.replace(old, new))}))
+
+
+def test_other_rows_are_other_unknowns(entries, tmp_path):
+    other = {"gauss": "bernstein", "bernstein": "gauss"}[str(entries["contact_rows"])]
+    assert fails(forged(tmp_path / "a.npz", entries | {"contact_rows": np.array(other)}))
+    for wrong in (np.array(99), np.array(3.5), np.array("three")):
+        assert isinstance(fails(forged(tmp_path / "a.npz", entries | {"degree": wrong})), str)
+
+
+def test_results_without_these_entries_are_those_of_rectangles(tmp_path):
+    """As version 0.1 wrote them."""
+    write_npz(tmp_path / "a.npz", solve(compressed_plate(0.2, (2, 2))))
+    old = {k: v for k, v in Archive(tmp_path / "a.npz").arrays.items() if k not in ("degree", "contact_rows")}
+    assert fails(forged(tmp_path / "b.npz", old)) == set()
+
+
+def test_a_mesh_file_is_never_asked_for_by_a_result(entries, tmp_path):
+    """A result is checked from itself alone, whatever it names."""
+    lines = str(entries["problem"]).splitlines()
+    start, stop = lines.index("[mesh]") + 1, lines.index("[mesh.edges]")
+    text = "\n".join([*lines[:start], 'file = "/etc/passwd.msh"', *lines[stop:]]).replace("[mesh.edges]", "")
+    assert "mesh" in fails(forged(tmp_path / "a.npz", entries | {"problem": np.array(text)}))

@@ -1,27 +1,22 @@
 """Cohesion, caps, Tresca, bilateral and tied contacts: what equals what, and states known in closed form."""
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
 
-from qvi_contact import (
+from qvi_contact import InputError, discretize, exact, solve, verify_result
+from qvi_contact.gallery import stick_slip_block
+from qvi_contact.mesh import RectilinearMesh, TriangleMesh, graded_lines
+from qvi_contact.problem import (
     Contact,
     ContactProblem,
     Displacement,
     Expression,
-    InputError,
     Material,
-    RectilinearMesh,
     RigidPlate,
     Symmetry,
     Traction,
-    TriangleMesh,
-    exact,
-    graded_lines,
-    solve,
-    verify_result,
 )
 from solvers import Status
 from tests.covering import every_pair
@@ -33,22 +28,16 @@ MATERIALS = {
     "strain": Material(2.1e5, 0.4, "strain"),
     "auxetic": Material(1.0, -0.4, "strain"),
 }
+
+
 L_SHAPE = np.array([[1, 1, 1], [1, 1, 0], [1, 1, 0]], dtype=bool)
+
+
 MESHES = {
     "uniform": RectilinearMesh.rectangle((4, 3), 2.0, 1.0),
     "graded": RectilinearMesh(graded_lines(-1.0, 2.0, 6, 0.5, both_ends=True), graded_lines(0.0, 1.0, 3, 1.6)),
     "L": RectilinearMesh([0.0, 0.5, 1.1, 2.0], [0.0, 0.4, 0.7, 1.0], L_SHAPE).with_edges("roof", "top", at=1.0),
 }
-
-
-@pytest.fixture
-def mesh(request):
-    return MESHES[request.param]
-
-
-@pytest.fixture
-def material(request):
-    return MATERIALS[request.param]
 
 
 def punched(mesh, material, *base, shift=2e-4, push=-1e-3):
@@ -61,7 +50,7 @@ def punched(mesh, material, *base, shift=2e-4, push=-1e-3):
     return ContactProblem(mesh, material, conditions)
 
 
-@pytest.mark.parametrize(("mesh", "material"), thinned(product(MESHES, MATERIALS), 5), indirect=True)
+@pytest.mark.parametrize(("mesh", "material"), list(zip(MESHES.values(), MATERIALS.values(), strict=True)), ids=MESHES)
 class TestSameInOtherWords:
     """Two ways to state one law give one state."""
 
@@ -116,11 +105,6 @@ class TestSameInOtherWords:
         assert difference(tied, result) < 1e-7
         assert result.contacts["b"].slip == pytest.approx(0.0, abs=1e-10)
 
-    def test_a_large_cap_is_none(self, mesh, material):
-        free = solved(punched(mesh, material, Contact("bottom", 0.3)))
-        capped = solved(punched(mesh, material, Contact("bottom", 0.3, shear_limit=material.young)))
-        assert difference(free, capped) < 1e-8
-
     def test_bound_is_kept_and_reached_where_it_slips(self, mesh, material):
         stress = 1e-3 * material.young
         cap, cohesion = 0.12 * stress, 0.02 * stress
@@ -137,17 +121,6 @@ class TestSameInOtherWords:
         assert (bound[slips] == cap).any()
 
 
-@pytest.mark.parametrize("material", MATERIALS, indirect=True)
-def test_much_friction_under_a_cap_is_tresca(material):
-    """Where all is pressed."""
-    mesh, bound = MESHES["uniform"], 1e-4 * material.young
-    tresca = solved(punched(mesh, material, Contact.tresca("bottom", bound, name="b")))
-    assert tresca.contacts["b"].normal_stress.max() < -0.01 * bound
-    capped = solved(punched(mesh, material, Contact("bottom", 1e4, shear_limit=bound)))
-    assert difference(tresca, capped) < 1e-7
-    assert (tresca.contacts["b"].state == 2).any()
-
-
 def test_cohesion_acts_where_the_contact_is_open():
     """As documented: |σ_T| ≤ c there, against an obstacle that is far away; nothing else loads the body."""
     base = Contact("bottom", 0.3, gap=0.01, cohesion=0.01, name="b")
@@ -159,6 +132,8 @@ def test_cohesion_acts_where_the_contact_is_open():
 
 
 P, Q, TAU = 100.0, -20.0, 30.0
+
+
 SLIDING = {  # law, σ_N: each bound is TAU
     "tresca": ({"friction": 0.0, "cohesion": TAU}, -P),
     "tresca where nothing presses": ({"friction": 0.0, "cohesion": TAU, "law": "bilateral"}, 0.0),
@@ -197,49 +172,28 @@ def sliding(law, normal, material, side, mesh):
     return exact.problem_from_state(state, mesh, material, sides, (contact,)), state
 
 
-class TestSlidingBlock:
-    """Full slip in a uniform state under every law, on each of the four sides."""
-
-    @pytest.mark.parametrize(
-        ("law", "side", "plane"),
-        thinned(every_pair(list(SLIDING), ["bottom", "right", "top", "left"], ["stress", "strain"]), 20),
-    )
-    def test_state(self, law, side, plane):
-        mesh = RectilinearMesh([1.0, 1.2, 2.0], [1.0, 1.7, 2.0])
-        self.check(mesh, Material(1000.0, 0.3, plane), SLIDING[law], side)
-
-    @pytest.mark.parametrize(("law", "cells"), thinned(product(SLIDING, [(1, 1), (5, 3)]), 10))
-    def test_meshes(self, law, cells):
-        mesh = RectilinearMesh.rectangle(cells, origin=(1.0, 1.0), grading=0.6)
-        self.check(mesh, Material(1000.0, 0.3), SLIDING[law], "bottom")
-
-    @staticmethod
-    def check(mesh, material, law, side):
-        along = mesh.x if side in ("bottom", "top") else mesh.y
-        problem, state = sliding(law[0], law[1], material, side, mesh)
-        if callable(law[0]["friction"]) and side != "bottom":
-            friction, cohesion = law[0]["friction"], law[0]["cohesion"]
-            assert friction(1.0, 1.0) * P + cohesion(1.0, 1.0) == TAU  # everywhere
-        result = solved(problem)
-        x, y, stress = result.gauss_stress()
-        assert stress == pytest.approx(np.moveaxis(state.stress(x, y), 0, -1), abs=1e-6)
-        line = result.contacts["base"]
-        tangent = 0 if side in ("bottom", "top") else 1
-        outward = -1.0 if side in ("bottom", "left") else 1.0
-        assert line.slip == pytest.approx(state.displacement(line.x, line.y)[tangent], rel=1e-6)
-        assert line.gap == pytest.approx(0.0, abs=1e-8)
-        assert line.normal_stress == pytest.approx(law[1], abs=1e-6)
-        assert line.tangential_stress == pytest.approx(outward * TAU, abs=1e-6)
-        assert (line.state == 2).all()
-        length = along[-1] - along[0]
-        work = TAU * length * np.abs(state.displacement(*middle(mesh, side))[tangent])
-        assert result.energies.dissipation == pytest.approx(work, rel=1e-6)
-
-
-def middle(mesh, side):
-    x, y = (mesh.x[0] + mesh.x[-1]) / 2.0, (mesh.y[0] + mesh.y[-1]) / 2.0
-    place = {"bottom": (x, mesh.y[0]), "top": (x, mesh.y[-1]), "left": (mesh.x[0], y), "right": (mesh.x[-1], y)}
-    return map(np.asarray, place[side])
+@pytest.mark.parametrize(
+    ("law", "side", "plane"),
+    thinned(every_pair(list(SLIDING), ["bottom", "right", "top", "left"], ["stress", "strain"]), 20),
+)
+def test_full_slip_in_a_uniform_state(law, side, plane):
+    """Under every law, on each of the four sides; work is τ times the slip in the middle."""
+    given, pressure = SLIDING[law]
+    mesh = RectilinearMesh([1.0, 1.2, 2.0], [1.0, 1.7, 2.0])
+    problem, state = sliding(given, pressure, Material(1000.0, 0.3, plane), side, mesh)
+    result = solved(problem)
+    x, y, stress = result.gauss_stress()
+    assert stress == pytest.approx(np.moveaxis(state.stress(x, y), 0, -1), abs=1e-6)
+    line = result.contacts["base"]
+    tangent, outward = int(side in ("left", "right")), -1.0 if side in ("bottom", "left") else 1.0
+    assert line.slip == pytest.approx(state.displacement(line.x, line.y)[tangent], rel=1e-6)
+    assert line.gap == pytest.approx(0.0, abs=1e-8)
+    assert line.normal_stress == pytest.approx(pressure, abs=1e-6)
+    assert line.tangential_stress == pytest.approx(outward * TAU, abs=1e-6)
+    assert (line.state == 2).all()
+    middle = {"bottom": (1.5, 1.0), "top": (1.5, 2.0), "left": (1.0, 1.5), "right": (2.0, 1.5)}[side]
+    work = TAU * np.abs(state.displacement(*map(np.asarray, middle))[tangent])
+    assert result.energies.dissipation == pytest.approx(work, rel=1e-6)
 
 
 def test_unilateral_contact_opens_where_bilateral_contact_pulls():
@@ -255,7 +209,7 @@ def test_unilateral_contact_opens_where_bilateral_contact_pulls():
     assert held.tangential_stress == pytest.approx(0.0, abs=1e-8)
     failed = solve(problem("unilateral"))
     assert failed.status is Status.INFEASIBLE
-    assert "off 'floor'" in failed.message
+    assert failed.mechanism.contacts["floor"].opens
 
 
 METHODS = [
@@ -283,20 +237,18 @@ def many_laws():
         Contact("bed", 0.02, cohesion=0.3, name="bed"),
     ]
     problem = ContactProblem(mesh, MATERIALS["stress"], conditions)
-    return problem, solved(problem, inner="direct:clarabel", element="bfs")  # fewer rows, for slow inner solvers
-
-
-def test_the_laws_are_at_work(many_laws):
-    lines = many_laws[1].contacts
+    reference = solved(problem, inner="direct:clarabel", degree=3)
+    lines = reference.contacts
     assert (lines["rail"].normal_stress > 1.0).any()
     assert all((lines[name].state == 2).any() for name in ("ground", "bed", "rail"))
     assert (lines["ground"].friction_bound == 8.0).any()
+    return problem, reference
 
 
 @pytest.mark.parametrize("options", METHODS, ids=lambda options: "-".join(map(str, options.values())))
 def test_every_method_finds_the_same_state(many_laws, options):
     problem, reference = many_laws
-    result = solved(problem, **{"tolerance": 1e-8, "element": "bfs", **options})
+    result = solved(problem, **{"tolerance": 1e-8, "degree": 3, **options})
     assert difference(reference, result) < 100 * options.get("tolerance", 1e-8)
     for name, line in reference.contacts.items():
         assert result.contacts[name].slip == pytest.approx(line.slip, abs=1e-5)
@@ -318,56 +270,6 @@ def test_uzawa_finds_the_same_state():
     assert {1, 2} == set(reference.contacts["plate"].state.tolist())
 
 
-@pytest.mark.parametrize("side", ["bottom", "right", "top", "left"])
-@pytest.mark.parametrize("beside", ["first", "second"])
-def test_shear_at_the_bound_in_the_corner_is_carried(side, beside):
-    """Full slip up to a corner with prescribed shear, the limit of what friction carries there: exact on every side.
-
-    The mirror images of `gallery.sliding_block`, whose iterates bound the shear in the corner from below.
-    """
-    mesh = RectilinearMesh([1.0, 1.2, 2.0], [1.0, 1.7, 2.0])
-    problem, state = sliding({"friction": 0.3}, -P, MATERIALS["stress"], side, mesh)
-    free = [name for name in ("bottom", "right", "top", "left") if name != side and held(problem, name)]
-    side_of_shear = free[beside == "second"]
-    conditions = [condition for condition in problem.conditions if condition.edges != side_of_shear]
-    conditions += [
-        Traction(side_of_shear, x=state.traction(side_of_shear, 0)),
-        Traction(side_of_shear, y=state.traction(side_of_shear, 1)),
-    ]
-    result = solved(replace(problem, conditions=conditions), tolerance=1e-8, element="bfs")
-    line = result.contacts["base"]
-    assert line.slip == pytest.approx(state.displacement(line.x, line.y)[int(side in ("left", "right"))], rel=1e-6)
-    assert "prescribes" in result.remarks[0]
-
-
-@pytest.mark.parametrize("base", ["bottom", "top"])
-@pytest.mark.parametrize("shear", [3.0, -3.0])
-def test_shear_that_friction_cannot_carry_in_the_corner(base, shear):
-    """Given up there and said so; every edge keeps its resultant. Friction enough, nothing is given up."""
-    mesh, far = RectilinearMesh.rectangle((4, 4)), {"bottom": "top", "top": "bottom"}[base]
-    pressure = -10.0 if far == "top" else 10.0
-    corner = 0.0 if base == "bottom" else 1.0
-    loads = [Symmetry("left"), Traction("right", 0.0, lambda _, y: shear * (1.0 - np.abs(y - corner)))]
-    loads.append(Traction(far, lambda x, _: 0.0 * x, pressure))
-
-    def problem(friction):
-        return ContactProblem(mesh, MATERIALS["stress"], [Contact(base, friction, name="base"), *loads])
-
-    freed = solved(problem(0.05), tolerance=1e-8, element="bfs")
-    assert any("cannot carry the shear" in remark and "'base'" in remark for remark in freed.remarks)
-    assert freed.traction_misfit > 0.1
-    assert freed.resultant("right").y == pytest.approx(shear / 2.0, rel=1e-9)
-    line = freed.contacts["base"]
-    assert (np.abs(line.tangential_stress) - 0.05 * np.abs(line.normal_stress)).max() < 1e-6
-    kept = solved(problem(3.0), tolerance=1e-8, element="bfs")
-    assert any("prescribes" in remark for remark in kept.remarks)
-    assert kept.traction_misfit < 1e-8
-
-
-def held(problem, side):
-    return any(isinstance(condition, Displacement) and condition.edges == side for condition in problem.conditions)
-
-
 @pytest.mark.parametrize(
     ("arguments", "field"),
     [
@@ -381,11 +283,13 @@ def held(problem, side):
         ({"friction": 0.0, "law": "tied", "shear_limit": 1.0}, "Contact.shear_limit"),
         ({"friction": lambda x, _: x, "law": "tied"}, "Contact.friction"),
         ({"friction": 0.1, "plate": "steel"}, "Contact.plate"),
+        ({"friction": 0.0, "law": "tied", "pore_pressure": 1.0}, "Contact.pore_pressure"),
     ],
 )
 def test_wrong_laws_are_refused(arguments, field):
-    with pytest.raises(InputError, match=field):
+    with pytest.raises(InputError) as caught:
         Contact("bottom", **arguments)
+    assert caught.value.field == field
 
 
 @pytest.mark.parametrize("name", ["friction", "cohesion", "shear_limit"])
@@ -393,20 +297,6 @@ def test_fields_that_turn_negative_are_refused(name):
     contact = replace(Contact("bottom", 0.1), **{name: lambda x, _: 0.5 - x})
     with pytest.raises(InputError, match=f"Contact.{name}"):
         solve(punched(MESHES["uniform"], MATERIALS["stress"], contact))
-
-
-def test_only_the_corner_that_fails_is_given_up():
-    """Pressure 100 x: friction carries the shear of the sides on the right, not on the left."""
-    mesh = RectilinearMesh.rectangle((8, 2), 2.0, 1.0)
-    conditions = [
-        Contact("bottom", 0.3, name="base"),
-        Traction("top", x=27.0, y=lambda x, y: -100.0 * x + 0 * y),
-        Traction("left", x=0.0, y=-27.0),
-        Traction("right", x=0.0, y=27.0),
-    ]
-    result = solved(ContactProblem(mesh, Material(1e3, 0.3), conditions), 1e-8, element="bfs")
-    assert result.discretization.freed.tolist() == [0]
-    assert ["(0, 0)" in remark for remark in result.remarks].count(True) == 1
 
 
 class TestBilateralFriction:
@@ -420,7 +310,7 @@ class TestBilateralFriction:
         free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
         return ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1e4, 0.2), [rail, turned, *free])
 
-    @pytest.mark.parametrize("degree", [3, 4, 6])
+    @pytest.mark.parametrize("degree", [3, 6])
     def test_law_holds_at_the_points_and_the_rest_is_said(self, degree):
         result = solve(self.turned(), degree=degree)
         line = result.contacts["bottom"]
@@ -439,3 +329,33 @@ class TestBilateralFriction:
         assert checks.pop("between points") is False
         assert all(passed is not False for passed in checks.values())
         assert any("'bottom'" in remark for remark in result.remarks)
+
+
+class TestVaryingLaws:
+    """Coefficients of the traction cannot hold a law whose friction varies along an edge: Gauss points are taken."""
+
+    @pytest.mark.parametrize("degree", [4, 5])
+    def test_manufactured_stick_and_slip_is_exact(self, degree):
+        """The state is a polynomial of degree 4, and friction carries the shear; coefficients miss it by 5e-4."""
+        problem, state = stick_slip_block()
+        exactly, missed = (solved(problem, degree=degree, **rows) for rows in ({}, {"contact_rows": "bernstein"}))
+        line = exactly.contacts["base"]
+        assert line.tangential_stress == pytest.approx(-state.stress(line.x, line.y)[2], abs=1e-7)
+        assert line.excess_between_points < 1e-7
+        assert abs(missed.contacts["base"].tangential_force / line.tangential_force - 1.0) > 1e-5
+
+    @pytest.mark.parametrize(
+        ("law", "kind"),
+        [
+            ({"friction": 0.3}, "bernstein"),
+            ({"friction": lambda x, _: 0.3 + 0.0 * x}, "bernstein"),
+            ({"friction": lambda x, _: 0.3 + 0.1 * x}, "gauss"),
+            ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "gauss"),  # at a node
+            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "bernstein"),
+            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "gauss"),
+            ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "gauss"),
+        ],
+    )
+    def test_which_rows_are_taken(self, law, kind):
+        problem = punched(MESHES["uniform"], MATERIALS["stress"], Contact("bottom", **law))
+        assert discretize(problem, degree=4).space.contact_rule.kind == kind

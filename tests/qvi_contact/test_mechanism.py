@@ -10,28 +10,17 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    LimitLoad,
-    Material,
-    RectilinearMesh,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    limit_load_factor,
-    solve,
-)
-from qvi_contact.gallery import jointed_slope, masonry_wall
-from qvi_contact.mechanism import find_mechanism, program, upper_bound
-from qvi_contact.plots.mechanism import moved_outlines
+from qvi_contact import LimitLoad, RectilinearMesh, TriangleMesh, limit_load_factor, solve
+from qvi_contact.gallery import jointed_slope
+from qvi_contact.mechanism import Rigid, find_mechanism, upper_bound
+from qvi_contact.plots import moved_outlines
+from qvi_contact.problem import Contact, ContactProblem, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
 from tests.effort import examples
-from tests.test_examples import example
 
 STEEL = Material(1000.0, 0.3)
+
+
 EXACT = 1e-9
 
 
@@ -76,15 +65,15 @@ class TestTippingWall:
     @pytest.mark.parametrize("mesh", WALLS)
     def test_who_is_told_what(self, mesh):
         """Nothing is claimed below the limit or on it, everything above."""
-        for share in (0.9, 1.0 - 1e-9, 1.0):
+        for share in (1.0 - 1e-9, 1.0):
             assert find_mechanism(wall(WALLS[mesh], 6.25 * share)) is None
-        for share in (1.0 + 1e-6, 1.1, 40.0):
+        for share in (1.0 + 1e-6, 40.0):
             found = find_mechanism(wall(WALLS[mesh], 6.25 * share))
             assert found.overload == pytest.approx(share, rel=EXACT)
             assert found.work == pytest.approx(sum(found.works.values()))
             assert found.work > found.resistance >= 0.0
 
-    @pytest.mark.parametrize("mesh", ["one cell", "rectangles", "two triangles"])
+    @pytest.mark.parametrize("mesh", ["one cell", "rectangles"])
     def test_solving_near_the_limit(self, mesh):
         """0.9 of the load is beyond these meshes, but nobody says that it is beyond the wall."""
         below, above = (solve(wall(WALLS[mesh], 6.25 * share)) for share in (0.9, 1.1))
@@ -93,19 +82,9 @@ class TestTippingWall:
         assert not below.has_state
         assert above.status is Status.INFEASIBLE
         assert above.mechanism.overload == pytest.approx(1.1, rel=EXACT)
-        assert "off 'base'" in above.message
-        assert "1.1 times the work" in above.message
-
-    def test_refined_the_mesh_comes_close(self):
-        mesh = TriangleMesh.rectangle((2, 4), 1.0, 4.0)
-        apart = []
-        for depth in (0, 6, 12, 24):
-            limit = limit_load_factor(wall(mesh.graded([[1.0, 0.0]], depth), 1.0), ["wind"], degree=4)
-            assert limit.upper == pytest.approx(6.25, rel=EXACT)
-            apart.append(1.0 - limit / limit.upper)
-        assert apart[0] > 0.1
-        assert 0.0 <= apart[2] <= 1e-4
-        assert 0.0 <= apart[3] <= 1e-7
+        assert above.mechanism.contacts["base"].opens
+        other = limit_load_factor(below.problem, ["top"])  # of loads that are zero: no multiple helps this mesh
+        assert (other.lower, other.upper) == (-math.inf, math.inf)
 
     def test_grids_come_close_as_well(self):
         """The weight acts a third of the last interval from the toe, 2⁻¹⁴ wide in the end."""
@@ -141,44 +120,6 @@ def test_wedge(friction, expected):
     assert limit.upper == pytest.approx((0.1 + friction) / (1.0 - 0.1 * friction), rel=EXACT)
     assert limit.upper == pytest.approx(expected, abs=5e-7)
     assert limit.lower == pytest.approx(limit.upper, rel=1e-6)
-
-
-class TestBlockOnAnObliquePlane:
-    """40 × 20 on a plane tilted by 30°, under 300: N = 12000, and a shear of 99 % of μN holds where 101 % slides."""
-
-    def problem(self, share):
-        mesh = turned(TriangleMesh.rectangle((4, 2), 40.0, 20.0), 30.0)
-        shear = share * 0.3 * 300.0
-        conditions = [
-            Contact("bottom", 0.3, name="plane"),
-            Traction("top", normal=-300.0, tangential=shear, name="drag"),
-            *(Traction(side, normal=0.0, tangential=sign * shear) for side, sign in (("right", -1.0), ("left", 1.0))),
-        ]
-        return ContactProblem(mesh, STEEL, conditions)
-
-    def test_holds(self):
-        plane = solve(self.problem(0.99)).contacts["plane"]
-        assert (plane.normal_force, abs(plane.tangential_force)) == pytest.approx((12000.0, 3564.0), rel=1e-8)
-
-    def test_slides(self):
-        result = solve(self.problem(1.01))
-        assert result.status is Status.INFEASIBLE
-        assert result.mechanism.contacts["plane"].slides
-
-    def test_the_factor(self):
-        """Of the shear alone; where the pressure grows with it, any multiple holds, or none does."""
-        problem = self.problem(0.5)
-        alone = replace(problem, conditions=split(problem))
-        assert upper_bound(alone, ["shear", "right", "left"])[0] == pytest.approx(2.0, rel=EXACT)
-        assert upper_bound(problem, ["drag", "right", "left"]) == (np.inf, None)
-        assert upper_bound(self.problem(1.01), ["drag", "right", "left"])[0] == pytest.approx(0.0, abs=EXACT)
-
-
-def split(problem):
-    """The load on the top as two."""
-    base, top, *sides = problem.conditions
-    parts = Traction("top", normal=top.normal), Traction("top", tangential=top.tangential, name="shear")
-    return [base, *parts, *sides]
 
 
 def dragged(contact, pressure=10.0):
@@ -230,20 +171,9 @@ class TestLaws:
         bent = upper_bound(dragged(Contact("bottom", lambda x, _: 0.3 + 0.1 * x * (2.0 - x))), ["shear"])[0]
         assert 4.0 * (1.0 - EXACT) <= bent <= 4.01  # all pressure in the middle
 
-    def test_gap_and_offset_do_not_enter(self):
-        far = Contact("bottom", 0.3, gap=3.0, offset=-1.0)
-        assert upper_bound(dragged(far), ["shear"])[0] == pytest.approx(3.0, rel=EXACT)
-
 
 class TestSupportsAndPlates:
     """What may move with the blocks, and what may not."""
-
-    def test_supports_hold(self):
-        loads = [Traction("right", 1.0, 1.0), Traction("left", 0.0, 0.0)]
-        mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
-        clamped = ContactProblem(mesh, STEEL, [Displacement("bottom", 0.1, 0.0), Traction("top", 5.0, 5.0), *loads])
-        assert find_mechanism(clamped) is None
-        assert upper_bound(clamped, ["top"]) == (np.inf, None)
 
     def test_symmetry_guides(self):
         """Lifted at its weight; sideways the line of symmetry holds."""
@@ -291,57 +221,6 @@ class TestSupportsAndPlates:
             found = find_mechanism(ContactProblem(mesh, STEEL, [*guides, *ends]))
             assert found.overload == np.inf
             assert found.violation < 1e-14
-
-    def test_a_hinge_does_not_slide(self):
-        """Held at a short part of its base, the block still turns about it only if that part may."""
-        mesh = RectilinearMesh([0.0, 1e-3, 1.0], [0.0, 1.0]).with_edges("foot", "bottom", stop=1e-3)
-        mesh = mesh.with_edges("rest", "bottom", start=1e-3)
-        free = [Traction(side, 0.0, 0.0) for side in ("left", "rest")]
-        loads = [Traction("right", 0.0, -1.0), Traction("top", 0.0, 0.0)]
-        clamped = ContactProblem(mesh, STEEL, [Displacement("foot", 0.0, 0.0), *free, *loads])
-        assert find_mechanism(clamped) is None
-        propped = ContactProblem(mesh, STEEL, [Contact("foot", 0.3, name="foot"), *free, *loads])
-        assert find_mechanism(propped).contacts["foot"].opens
-
-
-class TestWallOfBlocks:
-    """Three courses of two blocks, 30 on the top, weight 24: what the whole wall and what its top course does."""
-
-    def problem(self, friction, where=0.0):
-        problem = example("dry_stone_wall").problem
-        lines = [0.0, 1.0, 1.5, 3.0], [0.0, 1.0, 2.0, 3.0]
-        coarse = problem.on_lines(*lines).triangulated()
-        edges = coarse.mesh.boundary.take(coarse.mesh.edge_set("left"))
-        pairs = np.column_stack([edges.first, edges.second])
-        above = coarse.mesh.vertices[pairs][:, :, 1].mean(axis=1) > where
-        mesh = coarse.mesh.with_edges("pushed", pairs[above])
-        pushed = [Traction("pushed", 1.0, 0.0, name="push")]
-        if not above.all():
-            mesh = mesh.with_edges("below", pairs[~above])
-            pushed.append(Traction("below", 0.0, 0.0))
-        others = [replace(c, friction=friction) if isinstance(c, Contact) else c for c in coarse.conditions]
-        others = [condition for condition in others if condition.edges != "left"]
-        return replace(coarse, mesh=mesh, conditions=[*pushed, *others])
-
-    def test_it_slides_on_the_ground(self):
-        limit = limit_load_factor(self.problem(0.6), ["push"], degree=4)
-        assert limit.upper == pytest.approx(0.6 * 306.0 / 3.0, rel=EXACT)
-        assert limit.lower == pytest.approx(limit.upper, rel=1e-6)
-        moved = limit.mechanism.contacts
-        assert [name for name in moved if moved[name].slides] == ["ground"]
-
-    def test_the_upper_course_slides(self):
-        upper, mechanism = upper_bound(self.problem(0.6, 2.0), ["push"])
-        assert upper == pytest.approx(0.6 * 162.0, rel=EXACT)
-        assert sum(np.hypot(motion.x, motion.y) > 0.5 for motion in mechanism.motions) == 2
-
-    def test_the_wall_tips_as_one(self):
-        """(30 · 3 + 24 · 9) · 1.5 = H · 2.5; refined at the edges the mesh comes within 1e-4."""
-        problem = self.problem(1.5, 2.0)
-        corners = [(3.0, 0.0), (3.0, 1.0), (3.0, 2.0)]
-        limit = limit_load_factor(replace(problem, mesh=problem.mesh.graded(corners, 12)), ["push"], degree=4)
-        assert limit.upper == pytest.approx(306.0 * 1.5 / 2.5, rel=EXACT)
-        assert 0.0 <= 1.0 - limit / limit.upper <= 1e-4
 
 
 @st.composite
@@ -413,16 +292,6 @@ class TestLimitLoad:
         assert again(self.LIMIT) == 5.0
 
 
-def test_a_program_that_fails_decides_nothing(monkeypatch):
-    """The status of the mesh's proof is what is left then."""
-
-    def failing(*_, **__):
-        return type("Answer", (), {"status": 4, "message": "no"})()
-
-    monkeypatch.setattr(program, "solved", failing)
-    assert solve(wall(WALLS["one cell"], 10.0)).status is Status.INFEASIBLE_ON_MESH
-
-
 class TestJumpsInsideEdges:
     """Cohesion and cap that jump or bend where the mesh has no vertex: what is proved holds on meshes that have one."""
 
@@ -481,40 +350,26 @@ class TestSolvedBeyondTheLimit:
         assert result.contacts["bottom"].excess_between_points > 0.01
 
 
-def test_programs_of_many_blocks_are_sparse():
-    """Conditions of a joint have entries for its two blocks, and for what slips there."""
-    rigid = program.Rigid(masonry_wall(4, 6, ()))
-    matrix = program._Program(rigid, rigid.lines)._matrix
-    assert np.diff(matrix.indptr).max() <= 2 * 3 + 1
-    assert (matrix.data != 0.0).all()
-
-
 def test_bodies_that_nothing_holds_keep_motions_of_their_own():
     """Supports hold the rock below a slope; each block above has its three numbers."""
-    rigid = program.Rigid(jointed_slope(3, 1))
+    rigid = Rigid(jointed_slope(3, 1))
     assert rigid.free.shape[1] == 3 * (len(rigid.bodies) - 1)
     assert sorted(np.count_nonzero(rigid.free, axis=0)) == [1] * rigid.free.shape[1]
 
 
-@pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-5, 1e-6])
-def test_just_below_the_friction_that_locks(beyond):
+@pytest.mark.parametrize("beyond", [1e-2, 1e-6, 1e-8, 0.0, -1e-2])
+def test_the_friction_that_locks(beyond):
     """Pushed at 45° a block of weight 1 slides where α > μ (1 + α), however close to 1 its friction is."""
     mu = 1.0 - beyond
     loads = [Traction("top", 1.0, -1.0, name="push"), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
     body = TriangleMesh.rectangle((1, 1), 2.0, 1.0)
     problem = ContactProblem(body, STEEL, [Contact("bottom", mu), *loads], body_potential=lambda _, y: y)
     factor, mechanism = upper_bound(problem, ["push"])
-    assert factor == pytest.approx(mu / beyond, rel=1e-9)
-    assert mechanism.contacts["bottom"].slides
-
-
-@pytest.mark.parametrize("share", [1e-8, 0.0, -1e-2])
-def test_friction_that_locks(share):
-    loads = [Traction("top", 1.0, -1.0, name="push"), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-    contact = Contact("bottom", 1.0 - share)
-    body = TriangleMesh.rectangle((1, 1), 2.0, 1.0)
-    problem = ContactProblem(body, STEEL, [contact, *loads], body_potential=lambda _, y: y)
-    assert upper_bound(problem, ["push"]) == (math.inf, None)
+    if beyond < 1e-7:
+        assert (factor, mechanism) == (math.inf, None)
+    else:
+        assert factor == pytest.approx(mu / beyond, rel=1e-9)
+        assert mechanism.contacts["bottom"].slides
 
 
 def test_just_too_little_friction_carries_no_multiple():

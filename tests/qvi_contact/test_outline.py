@@ -2,7 +2,9 @@
 
 import math
 import signal
+import sys
 import threading
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +13,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from qvi_contact import Corner, InputError, TriangleMesh, load_problem, solve
-from qvi_contact.basics.signals import handlers_kept
-from qvi_contact.files.problem_file import problem_from_toml
-from qvi_contact.files.problem_writer import problem_to_toml
-from qvi_contact.mesh import mesher
-from qvi_contact.mesh.outline import Outline, polygons
-from qvi_contact.mesh.topology import Topology
-from qvi_contact.mesh.triangulation import divided_corners
+from qvi_contact.basics import handlers_kept
+from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.mesh import Outline, Topology, divided_corners, polygons
 from tests.effort import examples
+from tests.qvi_contact.broken_files import PROBLEMS
 
 try:
     import gmsh
@@ -80,12 +79,6 @@ class TestPolygons:
         assert lengths[0] <= min(size, np.pi / 6.0)
         assert 2.0 * np.arcsin(lengths / 2.0).sum() == pytest.approx(turn)
 
-    def test_a_circle_holds_what_is_inside(self):
-        ring = polygons(Outline(Corner.circle((2.0, 3.0), 1.5), 0.01)).outer
-        points = np.array([(2.0, 3.0), (3.4, 3.0), (3.6, 3.0), (0.0, 3.0), (2.0, 4.49)])
-        assert ring.holds(points).tolist() == [True, True, False, False, True]
-        assert enclosed(ring.points) == pytest.approx(np.pi * 1.5**2, rel=1e-4)
-
     @settings(max_examples=examples(40), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
     @given(st.lists(st.floats(0.3, 3.0), min_size=3, max_size=9), st.floats(-1e3, 1e3), st.booleans(), st.data())
     def test_lines_that_cross_are_found(self, radii, shift, reverse, data):
@@ -99,21 +92,16 @@ class TestPolygons:
             k = data.draw(st.integers(0, count - 1))
             mixed = star.copy()
             mixed[[k, (k + 1) % count]] = mixed[[(k + 1) % count, k]]
-            if _simple(mixed):
+            with nullcontext() if _simple(mixed) else pytest.raises(InputError, match="cross or touch"):
                 polygons(Outline([tuple(p) for p in mixed.tolist()], 1.0))
-            else:
-                with pytest.raises(InputError, match="cross or touch"):
-                    polygons(Outline([tuple(p) for p in mixed.tolist()], 1.0))
 
     @pytest.mark.parametrize(
         ("changes", "field", "words"),
         [
             ({"corners": SQUARE[:2]}, "corners", "three or more"),
-            ({"corners": SQUARE[:1]}, "corners", "two or more"),
             ({"corners": "abc"}, "outline", "list of corners"),
             ({"corners": [*SQUARE, (0.0, 1.0)]}, "corners", "one after the other"),
             ({"corners": [*SQUARE, (0.5, 0.5), (0.0, 1.0)]}, "outline", "cross or touch"),
-            ({"corners": [(0, 0), (2, 0), (1, 0), (1, 1)]}, "outline", "cross or touch"),
             ({"corners": [(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)]}, "outline", "cross or touch"),
             ({"corners": [(0, 0), (1, math.nan), (1, 1)]}, "Corner.at", "finite"),
             ({"corners": [(0, 0), (1, 0, 0), (1, 1)]}, "Corner.at", "pair"),
@@ -124,7 +112,6 @@ class TestPolygons:
             ({"sizes": {(0.5, 0.5): -1.0}}, "sizes[(0.5, 0.5)]", "greater than 0"),
             ({"sizes": {(0.5, 1.5): 0.1}}, "sizes", "points of the body"),
             ({"holes": [Corner.circle((0.5, 0.5), 0.2)], "sizes": {(0.5, 0.5): 0.1}}, "sizes", "points of the body"),
-            ({"holes": [Corner.circle((0.5, 0.5), 0.6)]}, "outline", "cross or touch"),
             ({"holes": [Corner.circle((0.5, 0.5), 0.5)]}, "outline", "cross or touch"),
             ({"holes": [Corner.circle((2.5, 0.5), 0.2)]}, "holes[0]", "not inside"),
             ({"holes": [Corner.circle((0.5, 0.5), r) for r in (0.3, 0.1)]}, "holes[1]", "not inside"),
@@ -189,22 +176,14 @@ class TestCorners:
         assert self.filled(divided_corners(vertices, self.RISING, self.NONE)) == 1
 
 
-class TestWithoutGmsh:
-    """One line says how to get it."""
-
-    def test_the_package(self, monkeypatch):
-        monkeypatch.setitem(__import__("sys").modules, "gmsh", None)
-        with pytest.raises(InputError, match="pip install"):
-            TriangleMesh.outline(SQUARE, 0.5)
-
-    def test_its_libraries(self, monkeypatch):
-        def missing(_):
-            raise OSError("libGLU.so.1: cannot open shared object file:\nNo such file or directory")
-
-        monkeypatch.setattr(mesher, "load", missing)
-        with pytest.raises(InputError, match="apt-get install") as caught:
-            TriangleMesh.outline(SQUARE, 0.5)
-        assert len(str(caught.value).splitlines()) == 1
+def test_where_a_library_of_the_system_is_missing_one_line_says_how_to_get_it(monkeypatch, tmp_path):
+    """In the place of gmsh stands a module that fails as gmsh does then."""
+    (tmp_path / "gmsh.py").write_text('raise OSError("libGLU.so.1: cannot open shared object file:\\nNo such file")')
+    monkeypatch.delitem(sys.modules, "gmsh", raising=False)
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match="apt-get install") as caught:
+        TriangleMesh.outline(SQUARE, 0.5)
+    assert len(str(caught.value).splitlines()) == 1
 
 
 @pytest.fixture(scope="module")
@@ -253,22 +232,16 @@ class TestMeshes:
             assert arch.vertices[vertex] == pytest.approx(place, abs=1e-12)
             assert 0.4 * size < arch.finest[vertex] < 1.6 * size
 
-    def test_joints_may_cross_and_end_inside(self):
+    def test_joints_may_cross_end_inside_and_be_closed(self):
         joints = {"up": [(0.5, 0.0), (0.5, 0.7)], "across": [(0.2, 0.5), (0.8, 0.5)]}
         mesh = TriangleMesh.outline(SQUARE, 0.3, joints=joints)
         assert mesh.edges("up").length.sum() == pytest.approx(0.7)
         assert mesh.edges("across").length.sum() == pytest.approx(0.6)
-
-    def test_joints_may_be_closed(self):
         circle = Corner.circle((0.5, 0.5), 0.3, size=0.2)
         mesh = TriangleMesh.outline(SQUARE, 0.3, joints={"pin": circle}, regions={"pin": circle})
         joint = mesh.edges("pin")
         assert set(np.bincount(np.concatenate([joint.first, joint.second])).tolist()) == {0, 2}
         assert np.isin(joint.cells, mesh.region("pin")).sum(axis=1).tolist() == len(joint) * [1]
-
-    def test_regions_outside_are_refused(self):
-        with pytest.raises(InputError, match="no part of the body"):
-            TriangleMesh.outline(SQUARE, 0.5, regions={"core": [(2.0, 0.0), (3.0, 0.0), (3.0, 1.0)]})
 
     @pytest.mark.parametrize(("size", "away"), [(1e-6, 0.0), (1e5, 0.0), (1.0, 1e4), (3.0, 0.0)])
     def test_neither_units_nor_places_matter(self, size, away):
@@ -279,10 +252,19 @@ class TestMeshes:
         assert set(corners) <= set(map(tuple, mesh.vertices.tolist()))
         assert np.count_nonzero(np.abs(mesh.boundary.tangent).max(axis=1) == 1.0) == len(mesh.boundary)
 
-    @pytest.mark.parametrize("joint", [[(0.5, 0.5), (0.5, 1.5)], [(2.0, 2.0), (3.0, 3.0)], [(0.0, 0.0), (0.5, 0.0)]])
-    def test_joints_outside_are_refused(self, joint):
+    @pytest.mark.parametrize(
+        "inside",
+        [
+            *({"joints": {"seam": [(0.5, 0.5), (0.5, 1.5)]}}, {"joints": {"seam": [(2.0, 2.0), (3.0, 3.0)]}}),
+            *(
+                {"joints": {"seam": [(0.0, 0.0), (0.5, 0.0)]}},
+                {"regions": {"core": [(2.0, 0.0), (3.0, 0.0), (3.0, 1.0)]}},
+            ),
+        ],
+    )
+    def test_what_is_outside_is_refused(self, inside):
         with pytest.raises(InputError):
-            TriangleMesh.outline(SQUARE, 0.5, joints={"seam": joint})
+            TriangleMesh.outline(SQUARE, 0.5, **inside)
 
     def test_the_same_outline_has_the_same_mesh_in_any_thread(self, arch):
         found = []
@@ -332,49 +314,7 @@ class TestMeshes:
             gmsh.finalize()
 
 
-FILE = """
-version = 1
-[mesh.outline]
-size = 0.25
-corners = [
-    { at = [0.0, 0.0], name = "base" },
-    { at = [2.0, 0.0], name = "right" },
-    { at = [2.0, 1.0], name = "top", size = 0.1 },
-    { at = [0.0, 1.0], name = "left" },
-]
-holes = [{ centre = [1.0, 0.5], radius = 0.2, name = "bore" }]
-joints = [{ name = "seam", corners = [{ at = [0.0, 0.2] }, { at = [2.0, 0.2] }] }]
-regions = [{ name = "core", centre = [0.4, 0.6], radius = 0.1 }]
-sizes = [{ at = [1.5, 0.5], size = 0.1 }]
-[material]
-young = 1000.0
-poisson = 0.3
-[[regions]]
-name = "core"
-young = 1000.0
-poisson = 0.3
-[[tractions]]
-edges = "top"
-normal = -2.0
-tangential = 0.0
-[[tractions]]
-edges = "left"
-x = 0.0
-y = 0.0
-[[tractions]]
-edges = "right"
-x = 0.0
-y = 0.0
-[[tractions]]
-edges = "bore"
-x = 0.0
-y = 0.0
-[[contacts]]
-edges = "base"
-friction = 0.3
-[solve]
-degree = 3
-"""
+FILE = (PROBLEMS / "outline.toml").read_text(encoding="utf-8")
 
 
 CORE = 'name = "core", centre = [0.4, 0.6], radius = 0.2'
@@ -392,15 +332,6 @@ class TestFiles:
         assert result.contacts["base"].normal_force == pytest.approx(4.0, rel=1e-9)
         again = problem_from_toml(problem_to_toml(file.problem)).problem
         assert again.mesh.same_as(file.problem.mesh)
-
-    @needs_gmsh
-    def test_the_example_of_the_documentation(self):
-        page = (Path(__file__).parents[2] / "docs" / "problem_files.md").read_text(encoding="utf-8")
-        text = page.partition("```toml")[2].partition("```")[0]
-        rest = 'version = 1\n[material]\nyoung = 1.0\npoisson = 0.3\n[[contacts]]\nedges = "base"\nfriction = 0.3\n'
-        free = "".join(f'[[tractions]]\nedges = "{name}"\nx = 0.0\ny = 0.0\n' for name in ("side", "arch", "bore"))
-        mesh = problem_from_toml(rest + free + text).problem.mesh
-        assert set(mesh.edge_names) == {"base", "side", "arch", "bore"}
 
     @pytest.mark.parametrize(
         ("old", "new", "field"),

@@ -10,42 +10,26 @@ from click.testing import CliRunner
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    InputError,
-    Material,
-    RigidPlate,
-    Traction,
-    TriangleMesh,
-    discretize,
-    refine,
-    save_problem,
-    solve,
-    solve_history,
-    solve_sweep,
-    stream_sweep,
-)
-from qvi_contact.bracket import bracket
-from qvi_contact.bracket.senses import outside_scope
+from qvi_contact import InputError, discretize, refine, save_problem, solve, solve_history, solve_sweep, stream_sweep
+from qvi_contact.basics import Units
+from qvi_contact.bracket import bracket, outside_scope
 from qvi_contact.cli import group
-from qvi_contact.command.page import numbers
 from qvi_contact.companion import solve_companion
-from qvi_contact.discretization.pins import misplaced_pins, pressed_pins
-from qvi_contact.gallery.meshes import arc, fan
+from qvi_contact.discretization import misplaced_pins, pressed_pins
+from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import find_mechanism
-from qvi_contact.mesh.arcs import cross
-from qvi_contact.problem.conditions import disc_gap
-from qvi_contact.refinement.quantity import unit_of
-from qvi_contact.solution.contact_path import leads_one_way, turning_senses
-from qvi_contact.units import Units
+from qvi_contact.mesh import TriangleMesh, cross
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction, disc_gap
+from qvi_contact.refinement import unit_of
+from qvi_contact.solution import leads_one_way, turning_senses
 from solvers import Status
+from tests.qvi_contact.rings import holed, polygon
 from tests.qvi_contact.states import difference, solved
-from tests.qvi_contact.test_holes import holed, polygon
 from tests.qvi_contact.test_plates import moved
 
 UNIT = Material(1.0, 0.3)
+
+
 SHEET, SMALL = polygon(24, 4, outer=3.0), polygon(16, 2)
 
 
@@ -119,9 +103,6 @@ def test_force_of_a_tied_pin_lies_between_its_bounds():
     for found in forces:
         assert found.lower <= settled <= found.upper
     assert forces[1].upper - forces[1].lower < 0.03 * settled
-    turned = pinned(replace(pin, plate=RigidPlate(rotation=0.1)), mesh=SMALL)
-    moment = bracket(solved(turned)).forces["pin.moment"]
-    assert moment.lower <= solved(turned, degree=6).plate_force("pin").moment <= moment.upper
 
 
 def test_two_pins_at_once():
@@ -217,13 +198,6 @@ class TestPinsOfASeries:
         assert stored.equals(solve_sweep(*asked, degree=3).to_frame())
         assert stored["moment"].isna().tolist() == [False, True] * 2
 
-    def test_contacts_without_a_plate_have_none(self):
-        """And no columns where no contact has one."""
-        other = Contact("outside", 0.0, law="tied")
-        assert np.isnan(solved(pinned(self.problem().contacts[0], other, ROUND), degree=3).forces_frame()["moment"][1])
-        pressed = pinned(Contact("hole", 0.0, gap=-0.01), mesh=ROUND)
-        assert "moment" not in solved(pressed, degree=3).forces_frame()
-
     def test_text_and_page(self, tmp_path):
         file, page = tmp_path / "pin.toml", tmp_path / "page.html"
         save_problem(file, self.problem(), units=Units("mm", "MPa"), solve_options={"degree": 3})
@@ -234,7 +208,6 @@ class TestPinsOfASeries:
         assert [float(row.split()[3]) for row in rows] == pytest.approx(moved, rel=1e-4)
         shown = page.read_text(encoding="utf-8")
         assert shown.count("moved x [mm]") == 2  # of both values, and of the last
-        assert all(shown.count(f"<td>{numbers.number(x)}</td>") >= 1 for x in moved)
 
 
 class TestRefinedForAPin:
@@ -260,7 +233,7 @@ class TestRefinedForAPin:
 
     def test_names_of_what_has_no_plate_are_refused(self):
         problem = pinned(Contact("hole", 0.3, gap=-0.01), mesh=SMALL)
-        with pytest.raises(InputError, match="no such number") as caught:
+        with pytest.raises(InputError) as caught:
             refine(problem, None, 0.1, "hole.x")
         assert "hole.normal_force" in caught.value.remedy
         assert "hole.moment" not in caught.value.remedy
@@ -427,7 +400,7 @@ class TestWideClearances:
     @staticmethod
     def pushed(force, tolerance=1e-8):
         pin = Contact.pin("hole", 0.3, (0.0, 0.0), 0.99, force_x=force, y=0.0, rotation=0.0)
-        return solve(pinned(pin, mesh=ROUND), tolerance=tolerance)
+        return solve(pinned(pin, mesh=ROUND), tolerance=tolerance, degree=3)
 
     @staticmethod
     def said(result):
@@ -482,21 +455,6 @@ class TestMomentsThatFrictionDoesNotCarry:
         assert not above.certificate.passed
         assert find_mechanism(above.problem) is None
         assert sum(drive in remark and "rotation" in remark for remark in above.remarks) == 1
-
-
-@pytest.mark.parametrize(
-    ("given", "field"),
-    [
-        ({}, "RigidPlate"),
-        ({"force_x": 1.0, "x": 0.0}, "RigidPlate.force_x"),
-        ({"moment": 1.0, "rotation": 1.0}, "RigidPlate.moment"),
-        ({"y": np.nan}, "RigidPlate.y"),
-    ],
-)
-def test_plates_that_are_refused(given, field):
-    with pytest.raises(InputError) as caught:
-        RigidPlate(**given)
-    assert caught.value.field == field
 
 
 @pytest.mark.parametrize(("centre", "radius"), [((0.0, 0.0), 0.0), ((0.0, np.inf), 1.0), ((0.0, 0.0), -1.0)])

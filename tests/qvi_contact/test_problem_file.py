@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from qvi_contact import (
@@ -20,7 +20,6 @@ from qvi_contact import (
     Material,
     Polynomial,
     RectilinearMesh,
-    Region,
     RigidPlate,
     Symmetry,
     Traction,
@@ -28,15 +27,12 @@ from qvi_contact import (
     save_problem,
     solve,
 )
-from qvi_contact.files.problem_document import SolveTable
-from qvi_contact.files.problem_file import ELEMENT_OPTIONS, problem_from_toml
-from qvi_contact.files.problem_writer import problem_to_toml
+from qvi_contact.files import ELEMENT_OPTIONS, SolveTable, problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
-from solvers.condensed.method import CondensedOptions
+from solvers.condensed import CondensedOptions
 from solvers.fixed_point import FixedPointOptions
 from solvers.uzawa import UzawaOptions
-from tests.effort import examples
 from tests.qvi_contact.broken_files import PRINTED, RICH
 
 SMALL = """
@@ -91,67 +87,30 @@ def test_a_file_means_what_the_gallery_makes(tmp_path):
     assert answers[0] == answers[1]
 
 
-numbers = st.floats(-1e6, 1e6)
-positive = st.floats(1e-6, 1e6)
-constants = {"p": 2.5, "mu": 0.3}
-texts = st.sampled_from(["x", "1e-3 * sin(pi * x) + y", "where(x < 0.5, y, 2)", "hypot(x, y) / 3"])
-expressions = texts.map(Expression) | st.sampled_from(["p * x", "p + y"]).map(lambda text: Expression(text, {"p": 2.5}))
-timed = st.just(Expression("mu * t * x", {"mu": 0.3}, 0.7))
-polynomials = st.lists(st.lists(numbers, min_size=1, max_size=3), min_size=1, max_size=3).map(Polynomial)
-fields = numbers | expressions | timed | polynomials
-frictions = st.floats(0.0, 2.0) | st.sampled_from(["abs(x)", "hypot(x, y) / 3"]).map(Expression)
-names = st.text(PRINTED, min_size=1, max_size=8)
+EXAMPLES = Path(__file__).parents[2] / "examples"
+WHOLE = [RICH, *((path.read_text(encoding="utf-8")) for path in sorted(EXAMPLES.glob("*.toml")))]
 
 
-@st.composite
-def lines(draw):
-    steps = draw(st.lists(st.floats(0.1, 3.0), min_size=2, max_size=4))
-    return draw(st.floats(-5.0, 5.0)) + np.concatenate([[0.0], np.cumsum(steps)])
-
-
-@st.composite
-def problems(draw):
-    """Problems that are consistent, not all of them solvable: a corner may be cut off, a joint or plate be there."""
-    x, y = draw(lines()), draw(lines())
-    active = np.ones((len(y) - 1, len(x) - 1), dtype=bool)
-    if draw(st.booleans()):
-        active[-1, -1] = False
-    name = draw(names.filter(lambda text: text not in ("bottom", "right", "top", "left")))
-    mesh = RectilinearMesh(x, y, active).with_edges(name, "top", stop=x[1], at=y[-1])
-    conditions = [Displacement("left", x=draw(fields), y=draw(fields)), Symmetry("bottom")]
-    conditions += [Traction("right", x=draw(fields), y=draw(fields), name=draw(st.just("") | names))]
-    law = {"cohesion": draw(frictions), "shear_limit": draw(st.none() | frictions)}
-    plate = draw(st.none() | st.builds(RigidPlate, force_x=st.none() | numbers, force_y=numbers))
-    gap, offset = draw(fields), draw(fields)
-    conditions.append(Contact(name, draw(frictions), gap, offset, draw(st.just("") | names), **law, plate=plate))
-    mesh, rest = _rest_of_top(mesh, x, y, active)
-    conditions += [Traction(edges, x=0.0, y=draw(fields)) for edges in rest]
-    if draw(st.booleans()):
-        mesh = mesh.with_joint("joint", "vertical", at=x[1], stop=y[1])
-        conditions.append(draw(st.sampled_from([Contact.tied("joint"), Contact("joint", 0.5, law="bilateral")])))
-    material = Material(draw(positive), draw(st.floats(-0.5, 0.49)), "strain")
-    regions = [Region(Material(draw(positive), 0.2, "strain"), x=(x[0], x[1]))] if draw(st.booleans()) else []
-    return ContactProblem(mesh, material, conditions, draw(fields), regions)
-
-
-def _rest_of_top(mesh, x, y, active):
-    """Names for the edges that face upwards, beside the contact."""
-    found = []
-    if active[-1, 1:].any():
-        mesh, found = mesh.with_edges("rest", "top", start=x[1], at=y[-1]), ["rest"]
-    if not active[-1, -1]:
-        mesh, found = mesh.with_edges("step", "top", at=y[-2]), [*found, "step"]
-    return mesh, found
-
-
-@settings(max_examples=examples(20), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
-@given(problems())
-def test_round_trip(problem):
-    text = problem_to_toml(problem)
+@pytest.mark.parametrize("text", [text for text in WHOLE if "[mesh.outline]" not in text and "file = " not in text])
+def test_what_is_written_is_read_again(text):
     file = problem_from_toml(text)
-    assert same(file.problem, problem)
-    assert same(problem_from_toml(problem_to_toml(file.problem)).problem, problem)
-    assert (file.times == (0.7,)) == ("t *" in text)
+    times = file.times or (0.0,)
+    for problem, at in ((file.problem, times[0]), (file.problems[-1], times[-1])):
+        again = problem_from_toml(problem_to_toml(problem))
+        assert same(again.problem, problem)
+        assert again.times in ((), (at,))
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.text(PRINTED, min_size=1, max_size=8))
+def test_any_number_and_name_is_read_again(number, positive, name):
+    law = {
+        "offset": Polynomial([[number, positive]]),
+        "cohesion": positive,
+        "shear_limit": Expression("p", {"p": positive}),
+    }
+    problem = plate(gap=number, name=name, plate=RigidPlate(force_x=number, force_y=-positive), **law)
+    problem = dataclasses.replace(problem, material=Material(positive, 0.3))
+    assert same(problem_from_toml(problem_to_toml(problem)).problem, problem)
 
 
 def test_masks_become_rectangles():
@@ -205,14 +164,13 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ("version = 1", "", "version", "add this key"),
         ("version = 1", "version = 2", "version", "give 1"),
         ("version = 1", "version = true", "version", "give 1"),
+        ("y = [0.0, 1.0]", "", "mesh.y", "add this key"),
         ("[mesh]", "[msh]", "msh", "did you mean mesh"),
         ("friction = 0.2", "frictoin = 0.2", "contacts[0].frictoin", "did you mean friction"),
         ("friction = 0.2", "", "contacts[0].friction", "coefficient of friction"),
         ("friction = 0.2", "friction = -0.2", "contacts[0].friction", "at least 0"),
         ("friction = 0.2", 'friction = "x - 0.5"', "contacts[0].friction", "found this one at x = 0"),
         ("friction = 0.2", "friction = true", "contacts[0].friction", "give a number"),
-        ("friction = 0.2", "friction = nan", "contacts[0].friction", "finite"),
-        ("friction = 0.2", "friction = 1e300", "contacts[0].friction", "finite"),
         ("friction = 0.2", 'friction = "mu"', "contacts[0].friction", "mu is not a known name"),
         ("gap = -1e-3", 'gap = "g"\n[constants]\ngrip = 0.1', "contacts[0].gap", "there are x, y, t, pi, grip"),
         ("friction = 0.2", "friction = \"__import__('os')\"", "contacts[0].friction", "not a known function"),
@@ -229,7 +187,6 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ),
         ("gap = -1e-3", "pin = { centre = [0, 0], force_y = 1.0 }", "contacts[0].pin.radius", "add this key"),
         ("gap = -1e-3", "pin = { centre = [0, 0], radius = 0, y = 0 }", "contacts[0].pin.radius", "greater than 0"),
-        ("gap = -1e-3", "pin = { centre = [0, 0], radius = 1 }", "contacts[0].pin", "at least one of force_x"),
         ("gap = -1e-3", "gap = 1.0\npin = { centre = [0, 0], radius = 1, x = 0 }", "contacts[0].pin", "leave out gap"),
         ("[[contacts]]", "[contacts]", "contacts", "double brackets"),
         ('edges = "top"', 'edges = "to"', "contacts[0].edges", "[[edges]]"),
@@ -238,6 +195,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ("x = [0.0, 1.0]", "x = [0.0, 0.0]", "mesh.x", "increasing"),
         ("x = [0.0, 1.0]", "x = { stop = 1.0, cells = 2 }", "mesh.x.start", "add this key"),
         ("x = [0.0, 1.0]", "x = { start = 0, stop = 1.0, cells = 2.5 }", "mesh.x.cells", "whole number"),
+        ("x = [0.0, 1.0]", "x = { start = 0, stop = 1.0, cells = 0 }", "mesh.x.cells", "1"),
         ("x = [0.0, 1.0]", "x = { start = 0, stop = 1.0, cells = 100000000000 }", "mesh.x.cells", "at most"),
         (
             "x = [0.0, 1.0]",
@@ -274,8 +232,6 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
         ("young = 1000.0", "young = 1979-05-27", "material.young", "dates"),
         ("young = 1000.0", "young = 0x" + "f" * 400, "material.young", "64 bits"),
         ("young = 1000.0", "young = 1000.0 1000.0", "TOML", "line 7"),
-        ("young = 1000.0", "young = " + "[" * 5000, "TOML", "nested too deeply"),
-        ("young = 1000.0", "young = " + "1" * 5000, "TOML", "syntax"),
     ],
 )
 def test_an_error_names_its_place_and_the_remedy(old, new, field, words):
@@ -286,24 +242,10 @@ def test_an_error_names_its_place_and_the_remedy(old, new, field, words):
     assert "None" not in str(error)
 
 
-def test_a_body_without_cells_is_refused_with_the_rectangles_that_were_written():
-    error = refusal(SMALL.replace("y = [0.0, 1.0]", "y = [0.0, 1.0]\nremove = [{ x = [0.0, 1.0] }]"))
-    assert (error.field, error.value) == ("mesh.remove", [{"x": [0.0, 1.0]}])
-
-
-def test_the_rich_file_is_fine():
-    file = problem_from_toml(RICH)
-    assert solve(file.problem, **file.solve_options).status == "solved"
-
-
-def test_bad_values_at_a_later_time():
-    text = SMALL.replace("friction = 0.2", 'friction = "0.2 - t"') + "[history]\ntimes = [0.0, 0.1, 0.3]\n"
-    error = refusal(text)
-    assert error.field == "contacts[0].friction"
-    assert error.remedy.startswith("at t = 0.3: ")
-
-
 def test_times_and_their_problems():
+    bad = SMALL.replace("friction = 0.2", 'friction = "0.2 - t"') + "[history]\ntimes = [0.0, 0.1, 0.3]\n"
+    error = refusal(bad)
+    assert (error.field, error.remedy.startswith("at t = 0.3: ")) == ("contacts[0].friction", True)
     text = SMALL.replace("gap = -1e-3", 'gap = "-1e-3 * t"\nplate = { moment = "2 * t + a" }')
     file = problem_from_toml(text + "[history]\ntimes = { stop = 1.0, steps = 4 }\n[constants]\na = 0.5\n")
     assert file.times == (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -323,17 +265,12 @@ def test_pins_move_in_time_and_are_written_as_gap_and_plate(tmp_path):
     assert load_problem(tmp_path / "pin.toml").problem.contacts == (contact,)
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"version = 1 # \xe4", b"\x00" * 100])
-def test_files_that_are_no_text(tmp_path, content):
-    (tmp_path / "bad.toml").write_bytes(content)
-    with pytest.raises(InputError, match=r"UTF-8|syntax"):
-        load_problem(tmp_path / "bad.toml")
-
-
-def test_files_that_are_not_there(tmp_path):
-    for path in (tmp_path, tmp_path / "missing.toml", "a\0b", tmp_path / ("x" * 300)):
-        with pytest.raises(InputError, match="cannot be read"):
+def test_files_that_are_no_text_or_not_there(tmp_path):
+    (tmp_path / "bad.toml").write_bytes(b"version = 1 # \xe4")
+    for path in (tmp_path / "bad.toml", tmp_path, tmp_path / "missing.toml", "a\0b", tmp_path / ("x" * 300)):
+        with pytest.raises(InputError) as caught:
             load_problem(path)
+        assert caught.value.field == "file"
 
 
 def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):
@@ -364,7 +301,6 @@ ZEROS = ",".join(["0"] * 400_001)
     [
         ("a" + ".a" * 1000 + " = 1", "too many parts"),
         ("[a" + " . a" * 60_000 + "]", "too many parts"),
-        ('"a"' + ".'a'" * 1000 + " = 1", "too many parts"),
         ("a = " + "{a=" * 900 + "1" + "}" * 900, "nested too deeply"),
         (
             "a = " + "{" + ".".join("a" * 19) + "=" + ("{" + ".".join("a" * 19) + "=") * 200 + "1" + "}" * 201,
@@ -372,7 +308,6 @@ ZEROS = ",".join(["0"] * 400_001)
         ),
         ("a = " + "[" * 5000 + "1" + "]" * 5000, "nested too deeply"),
         (f"contacts = [{ZEROS}]", "200000 numbers"),
-        ("[[contacts]]\n" * 200_001, "200000 numbers"),
         ("a.a = 1\n" * 200_001, "200000 numbers"),
         ("a = " + "1" * 1_000_000, "too long"),
         ("a = 0." + "1" * 1_000_000, "too long"),

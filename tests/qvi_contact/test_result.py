@@ -1,6 +1,9 @@
-"""Stresses, resultants and energies of a result, and results that do not exist."""
+"""Stresses, forces, energies and states of results against closed forms; and what becomes of them in a copy."""
 
-from itertools import product
+import copy
+import pickle
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,23 +15,29 @@ from qvi_contact import (
     Expression,
     InputError,
     Material,
+    Polynomial,
     RectilinearMesh,
+    Region,
+    SolveError,
+    SolverUnavailableError,
     Symmetry,
     Traction,
     discretize,
     exact,
+    limit_load_factor,
+    load_problem,
     solve,
+    solve_companion,
 )
-from qvi_contact.discretization.loads import physical
+from qvi_contact.bracket import bracket
+from qvi_contact.discretization import UnbalancedLoadError, physical
 from qvi_contact.gallery import compressed_plate, sliding_block
-from qvi_contact.mesh.rectilinear import SIDES
-from qvi_contact.solution.stress import stress_at
+from qvi_contact.mesh import SIDES
+from qvi_contact.solution import stress_at
+from qvi_contact.verification import verify_result
 from solvers import Status
-from tests.effort import thinned
-
-pytestmark = pytest.mark.usefixtures(
-    "bogner_fox_schmit"
-)  # Gauss points, lines and nodes of grids; triangles: test_triangle_results
+from solvers.factorisation import FactorisationError
+from tests.qvi_contact.states import solved
 
 FORCE = 209.0
 """Size of the plate's contact force."""
@@ -39,15 +48,6 @@ def plate():
     """A plate with stick and slip, so that its stress is not uniform."""
     result = solve(compressed_plate(0.2, (4, 3), width=1.5), tolerance=1e-10)
     assert result.status is Status.SOLVED
-    return result
-
-
-@pytest.fixture(scope="module")
-def bonded():
-    """The same plate with friction that nothing overcomes."""
-    result = solve(compressed_plate(5.0, (4, 3), width=1.5), tolerance=1e-10, variant="anderson")
-    assert result.status is Status.SOLVED
-    assert set(result.contacts["plate"].state) == {1}
     return result
 
 
@@ -62,33 +62,17 @@ def angle_bracket():
 class TestStress:
     """Stress at points, and in cells."""
 
-    step = 1e-9
-
-    def test_on_lines_it_is_the_mean_of_both_sides(self, plate):
-        for line in plate.problem.mesh.x[1:-1]:
-            y = np.array([0.1, 0.4, 0.95])
-            left, right = plate.stress(line - self.step, y), plate.stress(line + self.step, y)
-            assert np.abs(left - right)[:, 1].max() > 1e-2  # σ_yy does jump
-            assert plate.stress(line, y) == pytest.approx((left + right) / 2, abs=1e-5)
-        for line in plate.problem.mesh.y[1:-1]:
-            x = np.array([0.1, 0.4, 1.4])
-            below, above = plate.stress(x, line - self.step), plate.stress(x, line + self.step)
-            assert np.abs(below - above)[:, 0].max() > 1e-2
-            assert plate.stress(x, line) == pytest.approx((below + above) / 2, abs=1e-5)
-
-    def test_at_a_node_it_is_the_mean_of_four(self, plate):
-        x, y = plate.problem.mesh.x[2], plate.problem.mesh.y[1]
-        around = [plate.stress(x + i * self.step, y + j * self.step) for i in (-1, 1) for j in (-1, 1)]
-        assert np.ptp(around, axis=0)[:2].min() > 1e-2
-        assert plate.stress(x, y) == pytest.approx(np.mean(around, axis=0), abs=1e-5)
-
     def test_on_the_border_of_the_body_it_is_one_sided(self):
-        bracket = angle_bracket()
-        assert bracket.status is Status.SOLVED
-        for inside, border in (((1 - self.step, 2.2), (1.0, 2.2)), ((1.7, 1 - self.step), (1.7, 1.0))):
+        bracket, step = angle_bracket(), 1e-9
+        for inside, border in (((1 - step, 2.2), (1.0, 2.2)), ((1.7, 1 - step), (1.7, 1.0))):
             value = bracket.stress(*inside)
             assert np.abs(value).max() > 1e-3
             assert bracket.stress(*border) == pytest.approx(value, abs=1e-6)
+        assert np.abs([bracket.resultant(side).x for side in SIDES]).max() > 1e-2
+        assert total(bracket) == pytest.approx(np.zeros(3), abs=1e-9)
+        x, y = np.array([0.2, 0.7]), np.array([[0.1], [0.5], [0.8]])
+        assert bracket.stress(x, y).shape == (3, 2, 3)
+        assert bracket.stress(x, y)[2, 1] == pytest.approx(bracket.stress(0.7, 0.8), rel=1e-12)
 
     @pytest.mark.parametrize("point", [(1.5, 2.0), (2.5, 0.5), (0.5, -1e-3), (np.nan, 0.5), (0.5, np.inf)])
     def test_points_outside_are_named(self, point):
@@ -99,51 +83,23 @@ class TestStress:
         named = np.atleast_1d(caught.value.value)
         assert np.isin(named, point).all() or np.isnan(named).any()
 
-    def test_coordinates_are_broadcast(self, plate):
-        x, y = np.array([0.2, 0.7]), np.array([[0.1], [0.5], [0.8]])
-        assert plate.stress(x, y).shape == (3, 2, 3)
-        assert plate.stress(x, y)[2, 1] == pytest.approx(plate.stress(0.7, 0.8), rel=1e-12)
-        assert plate.stress(0.7, 0.8).shape == (3,)
 
-    def test_gauss_points(self, plate):
-        x, y, stress = plate.gauss_stress()
-        mesh = plate.problem.mesh
-        assert x.shape == y.shape == (12, 16)
-        assert stress.shape == (12, 16, 3)
-        assert stress == pytest.approx(plate.stress(x, y), abs=1e-9 * FORCE)
-        row, column = np.divmod(np.arange(12), 4)
-        assert (mesh.x[column] < x.min(axis=1)).all()
-        assert (x.max(axis=1) < mesh.x[column + 1]).all()
-        assert (mesh.y[row] < y.min(axis=1)).all()
-        assert (y.max(axis=1) < mesh.y[row + 1]).all()
-
-    def test_left_out_cells_have_no_gauss_points(self):
-        x, y, stress = angle_bracket().gauss_stress()
-        assert stress.shape == (3, 16, 3)
-        assert not ((x > 1) & (y > 1)).any()
+def total(result):
+    return np.sum([(r.x, r.y, r.moment) for r in map(result.resultant, SIDES)], axis=0)
 
 
 class TestResultant:
     """Forces and moments of sides balance."""
 
-    @staticmethod
-    def total(result):
-        return np.sum([(r.x, r.y, r.moment) for r in map(result.resultant, SIDES)], axis=0)
-
     def test_plate(self, plate):
         line = plate.contacts["plate"]
         top = plate.resultant("top")
-        assert self.total(plate) == pytest.approx(np.zeros(3), abs=1e-9 * FORCE)
+        assert total(plate) == pytest.approx(np.zeros(3), abs=1e-9 * FORCE)
         assert top.x == pytest.approx(line.tangential_force, rel=1e-10)
         assert top.y == pytest.approx(-line.normal_force, rel=1e-10)
         moment = line.weights @ (line.x * line.normal_stress - line.y * line.tangential_stress)
         assert top.moment == pytest.approx(moment, rel=1e-10)
         assert top.x < -1.0  # friction does hold the plate together
-
-    def test_bracket(self):
-        bracket = angle_bracket()
-        assert np.abs([bracket.resultant(side).x for side in SIDES]).max() > 1e-2
-        assert self.total(bracket) == pytest.approx(np.zeros(3), abs=1e-9)
 
     @pytest.mark.parametrize("plane", ["stress", "strain"])
     def test_column_with_its_weight(self, plane):
@@ -157,7 +113,7 @@ class TestResultant:
         middle = left + width / 2
         foot = result.resultant("bottom")
         assert (foot.x, foot.y, foot.moment) == pytest.approx((0.0, body, body * middle), abs=1e-9 * body)
-        assert self.total(result) - [0, body, body * middle] == pytest.approx(np.zeros(3), abs=1e-9 * body)
+        assert total(result) - [0, body, body * middle] == pytest.approx(np.zeros(3), abs=1e-9 * body)
 
     def test_sliding_block(self):
         problem, _ = sliding_block((3, 2))
@@ -172,29 +128,16 @@ class TestResultant:
             found = result.resultant(side)
             assert (found.x, found.y, found.moment) == pytest.approx(values, abs=1e-7)
 
-    def test_unknown_side(self, plate):
-        with pytest.raises(InputError, match="bottom, right, top, left"):
-            plate.resultant("floor")
-
 
 class TestEnergies:
     """Clapeyron: 2 strain = work of the tractions on the true displacements = work of loads − dissipation."""
-
-    def test_bonded_plate(self, bonded):
-        energies = bonded.energies
-        assert energies.load == pytest.approx(1e-3 * bonded.contacts["plate"].normal_force, rel=1e-9)
-        assert energies.strain == pytest.approx(energies.load / 2, rel=1e-9)
-        assert energies.complementary == pytest.approx(-energies.load / 2, rel=1e-9)
-        assert energies.dissipation == pytest.approx(0.0, abs=1e-9 * energies.load)
 
     def test_plate_with_slip(self, plate):
         energies = plate.energies
         assert energies.dissipation > 1e-3 * energies.strain
         assert 2 * energies.strain == pytest.approx(energies.load - energies.dissipation, rel=1e-9)
-
-    def test_complementary_energy_is_what_the_solver_minimises(self, plate):
-        unit = plate.discretization.scales.energy
-        assert plate.energies.complementary == pytest.approx(unit * plate.history[-1].energy, rel=1e-6)
+        minimised = plate.discretization.scales.energy * plate.history[-1].energy
+        assert energies.complementary == pytest.approx(minimised, rel=1e-6)
 
     @pytest.mark.parametrize("plane", ["stress", "strain"])
     def test_sliding_block(self, plane):
@@ -213,20 +156,6 @@ class TestEnergies:
         right = state.displacement(np.array(width), np.array(0.5))  # mean over the side, which is linear
         assert energies.load == pytest.approx(right @ [-20.0, 30.0], rel=1e-7)
         assert energies.complementary == pytest.approx(energies.strain - energies.load, rel=1e-12)
-
-    @pytest.mark.parametrize(("friction", "shear"), [(0.2, 0.2), (2.0, -0.2)])
-    def test_friction_loses_energy(self, friction, shear):
-        """A coarse block sheared at its sides, where the projected slip would give back half of the strain energy."""
-        sides = [Traction(side, x=0.0, y=shear) for side in ("left", "right")]
-        gap = Expression("-1e-3 + 2.43e-3 * x") if friction < 1.0 else Expression("-1e-3 + 1e-4 * x")
-        plate = Contact("top", friction, gap=gap, offset=1e-3)
-        conditions = [plate, Displacement("bottom", x=0.0, y=0.0), *sides]
-        mesh = RectilinearMesh.rectangle((2, 2) if friction < 1.0 else (1, 1))
-        result = solve(ContactProblem(mesh, Material(1000.0, 0.3 if friction < 1.0 else 0.0), conditions))
-        assert result.status is Status.SOLVED
-        line, energies = result.contacts["top"], result.energies
-        assert -line.weights @ (line.tangential_stress * line.slip) < -0.3 * energies.strain
-        assert energies.dissipation >= -1e-8 * energies.strain
 
     def test_without_friction_nothing_is_lost(self):
         energies = solve(compressed_plate(0.0, (3, 2))).energies
@@ -249,7 +178,7 @@ DRAGGED = (*(Traction(side, x=0.0, y=0.0) for side in ("left", "right")), Tracti
 
 
 @pytest.mark.parametrize("sides", [LIFTED, DRAGGED], ids=["lifted", "dragged"])
-@pytest.mark.parametrize("inner", ["qp:clarabel", "qp:osqp", "direct:clarabel", "direct:osqp", "socp:clarabel"])
+@pytest.mark.parametrize("inner", ["qp:osqp", "direct:clarabel", "socp:clarabel"])
 def test_loads_that_no_traction_carries(sides, inner):
     """A block pulled off, or dragged beyond the friction of, the obstacle it lies on."""
     mesh = RectilinearMesh.rectangle((3, 2))
@@ -257,8 +186,6 @@ def test_loads_that_no_traction_carries(sides, inner):
     result = solve(problem, inner=inner)
     assert result.status is Status.INFEASIBLE
     assert "proved by a mechanism" in result.message
-    assert "reduce the tension or the sliding force" in result.message
-    assert "\n" not in result.message
     assert not result.certificate.passed
     for attempt in (
         lambda: result.contacts,
@@ -267,40 +194,26 @@ def test_loads_that_no_traction_carries(sides, inner):
         lambda: result.gauss_stress(),
         lambda: result.resultant("top"),
     ):
-        with pytest.raises(InputError, match="no stress state") as caught:
+        with pytest.raises(InputError, match="no stress state"):
             attempt()
-        assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(("factor", "status"), [(0.999, Status.SOLVED), (1.001, Status.INFEASIBLE)])
-def test_the_limit_load_of_a_dragged_block(factor, status):
-    """Pressure p and uniform shear T: the base carries T ≤ μp and not more."""
-    material = Material(1000.0, 0.3)
-    state = exact.uniform(material, yy=-10.0, xy=factor * 0.3 * 10.0)
-    sides = {"bottom": "cc", "right": "tt", "top": "tt", "left": "tt"}
-    mesh = RectilinearMesh.rectangle((3, 2))
-    result = solve(exact.problem_from_state(state, mesh, material, sides, (Contact("bottom", friction=0.3),)))
-    assert result.status is status
-
-
-@pytest.mark.parametrize(("unit", "shift"), thinned(product((1e-9, 1e-3, 1.0, 7.3, 1e12), (0.0, 1e3, -1e3, 17.7)), 8))
+@pytest.mark.parametrize(("unit", "shift"), [(1e-9, 1e3), (1e-3, -1e3), (1.0, 0.0), (7.3, 17.7), (1e12, 17.7)])
 def test_points_of_the_boundary_belong_to_the_body(shift, unit):
     """Those of contacts and joints are computed, and may lie outside by an ulp; a body with steps, at any place."""
     numbers = np.random.default_rng(1)
     active = np.ones((6, 6), dtype=bool)
     active[3:, 4:] = active[:2, :2] = False
-    for _ in range(4):
-        x, y = (unit * (shift + np.append(0.0, np.cumsum(numbers.uniform(0.05, 1.0, 6)))) for _ in "xy")
-        mesh = RectilinearMesh(x, y, active).with_joint("joint", "horizontal", at=y[2])
-        contacts = [Contact(side, 0.3) for side in SIDES]
-        known = discretize(ContactProblem(mesh, Material(1.0, 0.3), [*contacts, Contact.tied("joint")]))
-        nothing = known.values(np.zeros(known.qvi.n))
-        for rows in known.contacts:
-            points = physical(known.problem, known.scales, rows.points.coordinates)
-            assert np.isfinite(stress_at(known, nothing, *points)).all()
-        beyond = np.array([x[5]]), np.array([y[3] + 1e-9 * mesh.length])
-        with pytest.raises(InputError, match="inside the body"):
-            stress_at(known, nothing, *beyond)
+    x, y = (unit * (shift + np.append(0.0, np.cumsum(numbers.uniform(0.05, 1.0, 6)))) for _ in "xy")
+    mesh = RectilinearMesh(x, y, active).with_joint("joint", "horizontal", at=y[2])
+    contacts = [Contact(side, 0.3) for side in SIDES]
+    known = discretize(ContactProblem(mesh, Material(1.0, 0.3), [*contacts, Contact.tied("joint")]))
+    nothing = known.values(np.zeros(known.qvi.n))
+    for rows in known.contacts:
+        points = physical(known.problem, known.scales, rows.points.coordinates)
+        assert np.isfinite(stress_at(known, nothing, *points)).all()
+    with pytest.raises(InputError, match="inside the body"):
+        stress_at(known, nothing, np.array([x[5]]), np.array([y[3] + 1e-9 * mesh.length]))
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e3])
@@ -321,13 +234,207 @@ def test_the_stress_at_a_contact_is_that_of_the_contact(shift):
         assert stress[:, component] == pytest.approx(line.normal_stress, abs=1e-9)
 
 
-@pytest.mark.parametrize(("grading", "lost"), [(1.0, False), (0.4, True)])
-def test_rounding_of_single_stresses_is_said(grading, lost):
-    """It is of the size ε (L/h)² of the stress, as stresses are second differences of what is stored."""
-    result = solve(compressed_plate(0.2, cells=(14, 14), grading=grading))
-    assert result.status is Status.SOLVED
-    assert any("Rounding makes stresses" in remark for remark in result.remarks) is lost
-    smallest = np.diff(result.problem.grid.x).min()
-    stress = np.abs(result.gauss_stress()[2]).max()
-    expected = np.finfo(float).eps / smallest**2 * stress
-    assert 0.01 * expected < result.stress_rounding < 100.0 * expected
+def corner(law):
+    """A block in a corner of ground and wall, with a joint that ends at the wall; the wall slips all along."""
+    mesh = RectilinearMesh([0, 0.3, 0.8, 1.4, 2.0], [0, 0.4, 0.7, 1.0])
+    mesh = mesh.with_joint("joint", "horizontal", at=0.4)
+    conditions = [
+        Contact("bottom", friction=0.0, cohesion=4.0, gap=3e-5, name="ground"),
+        Contact("left", friction=0.0, cohesion=7.0, name="wall"),
+        Contact("joint", friction=0.0, cohesion=2.0, law=law),
+        Traction("right", x=-8.0, y=0.0),
+        Traction("top", x=0.0, y=-30.0),
+    ]
+    return ContactProblem(mesh, Material(2e4, 0.3, "strain"), conditions)
+
+
+@pytest.mark.parametrize("degree", [2, 4])
+@pytest.mark.parametrize("law", ["unilateral", "bilateral"])
+def test_two_contacts_in_a_corner_and_a_joint(degree, law):
+    """Forces balance in both models, the wall slips all along, and displacements have the larger energy."""
+    result = solve(corner(law))
+    companion = solve_companion(result.problem, degree=degree)
+    assert result.status is companion.status is Status.SOLVED
+    assert companion.reasons == ()
+    assert -result.energies.complementary <= companion.energy + 1e-10 * result.energies.strain
+    for found in (result.contacts, companion.contacts):
+        ground, wall = found["ground"], found["wall"]
+        assert wall.normal_force + ground.tangential_force == pytest.approx(8.0, rel=1e-6)
+        assert ground.normal_force + wall.tangential_force == pytest.approx(60.0, rel=1e-6)
+    joint = result.contacts["joint"].normal_force
+    forces = [result.contacts["wall"].tangential_force, result.contacts["ground"].normal_force, joint]
+    assert forces == pytest.approx([7.0, 53.0, 55.8], rel=1e-6)
+    assert (companion.contacts["wall"].slip < 0.0).all()
+
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+OPEN, STICK, SLIP = 0, 1, 2
+
+
+def states(line):
+    """Coordinates along a horizontal contact and the states there, from left to right."""
+    order = np.argsort(line.x)
+    return line.x[order], line.state[order]
+
+
+def zones(line):
+    """The sequence of states without repetition, such as [2, 1, 2]."""
+    state = states(line)[1]
+    return state[np.flatnonzero(np.diff(state, prepend=-1))].tolist()
+
+
+@pytest.mark.parametrize(
+    ("cells", "rows", "degree"), [((1, 1), "bernstein", 5), ((1, 1), "gauss", 4), ((7, 2), "gauss", 5)]
+)
+def test_a_dragged_brake_pad_slips_all_over(cells, rows, degree):
+    """T = μ N on any mesh, corners included; only at the trailing end the pad may lift."""
+    mesh = RectilinearMesh.rectangle(cells, 100.0, 20.0)
+    conditions = [
+        Displacement("top", x=0.0),
+        Traction("top", y=-2.0),
+        Traction("left", 0.0, 0.0),
+        Traction("right", 0.0, 0.0),
+        Contact("bottom", 0.4, offset=1.0, name="disc"),
+    ]
+    problem = ContactProblem(mesh, Material(2000.0, 0.3, "strain"), conditions).triangulated()
+    disc = solved(problem, degree=degree, contact_rows=rows).contacts["disc"]
+    assert disc.normal_force == pytest.approx(200.0, rel=1e-9)
+    assert abs(disc.tangential_force) == pytest.approx(0.4 * 200.0, rel=1e-8)
+    assert zones(disc) in ([SLIP], [SLIP, OPEN])
+    assert disc.weights[disc.state == OPEN].sum() < 5.0
+
+
+def test_a_wall_in_the_wind_opens_from_the_windward_side():
+    """A wall 1 × 4 of weight 25 under wind: pressure linear over three times the distance of the resultant's foot."""
+    wind = 5.2
+    mesh = RectilinearMesh.rectangle((8, 16), 1.0, 4.0)
+    conditions = [
+        Traction("left", wind / 4.0, 0.0),
+        Traction("right", 0.0, 0.0),
+        Traction("top", 0.0, 0.0),
+        Contact("bottom", 0.5, name="ground"),
+    ]
+    wall = ContactProblem(mesh, Material(1e4, 0.2), conditions, body_potential=Expression("6.25 * y"))
+    ground = solved(wall.triangulated(), degree=4).contacts["ground"]
+    foot = 0.5 - 2.0 * wind / 25.0  # from the lee side
+    assert zones(ground)[0] == OPEN
+    assert zones(ground)[-1] == STICK
+    assert ground.weights[ground.state != OPEN].sum() == pytest.approx(3.0 * foot, abs=0.03)
+    assert ground.weights @ ((1.0 - ground.x) * -ground.normal_stress) == pytest.approx(25.0 * foot, rel=1e-8)
+
+
+@pytest.mark.parametrize(("cells", "rows"), [(5, "gauss"), (13, "bernstein")])
+def test_the_end_of_the_stick_zone_lies_inside_an_edge(cells, rows):
+    """At x = 0.749 on the paper's plate with μ = 0.2; not at an end of the edge it lies in, a cell's half away."""
+    problem = compressed_plate(0.2, (cells, cells)).triangulated()
+    plate = solved(problem, degree=5, contact_rows=rows).contacts["plate"]
+    assert zones(plate) == [STICK, SLIP]
+    assert plate.weights[plate.state == STICK].sum() == pytest.approx(0.749, abs=0.1 / cells)
+
+
+def half(x, y):
+    """A function that has a name."""
+    return 0.5 + 0.0 * x * y
+
+
+def through_pickle(value):
+    return pickle.loads(pickle.dumps(value))
+
+
+def blocks(friction=half):
+    mesh = RectilinearMesh.rectangle((2, 4), 1.0, 2.0).with_joint("joint", "horizontal", at=1.0)
+    mesh = mesh.with_edges("upper", "left", start=1.0)
+    conditions = [
+        Displacement("bottom", x=0.0, y=0.0),
+        Contact("joint", friction),
+        Traction("top", x=Expression("0.1 * x * (1 - x)"), y=Polynomial([[-1.0]])),
+        *(Traction(side, x=0.0, y=0.0) for side in ("left", "right")),
+    ]
+    return ContactProblem(mesh, Material(1e3, 0.3), conditions, regions=[Region(Material(2e3, 0.3), y=(1.0, 2.0))])
+
+
+COPIES = [through_pickle, copy.deepcopy, copy.copy]
+
+
+@pytest.fixture(scope="module")
+def remembering():
+    found = solve(blocks())
+    _ = found.contacts, found.energies, found.solution.uniqueness, found.discretization.remarks  # what is remembered
+    return found
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_a_result_stays_what_it_is(remembering, copied):
+    again = copied(remembering)
+    assert (again.status, again.message) == (remembering.status, remembering.message)
+    assert np.array_equal(again.solution.z, remembering.solution.z)
+    assert again.certificate.measures == remembering.certificate.measures
+    for energy in fields(remembering.energies):  # sums depend on where arrays lie in memory, to their last digit
+        value = getattr(remembering.energies, energy.name)
+        assert getattr(again.energies, energy.name) == pytest.approx(
+            value, rel=0.0, abs=1e-12 * remembering.energies.strain
+        )
+    for name, line in remembering.contacts.items():
+        assert np.array_equal(again.contacts[name].slip, line.slip)
+    assert verify_result(again).passed
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_a_problem_gives_the_same_inequality(copied):
+    problem = copied(blocks())
+    assert problem.mesh.named == blocks().mesh.named
+    assert not problem.mesh.x.flags.writeable
+    ours, theirs = discretize(problem).qvi, discretize(blocks()).qvi
+    assert np.array_equal(ours.K.data, theirs.K.data)
+    assert np.array_equal(ours.f, theirs.f)
+    assert np.array_equal(ours.mu, theirs.mu)
+    with pytest.raises(TypeError):
+        problem.mesh.named["new"] = problem.mesh.named["joint"]
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, copy.copy])
+def test_functions_without_a_name_are_told(copied):
+    problem = blocks(lambda x, y: half(x, y))
+    for value in (problem, solve(problem)):
+        with pytest.raises(InputError, match="cannot be pickled") as caught:
+            pickle.dumps(value)
+        assert caught.value.field == "Contact.friction"
+    assert discretize(copied(problem)).qvi.m == discretize(problem).qvi.m
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_limit_loads_displacements_and_bounds(copied, pytestconfig):
+    block = load_problem(pytestconfig.rootpath / "examples" / "dragged_block_slides.toml").problem
+    limit = limit_load_factor(block, ["drag"])
+    again = copied(limit)
+    assert (again.lower, again.upper, again.bound) == (limit.lower, limit.upper, limit.bound)
+    assert again.mechanism.works == limit.mechanism.works
+    assert again.mechanism.contacts["base"] == limit.mechanism.contacts["base"]
+    with pytest.raises(TypeError):
+        again.mechanism.works["drag"] = 0.0
+    plate = compressed_plate(0.2, (2, 2))
+    companion, between = solve_companion(plate), bracket(solve(plate))
+    force = companion.contacts["plate"].normal_force  # remembered
+    assert copied(companion).contacts["plate"].normal_force == pytest.approx(force, rel=1e-12)
+    assert copied(between).lower == between.lower
+
+
+@pytest.mark.parametrize("copied", COPIES)
+@pytest.mark.parametrize(
+    "error",
+    [
+        InputError("mesh", 3, "give a mesh"),
+        InputError("mesh", lambda x: x, "give a mesh"),
+        SolverUnavailableError("inner", "qp:none", "there is none"),
+        SolveError("stalled"),
+        FactorisationError("singular", "superlu", "a pivot is zero"),
+        UnbalancedLoadError(0.25),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_errors_come_back_from_other_processes(error, copied):
+    again = copied(error)
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    for name in ("field", "remedy", "reason", "backend", "imbalance"):
+        assert getattr(again, name, None) == getattr(error, name, None)

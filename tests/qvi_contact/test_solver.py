@@ -1,26 +1,13 @@
-"""What `solve` itself adds: kinds of input, starts from earlier results."""
-
-from dataclasses import replace
+"""What `solve` itself adds: kinds of input, starts from earlier results, limits of time, what it tells of an end."""
 
 import numpy as np
 import pytest
+import qpsolvers
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    InputError,
-    Material,
-    RectilinearMesh,
-    SolveError,
-    Traction,
-    limit_load_factor,
-    refine,
-    solve,
-    solve_history,
-)
+from qvi_contact import InputError, RectilinearMesh, SolveError, limit_load_factor, refine, solve, solve_history
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.solution import reach
-from solvers import Status, solve_qvi
+from qvi_contact.problem import Contact, ContactProblem, Material, Traction
+from solvers import Status
 
 
 def test_a_start_from_an_earlier_result_is_in_physical_units():
@@ -75,63 +62,16 @@ def test_no_warning_escapes_from_a_diverging_outer_iteration():
         assert result.contacts["bottom"].tangential_force == pytest.approx(-14.5, rel=1e-8)
 
 
-def sheared_block():
-    """Pressure 100 x: friction carries the shear of the sides on the right, not on the left.
+def test_claims_of_infeasibility_are_checked(monkeypatch):
+    """A back end that says infeasible of a problem with a solution has failed, not proved anything."""
 
-    In the corners, which Bogner-Fox-Schmit's element has one shear for.
-    """
-    mesh = RectilinearMesh.rectangle((8, 2), 2.0, 1.0)
-    conditions = [
-        Contact("bottom", 0.3, name="base"), Traction("top", x=27.0, y=lambda x, y: -100.0 * x + 0 * y),
-        Traction("left", x=0.0, y=-27.0), Traction("right", x=0.0, y=27.0),
-    ]  # fmt: skip
-    return ContactProblem(mesh, Material(1e3, 0.3), conditions)
+    def liar(problem, *_, **__):
+        return qpsolvers.Solution(problem, found=False, extras={"status": "PrimalInfeasible"})
 
-
-def test_a_certified_answer_is_not_given_up(monkeypatch):
-    """However little the first solve has missed; the remark names the corner whose shear was given up."""
-
-    def ends_so(qvi, **settings):
-        solution = solve_qvi(qvi, **settings)
-        return solution if solution.solved else replace(solution, status=Status.INACCURATE)
-
-    monkeypatch.setattr(reach, "solve_qvi", ends_so)
-    result = solve(sheared_block(), element="bfs")
-    assert result.status is Status.SOLVED
-    assert result.certificate.passed
-    assert result.discretization.freed.tolist() == [0]
-    assert [remark for remark in result.remarks if "(0, 0)" in remark and "cannot carry" in remark]
-
-
-def test_a_limit_of_the_caller_is_no_reason_to_give_up_a_shear(monkeypatch):
-    calls = []
-
-    def counted(qvi, **settings):
-        calls.append(settings)
-        return solve_qvi(qvi, **settings)
-
-    monkeypatch.setattr(reach, "solve_qvi", counted)
-    result = solve(sheared_block(), element="bfs", method="uzawa", iterations=3)
-    assert (result.status, len(calls)) == (Status.MAX_ITERATIONS, 1)
-    assert not len(result.discretization.freed)
-    assert solve(sheared_block(), element="bfs", time_limit=1e-9).status is Status.TIME_LIMIT
-    assert len(calls) == 2
-
-
-def test_time_that_is_over_while_corners_are_given_up(monkeypatch, clock):
-    """The first solve ends in time, the one without the shears does not: more time may help."""
-
-    def slow(qvi, **settings):
-        solution = solve_qvi(qvi, **settings)
-        clock.passes(1.0)
-        return replace(solution, status=Status.STALLED)
-
-    monkeypatch.setattr(reach, "solve_qvi", slow)
-    result = solve(sheared_block(), element="bfs", time_limit=1.5)
-    assert result.status is Status.TIME_LIMIT
-    assert result.message.startswith("time limit")
-    assert not len(result.discretization.freed)
-    assert solve(sheared_block(), element="bfs", time_limit=5.0).status is Status.STALLED
+    monkeypatch.setattr(qpsolvers, "solve_problem", liar)
+    result = solve(compressed_plate(0.2), inner="qp:clarabel")
+    assert result.status is Status.BACKEND_FAILED
+    assert "Clarabel solves this problem" in result.message
 
 
 def test_the_state_when_the_time_is_over_is_a_state():
@@ -168,3 +108,25 @@ def test_options_of_all_methods_keep_the_default():
     again = solve(compressed_plate(0.2, (6, 6)), initial=first, callback=seen.append, max_iterations=50, time_limit=60)
     assert again.solution.method == first.solution.method == "condensed"
     assert len(seen) == again.iterations < first.iterations
+
+
+def block(drag):
+    """A block on a contact that cannot open, and whose friction carries 0.3, dragged."""
+    loads = [Traction("top", x=drag, y=-1.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+    ground = Contact("bottom", 0.3, law="bilateral", name="ground")
+    return ContactProblem(RectilinearMesh.rectangle((4, 2), 2.0, 1.0), Material(1e3, 0.2), [ground, *loads])
+
+
+@pytest.mark.parametrize(
+    ("drag", "options", "status"),
+    [
+        (1.0, {}, Status.INNER_INFEASIBLE),
+        (1.0, {"method": "condensed"}, Status.INNER_INFEASIBLE),
+        (0.31, {"method": "condensed", "max_iterations": 5}, Status.MAX_ITERATIONS),
+    ],
+)
+def test_the_message_beyond_what_friction_carries_names_the_limit_analysis(drag, options, status):
+    result = solve(block(drag), **options)
+    assert result.status is status
+    for word in ("beyond", "limit_load_factor", "qvi-contact limit"):
+        assert word in result.message

@@ -1,11 +1,10 @@
-"""Results in files: read back they are the same, and whatever was changed in them does not verify."""
+"""Results and files of them: right ones pass their verification, and whatever was changed in one is found and named."""
 
 import json
 import os
 import tracemalloc
 import zipfile
-from dataclasses import replace
-from pathlib import Path
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -15,40 +14,28 @@ from hypothesis import strategies as st
 from qvi_contact import (
     Contact,
     ContactProblem,
-    Displacement,
     Expression,
     InputError,
     Material,
     RectilinearMesh,
     Region,
     RigidPlate,
+    Symmetry,
     Traction,
     solve,
     solve_history,
+    verify_result,
 )
 from qvi_contact.export import field_arrays, write_npz
-from qvi_contact.files.archive import FORMAT_VERSION, Archive, digest, write_archive
-from qvi_contact.files.stored import load_result
+from qvi_contact.files import FORMAT_VERSION, Archive, digest, load_result
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.result import ContactResult, Energies, PlateMotion
 from qvi_contact.units import Units
 from qvi_contact.verification import verify_file
-from solvers import Status
+from solvers import Certificate, Status, certify
+from solvers.certificate import EXPONENTS
 
-pytestmark = pytest.mark.usefixtures(
-    "bogner_fox_schmit"
-)  # entries, and what is changed in them, are those of grids; triangles: test_triangle_results
-
-REMARKS = {
-    "method", "inner", "form", "factorisation", "iterations", "corrections", "timings", "versions", "history",
-    "history_status", "problem_missing", "loaded", "message", "freed",
-}  # fmt: skip
-"""Entries about how the result was found, the message after its first words, a node without a shear to give up.
-
-Only the digest protects them.
-"""
-
-FLOORS = {"gap": 1e-3, "slip": 1e-3, "traction_misfit": 1.0, "normal_multiplier": 1.0}
-"""Sizes of what may be zero but for rounding."""
+PERFECT = Certificate(dict.fromkeys(EXPONENTS, 0.0), 1e-8, {"stress": 1.0, "displacement": 1.0, "energy": 1.0})
 
 
 def stack(push):
@@ -67,12 +54,28 @@ def stack(push):
 
 
 @pytest.fixture(scope="module")
-def result():
+def history():
+    return solve_history([stack(1.4), stack(1.5)], inner="direct:clarabel")
+
+
+@pytest.fixture(scope="module")
+def result(history):
     """The second step of a history, with slip before it."""
-    step = solve_history([stack(1.4), stack(1.5)], inner="direct:clarabel").steps[-1]
+    step = history.steps[-1]
     assert step.status is Status.SOLVED, step.message
     assert np.abs(step.contacts["ground"].slip).max() > 0.0
     return step
+
+
+@pytest.fixture(scope="module")
+def plate():
+    """Stick and slip."""
+    return solve(compressed_plate(0.2, (4, 3), width=1.5, grading=0.8))
+
+
+@pytest.fixture(scope="module")
+def unfinished():
+    return solve(compressed_plate(0.2, (4, 4)), method="fixed-point", max_iterations=1)
 
 
 @pytest.fixture(scope="module")
@@ -87,25 +90,6 @@ def entries(path):
     return Archive(path).arrays
 
 
-NAMES = (
-    "active", "airy", "centres", "certificate", "contact_rows", "corrections", "cuts", "degree", "digest",
-    "earlier_slip", "energies", "equality_multiplier", "factorisation", "form", "format", "format_version", "freed",
-    "gauss_stress", "gauss_x", "gauss_y", "history", "history_status", "inner", "iterations", "loaded", "material",
-    "message", "method", "normal_multiplier", "plate.motion", "problem", "problem_missing", "reach", "remarks",
-    "scales", "status", "strict", "tangential_multiplier", "threshold", "timings", "tolerance", "traction_misfit",
-    "versions", "x_lines", "y_lines", "z",
-)  # fmt: skip
-FIELDS = (
-    "x", "y", "weights", "friction", "friction_bound", "normal_stress", "tangential_stress", "gap", "slip", "state",
-    "excess_between_points", "pull_between_points", "normal_force", "tangential_force",
-)  # fmt: skip
-CHANGED = (
-    "active", "airy", "certificate", "earlier_slip", "energies", "gauss_x", "iterations", "message", "plate.motion",
-    "scales", "strict", "tolerance", "z", "ground.friction", "ground.tangential_stress", "joint.state",
-)  # fmt: skip
-ALL = (*NAMES, *(f"{contact}.{field}" for contact in ("ground", "joint", "plate") for field in FIELDS))
-
-
 def stored(path, arrays, *, forged=True):
     """Write entries, with the digest they had or, forged, with their own."""
     entries = dict(arrays)
@@ -113,6 +97,17 @@ def stored(path, arrays, *, forged=True):
         entries["digest"] = np.array(digest(entries))
     np.savez(path, **entries)
     return path
+
+
+def fails(path):
+    """Names of the checks that fail, or the message with which the file is refused."""
+    try:
+        return {row.name for row in verify_file(path).failures}
+    except InputError as error:
+        return str(error)
+
+
+FLOORS = {"gap": 1e-3, "slip": 1e-3, "traction_misfit": 1.0, "normal_multiplier": 1.0}
 
 
 def edited(name, array, size=1e-5):
@@ -132,18 +127,170 @@ def edited(name, array, size=1e-5):
     return new
 
 
-def fails(path):
-    """Names of the checks that fail, or the message with which the file is refused."""
-    try:
-        return {row.name for row in verify_file(path).failures}
-    except InputError as error:
-        return str(error)
+def failed(result, tolerance=None):
+    """Names of the checks that fail."""
+    return {row.name for row in verify_result(result, tolerance).failures}
+
+
+def changed(result, **changes):
+    """The same result with another solution."""
+    return ContactResult(result.discretization, replace(result.solution, **changes))
+
+
+def claiming(result, **claims):
+    """The same result with other things to say of itself."""
+    other = changed(result)
+    other.__dict__.update(claims)
+    return other
+
+
+class TestRight:
+    """Results that pass, whatever the method and the problem."""
+
+    @pytest.mark.parametrize("options", [{"inner": "direct:clarabel"}, {"method": "uzawa", "tolerance": 1e-4}], ids=str)
+    def test_of_other_methods(self, options):
+        result = solve(compressed_plate(0.2, (4, 3)), **options)
+        assert result.status is Status.SOLVED, result.message
+        assert failed(result) == set()
+
+    def test_steps_of_a_history_with_the_slip_before_them(self, history):
+        second = history.steps[1].discretization
+        assert np.abs(second.contacts[0].offset - second.offsets()[0]).any()
+        assert [failed(step) for step in history.steps] == [set(), set()]
+
+    @pytest.mark.parametrize("friction", [0.0, 0.2])
+    def test_of_strongly_graded_cells(self, friction):
+        assert failed(solve(compressed_plate(friction, (12, 12), grading=0.5))) == set()
+
+    def test_a_proof_that_the_load_cannot_be_carried(self):
+        shear = 0.6
+        sides = [Traction(name, x=x, y=y) for name, x, y in (("left", 0.0, -shear), ("right", 0.0, shear))]
+        conditions = [Contact("bottom", 0.5), Traction("top", x=shear, y=-1.0), *sides]
+        result = solve(ContactProblem(RectilinearMesh.rectangle((2, 2)), Material(1e3, 0.3), conditions))
+        assert result.status is Status.INFEASIBLE
+        assert failed(result) == set()
+        y, nu = result.solution.farkas
+        assert failed(changed(result, farkas=(np.zeros_like(y), nu))) == {"proof"}
+        assert failed(changed(result, farkas=None)) == set()  # the mechanism is proof enough
+        assert {row.value for row in verify_result(result).rows if row.name == "proof"} == {"holds"}
+        assert failed(changed(result, status=Status.INFEASIBLE_ON_MESH, farkas=None)) == {"status", "proof"}
+
+    def test_an_inaccurate_one_passes_at_its_accuracy_only(self, plate):
+        known, z = plate.solution, plate.solution.z * (1.0 + 1e-7)
+        found = certify(known.problem, z, known.normal_multiplier, known.tangential_multiplier)
+        result = changed(plate, z=z, status=Status.INACCURATE, message="inaccurate", certificate=found)
+        assert "stationarity" in failed(result)
+        assert failed(result, 1e-5) == set()
+
+    def test_a_tolerance_that_is_too_loose_unless_it_is_asked_for(self):
+        result = solve(compressed_plate(0.2, (3, 3)), tolerance=2e-4)
+        assert failed(result) == {"tolerance"}
+        assert failed(result, 2e-4) == set()
+
+    def test_contacts_that_limit_nothing_have_tractions_and_no_rows(self):
+        glue = Contact("bottom", 0.0, law="tied", name="glue")
+        conditions = [Symmetry("left"), glue, Traction("right", x=0.0, y=0.0), Contact("top", 0.2, gap=-1e-3)]
+        result = solve(ContactProblem(RectilinearMesh.rectangle((3, 3)), Material(1e3, 0.3), conditions))
+        assert failed(result) == set()
+        line = result.contacts["glue"]
+        wrong = replace(line, normal_stress=line.normal_stress * (1.0 + 1e-5))
+        assert failed(claiming(result, contacts={**result.contacts, "glue": wrong})) >= {"glue: tractions"}
+
+
+class TestWrong:
+    """Numbers and words of a result that are not its own; each fails by itself."""
+
+    @pytest.mark.parametrize("name", ["z", "normal_multiplier", "tangential_multiplier", "equality_multiplier"])
+    def test_a_solution(self, result, plate, name):
+        """With a number that is another one, or none; as a back end might hand it back and call it solved."""
+        result = result if name == "equality_multiplier" else plate
+        values = getattr(result.solution, name).copy()
+        worst, size = int(np.abs(values).argmax()), np.abs(result.solution.z).max()
+        for value in (-values[worst] - size, np.nan):
+            values[worst] = value
+            forged = changed(result, **{name: values, "certificate": PERFECT})
+            assert {"stationarity", "status", "claimed measures"} <= failed(forged)
+
+    @pytest.mark.parametrize("name", [field.name for field in fields(Energies)])
+    def test_an_energy(self, plate, name):
+        value = getattr(plate.energies, name)
+        assert failed(claiming(plate, energies=replace(plate.energies, **{name: value * (1.0 + 1e-6)}))) == {"energies"}
+
+    def test_the_motion_of_a_plate_and_the_misfit_of_tractions(self, result):
+        motion = result.plates["plate"]
+        wrong = PlateMotion(motion.x, motion.y * (1.0 + 1e-6), motion.rotation)
+        assert failed(claiming(result, plates={"plate": wrong})) == {"plate: motion"}
+        assert failed(claiming(result, traction_misfit=1.0)) == {"traction_misfit"}
+
+    def test_the_friction_of_the_problem_that_was_solved(self, plate):
+        """A solution of another problem, certificate and all."""
+        other = plate.discretization.qvi.changed(mu=1.001 * plate.discretization.qvi.mu)
+        result = solve(replace(plate.discretization, qvi=other))
+        assert result.certificate.passed
+        assert {"problem", "friction"} <= failed(ContactResult(plate.discretization, result.solution))
+
+    def test_contacts_and_plates_that_are_not_there(self, plate):
+        line = plate.contacts["plate"]
+        for contacts in ({}, {"plate": line, "wall": line}, {"plate": replace(line, name="wall")}):
+            assert "entries" in failed(claiming(plate, contacts=contacts))
+        assert failed(claiming(plate, plates={"wall": PlateMotion()})) == {"entries"}
+
+    @pytest.mark.parametrize("measures", [{}, {"normal": np.nan}, {"normal": -1.0}])
+    @pytest.mark.parametrize("status", [Status.SOLVED, Status.INACCURATE])
+    def test_certificates_that_are_none(self, plate, status, measures):
+        complete = {**plate.certificate.measures, **measures} if measures else {}
+        lie = replace(plate.certificate, measures=complete)
+        assert "status" in failed(changed(plate, certificate=lie, status=status, message=status.value))
+
+    def test_success_that_does_not_follow_from_the_numbers(self, plate, unfinished):
+        assert not {"status", "claimed measures"} & failed(unfinished)
+        assert "claimed measures" in failed(changed(unfinished, certificate=PERFECT))
+        lie = changed(unfinished, status=Status.SOLVED, message="solved", certificate=PERFECT)
+        assert {"status", "claimed measures", "friction"} <= failed(lie)
+        for status in (Status.INACCURATE, Status.INFEASIBLE, Status.MAX_ITERATIONS):
+            assert "status" in failed(changed(plate, status=status, message=status.value.replace("_", " ")))
+        assert failed(changed(plate, message="infeasible")) == {"status"}
+
+    def test_something_else_than_a_result(self, history):
+        for other in (None, history):
+            with pytest.raises(InputError):
+                verify_result(other)
+
+
+class TestOutcome:
+    """What a verification tells."""
+
+    def test_table_and_document(self, plate):
+        found = verify_result(plate)
+        lines = found.table().splitlines()
+        assert lines[-1] == found.summary()
+        assert lines[-1].startswith(f"verified: {sum(row.passed is True for row in found.rows)} checks passed at 1e-08")
+        document = json.loads(json.dumps(found.document(), allow_nan=False))
+        assert (document["passed"], document["status"]) == (True, "solved")
+        assert [check["name"] for check in document["checks"]] == [row.name for row in found.rows]
+        assert all(check["meaning"] for check in document["checks"])
+        facts = {row.name: row for row in found.rows if row.passed is None}
+        assert facts["uniqueness"].value == plate.solution.uniqueness.sharper
+        assert "iterations" in facts["not checked"].meaning
+
+    def test_failures_are_marked_and_named(self, plate):
+        line, state = plate.contacts["plate"], plate.contacts["plate"].state.copy()
+        state[0] = 3 - state[0]  # stick for slip at one point
+        found = verify_result(claiming(plate, contacts={"plate": replace(line, state=state)}))
+        assert found.summary() == "not verified: plate: states"
+        marked = [line.split("  ")[0] for line in found.table().splitlines() if line.endswith("FAILED")]
+        assert marked == found.document()["failures"] == ["plate: states"]
+
+    def test_infinite_values_are_none_in_the_document(self, plate):
+        missing = changed(plate, z=np.full_like(plate.solution.z, np.nan))
+        document = json.loads(json.dumps(verify_result(missing).document(), allow_nan=False))
+        assert {check["value"] for check in document["checks"] if check["name"] == "stationarity"} == {None}
 
 
 class TestRoundTrip:
-    """What is read is what was written."""
+    """What is read from a file is what was written."""
 
-    def test_every_bit_of_the_solution(self, result, path):
+    def test_every_bit_of_the_solution(self, result, path, unfinished, tmp_path):
         again = load_result(path)
         for name in ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold"):
             assert np.array_equal(getattr(again.solution, name), getattr(result.solution, name)), name
@@ -154,81 +301,39 @@ class TestRoundTrip:
         assert again.solution.versions.items() >= result.solution.versions.items()
         assert again.certificate == replace(result.certificate, scales=dict(result.certificate.scales))
         assert again.discretization.scales == result.discretization.scales
-
-    def test_all_fields(self, result, path):
-        again = field_arrays(load_result(path))
+        computed = field_arrays(again)
         for name, values in field_arrays(result).items():
-            assert np.asarray(again[name]) == pytest.approx(np.asarray(values), rel=1e-10, abs=1e-12, nan_ok=True), name
-
-    def test_the_problem_with_its_units_and_title(self, path):
-        text = Archive(path).text("problem")
-        assert 'title = "The stack"' in text
-        assert 'stress = "kPa"' in text
-        assert "0.2 + 0.1 * x" in text
-
-    def test_it_verifies(self, path):
+            known = np.asarray(computed[name])
+            assert known == pytest.approx(np.asarray(values), rel=1e-10, abs=1e-12, nan_ok=True), name
         assert fails(path) == set()
-
-    @pytest.mark.parametrize("inner", ["strict-direct:clarabel"])
-    def test_strict_results_stay_strict(self, inner, tmp_path):
-        result = solve(compressed_plate(0.2, (4, 3)), inner=inner)
-        write_npz(tmp_path / "a.npz", result)
-        again = load_result(tmp_path / "a.npz")
-        assert again.solution.problem.strict
-        assert again.solution.inner == inner
-        assert fails(tmp_path / "a.npz") == set()
-
-    def test_a_shear_given_up_in_a_corner(self, tmp_path):
-        sides = [Traction("left", x=0.0, y=4.0), Traction("right", x=0.0, y=-4.0)]
-        top = [Displacement("top", y=-1e-3), Traction("top", x=0.0)]
-        mesh = RectilinearMesh.rectangle((3, 3))
-        result = solve(ContactProblem(mesh, Material(1e4, 0.3), [Contact("bottom", 0.2), *sides, *top]))
-        if not len(result.discretization.freed):
-            result = solve(result.discretization.freeing(np.array([0])))
-        assert result.has_state
-        write_npz(tmp_path / "a.npz", result)
-        again = load_result(tmp_path / "a.npz")
-        assert again.discretization.freed.tolist() == result.discretization.freed.tolist() != []
-        assert fails(tmp_path / "a.npz") == set()
-        entries = Archive(tmp_path / "a.npz").arrays | {"freed": np.zeros(0, dtype=np.int64)}
-        assert fails(stored(tmp_path / "b.npz", entries))
-
-    def test_a_failed_result_is_kept_as_such(self, tmp_path):
-        result = solve(compressed_plate(0.2, (4, 4)), method="fixed-point", max_iterations=1)
-        write_npz(tmp_path / "a.npz", result)
+        text = Archive(path).text("problem")
+        assert all(words in text for words in ('title = "The stack"', 'stress = "kPa"', "0.2 + 0.1 * x"))
+        write_npz(tmp_path / "a.npz", unfinished)
         assert load_result(tmp_path / "a.npz").status is Status.MAX_ITERATIONS
-        assert "friction" in fails(tmp_path / "a.npz")
+
+    def test_functions_of_python_cannot_be_kept(self, tmp_path):
+        """The fields can, and it is said what to do about it."""
+        write_npz(tmp_path / "a.npz", solve(compressed_plate(lambda x, y: 0.2 + 0.0 * x * y, (2, 2))))
+        found = fails(tmp_path / "a.npz")
+        assert all(words in found for words in ("contacts[0].friction", "Expression", "verify_result"))
+        assert Archive(tmp_path / "a.npz").floats("plate.normal_stress").min() < 0.0
 
 
-class TestEdited:
-    """A file changed by hand, one entry at a time."""
+class TestForged:
+    """Files changed by someone who knows the format: a right digest, and claims that fit each other."""
 
-    def test_the_list_of_entries_is_complete(self, entries):
-        assert sorted(entries) == sorted(ALL)
+    def forged(self, tmp_path, entries, **changes):
+        new = entries | {name: np.array(value) for name, value in changes.items()}
+        return stored(tmp_path / "forged.npz", new)
 
-    @pytest.mark.parametrize("name", CHANGED)
-    def test_an_entry_changed(self, name, entries, tmp_path):
-        """Always seen by the digest; with a digest forged as well, by the numbers."""
-        new = entries | {name: edited(name, entries[name])}
-        assert digest(new) != str(entries["digest"]) or name == "digest"
-        if name in REMARKS | {"digest", "tolerance"}:
-            found = fails(stored(tmp_path / "a.npz", new, forged=False))
-            assert isinstance(found, str) or found == {"digest"}
-            return
-        found = fails(stored(tmp_path / "a.npz", new))
-        assert found
-        assert isinstance(found, str) or "digest" not in found
-
-    @pytest.mark.parametrize("name", ["certificate", "digest", "format", "z", "plate.slip"])
+    @pytest.mark.parametrize("name", ["certificate", "digest", "z", "plate.slip"])
     def test_an_entry_missing(self, name, entries, tmp_path):
         without = {key: value for key, value in entries.items() if key != name}
-        found = fails(stored(tmp_path / "a.npz", without, forged=name != "digest"))
-        assert isinstance(found, str)
-        assert name in found or name == "format"
+        assert name in fails(stored(tmp_path / "a.npz", without, forged=name != "digest"))
 
     @pytest.mark.parametrize("name", ["airy", "freed", "tolerance", "plate.state"])
     def test_an_entry_of_another_kind(self, name, entries, tmp_path):
-        assert fails(stored(tmp_path / "a.npz", entries | {name: np.array(3.5 + 1j)}, forged=name != "digest"))
+        assert fails(self.forged(tmp_path, entries, **{name: 3.5 + 1j}))
 
     @pytest.mark.parametrize(
         ("old", "new"),
@@ -238,20 +343,7 @@ class TestEdited:
     def test_another_problem(self, old, new, entries, tmp_path):
         text = str(entries["problem"])
         assert old in text
-        assert fails(stored(tmp_path / "a.npz", entries | {"problem": np.array(text.replace(old, new))}))
-
-    @pytest.mark.parametrize("word", ["inaccurate", "nonsense"])
-    def test_another_status(self, word, entries, tmp_path):
-        changes = {"status": np.array(word), "message": np.array(word)}
-        assert fails(stored(tmp_path / "a.npz", entries | changes))
-
-    @pytest.mark.parametrize("field", ["normal_stress", "tangential_stress"])
-    def test_every_traction(self, field, entries, tmp_path):
-        values = entries[f"ground.{field}"]
-        for point in (0, 11):
-            shifted = values.copy()
-            shifted[point] *= 1.0 + 1e-5
-            assert "ground: tractions" in fails(stored(tmp_path / "a.npz", entries | {f"ground.{field}": shifted}))
+        assert fails(self.forged(tmp_path, entries, problem=text.replace(old, new)))
 
     @settings(max_examples=10, deadline=None, derandomize=True)
     @given(
@@ -265,20 +357,13 @@ class TestEdited:
         broken = tmp_path_factory.mktemp("bytes") / "a.npz"
         broken.write_bytes(bytes(content))
         if fails(broken) == set():
-            same = Archive(broken).arrays
-            assert digest(same) == digest(entries)
+            assert digest(Archive(broken).arrays) == digest(entries)
 
-
-class TestForged:
-    """Files changed by someone who knows the format: a right digest, and claims that fit each other."""
-
-    def forged(self, tmp_path, entries, **changes):
-        new = entries | {name: np.array(value) for name, value in changes.items()}
-        return stored(tmp_path / "forged.npz", new)
-
-    @pytest.mark.parametrize("message", ["not solved", "solvedish"])
-    def test_the_message_begins_with_the_status(self, message, entries, tmp_path):
-        assert fails(self.forged(tmp_path, entries, message=message)) == {"status"}
+    def test_statuses_and_messages(self, entries, tmp_path):
+        for word in ("inaccurate", "nonsense"):
+            assert fails(self.forged(tmp_path, entries, status=word, message=word))
+        for message in ("not solved", "solvedish"):
+            assert fails(self.forged(tmp_path, entries, message=message)) == {"status"}
 
     @pytest.mark.parametrize(
         ("group", "name", "value", "row"),
@@ -294,20 +379,22 @@ class TestForged:
         path = self.forged(tmp_path, entries, certificate=json.dumps(groups))
         assert row in fails(path) <= {row, "status"}
 
-    def test_measures_below_zero_are_refused(self, entries, tmp_path):
+    @pytest.mark.parametrize("text", ["{}", "[]", "3", "{", '{"measures": {"normal": "small"}}', "[" * 100_000])
+    def test_a_certificate_that_is_none(self, text, entries, tmp_path):
+        assert "certificate" in fails(self.forged(tmp_path, entries, certificate=text))
+
+    @pytest.mark.parametrize("number", ["-1.0", "1" + 400 * "0"], ids=["below zero", "too large"])
+    def test_measures_that_are_none(self, number, entries, tmp_path):
         groups = json.loads(str(entries["certificate"]))
-        groups["measures"]["normal"] = -1.0
-        assert "below zero" in fails(self.forged(tmp_path, entries, certificate=json.dumps(groups)))
+        groups["measures"]["normal"] = 0.125
+        text = json.dumps(groups).replace("0.125", number)
+        assert "certificate" in fails(self.forged(tmp_path, entries, certificate=text))
 
     @pytest.mark.parametrize("name", ["wall.normal_force", "ground.motion", "nonsense"])
     def test_fields_that_this_problem_does_not_have(self, name, entries, tmp_path):
         path = self.forged(tmp_path, entries, **{name: np.zeros(3)})
         assert fails(path) == {"entries"}
-        assert f"Not as expected: {name}." in verify_file(path).table()
-
-    @pytest.mark.parametrize("name", ["airy", "gauss_x", "ground.x"])
-    def test_texts_in_the_place_of_numbers(self, name, entries, tmp_path):
-        assert fails(self.forged(tmp_path, entries, **{name: entries[name].astype("U")}))
+        assert name in verify_file(path).table()
 
     def test_a_tolerance_so_loose_that_everything_passes(self, tmp_path):
         """The file may not choose what it is measured by; who verifies may."""
@@ -323,9 +410,23 @@ class TestForged:
         """Warnings are errors here."""
         assert fails(self.forged(tmp_path, entries, **{name: np.full_like(entries[name], value)}))
 
-    @pytest.mark.parametrize("value", [-1.0, 2.5, 1e400])
+    @pytest.mark.parametrize("value", [-1.0, 2.5, 1e400, np.nan])
     def test_numbers_of_iterations(self, value, entries, tmp_path):
-        assert "number of iterations" in fails(self.forged(tmp_path, entries, iterations=value))
+        assert "iterations" in fails(self.forged(tmp_path, entries, iterations=value))
+
+    def test_coordinates_moved_far_from_the_origin(self, tmp_path):
+        """By a tenth of a cell, which is little beside 1e7."""
+        plate = compressed_plate(0.1, (3, 3))
+        far = replace(plate, mesh=RectilinearMesh(plate.mesh.x + 1e7, plate.mesh.y))
+        write_npz(tmp_path / "far.npz", solve(far))
+        assert fails(tmp_path / "far.npz") == set()
+        arrays = Archive(tmp_path / "far.npz").arrays
+        moved = {name: arrays[name] + 0.03 for name in ("plate.x", "gauss_x")}
+        assert fails(self.forged(tmp_path, arrays, **moved))
+
+    def test_vectors_of_another_length(self, entries, tmp_path):
+        for name in ("z", "earlier_slip", "scales"):
+            assert name in fails(self.forged(tmp_path, entries, **{name: np.append(entries[name], 0.0)}))
 
     @pytest.mark.parametrize(
         ("old", "new"), [("young = 10000.0", "young = -1.0"), ("[mesh]", "[mush]"), ("version", "= version")]
@@ -334,7 +435,6 @@ class TestForged:
         monkeypatch.chdir(tmp_path)  # long names are shortened
         self.forged(tmp_path, entries, problem=str(entries["problem"]).replace(old, new))
         found = fails("forged.npz")
-        assert isinstance(found, str)
         assert "forged.npz" in found
         assert "entry 'problem'" in found
         assert len(found.splitlines()) == 1
@@ -349,76 +449,57 @@ class TestRefused:
         (tmp_path / "a.npz").write_bytes(content[: int(share * len(content))])
         assert "cannot be read" in fails(tmp_path / "a.npz")
 
-    def test_what_is_no_archive(self, tmp_path):
+    def test_what_is_no_archive(self, entries, tmp_path):
         (tmp_path / "a.npz").write_text("x, y\n1, 2\n")
         assert "not an archive, or holds pickled objects" in fails(tmp_path / "a.npz")
         np.save(tmp_path / "a.npy", np.ones(3))
         assert "single array" in fails(tmp_path / "a.npy")
         np.savez(tmp_path / "other.npz", x=np.ones(3))
         assert "not a result" in fails(tmp_path / "other.npz")
+        np.savez(tmp_path / "a.npz", **entries | {"z": np.array([{}], dtype=object)})
+        assert "pickled objects" in fails(tmp_path / "a.npz")
+        other = entries | {"format_version": np.array(FORMAT_VERSION + 1)}
+        assert f"only version {FORMAT_VERSION}" in fails(stored(tmp_path / "a.npz", other))
         assert "No such file" in fails(tmp_path / "missing.npz")
         assert "cannot be read" in fails(tmp_path)
+        assert "not a regular file" in fails(os.devnull)  # the end of /dev/zero is nowhere
 
-    def test_more_bytes_than_the_limit_are_not_read(self, tmp_path, monkeypatch):
+    def test_more_bytes_than_the_limit_are_not_read(self, entries, tmp_path):
         """The sizes stand in the archive's directory; a megabyte of it can hold a gigabyte of zeros."""
-        np.savez_compressed(tmp_path / "a.npz", z=np.zeros(5_000_000))
-        assert (tmp_path / "a.npz").stat().st_size < 100_000
-        monkeypatch.setattr("solvers.basics.archives.LARGEST", 39_000_000)
+        np.savez(tmp_path / "a.npz", **entries)
+        with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive:
+            archive.writestr("more.npy", b"")
+            archive.filelist[-1].file_size = 2_000_000_000
+        assert "the limit of 1000000000" in fails(tmp_path / "a.npz")
+
+    @pytest.mark.filterwarnings("ignore:Duplicate name")
+    @pytest.mark.parametrize("second", ["z", "z.npy"])
+    def test_two_entries_of_one_name(self, second, path, tmp_path):
+        """The larger of them would hide behind the size of the other."""
+        (tmp_path / "a.npz").write_bytes(path.read_bytes())
+        with zipfile.ZipFile(tmp_path / "a.npz", "a", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(second, bytes(20_000_000))
         tracemalloc.start()
         try:
-            assert "40000128 bytes, more than the limit of 39000000" in fails(tmp_path / "a.npz")
+            assert "one name" in fails(tmp_path / "a.npz")
             assert tracemalloc.get_traced_memory()[1] < 5_000_000
         finally:
             tracemalloc.stop()
 
-    def test_devices_are_not_read(self):
-        """The end of /dev/zero, where an archive has its directory, is nowhere."""
-        assert "not a regular file" in fails(os.devnull)
-
-    def test_a_long_problem_is_refused_before_it_is_parsed(self, entries, tmp_path):
-        problem = str(entries["problem"]) + "\nzeros = [" + "0," * 1_000_000 + "]"
-        assert "200000 numbers" in fails(stored(tmp_path / "a.npz", entries | {"problem": np.array(problem)}))
+    @pytest.mark.skipif(os.name != "posix", reason="there are no such files")
+    def test_pipes_are_not_waited_for(self, tmp_path):
+        os.mkfifo(tmp_path / "a.npz")
+        assert "not a regular file" in fails(tmp_path / "a.npz")
 
     def test_items_without_a_size_are_not_listed(self, entries, tmp_path):
         """A header alone can claim a thousand million empty texts."""
-        np.savez(tmp_path / "a.npz", **entries)
         header = np.lib.format.magic(1, 0)
         text = b"{'descr': '<U0', 'fortran_order': False, 'shape': (1000000000,), }"
         text += b" " * (64 - (len(header) + 3 + len(text)) % 64) + b"\n"
-        with zipfile.ZipFile(tmp_path / "a.npz") as old, zipfile.ZipFile(tmp_path / "b.npz", "w") as new:
-            for name in old.namelist():
-                content = header + len(text).to_bytes(2, "little") + text
-                new.writestr(name, content if name == "history_status.npy" else old.read(name))
-        assert "more items than bytes" in fails(tmp_path / "b.npz")
-
-    def test_pickles_are_never_loaded(self, entries, tmp_path):
-        np.savez(tmp_path / "a.npz", **entries | {"z": np.array([{}], dtype=object)})
-        assert "pickled objects" in fails(tmp_path / "a.npz")
-
-    def test_another_version(self, entries, tmp_path):
-        other = entries | {"format_version": np.array(FORMAT_VERSION + 1)}
-        assert f"only version {FORMAT_VERSION} is known" in fails(stored(tmp_path / "a.npz", other))
-
-    def test_functions_of_python_cannot_be_kept(self, tmp_path):
-        """The fields can, and it is said what to do about it."""
-        problem = compressed_plate(0.2, (2, 2))
-        contact = Contact("top", friction=lambda x, y: 0.2 + 0.0 * x + 0.0 * y, gap=-1e-3, name="plate")
-        conditions = [contact if isinstance(part, Contact) else part for part in problem.conditions]
-        write_npz(tmp_path / "a.npz", solve(replace(problem, conditions=conditions)))
-        found = fails(tmp_path / "a.npz")
-        assert "contacts[0].friction" in found
-        assert "Expression" in found
-        assert "verify_result" in found
-        assert Archive(tmp_path / "a.npz").floats("plate.normal_stress").min() < 0.0
-
-    def test_vectors_of_another_length(self, entries, tmp_path):
-        for name in ("z", "earlier_slip", "scales"):
-            other = entries | {name: np.append(entries[name], 0.0)}
-            assert name in fails(stored(tmp_path / "a.npz", other))
-
-    @pytest.mark.parametrize("text", ["{}", "[]", "3", "{", '{"measures": {"normal": "small"}}', "[" * 100_000])
-    def test_a_certificate_that_is_none(self, text, entries, tmp_path):
-        assert "certificate" in fails(stored(tmp_path / "a.npz", entries | {"certificate": np.array(text)}))
+        np.savez(tmp_path / "a.npz", **{name: entries[name] for name in entries if name != "history_status"})
+        with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive:
+            archive.writestr("history_status.npy", header + len(text).to_bytes(2, "little") + text)
+        assert "more items than bytes" in fails(tmp_path / "a.npz")
 
 
 def test_the_digest_depends_on_names_kinds_shapes_and_values():
@@ -432,10 +513,3 @@ def test_the_digest_depends_on_names_kinds_shapes_and_values():
         {"a": np.arange(4.0) + 1e-16 * np.arange(4.0), "b": np.array("Text")},
     ):
         assert digest(other) != same
-
-
-def test_nothing_is_left_behind_by_a_write_that_fails(tmp_path):
-    target: Path = tmp_path / "missing" / "a.npz"
-    with pytest.raises(InputError, match="cannot be written"):
-        write_archive(target, {"a": np.ones(2)})
-    assert list(tmp_path.iterdir()) == []

@@ -1,21 +1,72 @@
-"""A standard output that cannot be written is one line on standard error; a reader that has gone away is no fault."""
+"""What a command leaves on the terminal, and what becomes of output, signals and processes if something goes wrong."""
 
 import errno
 import io
 import os
+import re
+import signal
 import subprocess
 import sys
+import time
+from contextlib import closing, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import click
 import pytest
 
-from qvi_contact.basics import terminal
+from qvi_contact import InputError, SolveError, solve
+from qvi_contact.basics import Crew
+from qvi_contact.command import solving
+from qvi_contact.gallery import compressed_plate
+from solvers.basics import Progress, tell
 
+ROOT = Path(__file__).parents[2]
 FULL = Path("/dev/full")
+
+
+def ending(shell, callback):
+    """Exit status, standard output and standard error of a command that does this."""
+    return shell(command=click.Command("tool", callback=callback), name="tool")
+
+
+def raising(error):
+    def callback():
+        raise error
+
+    return callback
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (InputError("Material.young", -1.0, "give a number greater than 0"), "Material.young: -1.0: give a number"),
+        (SolveError("stalled\n  after 3\titerations"), "stalled after 3 iterations"),
+        (click.UsageError("two\nlines"), "two lines"),
+        (click.BadParameter("not a number"), "not a number"),
+    ],
+)
+def test_wrong_input_is_one_line_and_status_2(shell, error, words):
+    status, out, err = ending(shell, raising(error))
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("tool: ")
+    assert words in err
+    assert err.endswith("\n")
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), click.Abort()])
+def test_an_interrupted_command_says_so(shell, error):
+    status, out, err = ending(shell, raising(error))
+    assert (status, out, err.split()) == (130, "", ["tool:", "interrupted"])
+
+
+def test_a_fault_of_the_program_is_not_blamed_on_the_input(shell):
+    with pytest.raises(ZeroDivisionError):
+        ending(shell, raising(ZeroDivisionError()))
+
+
 SCRIPT = """
 import sys, click
-from qvi_contact.basics.terminal import run
+from qvi_contact.basics import run
 
 @click.command()
 @click.option("--lines", default=1)
@@ -34,30 +85,29 @@ def piped(*arguments, python=(), **streams):
     """The script's process, with these streams; they have buffers unless Python's options say otherwise."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     words = [sys.executable, *python, "-c", SCRIPT, *arguments]
-    root = Path(__file__).parents[2]
-    return subprocess.Popen(words, cwd=root, env=environment, stderr=subprocess.PIPE, text=True, **streams)
+    return subprocess.Popen(words, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True, **streams)
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(
     ("arguments", "python"),
-    [(["--help"], []), (["--rich"], []), (["--late"], []), (["--late", "--lines", "9999"], []), (["--late"], ["-u"])],
-    ids=["help", "rich", "late", "long", "unbuffered"],
+    [(["--rich"], []), (["--late"], []), (["--late", "--lines", "9999"], []), (["--late"], ["-u"])],
+    ids=["rich", "late", "long", "unbuffered"],
 )
 def test_a_full_standard_output(arguments, python):
     with FULL.open("w", encoding="utf-8") as full, piped(*arguments, python=python, stdout=full) as process:
         _, err = process.communicate(timeout=60)
-    assert err == "tool: standard output: cannot be written (No space left on device)\n"
-    assert process.returncode == 2
+    assert err.startswith("tool: standard output: ")
+    assert os.strerror(errno.ENOSPC) in err
+    assert (process.returncode, len(err.splitlines())) == (2, 1)
 
 
-@pytest.mark.parametrize("arguments", [["--rich"], ["--late"], []])
+@pytest.mark.parametrize("arguments", [["--rich"], ["--late"]])
 def test_a_closed_pipe_is_silent(arguments):
     with piped(*arguments, "--lines", "9", stdout=subprocess.PIPE) as process:
         process.stdout.close()
         err = process.stderr.read()
-    assert err == ""
-    assert process.returncode == 1
+    assert (process.returncode, err) == (1, "")
 
 
 class Broken(io.StringIO):
@@ -71,36 +121,180 @@ class Broken(io.StringIO):
         raise OSError(self.number, os.strerror(self.number))
 
 
-def ending(monkeypatch, capsys, callback, stdout):
-    """Exit status and standard error of a command that does this, with that standard output."""
-    monkeypatch.setattr(sys, "argv", ["tool"])
-    monkeypatch.setattr(sys, "stdout", stdout)
-    with pytest.raises(SystemExit) as caught:
-        terminal.run(click.Command("tool", callback=callback), "tool")
-    assert sys.stdout is stdout
-    return caught.value.code, capsys.readouterr().err
+def printing():
+    print("words")
 
 
-@pytest.mark.parametrize(
-    ("number", "status", "words"), [(errno.EIO, 2, "cannot be written (Input/output error)"), (errno.EPIPE, 1, "")]
-)
-def test_why_it_cannot_be_written(monkeypatch, capsys, number, status, words):
-    found, err = ending(monkeypatch, capsys, lambda: print("words"), Broken(number))
-    assert found == status
+@pytest.mark.parametrize(("number", "status", "words"), [(errno.EIO, 2, os.strerror(errno.EIO)), (errno.EPIPE, 1, "")])
+def test_why_it_cannot_be_written(shell, number, status, words):
+    stream = Broken(number)
+    with redirect_stdout(stream):
+        found, _, err = ending(shell, printing)
+        assert sys.stdout is stream
+    assert (found, len(err.splitlines())) == (status, bool(words))
     assert words in err
-    assert len(err.splitlines()) == bool(words)
 
 
-def test_another_file_that_fails_is_not_taken_for_it(monkeypatch, capsys):
-    with pytest.raises(OSError, match="No space") as caught:
-        ending(monkeypatch, capsys, lambda: Broken(errno.ENOSPC).write("words"), io.StringIO())
-    assert caught.value.errno == errno.ENOSPC
+def test_another_file_that_fails_is_not_taken_for_it(shell):
+    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
+        ending(shell, lambda: Broken(errno.ENOSPC).write("words"))
 
 
-def test_without_a_standard_output(monkeypatch, capsys):
-    assert ending(monkeypatch, capsys, lambda: click.echo("words"), None) == (0, "")
+def test_without_a_standard_output_or_a_place_to_complain_at(shell):
+    with redirect_stdout(None):
+        assert ending(shell, lambda: click.echo("words")) == (0, "", "")
+    with redirect_stdout(Broken(errno.ENOSPC)), redirect_stderr(Broken(errno.ENOSPC)):
+        assert ending(shell, printing)[0] == 2
 
 
-def test_no_place_to_complain_at(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "stderr", Broken(errno.ENOSPC))
-    assert ending(monkeypatch, capsys, lambda: print("words"), Broken(errno.ENOSPC))[0] == 2
+def test_a_terminal_without_greek_gets_question_marks(shell):
+    screen = io.BytesIO()
+    with redirect_stdout(io.TextIOWrapper(screen, encoding="latin-1")) as stream:
+        status, _, err = shell("check", ROOT / "examples" / "punch.toml")
+        stream.flush()
+    assert (status, err) == (0, "")
+    assert b"? = 0.3" in screen.getvalue()
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    """A timer that does not wait."""
+    monkeypatch.setattr("threading.Timer.start", lambda timer: timer.function())
+
+
+def shown(monkeypatch, title, steps=1, **look):
+    """What a terminal shows of a method, a round, and another solve."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "160")
+    with redirect_stderr(io.StringIO()) as screen, solving(title, steps, **look) as advance:
+        advance("216 unknowns")
+        tell(Progress("fixed-point", remark="the condensed method ended stalled"))
+        solve(compressed_plate(0.2, (3, 3)))
+    return screen.getvalue()
+
+
+@pytest.mark.usefixtures("at_once")
+def test_a_solve_under_way_is_shown_on_a_terminal(monkeypatch):
+    """Method, iteration and residual beside the last round; that one method takes the place of another one stays."""
+    found = shown(monkeypatch, "[plate]", 3)
+    assert "[plate]" in found
+    assert "1/3" in found
+    assert re.search(r"216 unknowns; condensed: iteration \d+, residual \d\.\de-", found)
+    assert "the condensed method ended stalled; next method: fixed-point\n" in found
+
+
+@pytest.mark.usefixtures("at_once")
+def test_off_a_terminal_it_is_silent(capfd):
+    with solving("plate") as advance:
+        solve(compressed_plate(0.2, (3, 3)))
+        tell(Progress("fixed-point", remark="the condensed method ended stalled"))
+        advance()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_short_solve_is_not_shown_on_a_terminal(monkeypatch):
+    assert "iteration" not in shown(monkeypatch, "plate")
+
+
+SIGNALS = """
+import ctypes, faulthandler, os, signal, threading
+from qvi_contact.basics import handlers_kept
+
+heard = []
+signal.signal(signal.SIGTERM, lambda *_: heard.append("SIGTERM"))
+faulthandler.enable()
+
+def careless():
+    with handlers_kept():
+        for number in (signal.SIGPIPE, signal.SIGTERM, signal.SIGSEGV):
+            assert library.signal(int(number), None) != -1
+
+library = ctypes.CDLL(None)
+library.signal.argtypes, library.signal.restype = (ctypes.c_int, ctypes.c_void_p), ctypes.c_ssize_t
+thread = threading.Thread(target=careless)
+thread.start()
+thread.join()
+os.kill(os.getpid(), signal.SIGTERM)
+reading, writing = os.pipe()
+os.close(reading)
+try:
+    os.write(writing, b"nobody reads this")
+except BrokenPipeError:
+    print(heard, flush=True)
+os.kill(os.getpid(), signal.SIGSEGV)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="there is nothing to keep")
+def test_handlers_of_signals_are_kept_in_any_thread_and_not_only_those_of_python():
+    done = subprocess.run([sys.executable, "-c", SIGNALS], capture_output=True, text=True, check=False)
+    assert done.stdout == "['SIGTERM']\n", done
+    assert done.returncode == -signal.SIGSEGV
+    assert "Segmentation fault" in done.stderr  # of faulthandler
+
+
+def slept(seconds):
+    """Tell which process it is, and sleep."""
+    print(os.getpid(), flush=True)
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def ended(_order):
+    """Take the process with it."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def halved(number):
+    """Half of it, if it is even."""
+    if number % 2:
+        raise InputError("number", number, "give an even one")
+    return number // 2
+
+
+def alive(number):
+    """Whether there is such a process, and it is no zombie."""
+    try:
+        state = Path(f"/proc/{number}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def test_a_process_that_is_lost():
+    with pytest.raises(SolveError, match="worker process"):
+        list(Crew(1).spread(ended, lambda _: [1]))
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="tells processes by /proc")
+def test_processes_end_with_the_one_that_is_killed():
+    script = "from tests.qvi_contact.test_terminal import *\nlist(Crew(1).spread(slept, lambda _: [60.0]))"
+    with subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        worker = int(process.stdout.readline())
+        assert alive(worker)
+        os.kill(process.pid, signal.SIGKILL)
+    end = time.monotonic() + 10.0
+    while alive(worker) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not alive(worker)
+
+
+def test_processes_end_with_what_they_are_for():
+    began = time.monotonic()
+    with closing(Crew(2).spread(slept, lambda _: [0.0, 60.0])) as found:
+        worker = next(found)
+    assert time.monotonic() - began < 30.0
+    assert not alive(worker)
+
+
+def test_a_cluster_does_the_same_until_its_scheduler_is_lost():
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+    ) as cluster:
+        crew, seen = Crew(dask=cluster.scheduler_address), []
+        assert sorted(crew.spread(halved, lambda size: seen.append(size) or range(0, 40, 2))) == list(range(20))
+        assert seen == [2]
+        with pytest.raises(InputError) as caught:
+            list(crew.spread(halved, lambda _: [1]))
+        assert caught.value.field == "number"

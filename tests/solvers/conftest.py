@@ -1,7 +1,11 @@
-"""Problems with known answers, shared by the tests of `solvers`."""
+"""Problems with known answers, and back ends that fail, shared by the tests of `solvers`."""
+
+from dataclasses import replace
+from pkgutil import resolve_name
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_array, eye_array, random_array
 
 from solvers import FrictionQVI
 
@@ -35,11 +39,143 @@ def random_problem(seed: int, friction: float = 0.3, equalities: int = 0, n: int
     )  # fmt: skip
 
 
-def dragged_block(shear: float, friction: float = 0.3) -> FrictionQVI:
-    """Pressure 1 and a shear, both prescribed: carried for shear ≤ friction only."""
+def dragged_block(shear: float, friction: float = 0.3, normal: float = 1.0, **laws) -> FrictionQVI:
+    """Pressure and shear, both prescribed: carried for shear ≤ friction × pressure only, without other laws."""
     return FrictionQVI(
         K=np.eye(2), f=np.zeros(2), N=np.array([[-1.0, 0.0]]), n0=[0.0], T=np.array([[0.0, 1.0]]), t0=[0.0],
-        mu=[friction], W=[1.0], A=np.eye(2), b=np.array([1.0, shear]),
+        mu=[friction], W=[1.0], A=np.eye(2), b=np.array([normal, shear]), **laws,
+    )  # fmt: skip
+
+
+def prescribed_shear() -> FrictionQVI:
+    """T z = −1 is prescribed; no pressure cannot hold it, the pressure 3.8 of the solution can."""
+    return FrictionQVI(
+        K=np.array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([3.0, 0.0]), N=np.array([[-1.0, 0.0]]), n0=[0.0],
+        T=np.array([[0.0, 1.0]]), t0=[0.0], mu=[0.3], W=[1.0], A=np.array([[0.0, 1.0]]), b=[-1.0],
+    )  # fmt: skip
+
+
+class Root:
+    """R z + r₀ with dense R, as an `EnergyRoot`; said to be so many times R where it is factorised."""
+
+    def __init__(self, R, r0=0.0, times=1.0):
+        self.R, self.r0, self.times = R, r0, times
+
+    def apply(self, z):
+        return self.R @ z + self.r0
+
+    def adjoint(self, r):
+        return self.R.T @ r
+
+    def matrix(self):
+        return csc_array(self.times * self.R), np.zeros((len(self.R), 1))
+
+    def rounding(self, z):
+        return float(np.finfo(float).eps * (np.abs(self.R) @ np.abs(z)).max())
+
+
+def with_constant_tractions(qvi: FrictionQVI, more: int = 193) -> FrictionQVI:
+    """The same problem beside points pressed by 1 that nothing changes: with 193 of them too many to be pivoted."""
+    nothing, zeros = np.zeros((more, qvi.n)), np.zeros(more)
+    return FrictionQVI(
+        K=qvi.K, f=qvi.f, N=np.vstack([qvi.N.toarray(), nothing]), n0=np.r_[qvi.n0, zeros - 1.0],
+        T=np.vstack([qvi.T.toarray(), nothing]), t0=np.r_[qvi.t0, zeros], mu=np.r_[qvi.mu, zeros + 0.3],
+        W=np.r_[qvi.W, zeros + 0.5],
+    )  # fmt: skip
+
+
+LIBRARIES = {
+    "qp:clarabel": ("qpsolvers", "solve_problem"),
+    "direct:clarabel": ("clarabel", "DefaultSolver"),
+    "direct:osqp": ("osqp:OSQP", "solve"),
+    "socp:clarabel": ("cvxpy:Problem", "solve"),
+}
+"""Where an inner solver calls its library; of Clarabel it keeps an object."""
+
+
+@pytest.fixture
+def back_end(monkeypatch):
+    """Make a library answer what a function makes of its own answer, which is computed when that is called."""
+
+    def replaced(name, function):
+        place, word = LIBRARIES[name]
+        owner = resolve_name(place)
+        original = getattr(owner, word)
+
+        def call(*words, **settings):
+            return function(lambda: original(*words, **settings))
+
+        class Kept:
+            def __init__(self, *words):
+                self.solver = original(*words)
+
+            def __getattr__(self, name):
+                return getattr(self.solver, name)
+
+            def solve(self):
+                return function(self.solver.solve)
+
+        monkeypatch.setattr(owner, word, Kept if name == "direct:clarabel" else call)
+
+    return replaced
+
+
+def mixed_problem(seed, equalities=2, friction=0.2):
+    """Every kind of row at once: cohesive, capped, without friction, bilateral; pressed, pulled, open."""
+    qvi = random_problem(seed, friction, equalities, n=14, m=10)
+    random = np.random.default_rng(100 + seed)
+    mu = qvi.mu.copy()
+    mu[[0, 5]] = 0.0
+    cap = np.full(10, np.inf)
+    cap[[1, 6, 7]] = 0.3, 0.2, 0.0
+    return replace(
+        qvi,
+        mu=mu,
+        cohesion=np.where(np.arange(10) % 3 == 0, 0.0, random.uniform(0.0, 0.5, 10)),
+        cap=cap,
+        bilateral=np.arange(10) >= 6,
+    )
+
+
+EDGES = 5
+GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
+LAWS = {
+    "coulomb": {"mu": 0.3},
+    "opening": {"mu": 0.4, "pull": 1.5},
+    "frictionless": {"mu": 0.0, "pull": 0.5},
+    "tresca": {"mu": 0.0, "cohesion": 0.2},
+    "cohesion": {"mu": 0.2, "cohesion": 0.15, "pull": 0.8},
+    "cap": {"mu": 0.5, "cohesion": 0.02, "cap": 0.25},
+    "bilateral": {"mu": 0.25, "bilateral": True, "pull": 1.0},
+    "equations": {"mu": 0.3, "equalities": 3},
+}
+
+
+def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equalities=0):
+    """A contact line: σ_N linear on each edge, σ_T continuous and quadratic, four points an edge, dependent rows.
+
+    `pull` lowers the pressure towards one end, where it becomes tension if nothing opens.
+    """
+    random = np.random.default_rng(seed)
+    t, points = GAUSS, 4 * EDGES
+    E = np.zeros((2 * points, 4 * EDGES + 1))
+    for e in range(EDGES):
+        rows = slice(4 * e, 4 * e + 4)
+        E[rows, [2 * e, 2 * e + 1]] = np.column_stack([1 - t, t])
+        quadratic = np.column_stack([(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)])
+        E[points + 4 * e : points + 4 * e + 4, 2 * EDGES + 2 * e : 2 * EDGES + 2 * e + 3] = quadratic
+    r = E.shape[1]
+    n = 3 * r
+    Y = (random_array((r, n), density=0.05, rng=random) + eye_array(n).tocsr()[:r]).toarray()
+    root = random_array((n, n), density=0.1, rng=random).toarray() + 2.0 * np.eye(n)
+    start = np.concatenate([np.linspace(-1.0, pull - 1.0, 2 * EDGES), 0.1 * random.normal(size=2 * EDGES + 1)])
+    rows, shift = E @ Y, E @ start
+    A = random.normal(size=(equalities, n)) if equalities else None
+    return FrictionQVI(
+        K=root.T @ root, f=0.6 * random.normal(size=n), N=rows[:points], n0=shift[:points], T=rows[points:],
+        t0=shift[points:], mu=np.full(points, mu), W=np.full(points, 1.0 / points), A=A,
+        b=0.1 * random.normal(size=equalities) if equalities else None, cohesion=np.full(points, cohesion),
+        cap=np.full(points, cap), bilateral=np.full(points, bilateral),
     )  # fmt: skip
 
 

@@ -1,37 +1,24 @@
-"""A certificate passes on solutions and on nothing else."""
+"""A certificate passes on solutions and on nothing else.
+
+Each of three solutions passes: of one contact with u = W r + q, W = [[1, 4/5], [4/5, 1]], q = (1, 21/10), μ = 2,
+z = r = (p, t).
+"""
+
+from fractions import Fraction
+from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from solvers import FrictionQVI, InputError, certify, solve_qvi
-from solvers.certificate.certificate import EXPONENTS, scales_at
-from tests.solvers.conftest import one_contact, random_problem, two_contacts
-
-EXACT = [  # state, load, friction, z, m_N, m_T of one contact, by hand
-    ("open", (1.0, 2.1), 2.0, (0.0, 0.0), 1.0, -2.1),
-    ("stick", (1.0, 2.1), 2.0, (17 / 9, -32.5 / 9), 0.0, 0.0),
-    ("slip", (1.0, 2.1), 2.0, (5 / 3, -10 / 3), 0.0, -0.1),
-]
+from solvers import FrictionQVI, certify, solve_qvi
+from solvers.certificate import EXPONENTS, scales_at
+from tests.effort import examples
+from tests.solvers.conftest import Root, one_contact, random_problem
 
 
-@pytest.mark.parametrize(
-    ("load", "friction", "z", "m_N", "m_T"), [case[1:] for case in EXACT], ids=[c[0] for c in EXACT]
-)
-def test_all_three_solutions_pass(load, friction, z, m_N, m_T):
-    qvi = one_contact(friction, load)
-    m_T = -float((qvi.K @ np.array(z) - qvi.f)[1])
-    certificate = certify(qvi, np.array(z), np.array([m_N]), np.array([m_T]), tolerance=1e-12)
-    assert certificate.passed, certificate.summary()
-    assert certificate.accuracy <= 1e-12
-
-
-def test_two_contacts_with_weights_by_hand():
-    qvi = two_contacts()
-    z, m_N, m_T = np.array([2.0, 0.4, 1.0, -0.3]), np.zeros(2), np.array([0.0, -1.7])
-    assert certify(qvi, z, m_N, m_T, tolerance=1e-13).passed
-
-
-def _solved() -> tuple[FrictionQVI, list[np.ndarray]]:
+def solved() -> tuple[FrictionQVI, list[np.ndarray]]:
     qvi = random_problem(0)
     solution = solve_qvi(qvi, inner="direct:clarabel")
     assert solution.solved
@@ -40,7 +27,7 @@ def _solved() -> tuple[FrictionQVI, list[np.ndarray]]:
     return qvi, [solution.z, solution.normal_multiplier, solution.tangential_multiplier]
 
 
-def _wrong(parts: list[np.ndarray], what: str) -> list[np.ndarray | None]:
+def wrong(parts: list[np.ndarray], what: str) -> list[np.ndarray | None]:
     z, m_N, m_T = (part.copy() for part in parts)
     if what == "one sign of m_T":
         m_T[np.abs(m_T).argmax()] *= -1
@@ -63,28 +50,38 @@ def _wrong(parts: list[np.ndarray], what: str) -> list[np.ndarray | None]:
 
 @pytest.mark.parametrize(
     "what",
-    ["one sign of m_T", "all signs of m_T", "sign of m_N", "z shifted", "m_N dropped", "m_T dropped",
-     "z zero",
+    ["one sign of m_T", "all signs of m_T", "sign of m_N", "z shifted", "m_N dropped", "m_T dropped", "z zero",
      "everything zero"],
 )  # fmt: skip
 def test_wrong_results_fail(what):
-    qvi, parts = _solved()
+    qvi, parts = solved()
     assert certify(qvi, *parts).passed
-    certificate = certify(qvi, *_wrong(parts, what))
+    certificate = certify(qvi, *wrong(parts, what))
     assert not certificate.passed
     assert certificate.accuracy > 1e-7
 
 
+def test_missing_equality_multiplier_does_not_pass():
+    qvi = random_problem(1, equalities=2)
+    solution = solve_qvi(qvi, inner="direct:clarabel")
+    parts = (solution.z, solution.normal_multiplier, solution.tangential_multiplier)
+    assert not certify(qvi, *parts).passed
+    assert certify(qvi, *parts, solution.equality_multiplier).passed
+
+
 def test_a_wrong_tangential_sign_shows_in_every_measure_that_knows_it():
-    qvi, parts = _solved()
-    measures = certify(qvi, *_wrong(parts, "all signs of m_T")).measures
+    qvi, parts = solved()
+    plain = certify(qvi, *parts)
+    assert plain.worst in plain.summary()
+    assert plain.limits["natural_map"] == pytest.approx(1e-5)
+    measures = certify(qvi, *wrong(parts, "all signs of m_T")).measures
     for name in ("stationarity", "sign", "complementarity_tangential", "energy_gap", "natural_map"):
         assert measures[name] > 1e-2, name
 
 
 @pytest.mark.parametrize("missing", [0, 1, 2])
 def test_missing_or_undefined_parts_are_infinite(missing):
-    qvi, parts = _solved()
+    qvi, parts = solved()
     for nothing in (None, np.full_like(parts[missing], np.nan)):
         given = [*parts[:missing], nothing, *parts[missing + 1 :]]
         certificate = certify(qvi, *given)
@@ -92,29 +89,28 @@ def test_missing_or_undefined_parts_are_infinite(missing):
         assert not certificate.passed
 
 
-def test_missing_equality_multiplier_does_not_pass():
-    qvi = random_problem(1, equalities=2)
-    solution = solve_qvi(qvi, inner="direct:clarabel")
-    assert solution.solved
-    parts = (solution.z, solution.normal_multiplier, solution.tangential_multiplier)
-    assert not certify(qvi, *parts).passed
-    assert certify(qvi, *parts, solution.equality_multiplier).passed
-
-
 def test_a_factorisation_of_another_matrix_hides_no_error():
     """K itself has a say: to a factor that is far too stiff every residual is the force of a tiny error."""
     K, rows, one = np.diag([1.0, 2.0, 1.5, 1.2]), np.eye(4)[:2], np.ones(1)
-    data = {"N": rows[:1], "n0": 0.0 * one, "T": rows[1:], "t0": 0.0 * one, "mu": 0.5 * one, "W": one}
-    qvi = FrictionQVI(K=K, f=np.array([-1.0, 0.4, 1.5, 1.2]), **data)
+    f = np.array([-1.0, 0.4, 1.5, 1.2])
+    qvi = FrictionQVI(
+        K=K,
+        f=f,
+        N=rows[:1],
+        n0=0.0 * one,
+        T=rows[1:],
+        t0=0.0 * one,
+        mu=0.5 * one,
+        W=one,
+        root=Root(np.sqrt(K), times=1e10),
+        load=f,
+    )
     solution = solve_qvi(qvi)
     parts = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     wrong = solution.z + np.array([0.0, 0.0, 0.0, 1e-3])  # where the contact does not feel it
     assert certify(qvi, solution.z, *parts).passed
-    assert not certify(qvi, wrong, *parts).passed
-    stiff = FrictionQVI(K=1e20 * K, f=qvi.f, **data)
-    qvi.operator._forget()
-    qvi.operator._factor = stiff.equality_system.factor
-    assert qvi.linear_system.factor is qvi.operator._factor
+    assert qvi.operator.use_root()
+    assert qvi.linear_system.solve(np.ones(4))[0] == pytest.approx(1e-20 / np.diag(K))
     found = certify(qvi, wrong, *parts)
     assert not found.passed
     assert found.measures["stationarity"] == pytest.approx(
@@ -133,7 +129,7 @@ def test_friction_bound_of_another_pressure_fails():
 @pytest.mark.parametrize(("stress", "length"), [(1e6, 1.0), (1e-6, 1e3), (1.0, 1e-5)])
 def test_measures_do_not_depend_on_units(stress, length):
     """N, n0, T, t0 scale with stress, W with length, the energy with both."""
-    qvi, (z, m_N, m_T) = _solved()
+    qvi, (z, m_N, m_T) = solved()
     z = z * (1 + 1e-6)
     energy = 7.0
     scaled = FrictionQVI(
@@ -169,25 +165,77 @@ def test_a_peak_of_stress_in_a_small_place_does_not_hide_work_on_gaps(share):
     assert found["energy_gap"] == pytest.approx(1e-3 / body)
 
 
-def test_zero_problem_passes_at_zero():
-    qvi = one_contact(load=(0.0, 0.0))
-    assert certify(qvi, np.zeros(2), np.zeros(1), np.zeros(1), tolerance=1e-15).passed
-    assert not certify(qvi, np.array([0.0, 1.0]), np.zeros(1), np.zeros(1)).passed
+W = ((Fraction(1), Fraction(4, 5)), (Fraction(4, 5), Fraction(1)))
+Q = (Fraction(1), Fraction(21, 10))
+FRICTION = 2
+REACTIONS = {
+    "open": (Fraction(0), Fraction(0)),
+    "stick": (Fraction(17, 9), Fraction(-65, 18)),
+    "slip": (Fraction(5, 3), Fraction(-10, 3)),
+}
+QVI = one_contact(FRICTION, (float(Q[0]), float(Q[1])))
 
 
-def test_summary_names_the_worst_measure():
-    qvi, parts = _solved()
-    certificate = certify(qvi, *parts)
-    assert certificate.worst in certificate.summary()
-    assert certificate.limits["natural_map"] == pytest.approx(1e-5)
+def displacement(r):
+    """U = W r + q."""
+    return tuple(sum(w * part for w, part in zip(row, r, strict=True)) + q for row, q in zip(W, Q, strict=True))
 
 
-@pytest.mark.parametrize("tolerance", [0.0, 1.0, -1e-8])
-def test_bad_tolerance(tolerance):
-    with pytest.raises(InputError, match="tolerance"):
-        certify(one_contact(), np.zeros(2), np.zeros(1), np.zeros(1), tolerance=tolerance)
+def state(name):
+    """(p, t, m_N, m_T): the multipliers are m_N = u_N, as N = [−1, 0], and m_T = −u_T."""
+    u = displacement(REACTIONS[name])
+    return np.array([float(value) for value in (*REACTIONS[name], u[0], -u[1])])
 
 
-def test_wrong_shape():
-    with pytest.raises(InputError, match="normal_multiplier"):
-        certify(one_contact(), np.zeros(2), np.zeros(2), np.zeros(1))
+STATES = {name: state(name) for name in REACTIONS}
+
+
+def passes(values, tolerance=1e-8):
+    return certify(QVI, values[:2], values[2:3], values[3:], tolerance=tolerance).passed
+
+
+def distance(values):
+    """To the nearest of the three, largest of the four differences."""
+    return min(np.abs(values - known).max() for known in STATES.values())
+
+
+@pytest.mark.parametrize("name", REACTIONS)
+def test_each_obeys_the_law_in_fractions(name):
+    (p, t), (u_N, u_T) = REACTIONS[name], displacement(REACTIONS[name])
+    assert p >= 0
+    assert u_N >= 0
+    assert p * u_N == 0
+    assert abs(t) <= FRICTION * p
+    assert t * u_T + FRICTION * p * abs(u_T) == 0
+    assert passes(STATES[name], 1e-12)
+
+
+def test_it_passes_at_no_other_reaction_with_its_own_multipliers():
+    """The displacements that belong to a reaction satisfy all equations; only the law can fail."""
+    found = 0
+    for p, t in product([*np.linspace(-1.0, 4.0, 21), 17 / 9, 5 / 3], [*np.linspace(-6.0, 3.0, 19), -65 / 18, -10 / 3]):
+        u = QVI.K @ np.array([p, t]) - QVI.f
+        values = np.array([p, t, u[0], -u[1]])
+        assert passes(values) == (distance(values) < 1e-12)
+        found += distance(values) < 1e-12
+    assert found == 3
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-4, 1e-2, 1.0])
+@pytest.mark.parametrize("name", REACTIONS)
+def test_it_fails_all_around_each(name, size):
+    for direction in product((-1.0, 0.0, 1.0), repeat=4):
+        values = STATES[name] + size * np.array(direction)
+        assert passes(values) == (not any(direction))
+
+
+@pytest.mark.parametrize("name", REACTIONS)
+@settings(max_examples=examples(40), deadline=None)
+@given(direction=st.tuples(*[st.floats(-1.0, 1.0)] * 4), exponent=st.floats(-6.0, 1.0), consistent=st.booleans())
+def test_it_fails_at_random_distances(name, direction, exponent, consistent):
+    values = STATES[name] + 10.0**exponent * np.array(direction)
+    if consistent:
+        u = QVI.K @ values[:2] - QVI.f
+        values[2:] = u[0], -u[1]
+    if distance(values) > 1e-6:
+        assert not passes(values)

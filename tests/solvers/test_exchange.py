@@ -14,11 +14,13 @@ from scipy.sparse import coo_matrix, csr_matrix
 
 import solvers.exchange
 from solvers import FrictionQVI, InputError, Status, Traces, certify, solve_qvi
+from solvers.basics import LARGEST
 from solvers.exchange import (
     ContactState,
     LocalProblem,
     load_qvi,
     local_problem,
+    project,
     read_fclib,
     save_qvi,
     siconos_error,
@@ -26,8 +28,8 @@ from solvers.exchange import (
     state_of,
     write_fclib,
 )
-from solvers.exchange.siconos_error import project
-from solvers.inequality.compliance import Compliance
+from solvers.inequality import Compliance
+from tests.solvers.conftest import dragged_block, two_contacts
 
 h5py = pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
 
@@ -37,12 +39,8 @@ THREE_STATES = {
     "slip": ((0.0, 0.1), (5.0 / 3.0, -10.0 / 3.0)),
 }
 NOTHING = np.zeros(0)
+THREE = LocalProblem(W=[[1.0, 0.8], [0.8, 1.0]], q=[1.0, 2.1], mu=[2.0])
 few = settings(max_examples=8, deadline=None, derandomize=True)
-
-
-def three_solutions() -> LocalProblem:
-    """The problem of the design note 5.6."""
-    return LocalProblem(W=[[1.0, 0.8], [0.8, 1.0]], q=[1.0, 2.1], mu=[2.0])
 
 
 def random_local(seed: int, contacts: int = 3, rank: int | None = None) -> LocalProblem:
@@ -82,20 +80,13 @@ def lifted(qvi: FrictionQVI, state: ContactState) -> float:
     return certify(qvi, z, m_N, m_T, nu).accuracy
 
 
-def same_problems(one: FrictionQVI, other: FrictionQVI) -> bool:
-    """Bit for bit."""
-    matrices = all((getattr(one, name) != getattr(other, name)).nnz == 0 for name in "KNTA")
-    names = ("f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral")
-    return matrices and all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
-
-
-def refused(call, *words: str) -> None:
-    """One clear line that has the words."""
+def refused(call) -> str:
+    """The error's field, and behind it one clear line."""
     with pytest.raises(InputError) as caught:
         call()
     message = str(caught.value)
     assert len(message.splitlines()) == 1
-    assert all(word in message for word in words), message
+    return f"{caught.value.field}|{message}"
 
 
 def test_the_example_of_the_documentation_runs(tmp_path, monkeypatch):
@@ -103,9 +94,6 @@ def test_the_example_of_the_documentation_runs(tmp_path, monkeypatch):
     result = doctest.testmod(solvers.exchange)
     assert result.attempted >= 10
     assert result.failed == 0
-
-
-# Siconos' measure
 
 
 @few
@@ -118,13 +106,8 @@ def test_the_projection_is_moreaus(x, friction):
     assert (np.abs(p_T) <= mu * p_N + 1e-12).all()
     assert (r_N <= -mu * np.abs(r_T) + 1e-12).all()
     assert np.allclose(p_N * r_N + p_T * r_T, 0.0, atol=1e-12)
-
-
-def test_without_friction_nothing_pulls():
-    """At μ = 0 the cone is a half-line: a normal force that pulls is projected on its end, however small its shear."""
-    p_N, p_T = project(np.zeros(3), np.array([-1.0, -1.0, 2.0]), np.array([0.0, 1e-9, 3.0]))
-    assert np.array_equal(p_N, [0.0, 0.0, 2.0])
-    assert np.array_equal(p_T, np.zeros(3))
+    if friction == 0.0:  # the cone is a half-line: what pulls is projected on its end, however small its shear
+        assert np.array_equal(np.stack([p_N, p_T]), np.stack([np.maximum(x, 0.0), 0.0 * x]))
 
 
 @pytest.mark.parametrize(
@@ -152,35 +135,9 @@ def test_equations_that_are_missed_are_an_error():
     assert siconos_error(problem, np.array([1.0, 0.0]), np.array([-1.0])) == pytest.approx(0.0, abs=1e-15)
 
 
-@pytest.mark.parametrize("exponent", [-2, -4, -6])
-@pytest.mark.parametrize("seed", range(3))
-def test_perturbed_solutions_fail_both_measures_alike(seed, exponent):
-    problem = local_problem(random_qvi(seed))
-    state, solution = solve_local(problem)
-    assert solution.solved
-    assert siconos_error(problem, state.r, state.lam) < 1e-9
-    assert problem.certify(state).passed
-    r = state.r * (1.0 + 10.0**exponent * np.random.default_rng(seed).choice([-1.0, 1.0], len(state.r)))
-    spoilt = ContactState(problem.displacements(r, state.lam), r, state.lam)
-    error, accuracy = siconos_error(problem, r, state.lam), problem.certify(spoilt).accuracy
-    assert not problem.certify(spoilt).passed
-    assert 10.0**exponent / 30.0 < error < 30.0 * 10.0**exponent
-    assert 10.0**exponent / 30.0 < accuracy < 300.0 * 10.0**exponent
-
-
-def test_what_the_measure_refuses():
-    problem = three_solutions()
-    refused(lambda: siconos_error(problem, np.zeros(3)), "shape (3,)")
-    refused(lambda: siconos_error(problem, np.zeros(2), relative_to="r"), "relative_to")
-    assert siconos_error(problem, np.array([np.nan, 0.0])) == np.inf
-
-
-# FCLIB
-
-
 def test_three_solutions_through_a_file(tmp_path):
     """Written as a solution and guesses, read, each passes Siconos' measure and the certificate; others do not."""
-    problem = three_solutions()
+    problem = THREE
     states = [ContactState(np.array(u), np.array(r), NOTHING) for u, r in THREE_STATES.values()]
     write_fclib(tmp_path / "three.hdf5", problem, states[0], states[1:], "Three", "open, stick, slip: μ = 2")
     held = read_fclib(tmp_path / "three.hdf5")
@@ -196,29 +153,6 @@ def test_three_solutions_through_a_file(tmp_path):
     here, solution = solve_local(held.problem)
     assert solution.solved
     assert min(np.abs(here.r - state.r).max() for state in found) < 1e-9
-
-
-def test_the_layout_is_that_of_fclib(tmp_path):
-    """Names, types and shapes that its C functions read; strings end in a zero."""
-    problem = local_problem(random_qvi(0, n=8))
-    write_fclib(tmp_path / "a.hdf5", problem, solve_local(problem)[0], title="A title")
-    with h5py.File(tmp_path / "a.hdf5") as file:
-        local = file["fclib_local"]
-        assert local["spacedim"][()].tolist() == [2]
-        for name, shape in (("W", (10, 10)), ("V", (10, 2)), ("R", (2, 2))):
-            group = local[name]
-            m, n, nz, nzmax = (int(group[key][0]) for key in ("m", "n", "nz", "nzmax"))
-            assert (m, n, nz) == (*shape, -1)
-            assert all(group[key].dtype == np.int32 for key in ("m", "n", "nz", "nzmax", "p", "i"))
-            assert group["p"].shape == (n + 1,)
-            assert group["i"].shape == group["x"].shape == (nzmax,)
-            assert nzmax > 0
-        sizes = {name: local["vectors"][name].shape for name in ("q", "mu", "s")}
-        assert sizes == {"q": (10,), "mu": (5,), "s": (2,)}
-        assert {name: file["solution"][name].shape for name in file["solution"]} == {"u": (10,), "r": (10,), "l": (2,)}
-        kind = local["info/title"].id.get_type()
-        assert (kind.get_size(), kind.get_strpad()) == (len("A title") + 1, h5py.h5t.STR_NULLTERM)
-        assert local["info/title"].shape == ()
 
 
 @pytest.mark.parametrize("storage", ["rows", "triplets"])
@@ -240,24 +174,6 @@ def test_other_storage_is_read(tmp_path, storage):
             group["p"], group["i"], group["x"], group["nz"] = *parts[:3], np.array([parts[3]], dtype=np.int32)
     read = read_fclib(tmp_path / "a.hdf5").problem
     assert all(np.array_equal(getattr(read, name), getattr(problem, name)) for name in ("W", "V", "R", "s", "q"))
-
-
-@few
-@given(st.integers(0, 10**6), st.integers(1, 4))
-def test_random_local_problems_survive_the_file(tmp_path_factory, seed, contacts):
-    problem = random_local(seed, contacts)
-    state, solution = solve_local(problem)
-    path = tmp_path_factory.mktemp("fclib") / "a.hdf5"
-    write_fclib(path, problem, state)
-    held = read_fclib(path)
-    for name in ("W", "q", "mu", "V", "R", "s", "weights"):
-        assert np.array_equal(getattr(held.problem, name), getattr(problem, name))
-    assert all(np.array_equal(a, b) for a, b in zip(held.solution, state, strict=True))
-    if solution.solved:
-        again, _ = solve_local(held.problem)
-        assert np.array_equal(again.r, state.r)
-        own, own_state = problem.dimensionless(state)
-        assert siconos_error(own, own_state.r) < 1e-7
 
 
 @few
@@ -283,11 +199,7 @@ def test_condensed_and_original_have_the_same_solutions(seed, n, equalities):
 
 def test_friction_and_tractions_have_the_signs_of_the_problem():
     """One contact pressed by 2, pushed by 0.4 and 2: r_N = −w σ_N ≥ 0, r_T = w σ_T, u_T = −λ_T against it."""
-    qvi = FrictionQVI(
-        K=np.eye(4), f=np.array([2.0, 0.4, 1.0, -2.0]), N=-np.eye(4)[[0, 2]], n0=np.zeros(2),
-        T=np.eye(4)[[1, 3]], t0=np.zeros(2), mu=np.full(2, 0.3), W=np.array([0.5, 2.0]),
-    )  # fmt: skip
-    problem = local_problem(qvi)
+    problem = local_problem(two_contacts())
     state, _ = solve_local(problem)
     assert np.allclose(state.r, [1.0, 0.2, 2.0, -0.6], atol=1e-10)
     assert np.allclose(state.u, [0.0, 0.0, 0.0, 0.85], atol=1e-10)
@@ -323,8 +235,6 @@ def test_hyperstatic_problems_are_solved(scale):
     own, own_state = problem.dimensionless(state)
     assert siconos_error(own, own_state.r) < 1e-9
     assert problem.certify(state).accuracy < 1e-6  # displacements are measured by the added compliance
-    assert np.abs(state.r).max() > 0.0
-    assert solve_local(random_local(0))[0] is not None
     assert random_local(0).regularisation == 0.0
 
 
@@ -339,156 +249,18 @@ def test_penalised_problems_approach_the_mixed_one():
     assert 30.0 < errors[0] / errors[1] < 300.0
 
 
-@pytest.mark.parametrize(
-    ("changes", "word"),
-    [
-        ({"cohesion": np.full(5, 0.1)}, "cohesion"),
-        ({"cap": np.full(5, 2.0)}, "cap"),
-        ({"bilateral": np.arange(5) == 2}, "bilateral"),
-    ],
-)
-def test_laws_without_a_place_in_fclib_are_refused(changes, word):
-    refused(lambda: local_problem(random_qvi(0).changed(**changes)), word, ".npz")
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"W": [[1.0, 0.0], [0.0, -1.0]]}, ("W", "positive semi-definite")),
-        ({"W": [[1.0, 0.5], [0.0, 1.0]]}, ("W", "symmetric")),
-        ({"W": np.eye(4)}, ("W", "shape (4, 4)")),
-        ({"q": [1.0, np.nan]}, ("q", "NaN")),
-        ({"q": [1.0, 2.0, 3.0]}, ("q", "3 entries")),
-        ({"mu": [-0.1]}, ("mu", "≥ 0")),
-        ({"mu": [0.1, 0.2]}, ("mu", "shape")),
-        ({"weights": [0.0]}, ("weights",)),
-        ({"V": [[1.0], [0.0]]}, ("V", "all three")),
-        ({"V": [[1.0], [0.0]], "R": [[-1.0]], "s": [1.0]}, ("R", "semi-definite")),
-        ({"W": [["a", "b"], ["c", "d"]]}, ("W", "numbers")),
-    ],
-)
-def test_local_problems_that_are_none(changes, words):
-    refused(lambda: LocalProblem(**({"W": np.eye(2), "q": [1.0, 1.0], "mu": [0.1]} | changes)), *words)
-
-
-def test_equations_that_contradict_each_other_are_refused():
-    problem = LocalProblem(np.eye(2), [0.0, 0.0], [0.1], np.ones((2, 2)), np.zeros((2, 2)), [1.0, 2.0])
-    refused(problem.qvi, "s", "some forces satisfy")
-
-
-def _edit(path, name, value):
-    with h5py.File(path, "a") as file:
-        if name.startswith("fclib_local/spacedim/"):  # a group in the place of a number
-            del file["fclib_local/spacedim"]
-        if name in file:
-            del file[name]
-        if value is not None:
-            file[name] = value
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("fclib_local", None, ("fclib_local",)),
-        ("fclib_local/spacedim", np.array([3]), ("3", "plane")),
-        ("fclib_local/spacedim", np.array([2, 2]), ("shape (2,)",)),
-        ("fclib_local/W", None, ("no /fclib_local/W",)),
-        ("fclib_local/W/nz", np.array([-3]), ("nz",)),
-        ("fclib_local/W/i", np.array([0, 1, 0, 99]), ("W", "belong together")),
-        ("fclib_local/W/p", np.array([0, 3]), ("W", "belong together")),
-        ("fclib_local/W/p", np.array([0, 5, 4]), ("W", "belong together")),
-        ("fclib_local/W/p", np.array([0.5, 2.0, 4.0]), ("whole numbers",)),
-        ("fclib_local/W/m", np.array([10**9]), ("at most",)),
-        ("fclib_local/W/x", np.array([1.0, np.nan, np.nan, 1.0]), ("NaN",)),
-        ("fclib_local/W/x", np.array([b"a", b"b"]), ("real numbers",)),
-        ("fclib_local/W/x", np.array([1.0]), ("W",)),
-        ("fclib_local/vectors/q", np.ones(3), ("q",)),
-        ("fclib_local/vectors/q", None, ("vectors/q",)),
-        ("fclib_local/vectors/mu", np.array([-1.0]), ("mu",)),
-        ("fclib_local/V", np.ones(2), ("one of V and R",)),
-        ("fclib_local/W", np.ones((2, 2)), ("cannot be read",)),
-        ("fclib_local", np.ones(2), ("no /fclib_local/spacedim",)),
-        ("fclib_local/spacedim/m", 1, ("cannot be read",)),
-        ("qvi_contact/weights", np.ones(3), ("weights",)),
-        ("solution/r", np.array([np.inf, 0.0]), ("r", "NaN or infinity")),
-        ("solution/u", np.ones(4), ("u", "shape (4,)")),
-        ("guesses/number_of_guesses", np.array([7]), ("number_of_guesses",)),
-    ],
-)
-def test_broken_fclib_files(tmp_path, name, value, words):
-    path = tmp_path / "a.hdf5"
-    state = ContactState(np.zeros(2), np.zeros(2), NOTHING)
-    write_fclib(path, three_solutions(), state, [state])
-    _edit(path, name, value)
-    refused(lambda: read_fclib(path), *words)
-
-
-def test_other_and_truncated_hdf5_files(tmp_path):
-    path = tmp_path / "a.hdf5"
-    write_fclib(path, three_solutions())
-    content = path.read_bytes()
-    for share in (0.0, 0.01, 0.3, 0.7, 0.95):
-        path.write_bytes(content[: int(share * len(content))])
-        refused(lambda: read_fclib(path), "FCLIB")
-    path.write_bytes(b"no HDF5 at all" * 100)
-    refused(lambda: read_fclib(path), "FCLIB")
-    refused(lambda: read_fclib(tmp_path), "FCLIB")
-    refused(lambda: read_fclib(tmp_path / "missing"), "No such file")
-    with h5py.File(path, "w") as file:
-        file.create_group("fclib_global")
-    refused(lambda: read_fclib(path), "a global problem", "local")
-
-
-def test_states_that_do_not_fit_are_not_written_and_earlier_files_stay(tmp_path):
-    path = tmp_path / "a.hdf5"
-    write_fclib(path, three_solutions())
-    before = path.read_bytes()
-    for u in (np.zeros(3), np.array([np.nan, 0.0])):
-        refused(lambda u=u: write_fclib(path, three_solutions(), ContactState(u, np.zeros(2), NOTHING)), "u")
-    refused(lambda: write_fclib(tmp_path / "no" / "a.hdf5", three_solutions()), "cannot be written")
-    assert path.read_bytes() == before
-    assert [file.name for file in tmp_path.iterdir()] == ["a.hdf5"]
-
-
-def test_an_archive_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
-    save_qvi(tmp_path / "a.npz", random_qvi(0))
-    before = (tmp_path / "a.npz").read_bytes()
-    (tmp_path / "folder").mkdir()
-    refused(lambda: save_qvi(tmp_path / "folder", random_qvi(0)), "cannot be written")
-    monkeypatch.setattr(np, "savez_compressed", lambda stream, **_: stream.write(b"half") / 0)
-    with pytest.raises(ZeroDivisionError):
-        save_qvi(tmp_path / "a.npz", random_qvi(1))
-    monkeypatch.undo()
-    assert (tmp_path / "a.npz").read_bytes() == before
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.npz", "folder"]
-
-
-# Archives
-
-
-@few
-@given(st.integers(0, 10**6), st.integers(0, 3), st.integers(1, 4), st.integers(0, 2))
-def test_random_problems_survive_an_archive(tmp_path_factory, seed, n, m, equalities):
-    qvi = random_qvi(seed, n=n + 2, m=m, equalities=equalities)
-    path = tmp_path_factory.mktemp("npz") / "a.npz"
-    save_qvi(path, qvi)
-    again, solution = load_qvi(path)
-    assert same_problems(qvi, again)
-    assert solution is None
-    content = path.read_bytes()
-    save_qvi(path, again)
-    assert path.read_bytes() == content
-
-
 def test_every_law_survives_an_archive(tmp_path):
     qvi = with_every_law(4)
     solution = solve_qvi(qvi)
     assert solution.solved
     save_qvi(tmp_path / "a.npz", qvi, solution)
     again, found = load_qvi(tmp_path / "a.npz")
-    assert same_problems(qvi, again)
-    assert np.isinf(again.cap[0])
-    assert again.bilateral[1]
+    assert all((getattr(qvi, name) != getattr(again, name)).nnz == 0 for name in "KNTA")
+    for name in ("f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral"):
+        assert np.array_equal(getattr(qvi, name), getattr(again, name))
+    content = (tmp_path / "a.npz").read_bytes()
+    save_qvi(tmp_path / "a.npz", again, found)
+    assert (tmp_path / "a.npz").read_bytes() == content
     assert (again.traces.interpolation != qvi.traces.interpolation).nnz == 0
     for name in ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold"):
         assert np.array_equal(getattr(found, name), getattr(solution, name))
@@ -499,10 +271,7 @@ def test_every_law_survives_an_archive(tmp_path):
 
 
 def test_a_proof_of_infeasibility_survives_an_archive(tmp_path):
-    qvi = FrictionQVI(
-        K=np.eye(2), f=np.zeros(2), N=np.array([[-1.0, 0.0]]), n0=[0.0], T=np.array([[0.0, 1.0]]), t0=[0.0],
-        mu=[0.3], W=[1.0], A=np.eye(2), b=np.array([1.0, 0.5]),
-    )  # fmt: skip
+    qvi = dragged_block(0.5)
     solution = solve_qvi(qvi)
     save_qvi(tmp_path / "a.npz", qvi, solution)
     _, found = load_qvi(tmp_path / "a.npz")
@@ -520,81 +289,135 @@ def test_a_solution_is_not_believed_but_certified_again(tmp_path):
     assert "certificate failed" in found.message
 
 
-def test_solutions_of_other_problems_are_refused(tmp_path):
-    solution = solve_qvi(random_qvi(1))
-    refused(lambda: save_qvi(tmp_path / "a.npz", random_qvi(2), solution), "another problem")
-    refused(lambda: save_qvi(tmp_path / "a.npz", random_qvi(1, m=4), solution), "another problem")
-    save_qvi(tmp_path / "a.npz", random_qvi(1), solution)  # an equal one is no other
-    refused(lambda: save_qvi(tmp_path / "b.npz", "qvi"), "FrictionQVI")
-    refused(lambda: save_qvi(tmp_path / "no" / "a.npz", random_qvi(1)), "cannot be written")
-
-
-def _rewritten(path, **changes):
-    """The archive with arrays replaced, or left out where None."""
-    with np.load(path) as archive:
-        content = {name: archive[name] for name in archive.files} | changes
-    np.savez(path, **{name: value for name, value in content.items() if value is not None})
-
-
-def test_a_dataset_beyond_the_limit_is_not_read(tmp_path, monkeypatch):
-    """Compressed zeros take next to nothing in a file."""
-    path = tmp_path / "a.hdf5"
-    write_fclib(path, random_local(0))
-    with h5py.File(path, "a") as file:
-        del file["fclib_local/vectors/q"]
-        file.create_dataset("fclib_local/vectors/q", shape=(10_000_000,), chunks=(1_000_000,), dtype="f8")
-    monkeypatch.setattr("solvers.exchange.fclib.LARGEST_CONTENT", 79_000_000)
-    refused(lambda: read_fclib(path), "80000000 bytes", "79000000")
+def test_the_layout_is_that_of_fclib(tmp_path):
+    """Names, types and shapes that its C functions read; strings end in a zero."""
+    problem = local_problem(random_qvi(0, n=8))
+    write_fclib(tmp_path / "a.hdf5", problem, solve_local(problem)[0], title="A title")
+    with h5py.File(tmp_path / "a.hdf5") as file:
+        local = file["fclib_local"]
+        assert local["spacedim"][()].tolist() == [2]
+        for name, shape in (("W", (10, 10)), ("V", (10, 2)), ("R", (2, 2))):
+            group = local[name]
+            m, n, nz, nzmax = (int(group[key][0]) for key in ("m", "n", "nz", "nzmax"))
+            assert (m, n, nz) == (*shape, -1)
+            assert all(group[key].dtype == np.int32 for key in ("m", "n", "nz", "nzmax", "p", "i"))
+            assert (group["p"].shape, group["i"].shape, group["x"].shape) == ((n + 1,), (nzmax,), (nzmax,))
+        assert [local["vectors"][name].shape for name in ("q", "mu", "s")] == [(10,), (5,), (2,)]
+        assert [file["solution"][name].shape for name in ("u", "r", "l")] == [(10,), (10,), (2,)]
+        kind = local["info/title"].id.get_type()
+        assert (kind.get_size(), kind.get_strpad()) == (len("A title") + 1, h5py.h5t.STR_NULLTERM)
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"format": np.array("another")}, ("another", "save_qvi")),
-        ({"format": None}, ("no format",)),
-        ({"version": np.array(2)}, ("version 2", "newer program")),
-        ({"version": np.array("x")}, ("version",)),
-        ({"f": np.array([np.nan] * 12)}, ("f", "NaN")),
-        ({"f": np.ones(3)}, ("f", "shape (3,)")),
-        ({"f": None}, ("f",)),
-        ({"mu": np.full(5, -1.0)}, ("mu",)),
-        ({"mu": np.array(["a"] * 5)}, ("mu",)),
-        ({"K_indices": np.full(144, 99)}, ("K", "belong together")),
-        ({"K_shape": np.array([12])}, ("K", "belong together")),
-        ({"K_indptr": np.array([0, 200, *[144] * 11])}, ("K", "belong together")),
-        ({"N_data": None}, ("N_data",)),
-        ({"bilateral": np.ones(5)}, ("bilateral",)),
-        ({"solution_record": np.array("{")}, ("save_qvi",)),
-        ({"solution_record": np.array('{"status": "solved"}')}, ("save_qvi",)),
-        ({"solution_z": np.ones(3)}, ("z", "shape (3,)")),
-        ({"solution_z": None}, ("solution_z",)),
-    ],
-)
-def test_broken_archives(tmp_path, changes, words):
+    ("changes", "field"),
+    [({"W": [[1.0, 0.0], [0.0, -1.0]]}, "W"), ({"W": [[1.0, 0.5], [0.0, 1.0]]}, "W"), ({"W": np.eye(4)}, "W"),
+     ({"W": [["a", "b"], ["c", "d"]]}, "W"), ({"q": [1.0, np.nan]}, "q"), ({"q": [1.0, 2.0, 3.0]}, "q"),
+     ({"mu": [-0.1]}, "mu"), ({"mu": [0.1, 0.2]}, "mu"), ({"weights": [0.0]}, "weights"), ({"V": [[1.0], [0.0]]}, "V"),
+     ({"V": [[1.0], [0.0]], "R": [[-1.0]], "s": [1.0]}, "R")],
+)  # fmt: skip
+def test_local_problems_that_are_none(changes, field):
+    assert refused(lambda: LocalProblem(**({"W": np.eye(2), "q": [1.0, 1.0], "mu": [0.1]} | changes)))[0] == field[0]
+
+
+def test_what_has_no_place_or_does_not_fit_is_refused(tmp_path):
+    for laws in ({"cohesion": np.full(5, 0.1)}, {"cap": np.full(5, 2.0)}, {"bilateral": np.arange(5) == 2}):
+        assert str(*laws) in refused(lambda laws=laws: local_problem(random_qvi(0).changed(**laws)))
+    contradictory = LocalProblem(np.eye(2), [0.0, 0.0], [0.1], np.ones((2, 2)), np.zeros((2, 2)), [1.0, 2.0])
+    assert refused(contradictory.qvi).startswith("s|")
+    assert "shape (3,)" in refused(lambda: siconos_error(THREE, np.zeros(3)))
+    assert refused(lambda: siconos_error(THREE, np.zeros(2), relative_to="r")).startswith("relative_to|")
+    assert siconos_error(THREE, np.array([np.nan, 0.0])) == np.inf
+    path = tmp_path / "a.hdf5"
+    for u in (np.zeros(3), np.array([np.nan, 0.0])):
+        refused(lambda u=u: write_fclib(path, THREE, ContactState(u, np.zeros(2), NOTHING)))
+    solution = solve_qvi(random_qvi(1))
+    for other in (random_qvi(2), random_qvi(1, m=4)):
+        assert "another problem" in refused(lambda other=other: save_qvi(path, other, solution))
+    refused(lambda: save_qvi(path, "qvi"))
+    refused(lambda: save_qvi(tmp_path, random_qvi(1)))
+    refused(lambda: write_fclib(tmp_path / "no" / "a.hdf5", THREE))
+    assert not any(tmp_path.iterdir())
+    save_qvi(path, random_qvi(1), solution)  # an equal one is no other
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [("", None, "fclib_local"), ("/spacedim", np.array([3]), "plane"), ("/spacedim", np.array([2, 2]), "shape (2,)"),
+     ("/W", None, "/W"), ("/W/nz", np.array([-3]), "nz"), ("/W/i", np.array([0, 1, 0, 99]), "W"),
+     ("/W/p", np.array([0, 3]), "W"), ("/W/p", np.array([0, 5, 4]), "W"), ("/W/p", np.array([0.5, 2.0, 4.0]), "whole"),
+     ("/W/m", np.array([10**9]), "at most"), ("/W/x", np.array([1.0, np.nan, np.nan, 1.0]), "NaN"),
+     ("/W/x", np.array([b"a", b"b"]), "real"), ("/W/x", np.array([1.0]), "W"), ("/vectors/q", np.ones(3), "q"),
+     ("/vectors/q", None, "vectors/q"), ("/vectors/mu", np.array([-1.0]), "mu"), ("/V", np.ones(2), "V and R"),
+     ("/W", np.ones((2, 2)), "read"), ("", np.ones(2), "spacedim"), ("/spacedim/m", 1, "read"),
+     ("../qvi_contact/weights", np.ones(3), "weights"), ("../solution/r", np.array([np.inf, 0.0]), "infinity"),
+     ("../solution/u", np.ones(4), "shape (4,)"), ("../guesses/number_of_guesses", np.array([7]), "number_of_guesses")],
+)  # fmt: skip
+def test_broken_fclib_files(tmp_path, name, value, word):
+    path = tmp_path / "a.hdf5"
+    state = ContactState(np.zeros(2), np.zeros(2), NOTHING)
+    write_fclib(path, THREE, state, [state])
+    name = name.removeprefix("../") if name.startswith("../") else f"fclib_local{name}"
+    with h5py.File(path, "a") as file:
+        if name.endswith("/m") and "spacedim" in name:  # a group in the place of a number
+            del file["fclib_local/spacedim"]
+        if name in file:
+            del file[name]
+        if value is not None:
+            file[name] = value
+    assert word in refused(lambda: read_fclib(path))
+
+
+def test_other_truncated_and_large_hdf5_files(tmp_path):
+    path = tmp_path / "a.hdf5"
+    write_fclib(path, THREE)
+    content = path.read_bytes()
+    with h5py.File(path, "a") as file:  # zeros that are not there take nothing in a file
+        del file["fclib_local/vectors/q"]
+        file.create_dataset("fclib_local/vectors/q", shape=(LARGEST,), chunks=(1_000_000,), dtype="f8")
+    assert f"{8 * LARGEST} bytes" in refused(lambda: read_fclib(path))
+    for broken in (*(content[: int(share * len(content))] for share in (0.0, 0.01, 0.3, 0.7, 0.95)), b"no HDF5" * 100):
+        path.write_bytes(broken)
+        assert "FCLIB" in refused(lambda: read_fclib(path))
+    for place in (tmp_path, tmp_path / "missing"):
+        refused(lambda place=place: read_fclib(place))
+    with h5py.File(path, "w") as file:
+        file.create_group("fclib_global")
+    assert "global" in refused(lambda: read_fclib(path))
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [({"format": np.array("another")}, "another"), ({"format": None}, "format"), ({"f": None}, "f"),
+     ({"version": np.array(2)}, "version 2"), ({"version": np.array("x")}, "version"),
+     ({"f": np.array([np.nan] * 12)}, "NaN"), ({"f": np.ones(3)}, "shape (3,)"),
+     ({"mu": np.full(5, -1.0)}, "mu"), ({"mu": np.array(["a"] * 5)}, "mu"),
+     ({"K_indices": np.full(144, 99)}, "K"), ({"K_shape": np.array([12])}, "K"), ({"N_data": None}, "N_data"),
+     ({"K_indptr": np.array([0, 200, *[144] * 11])}, "K"), ({"bilateral": np.ones(5)}, "bilateral"),
+     ({"solution_record": np.array("{")}, "save_qvi"), ({"solution_z": np.ones(3)}, "shape (3,)"),
+     ({"solution_record": np.array('{"status": "solved"}')}, "save_qvi"), ({"solution_z": None}, "solution_z")],
+)  # fmt: skip
+def test_broken_archives(tmp_path, changes, word):
     path, qvi = tmp_path / "a.npz", random_qvi(0)
     save_qvi(path, qvi, solve_qvi(qvi))
-    _rewritten(path, **changes)
-    refused(lambda: load_qvi(path), *words)
+    with np.load(path) as archive:
+        content = {name: archive[name] for name in archive.files} | changes
+    np.savez(path, **{name: value for name, value in content.items() if value is not None})
+    assert word in refused(lambda: load_qvi(path))
 
 
 def test_truncated_pickled_and_other_archives(tmp_path):
     path = tmp_path / "a.npz"
     save_qvi(path, random_qvi(0))
     content = path.read_bytes()
-    for share in (0.0, 0.01, 0.5, 0.99):
-        path.write_bytes(content[: int(share * len(content))])
-        refused(lambda: load_qvi(path), "save_qvi")
     spoilt = bytearray(content)
     spoilt[len(content) // 2] ^= 0xFF  # the checksum of one array does not fit any more
-    path.write_bytes(spoilt)
-    refused(lambda: load_qvi(path), "save_qvi")
-    np.savez(path, format=np.array([{"code": 1}], dtype=object))
-    refused(lambda: load_qvi(path), "save_qvi")
-    single = io.BytesIO()
+    pickled, single, other = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    np.savez(pickled, format=np.array([{"code": 1}], dtype=object))
     np.save(single, np.ones(3))
-    path.write_bytes(single.getvalue())
-    refused(lambda: load_qvi(path), "save_qvi")
-    with zipfile.ZipFile(path, "w") as other:
-        other.writestr("readme.txt", "hello")
-    refused(lambda: load_qvi(path), "no format")
-    refused(lambda: load_qvi(tmp_path / "missing.npz"), "No such file")
+    with zipfile.ZipFile(other, "w") as archive:
+        archive.writestr("readme.txt", "hello")
+    cut = [content[: int(share * len(content))] for share in (0.0, 0.01, 0.5, 0.99)]
+    for broken in (*cut, bytes(spoilt), *(stream.getvalue() for stream in (pickled, single, other))):
+        path.write_bytes(broken)
+        assert "save_qvi" in refused(lambda: load_qvi(path))
+    refused(lambda: load_qvi(tmp_path / "missing.npz"))

@@ -1,23 +1,24 @@
-"""The outer iteration: states, variants, starts, infeasibility, and what it says if it fails."""
+"""Outer iterations, the fixed point and Uzawa's: states, variants, starts, contraction, infeasibility, failures."""
 
-from dataclasses import replace
+import dataclasses
 
 import numpy as np
 import pytest
 
 from solvers import (
     FrictionQVI,
-    InputError,
+    Iteration,
     SolveError,
-    SolverUnavailableError,
     Status,
     check_feasibility,
     solve_qvi,
 )
-from solvers.certificate.feasibility import is_farkas
-from solvers.inner.direct_clarabel import DirectClarabel
-from solvers.solution.finish import Outcome, finish
-from tests.solvers.conftest import dragged_block, one_contact, random_problem, two_contacts
+from solvers.certificate import is_farkas
+from solvers.fixed_point import CondensedForm, Simplified
+from solvers.inequality import Compliance
+from solvers.inner import Centre, make_inner
+from solvers.solution import observed_contraction
+from tests.solvers.conftest import dragged_block, one_contact, prescribed_shear, random_problem, two_contacts
 
 INNER = "direct:clarabel"
 
@@ -36,13 +37,6 @@ def test_every_state_of_one_contact(load, expected):
     solution = solve_qvi(one_contact(1.0, load), inner=INNER)
     assert solution.solved, solution.message
     assert solution.z == pytest.approx(expected, abs=1e-8)
-
-
-def test_two_contacts_with_different_weights():
-    solution = solve_qvi(two_contacts(), inner=INNER)
-    assert solution.solved
-    assert solution.z == pytest.approx([2.0, 0.4, 1.0, -0.3], abs=1e-9)
-    assert solution.tangential_displacement == pytest.approx([0.0, 0.85], abs=1e-8)
 
 
 @pytest.mark.parametrize("start", [None, 0.0, 0.5, 1.6, 1.7, 5.0])
@@ -100,12 +94,6 @@ def test_infeasible_with_proof(inner, shear):
     assert "reduce" in solution.message
 
 
-def test_feasible_up_to_the_limit():
-    assert solve_qvi(dragged_block(0.3), inner=INNER).solved
-    assert check_feasibility(dragged_block(0.3)).feasible
-    assert check_feasibility(dragged_block(0.30001)).feasible is False
-
-
 def test_a_false_proof_is_refused():
     qvi = dragged_block(0.5)
     proof = check_feasibility(qvi).farkas
@@ -114,15 +102,13 @@ def test_a_false_proof_is_refused():
     assert not is_farkas(qvi, -y, nu)
     assert not is_farkas(qvi, y, 1.001 * nu)
     assert not is_farkas(qvi, np.full_like(y, np.nan), nu)
+    assert check_feasibility(dragged_block(0.3)).feasible
+    assert check_feasibility(dragged_block(0.30001)).feasible is False
+    assert solve_qvi(qvi, method="uzawa", max_iterations=500).status is Status.INFEASIBLE
 
 
 def test_restart_when_the_first_bound_is_too_small():
-    """T z = −1 is prescribed; no pressure cannot hold it, the pressure 3.8 of the solution can."""
-    qvi = FrictionQVI(
-        K=np.array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([3.0, 0.0]), N=np.array([[-1.0, 0.0]]), n0=[0.0],
-        T=np.array([[0.0, 1.0]]), t0=[0.0], mu=[0.3], W=[1.0], A=np.array([[0.0, 1.0]]), b=[-1.0],
-    )  # fmt: skip
-    solution = solve_qvi(qvi, inner=INNER, initial=[0.0])
+    solution = solve_qvi(prescribed_shear(), inner=INNER, initial=[0.0])
     assert solution.history[0].inner_status is Status.INFEASIBLE
     assert solution.solved, solution.message
     assert solution.z == pytest.approx([3.8, -1.0], abs=1e-7)
@@ -148,47 +134,6 @@ def test_iteration_limit_and_throw():
         solve_qvi(random_problem(0), inner=INNER, max_iterations=1, throw=True)
 
 
-def test_zero_data():
-    assert solve_qvi(one_contact(load=(0.0, 0.0)), inner=INNER).solved
-
-
-def test_frictionless():
-    solution = solve_qvi(random_problem(2, friction=0.0), inner=INNER)
-    assert solution.solved
-    assert np.abs(solution.problem.tangential(solution.z)).max() < 1e-8
-
-
-@pytest.mark.parametrize(
-    ("options", "field"),
-    [
-        ({"variant": "fancy"}, "variant"), ({"damping": 0.0}, "damping"), ({"memory": 0}, "memory"),
-        ({"max_iterations": 2.5}, "max_iterations"), ({"initial": [-1.0]}, "initial"),
-        ({"initial": [1.0, 2.0]}, "initial"), ({"inner_tolerance": 2.0}, "inner_tolerance"),
-        ({"method": "fixed-point", "omega_T": 0.1}, "omega_T"), ({"tolerance": 0.0}, "tolerance"),
-        ({"inner": "qp:abacus"}, "inner"),
-        ({"inner": "strict:clarabel"}, "edges"), ({"method": "newton"}, "method"),
-    ],
-)  # fmt: skip
-def test_bad_options(nonunique, options, field):
-    with pytest.raises(InputError) as error:
-        solve_qvi(nonunique, **options)
-    assert error.value.field == field
-
-
-def test_unknown_names_list_what_exists(nonunique):
-    with pytest.raises(SolverUnavailableError, match="qp:clarabel"):
-        solve_qvi(nonunique, inner="qp:abacus")
-    with pytest.raises(SolverUnavailableError, match=r"qvi-contact\[solvers\]"):
-        solve_qvi(nonunique, inner="qp:qpswift")
-    with pytest.raises(InputError, match="max_iterations"):
-        solve_qvi(nonunique, speed=3)
-
-
-def test_every_status_has_advice():
-    for status in Status:
-        assert status.advice.endswith(".")
-
-
 @pytest.mark.parametrize("load", [2.1, 1.0, 3.0])
 def test_anderson_leaves_a_repelling_fixed_point(load):
     """While it slips the map is s → 1 + 1.6 s: the secant points backwards, the solution sticks."""
@@ -198,28 +143,178 @@ def test_anderson_leaves_a_repelling_fixed_point(load):
     assert solution.z == pytest.approx(stick, rel=1e-7)
 
 
-def test_solved_is_never_taken_on_trust():
-    """Whatever an iteration thinks of itself, the certificate decides."""
-    qvi = two_contacts()
-    nothing = np.zeros(2)
-    boast = Outcome(Status.SOLVED, qvi.bonded + 1e-3, nothing, nothing, np.zeros(0), nothing, [], 1)
-    assert finish(qvi, boast, "fixed-point", INNER, 1e-8).status is Status.STALLED
-
-
 @pytest.mark.parametrize(("off", "status"), [(1e-2, Status.STALLED), (1e-6, Status.INACCURATE)])
-def test_a_converged_fixed_point_with_wrong_multipliers_is_the_fault_of_the_inner_solver(monkeypatch, off, status):
+def test_a_converged_fixed_point_with_wrong_multipliers_is_the_fault_of_the_inner_solver(back_end, off, status):
     """No smaller load and no damping would help."""
-    solve = DirectClarabel.solve
 
-    def wrong(self, threshold, centre, start):
-        answer = solve(self, threshold, centre, start)
-        return replace(answer, m_T=(1.0 + off) * answer.m_T, message="clarabel: AlmostSolved")
+    def wrong(answer):
+        found = answer()
+        found.z = (1.0 + off) * found.z
+        return found
 
-    monkeypatch.setattr(DirectClarabel, "solve", wrong)
-    solution = solve_qvi(two_contacts(), inner=INNER, form="full", patience=3)
+    back_end("qp:clarabel", wrong)
+    solution = solve_qvi(two_contacts(), inner="qp:clarabel", form="full", patience=3)
     assert solution.status is status
     assert min(entry.residual for entry in solution.history) < 1e-8
-    assert "has converged" in solution.message
-    assert "clarabel: AlmostSolved" in solution.message
-    assert "inner solver" in solution.message.rsplit(". ", 1)[-1]
+    for words in ("has converged", "clarabel: Solved", "inner solver"):
+        assert words in solution.message
     assert "sliding limit" not in solution.message
+
+
+def history(residuals):
+    return [Iteration(number, residual, 0.0, 0.0, Status.SOLVED) for number, residual in enumerate(residuals, 1)]
+
+
+@pytest.mark.parametrize(
+    ("friction", "options", "factor"),
+    [(0.1, {"variant": "plain"}, 0.08), (0.55, {"variant": "plain"}, 0.44), (0.5, {"variant": "damped"}, 0.3)],
+)
+def test_contraction_on_one_sliding_contact(friction, options, factor):
+    """σ_T = μ s moves σ_N by the coupling: the factor is 0.8 μ, exactly; (1 − 0.8 μ) / 2 with a damping of a half."""
+    solution = solve_qvi(one_contact(friction, (-1.0, -3.0)), inner=INNER, **options)
+    assert solution.solved
+    assert solution.contraction == pytest.approx(factor, rel=1e-3)
+    assert solve_qvi(one_contact(friction, (-1.0, -3.0)), method="condensed").contraction is None
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.5])
+def test_outliers_do_not_count_nor_rounding(factor):
+    residuals = factor ** np.arange(12.0)
+    assert observed_contraction(history(residuals)) == pytest.approx(factor)
+    spoilt = residuals.copy()
+    spoilt[7] *= 1e3
+    assert observed_contraction(history(spoilt)) == pytest.approx(factor, rel=0.05)
+    late = [*[1.0] * 20, *(0.1 ** np.arange(1.0, 11.0)), *[1e-16, 3e-15, 2e-16] * 4]
+    assert observed_contraction(history(late)) == pytest.approx(0.1)
+
+
+def test_too_few_are_none():
+    assert observed_contraction(history([1.0, 0.1, 0.01])) is None
+    assert observed_contraction(history([np.inf, 1.0, 0.1, 0.01])) is None
+    assert observed_contraction([]) is None
+
+
+def test_gaps_do_not_count_nor_what_follows_the_loop():
+    kept = [entry for entry in history(0.5 ** np.arange(14.0)) if entry.number % 3]
+    assert observed_contraction(kept) == pytest.approx(0.5)
+    last = Iteration(15, 1e-12, 0.0, 0.0, None, 5)
+    assert observed_contraction([*kept, last]) == pytest.approx(0.5)
+    assert observed_contraction([*kept[-3:], last]) is None
+
+
+def partly_frictionless(seed, equalities=0):
+    """Every other row without friction, two of them equal to each other."""
+    qvi = random_problem(seed, equalities=equalities)
+    T, t0, mu = qvi.T.toarray(), np.array(qvi.t0), np.array(qvi.mu)
+    mu[::2] = 0.0
+    T[2], t0[2] = 2.0 * T[0], 2.0 * t0[0]
+    return dataclasses.replace(qvi, T=T, t0=t0, mu=mu)
+
+
+@pytest.mark.parametrize("equalities", [0, 2])
+@pytest.mark.parametrize("make", [random_problem, partly_frictionless])
+def test_forms_agree(make, equalities):
+    qvi = make(3, equalities=equalities)
+    full, condensed = (solve_qvi(qvi, inner="direct:clarabel", form=form) for form in ("full", "condensed"))
+    assert full.status is condensed.status is Status.SOLVED
+    assert (full.form, condensed.form) == ("full", "condensed")
+    assert condensed.z == pytest.approx(full.z, abs=1e-7)
+    assert condensed.equality_multiplier == pytest.approx(full.equality_multiplier, abs=1e-6)
+
+
+def test_condensed_tractions_and_energy_are_those_of_the_unknowns():
+    """σ = σ_bonded + V w and the energy grows by ½|w|², for w = −Vᵀ m and z minimising under the multipliers m."""
+    qvi = random_problem(5, equalities=1)
+    form = CondensedForm(Simplified.of(qvi))
+    m = np.random.default_rng(0).normal(size=2 * qvi.m)
+    compliance = Compliance(qvi)
+    z, _ = compliance.unknowns(m)
+    V = np.vstack([form.problem.N.toarray(), form.problem.T.toarray()])
+    w = -V.T @ m
+    assert compliance.tractions(z) == pytest.approx(compliance.bonded + V @ w, abs=1e-10)
+    assert qvi.energy(z) - qvi.energy(qvi.bonded) == pytest.approx(0.5 * w @ w, rel=1e-9)
+    assert compliance.relief(m) == pytest.approx(compliance.bonded - compliance.tractions(z), abs=1e-10)
+
+
+def test_frictionless_rows_become_independent_equations():
+    qvi = partly_frictionless(1)
+    reduced = Simplified.of(qvi)
+    assert reduced.problem.p == 3  # four rows, two of them dependent
+    assert not reduced.problem.T[::2].toarray().any()
+    threshold = qvi.threshold(np.full(qvi.m, 0.4))
+    solver = make_inner("direct:clarabel", reduced.problem, 1e-12)
+    start = Centre(reduced.problem, reduced.problem.bonded)
+    result = reduced.restore(solver.solve(reduced.threshold(threshold), start, None))
+    residual = qvi.gradient(result.z) + qvi.N.T @ result.m_N + qvi.T.T @ result.m_T
+    assert np.abs(residual).max() < 1e-8  # with the multipliers of the original rows
+    assert np.abs(qvi.tangential(result.z)[::2]).max() < 1e-10
+
+
+STATES = [(1.0, -0.5), (-1.0, 0.1), (-1.0, 3.0), (-1.0, -3.0)]
+
+
+@pytest.mark.parametrize(
+    ("load", "rule"), [*((load, "accumulating") for load in STATES), ((-1.0, 0.1), "printed"), ((-1.0, 3.0), "printed")]
+)
+def test_uzawa_finds_every_state(load, rule):
+    """But open ones by the printed rule."""
+    qvi = one_contact(0.5, load)
+    solution = solve_qvi(qvi, method="uzawa", rule=rule, omega_T=0.1, step_decay=300.0)
+    assert solution.solved, solution.message
+    assert solution.z == pytest.approx(solve_qvi(qvi, inner="direct:clarabel").z, abs=1e-7)
+
+
+def test_printed_rule_never_opens_a_gap():
+    solution = solve_qvi(one_contact(0.5, (1.0, -0.5)), method="uzawa", rule="printed", omega_T=0.1)
+    assert solution.status is Status.STALLED
+    assert solution.certificate.worst == "friction"
+
+
+def test_first_iterations_by_hand():
+    """(4.1)-(4.4) on the second contact of `two_contacts`: σ_T = −2 − 2 λ_T, bound 0.3."""
+    expected, lam = [], 0.0
+    for _ in range(4):
+        sigma = -2.0 - 2.0 * lam
+        expected.append(sigma)
+        lam += np.sign(sigma) * 0.1 * (1 - 0.3 / abs(sigma))
+    for k, sigma in enumerate(expected, start=1):
+        assert solve_qvi(two_contacts(), method="uzawa", iterations=k, omega_T=0.1).z[3] == pytest.approx(sigma)
+
+
+def test_exactly_as_many_iterations_as_asked_for():
+    solution = solve_qvi(random_problem(0), method="uzawa", iterations=30)
+    assert solution.status is Status.MAX_ITERATIONS
+    assert solution.iterations == len(solution.history) == 30
+    last = solution.history[-1]
+    assert last.energy == pytest.approx(solution.problem.energy(solution.z))
+    assert last.normal_resultant == pytest.approx(solution.problem.resultant(solution.z))
+
+
+def test_frictionless_cycles_unless_the_step_shrinks():
+    qvi = one_contact(0.0, (-1.0, -3.0))
+    cycling = solve_qvi(qvi, method="uzawa", omega_T=0.07)
+    assert cycling.status is Status.CYCLING
+    assert "step_decay" in cycling.message
+    solution = solve_qvi(qvi, method="uzawa", omega_T=0.07, step_decay=50.0)
+    assert solution.solved
+    assert solution.z == pytest.approx([1.0, 0.0], abs=1e-7)
+
+
+def test_long_history_is_thinned_out():
+    qvi = one_contact(0.0, (-1.0, -3.0))
+    solution = solve_qvi(qvi, method="uzawa", omega_T=0.07, iterations=4_005)
+    numbers = [entry.number for entry in solution.history]
+    assert numbers[:1000] == list(range(1, 1001))
+    assert numbers[-1] == 4_005
+    assert len(numbers) < 2100
+
+
+def test_uzawa_with_equations_and_with_more_points_than_a_dense_compliance_is_kept_for():
+    """Each point 280 times, with as small a share of its weight."""
+    qvi, times = random_problem(4, equalities=2), 280
+    rows = {name: np.repeat(getattr(qvi, name).toarray(), times, axis=0) for name in "NT"}
+    points = {name: np.repeat(getattr(qvi, name), times) for name in ("n0", "t0", "mu")}
+    many = FrictionQVI(K=qvi.K, f=qvi.f, A=qvi.A, b=qvi.b, W=np.repeat(qvi.W, times) / times, **rows, **points)
+    dense, sparse = (solve_qvi(each, method="uzawa", iterations=10) for each in (qvi, many))
+    assert sparse.z == pytest.approx(dense.z, abs=1e-10)
+    assert qvi.A @ dense.z == pytest.approx(qvi.b, abs=1e-10)

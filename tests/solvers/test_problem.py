@@ -1,4 +1,4 @@
-"""`FrictionQVI` refuses what is not a problem and says what to do; problems with the same K share its factorisation."""
+"""What is refused of problems, options, numbers and names; problems with the same K share its factorisation."""
 
 import copy
 import gc
@@ -9,13 +9,13 @@ from weakref import ref
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import csc_array, csc_matrix, csr_array
 
-from solvers import FrictionQVI, InputError, Status, solve_qvi
-from solvers.factorisation import FactorisationError
-from solvers.solve import METHODS
+from solvers import FrictionQVI, InputError, SolverUnavailableError, Status, certify, solve_qvi
+from solvers.basics import one_of, real_array, whole_number
+from tests.effort import examples
 from tests.solvers.conftest import one_contact, random_problem
 
 
@@ -27,10 +27,46 @@ def data(**changes: Any) -> dict[str, Any]:
     return {**good, **changes}
 
 
-def test_good_data_is_accepted():
+def wrong(name, value):
+    """The field that the error of a problem with this value names."""
+    with pytest.raises(InputError) as caught:
+        FrictionQVI(**data(**{name: value}))
+    return caught.value.field
+
+
+@pytest.mark.parametrize("name", data())
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1j])
+def test_numbers_are_real_and_finite(name, value):
+    given = np.array(data()[name], dtype=complex if value == 1j else float)
+    given.flat[0] = value
+    assert wrong(name, given) == name
+
+
+@pytest.mark.parametrize("name", ["f", "n0", "t0", "mu", "W", "b"])
+def test_wrong_length(name):
+    for length in set(range(5)) - {len(data()[name])}:
+        assert wrong(name, np.full(length, 0.5)) == name
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("K", np.triu(np.ones((3, 3)))), ("K", -np.eye(3)), ("K", "stiff"), ("K", None), ("K", [[10**400]]),
+     ("N", np.ones(3)), ("N", np.ones((2, 4))), ("f", "load"), ("mu", [0.3, -1e-300]),
+     ("W", [1.0, 0.0]), ("W", [1.0, -1.0]), ("traces", {}), ("edges", np.zeros(4)), ("cohesion", [-1.0, 0.0]),
+     ("cohesion", [np.inf, 0.0]), ("cap", [-1.0, 1.0]), ("cap", [np.nan, 1.0]), ("cap", [1.0] * 3),
+     ("bilateral", [1, 0]), ("bilateral", [True]), ("places", np.zeros((1, 2))), ("places", np.zeros(6)),
+     ("places", np.full((3, 2), np.nan)), ("places", "here")],
+)  # fmt: skip
+def test_other_mistakes(name, value):
+    assert wrong(name, value) == name
+
+
+def test_equations_come_with_their_right_sides():
     qvi = FrictionQVI(**data())
     assert (qvi.n, qvi.m, qvi.p) == (3, 2, 1)
     assert FrictionQVI(**data(A=None, b=None)).p == 0
+    assert {wrong("A", None), wrong("b", None)} <= {"A", "b"}
+    assert wrong("K", np.zeros((0, 0))) == "f"
 
 
 @pytest.mark.parametrize("kind", [csc_array, csr_array, csc_matrix])
@@ -48,47 +84,6 @@ def test_sparse_data_of_any_kind_become_columns_with_narrow_indices(kind):
     for name, matrix in wide.items():
         assert (getattr(qvi, name).toarray() == given[name]).all()
         assert matrix.indices.dtype == np.int64
-
-
-@given(st.sampled_from(sorted(data())), st.sampled_from([np.nan, np.inf, -np.inf]))
-def test_not_finite(name, value):
-    wrong = np.array(data()[name], dtype=float)
-    wrong.flat[0] = value
-    with pytest.raises(InputError) as error:
-        FrictionQVI(**data(**{name: wrong}))
-    assert error.value.field == name
-    assert "finite" in error.value.remedy
-
-
-@given(st.sampled_from(["f", "n0", "t0", "mu", "W", "b"]), st.integers(0, 6))
-def test_wrong_length(name, length):
-    if length == len(data()[name]):
-        return
-    with pytest.raises(InputError) as error:
-        FrictionQVI(**data(**{name: np.full(length, 0.5)}))
-    assert error.value.field == name
-
-
-@given(st.floats(max_value=-1e-300, allow_nan=False, allow_infinity=False))
-def test_negative_friction(value):
-    with pytest.raises(InputError, match="mu"):
-        FrictionQVI(**data(mu=np.array([0.3, value])))
-
-
-@given(st.floats(max_value=0.0, allow_nan=False, allow_infinity=False))
-def test_weights_are_positive(value):
-    with pytest.raises(InputError, match="W"):
-        FrictionQVI(**data(W=np.array([1.0, value])))
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("K", np.triu(np.ones((3, 3)))), ("K", -np.eye(3)), ("K", "stiff"), ("K", None), ("N", np.ones(3)),
-     ("N", np.ones((2, 4))), ("f", "load"), ("A", None), ("b", None), ("K", np.zeros((0, 0)))],
-)  # fmt: skip
-def test_other_mistakes(name, value):
-    with pytest.raises(InputError):
-        FrictionQVI(**data(**{name: value}))
 
 
 def test_values():
@@ -119,14 +114,61 @@ def test_bonded_solution_with_dependent_equalities():
     assert doubled.bonded == pytest.approx(qvi.bonded, rel=1e-9)
 
 
-def test_singular_stiffness_is_an_error_and_as_a_result_a_status():
-    qvi = FrictionQVI(**data(K=np.ones((3, 3)), A=None, b=None))
-    with pytest.raises(FactorisationError, match="positive definite"):
-        _ = qvi.bonded
-    for method in METHODS:
-        solution = solve_qvi(FrictionQVI(**data(K=np.ones((3, 3)), A=None, b=None)), method=method)
-        assert solution.status is Status.ILL_CONDITIONED
-        assert "positive definite" in solution.message
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("threads", 10**30), ("threads", 1025), ("threads", 0), ("threads", 1.5), ("threads", "2"), ("memory", 10**400),
+     ("max_iterations", True), ("damping", 0.5j), ("damping", np.ones(2)), ("damping", 0.0), ("variant", "fancy"),
+     ("variant", np.array(["plain", "damped"])), ("memory", 0), ("max_iterations", 2.5), ("inner_tolerance", "1e-9"),
+     ("inner_tolerance", 2.0), ("omega_T", np.ones(2)), ("omega_T", 0.0), ("omega_N", 1j), ("omega_N", -1.0),
+     ("rule", np.array(["printed", "printed"])), ("rule", "guessed"), ("iterations", 0), ("initial", [1j] * 8),
+     ("initial", [-1.0]), ("initial", [1.0, 2.0]), ("initial", "high"), ("initial", [np.nan] * 8), ("gap", 0.0),
+     ("gap", 1.0), ("gap", "small"), ("system", "wide"), ("tolerance", 0.0), ("tolerance", 1.0), ("tolerance", None),
+     ("method", ""), ("method", np.array("condensed")), ("method", ["condensed"]), ("method", 1), ("inner", b"uzawa"),
+     ("inner", "qp:abacus"), ("inner", np.array(["uzawa"])), ("factorisation", "mumps"), ("factorisation", 3),
+     ("throw", "yes"), ("callback", 1), ("time_limit", 0), ("time_limit", -1.0), ("time_limit", np.nan),
+     ("time_limit", np.inf), ("time_limit", "60"), ("time_limit", True), ("time_limit", 1j), ("time_limit", 10**400),
+     ("time_limit", [1.0])],
+)  # fmt: skip
+def test_wrong_options(name, value):
+    with pytest.raises(InputError) as caught:
+        solve_qvi(random_problem(0), **{name: value})
+    assert caught.value.field == name
+
+
+def test_options_of_other_methods_are_refused_and_names_listed():
+    for options, field in (
+        ({"method": "fixed-point", "omega_T": 0.1}, "omega_T"), ({"method": "uzawa", "memory": 3}, "memory"),
+        ({"inner": "strict:clarabel"}, "edges"), ({"speed": 3}, "speed"),
+    ):  # fmt: skip
+        with pytest.raises(InputError) as caught:
+            solve_qvi(random_problem(0), **options)
+        assert caught.value.field == field
+    for options, listed in (
+        ({"inner": "qp:abacus"}, "qp:clarabel"), ({"inner": "qp:qpswift"}, "qpSWIFT"),
+        ({"method": "newton"}, "uzawa"), ({"factorisation": "mumps"}, "superlu"),
+    ):  # fmt: skip
+        with pytest.raises(SolverUnavailableError, match=listed):
+            solve_qvi(random_problem(0), **options)
+    assert all(status.advice.endswith(".") for status in Status)
+
+
+@pytest.mark.parametrize("tolerance", [None, "1e-8", 1j, np.ones(2), 0.0, 1.0, np.nan])
+def test_tolerances_of_certificates(tolerance):
+    qvi = random_problem(0)
+    with pytest.raises(InputError) as caught:
+        certify(qvi, np.zeros(qvi.n), np.zeros(qvi.m), np.zeros(qvi.m), np.zeros(qvi.p), tolerance)
+    assert caught.value.field == "tolerance"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("normal_multiplier", np.zeros(9)), ("tangential_multiplier", 1j * np.ones(8))]
+)
+def test_multipliers_of_certificates(name, value):
+    qvi = random_problem(0)
+    given = {"normal_multiplier": np.zeros(8), "tangential_multiplier": np.zeros(8), name: value}
+    with pytest.raises(InputError) as caught:
+        certify(qvi, np.zeros(qvi.n), *given.values(), np.zeros(qvi.p))
+    assert caught.value.field == name
 
 
 class TestOperator:
@@ -185,3 +227,49 @@ class TestOperator:
         again = solve_qvi(copied(qvi))
         assert again.problem.operator is not qvi.operator
         assert np.array_equal(again.z, solution.z)
+
+
+COMPLEX = [1j, [0.0, 1j], np.array([1.0 + 1j]), np.array([0, np.complex64(1j)], dtype=object)]
+
+
+@pytest.mark.parametrize("value", [*COMPLEX, "1", ["0", "1"], b"1", [[1.0], [1.0, 2.0]], [10**400], None, [None]])
+def test_no_real_numbers(value):
+    with pytest.raises(InputError) as caught:
+        real_array("field", value)
+    assert caught.value.field == "field"
+
+
+def test_real_numbers_are_copied():
+    for value in (1, [1, 2.5], (True, False), np.float32(0.5), np.array([[1, 2]], dtype=object), [], np.zeros(2)):
+        found = real_array("field", value)
+        assert found.dtype == np.float64
+        assert np.array_equal(found, np.array(value, dtype=np.float64))
+        assert not np.shares_memory(found, value)
+    path = str(InputError("output", "/data" + "/very/deep" * 40 + "/result.npz", "give another place"))
+    assert path.startswith("output: '/data/very")
+    assert path.endswith("/result.npz': give another place")
+    assert str(InputError("mu", -1.0, "give a number ≥ 0")) == "mu: -1.0: give a number ≥ 0"
+
+
+@settings(max_examples=examples(15), deadline=None)
+@given(st.text(max_size=400), st.integers(0, 300))
+def test_one_line_of_limited_length(text, count):
+    for value in (text, list(range(count)), "/folder" * count):
+        message = str(InputError("field", value, "remedy"))
+        assert len(message.splitlines()) == 1
+        assert len(message) <= len("field: : remedy") + 120
+
+
+@pytest.mark.parametrize("value", [np.array(["a", "b"]), np.array(["a"]), ["a"], b"a", None, 1, "", "c"])
+def test_no_name(value):
+    with pytest.raises(InputError) as caught:
+        one_of("field", value, ("a", "b"))
+    assert caught.value.field == "field"
+
+
+@pytest.mark.parametrize("value", [0, 11, 1.0, True, "1", 10**400, np.nan, None, [1], 1j])
+def test_no_whole_number(value):
+    with pytest.raises(InputError) as caught:
+        whole_number("field", value, 10)
+    assert caught.value.field == "field"
+    assert [whole_number("field", number, 10) for number in (1, 10)] == [1, 10]

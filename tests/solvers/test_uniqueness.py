@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import eye_array, vstack
 
 from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate
 from solvers import FrictionQVI, solve_qvi
-from solvers.certificate.uniqueness import LARGEST, uniqueness_bound
+from solvers.certificate import LARGEST, uniqueness_bound
 from tests.solvers.conftest import one_contact, random_problem, two_contacts
 
 
@@ -40,32 +41,16 @@ def test_one_contact_by_hand():
     assert found.sharper == pytest.approx(0.6, rel=1e-12)
     assert found.independent
     assert not found.satisfied
-    assert "one solution or several" in found.sentence()
+    below = uniqueness_bound(one_contact(0.55, coupling=0.8))
+    assert below.proves
+    assert below.sentence() != found.sentence()
+    soft = replace(one_contact(), K=np.array([[1.0, 0.8], [0.8, 4.0]]))  # det 3.36: 4 / 3.36 and 4 in place of these
+    assert uniqueness_bound(soft).sharper == pytest.approx(np.sqrt(3.36) / 4.0, rel=1e-12)
+    apart = uniqueness_bound(two_contacts())  # K = 1, weights 0.5 and 2: Ĉ = W, κ = 4
+    assert (apart.bound, apart.sharper) == pytest.approx((0.5, 0.5), rel=1e-12)
 
 
-def test_normal_and_tangential_compliance_by_hand():
-    """𝒲 = [[1, 0.8], [0.8, 4]], det 3.36: λ_max(Ĉ_NN) = 4 / 3.36 and λ_max(𝒲_TT) = 4."""
-    found = uniqueness_bound(one_contact().changed(mu=np.array([0.1])))
-    soft = uniqueness_bound(replace(one_contact(), K=np.array([[1.0, 0.8], [0.8, 4.0]])))
-    assert soft.sharper == pytest.approx(np.sqrt(3.36) / 4.0, rel=1e-12)
-    assert soft.bound < soft.sharper < found.sharper
-
-
-def test_three_solutions_only_beyond_the_bound():
-    """The problem that has three at friction 2 has exactly one below 0.6."""
-    found = uniqueness_bound(one_contact(0.55, coupling=0.8))
-    assert found.proves
-    assert "no other solution" in found.sentence()
-
-
-def test_uncoupled_contacts():
-    """K = 1, weights 0.5 and 2: Ĉ = W, so κ = 4 and γ² = λ_max(Ĉ) / λ_min(Ĉ)."""
-    found = uniqueness_bound(two_contacts())
-    assert found.bound == pytest.approx(0.5, rel=1e-12)
-    assert found.sharper == pytest.approx(0.5, rel=1e-12)
-
-
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6), other=st.integers(0, 10**6), friction=st.floats(0.01, 2.0))
 def test_the_map_is_lipschitz_with_the_constant_claimed(seed, other, friction):
     qvi, random = independent_problem(seed % 50, friction=friction), np.random.default_rng([seed, other])
@@ -75,14 +60,6 @@ def test_the_map_is_lipschitz_with_the_constant_claimed(seed, other, friction):
     moved = normal_traction(qvi, first) - normal_traction(qvi, second)
     length = np.sqrt(qvi.W @ moved**2)
     assert length <= friction / found.sharper * np.sqrt(qvi.W @ (first - second) ** 2) + 1e-5
-
-
-def test_one_sliding_contact():
-    """The map s → |σ_N| of one contact that slips has the slope μ c / W_NN = 0.8 μ, below the bound μ / 0.6."""
-    qvi = one_contact(0.5, (-1.0, -3.0), coupling=0.8)
-    moved = normal_traction(qvi, np.array([1.0])) - normal_traction(qvi, np.array([1.1]))
-    assert abs(moved[0]) == pytest.approx(0.1 * 0.5 * 0.8, rel=1e-6)
-    assert abs(moved[0]) < 0.1 * qvi.mu[0] / uniqueness_bound(qvi).sharper
 
 
 def test_invariant_to_units_and_unknowns():
@@ -112,14 +89,15 @@ def test_equalities_restrict_the_compliance():
 
 
 def test_dependent_rows_prove_nothing_at_points():
-    found = uniqueness_bound(discretize(compressed_plate(1e-3, (4, 4)), element="bfs").qvi)
+    qvi = independent_problem(0, friction=1e-3)
+    twice = {name: np.concatenate([getattr(qvi, name)] * 2) for name in ("n0", "t0", "mu", "W")}
+    found = uniqueness_bound(FrictionQVI(qvi.K, qvi.f, vstack([qvi.N] * 2), T=vstack([qvi.T] * 2), **twice))
     assert found.satisfied
     assert not found.proves
     assert not found.independent
-    assert "estimate" in found.sentence()
 
 
-@pytest.mark.parametrize("cells", [4, 8, 16])
+@pytest.mark.parametrize("cells", [4, 8])
 def test_the_bound_falls_like_the_root_of_the_mesh_width(cells):
     coarse, fine = (uniqueness_bound(discretize(compressed_plate(0.2, (n, n))).qvi) for n in (cells, 2 * cells))
     assert coarse.bound / fine.bound == pytest.approx(np.sqrt(2.0), rel=0.06)
@@ -130,22 +108,21 @@ def test_without_a_moving_bound_the_stress_is_unique():
         found = uniqueness_bound(replace(random_problem(0), **changes))
         assert found.proves
         assert found.bound == np.inf
-        assert "unique" in found.sentence()
 
 
-def test_large_contacts_say_why_there_is_none(monkeypatch):
-    qvi = independent_problem(0)
-    assert 2 * qvi.m < LARGEST
-    monkeypatch.setattr("solvers.certificate.uniqueness.LARGEST", 2 * qvi.m - 1)
+def test_large_contacts_say_why_there_is_none():
+    m = LARGEST // 2 + 1
+    rows, zeros = eye_array(2 * m).tocsr(), np.zeros(m)
+    qvi = FrictionQVI(
+        K=eye_array(2 * m), f=np.ones(2 * m), N=rows[:m], n0=zeros, T=rows[m:], t0=zeros, mu=zeros + 0.3, W=zeros + 1.0
+    )
     found = uniqueness_bound(qvi)
     assert found.bound is found.sharper is None
     assert not found.satisfied
-    assert "8 contact rows" in found.sentence()
+    assert f"{2 * m} contact rows" in found.sentence()
 
 
-def test_solutions_compute_it_once_and_only_when_asked(monkeypatch):
+def test_solutions_compute_it_once_and_only_when_asked():
     solution = solve_qvi(one_contact(0.5, (-1.0, -3.0)))
-    assert "uniqueness" not in solution.__dict__
-    first = solution.uniqueness
-    monkeypatch.setattr("solvers.solution.solution.uniqueness_bound", None)
-    assert solution.uniqueness is first
+    assert "uniqueness" not in vars(solution)
+    assert solution.uniqueness is solution.uniqueness

@@ -1,16 +1,23 @@
 """Several certified solutions of one discrete problem, and the one that displacements confirm."""
 
+import json
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from qvi_contact import InputError, other_solutions, solve, solve_history
-from qvi_contact.bracket import branches
-from qvi_contact.bracket.parts import CellFields, bulk
+from qvi_contact import InputError, load_result, other_solutions, save_problem, solve, solve_history
+from qvi_contact.bracket import CellFields, bulk
+from qvi_contact.cli import group
 from qvi_contact.gallery import compressed_plate, ssnv128
-from solvers import Status, following
+from qvi_contact.units import Units
+from qvi_contact.verification import verify_file
+from solvers import Status
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 @pytest.fixture(scope="module")
@@ -52,72 +59,66 @@ def test_distances_are_those_of_strains(rectangles):
         assert distance == pytest.approx(np.sqrt(apart / own), rel=1e-9)
 
 
-def test_ways_that_begin_at_the_same_friction_begin_at_the_same_state(monkeypatch):
-    result = solve(compressed_plate(0.2, (2, 2)))
-    posed = []
-    solve_one = following.solve_qvi
-
-    def noted(qvi, *given, **options):
-        posed.append(options["initial"])
-        return solve_one(qvi, *given, **options)
-
-    monkeypatch.setattr(following, "solve_qvi", noted)
-    monkeypatch.setattr(following, "WAYS", ((0.4, 1), (0.4, 2), (1.3, 1)))
-    assert following.followed_solutions(result.solution) == (result.solution,)
-    assert [start is None for start in posed] == [True, False, False, False, True, False]
-    assert posed[1] is posed[2]
-
-
-def test_remarks_name_the_difference_and_the_choice(rectangles):
-    first, last = rectangles.results[0].remarks, rectangles.results[-1].remarks
-    assert f"{min(map(force, rectangles.results)):.5g}" in first[0]
-    assert "is the nearest" in first[0]
-    assert "is not the nearest" in last[0]
-
-
-def test_the_confirmed_one_is_preferred_whichever_is_given(rectangles, monkeypatch):
-    found = [result.solution for result in reversed(rectangles.results)]
-    monkeypatch.setattr(branches, "followed_solutions", lambda *_args, **_options: tuple(found))
+def test_the_confirmed_one_is_preferred_whichever_is_given(rectangles):
     again = other_solutions(rectangles.results[-1])
-    assert force(again.preferred) == force(rectangles.preferred)
+    assert force(again.preferred) == pytest.approx(force(rectangles.preferred), rel=1e-4)
 
 
-def test_without_displacements_the_result_given_comes_first(rectangles, monkeypatch):
-    def refuse(problem):
-        raise InputError("problem", problem.mesh, "no displacement model")
-
-    given = rectangles.results[-1]
-    found = (given.solution, rectangles.preferred.solution)
-    monkeypatch.setattr(branches, "followed_solutions", lambda *_args, **_options: found)
-    monkeypatch.setattr(branches, "solve_companion", refuse)
-    again = other_solutions(given)
-    assert again.companion is None
-    assert np.isnan(again.distances).all()
-    assert force(again.preferred) == force(given)
-    assert "no displacement model" in again.preferred.remarks[0]
-
-
-def test_triangles_have_one():
-    result = solve(ssnv128((4, 4), 5.0), element="hct")
-    found = other_solutions(result)
-    assert found.results == (result,)
-    assert found.companion is None
-
-
-def test_without_friction_or_time_there_is_nothing_to_follow(monkeypatch):
-    result = solve(compressed_plate(0.2, (2, 2)))
-    assert following.followed_solutions(result.solution, time_limit=1e-9) == (result.solution,)
-    monkeypatch.setattr(following, "solve_qvi", None)
-    smooth = solve(compressed_plate(0.0, (2, 2)))
-    assert following.followed_solutions(smooth.solution) == (smooth.solution,)
+def test_where_no_other_is_found_the_result_is_alone():
+    """On triangles, without time, without friction."""
+    for problem, limit in (
+        (ssnv128((3, 3), 5.0), None),
+        (compressed_plate(0.2, (2, 2)), 1e-9),
+        (compressed_plate(0.0, (2, 2)), None),
+    ):
+        result = solve(problem, element="hct")
+        found = other_solutions(result, time_limit=limit)
+        assert found.results == (result,)
+        assert found.companion is None
+        assert np.isnan(found.distances).all()
 
 
 def test_results_without_an_answer_or_with_a_past_are_refused():
     unsolved = solve(compressed_plate(0.2, (2, 2)), method="condensed", max_iterations=1)
-    with pytest.raises(InputError, match="result"):
-        other_solutions(unsolved)
-    with pytest.raises(InputError, match="solution"):
-        following.followed_solutions(unsolved.solution)
     steps = [compressed_plate(0.05, (2, 2), displacement=d) for d in (1e-3, 2e-3)]
-    with pytest.raises(InputError, match="history"):
-        other_solutions(solve_history(steps).steps[-1])
+    for result in (unsolved, solve_history(steps).steps[-1]):
+        with pytest.raises(InputError) as caught:
+            other_solutions(result)
+        assert caught.value.field == "result"
+
+
+def run(*arguments):
+    """Its answer; `return_value` is the exit status."""
+    return CliRunner().invoke(group, ["branches", *map(str, arguments)], standalone_mode=False)
+
+
+def test_the_command_writes_a_row_for_each_solution_and_the_nearest(tmp_path):
+    save_problem(tmp_path / "problem.toml", ssnv128((8, 8), 5.0), units=Units("m", "Pa"))
+    npz, written = tmp_path / "nearest.npz", tmp_path / "all.json"
+    answer = run(tmp_path / "problem.toml", "--element", "bfs", "--npz", npz, "--save-json", written)
+    assert answer.return_value == 0
+    solutions = json.loads(written.read_text("utf-8"))["solutions"]
+    rows = [line.split() for line in answer.output.splitlines() if line[:1].isdigit()]
+    assert [row[0] for row in rows] == ["1", "2", "3"]
+    shears = [solution["contacts"]["base"]["tangential_force"]["value"] for solution in solutions]
+    assert [float(row[4]) for row in rows] == pytest.approx(shears, rel=1e-5)
+    distances = [solution["distance"] for solution in solutions]
+    assert distances == sorted(distances)
+    assert [float(row[1]) for row in rows] == pytest.approx([100.0 * each for each in distances], rel=0.05)
+    assert "N/m" in answer.output
+    assert load_result(npz).contacts["base"].tangential_force == shears[0]
+    assert verify_file(npz).passed
+
+
+def test_the_command_where_there_is_one_or_none(tmp_path):
+    save_problem(tmp_path / "plate.toml", compressed_plate(2))
+    for file, status, word in (
+        (tmp_path / "plate.toml", 0, "solved"),
+        (EXAMPLES / "dragged_block_slides.toml", 1, "infeasible"),
+    ):
+        answer = run(file, "--json")
+        (only,) = json.loads(answer.output)["solutions"]
+        assert (answer.return_value, only["status"], only["distance"]) == (status, word, None)
+    with pytest.raises(InputError) as caught:
+        CliRunner().invoke(group, ["branches", str(EXAMPLES / "cyclic_shear.toml")], catch_exceptions=False)
+    assert "history" in str(caught.value)

@@ -1,7 +1,6 @@
 """The command `qvi-contact bracket`, its documents and pictures."""
 
 import json
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from qvi_contact import (
     Contact,
     ContactProblem,
     Expression,
+    InputError,
     Material,
     RectilinearMesh,
     Symmetry,
@@ -20,14 +20,10 @@ from qvi_contact import (
     save_problem,
     solve,
 )
-from qvi_contact.bracket import Certainty, slip
-from qvi_contact.bracket.document import document, lines
+from qvi_contact.bracket import Certainty, document, lines
 from qvi_contact.cli import group
-from qvi_contact.command import solve_line
-from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.plots import save_figure
-from qvi_contact.plots.bracket import bracket_figure
+from qvi_contact.plots import bracket_figure
 from qvi_contact.units import Units
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -79,13 +75,6 @@ def test_missing_lower_bound(tmp_path):
     assert not picture.exists()
 
 
-def test_problem_without_solution(tmp_path):
-    done = command(EXAMPLES / "dragged_block_slides.toml", "--vtk", tmp_path / "moved.vtu")
-    assert done.return_value == 1
-    assert "no displacement to write" in done.stderr
-    assert json.loads(command(EXAMPLES / "dragged_block_slides.toml", "--json").stdout)["bracket"] is None
-
-
 @pytest.mark.parametrize(
     ("words", "field"),
     [((EXAMPLES / "cyclic_shear.toml",), "history"), ((EXAMPLES / "punch.toml", "--degree", 7), "degree"),
@@ -108,22 +97,15 @@ class TestDocument:
         assert sum(part["value"] for part in told["gap"].values()) == pytest.approx(found.gap, rel=1e-6)
         assert any("plate.normal_force between" in line for line in lines(found))
 
-    def test_rounding_is_shown_as_zero(self):
-        found = solve(compressed_plate(0.1, (4, 4))).bracket
-        assert found.parts["contact"] != 0.0
-        assert found.shown_parts["contact"] == 0.0
+    def test_bounds_under_slip_and_differences_of_forces(self):
+        text = "\n".join(lines(solve(compressed_plate(0.1, (2, 2)).triangulated(), degree=4).bracket))
+        for words in ("forces of plate differ by", "plate.normal_force between"):
+            assert words in text
 
-    def test_picture_of_no_gap_is_refused(self):
-        with pytest.raises(InputError, match="no duality gap"):
-            bracket_figure(solve(curved_potential(), element="bfs").bracket)
-
-    def test_picture_of_an_exact_state(self, tmp_path):
+    def test_exact_states_are_drawn_and_told_in_one_line(self):
         found = solve(compressed_plate(0.0, (2, 2))).bracket
-        save_figure(tmp_path / "exact.svg", bracket_figure(found, title="No gap"))
-        assert (tmp_path / "exact.svg").read_text(encoding="utf-8").startswith("<?xml")
-
-    def test_repr_is_one_line(self):
-        found = solve(compressed_plate(0.0, (2, 2))).bracket
+        texts = bracket_figure(found, title="No gap").findobj(lambda artist: hasattr(artist, "get_text"))
+        assert any(text.get_text().startswith("No gap") for text in texts)
         assert "\n" not in repr(found)
         assert len(repr(found)) < 400
 
@@ -134,24 +116,3 @@ def test_tresca_contact_with_a_wavy_bound_says_so():
     found = solve(replace(plate, conditions=[*plate.conditions[:3], wavy])).bracket
     assert not found.guaranteed
     assert sum("bound" in reason for reason in found.reasons) == 1
-
-
-def test_forces_under_slip_are_computed_while_progress_is_shown(monkeypatch):
-    """They take longest on large meshes."""
-    under_way, computed = [], []
-
-    @contextmanager
-    def watching(*_, **__):
-        under_way.append(True)
-        yield lambda _="": None
-        under_way.pop()
-
-    def forces(*_):
-        computed.append(bool(under_way))
-        return {}
-
-    monkeypatch.setattr(solve_line, "solving", watching)
-    monkeypatch.setattr(slip, "force_bounds_under_slip", forces)
-    done = command(EXAMPLES / "compressed_plate.toml", "--degree", 3)
-    assert done.return_value == 0
-    assert computed == [True]

@@ -16,7 +16,7 @@ from qvi_contact import (
 )
 from qvi_contact.bracket import BracketKind, Certainty
 from qvi_contact.companion import solve_companion
-from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.mesh import TriangleMesh
 
 STEEL = Material(1000.0, 0.3)
 MESHES = {

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from qvi_contact import (
     Contact,
@@ -21,14 +22,12 @@ from qvi_contact import (
     exact,
     solve,
 )
-from qvi_contact.companion import solve_companion
-from qvi_contact.companion.dual import DualProblem
-from qvi_contact.element import bernstein
-from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
+from qvi_contact.companion import DualProblem, solve_companion
+from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import Status
 from tests.effort import thinned
 
-OPEN, STICK, SLIP = ContactState
+OPEN, STICK, SLIP, _CLOSED = ContactState
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
 MESH = RectilinearMesh([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
 INSIDE = np.linspace(0.0, 1.0, 101)
@@ -38,7 +37,7 @@ HALF_FORCES = {0.05: 210.60643, 0.1: 212.24243, 0.15: 213.55884, 0.2: 214.23323,
 
 def companion_of(problem, **options):
     """A companion that must be solved."""
-    found = solve_companion(problem, **options)
+    found = solve_companion(problem.triangulated(), **options)
     assert found.status is Status.SOLVED, found.message
     return found
 
@@ -95,19 +94,35 @@ class TestCompressedPlate:
         assert (np.array(upper) > np.array(lower)).all()
         assert upper[-1] - lower[-1] < 0.4 * (upper[0] - lower[0])
 
-    def test_frictionless_closes_the_gap(self):
-        problem = plate(Contact.frictionless("top", gap=-1e-3), (3, 2))
-        upper, lower = companion_of(problem).energy, -solve(problem).energies.complementary
-        assert upper == pytest.approx(lower, rel=1e-12)
 
-    def test_higher_degree_is_lower(self):
-        problem = plate(Contact.tresca("top", 20.0, gap=-1e-3), (4, 4))
-        energies = [companion_of(problem, degree=degree).energy for degree in (2, 3, 4)]
-        assert energies[0] > energies[1] > energies[2]
+def quadratics(t):
+    """Values (n, 3) of the Bernstein polynomials at t (n,)."""
+    return binom.pmf(np.arange(3), 2, np.asarray(t)[:, None])
 
 
 def edge_values(problem, contact, field):
     return field(*problem.mesh.points_along(problem.mesh.edges(contact.edges), INSIDE))
+
+
+@pytest.mark.parametrize("law", ["unilateral", "bilateral", "tied"])
+def test_a_rough_solution_becomes_admissible(law, monkeypatch):
+    """Contact displacements 1e-9 off are moved back to the obstacle before the energy is computed."""
+    exact_values, noise = DualProblem.displacements, np.random.default_rng(0)
+
+    def rough(self, solution):
+        values, plates = exact_values(self, solution)
+        return values + 1e-9 * noise.normal(size=len(values)), plates
+
+    problem = plate(Contact("top", 0.0 if law == "tied" else 1.0, -1e-3, law=law, name="plate"))
+    best = companion_of(problem)
+    monkeypatch.setattr(DualProblem, "displacements", rough)
+    found = companion_of(problem)
+    normal, tangential = found.trace("plate", INSIDE)
+    assert (best.contacts["plate"].state == STICK).all()  # so that every coefficient has its place
+    assert normal == pytest.approx(-1e-3, abs=1e-17)
+    assert tangential == pytest.approx(0.0, abs=1e-17)
+    assert found.reasons == best.reasons
+    assert found.energy == pytest.approx(best.energy, rel=1e-8)
 
 
 @pytest.mark.parametrize("degree", [2, 3])
@@ -144,7 +159,7 @@ def test_given_bound():
     assert one.contacts["base"].tangential_force == pytest.approx(other.contacts["base"].tangential_force, rel=1e-9)
     nodes, weights = np.polynomial.legendre.leggauss(40)
     _, slip = one.trace("base", (1 + nodes) / 2)
-    bound = s @ bernstein.basis(2, (1 + nodes) / 2).T
+    bound = s @ quadratics((1 + nodes) / 2).T
     expected = float(((bound * np.abs(slip)) @ weights).sum() / 2 * 0.04 / 6)
     assert one.parts.friction == pytest.approx(expected, rel=1e-3)
     assert one.energy == pytest.approx(one.parts.strain - one.parts.load + one.parts.friction, rel=1e-14)
@@ -160,24 +175,11 @@ def test_friction_where_slip_changes_sign():
     t = (np.arange(20000) + 0.5) / 20000
     x, _ = mesh.points_along(mesh.edges("bottom"), t)
     slip = np.abs(companion.trace("ground", t)[1] - 1e-2 * (x - 0.9))
-    expected = float((slip * (s @ bernstein.basis(2, t).T)).mean(axis=1).sum() * 2.0 / 3.0)
+    expected = float((slip * (s @ quadratics(t).T)).mean(axis=1).sum() * 2.0 / 3.0)
     line = companion.contacts["ground"]
     above = float(line.weights @ (line.friction_bound * np.abs(line.slip)))
     assert companion.parts.friction == pytest.approx(expected, rel=1e-7)
     assert above > 1.01 * expected
-
-
-def test_energy_under_own_laws():
-    """With the contact's own cohesion the energy has that sum: more than with the same bound given, as slip turns."""
-    mesh = RectilinearMesh.rectangle((3, 2), 2.0, 1.0)
-    ground = Contact.tresca("bottom", 0.1, offset=lambda x, _: 1e-2 * (x - 0.9), name="ground")
-    conditions = [ground, Displacement("top", 0.0, -1e-3), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-    problem = ContactProblem(mesh, STEEL, conditions)
-    own, given = companion_of(problem), companion_of(problem, bounds={"ground": np.full((3, 3), 0.1)})
-    line = own.contacts["ground"]
-    assert own.reasons == ()
-    assert own.parts.friction == pytest.approx(float(line.weights @ (0.1 * np.abs(line.slip))), rel=1e-12)
-    assert own.energy - given.energy > 0.01 * given.parts.friction
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4])
@@ -199,56 +201,6 @@ def test_contacts_are_in_order_along_the_line(side, degree):
     assert line.gap == pytest.approx(1.0 + line.x + 2.0 * line.y, rel=1e-9)
 
 
-def test_a_stepped_contact_is_ordered_by_x_first():
-    active = np.array([[False, True, True], [True, True, True]])
-    mesh = RectilinearMesh(np.array([0.0, 0.4, 0.9, 1.2]), np.array([0.0, 0.1, 0.7]), active)
-    conditions = [Contact("bottom", 0.0, cohesion=1.0, name="line"), Displacement("top", 0.0, -1e-3)]
-    conditions += [Traction(side, 0.0, 0.0) for side in ("left", "right")]
-    line = companion_of(ContactProblem(mesh, STEEL, conditions)).contacts["line"]
-    assert line.x == pytest.approx([0.0, 0.2, 0.4, 0.4, 0.65, 0.9, 1.05, 1.2])
-    assert line.y == pytest.approx([0.1, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0])
-
-
-@pytest.mark.parametrize("law", ["unilateral", "bilateral", "tied"])
-def test_a_rough_solution_becomes_admissible(law, monkeypatch):
-    """Contact displacements 1e-9 off are moved back to the obstacle before the energy is computed."""
-    exact_values = DualProblem.displacements
-    noise = np.random.default_rng(0)
-
-    def rough(self, solution):
-        values, plates = exact_values(self, solution)
-        return values + 1e-9 * noise.normal(size=len(values)), plates
-
-    friction = 0.0 if law == "tied" else 1.0
-    problem = plate(Contact("top", friction, -1e-3, law=law, name="plate"))
-    best = companion_of(problem)
-    monkeypatch.setattr(DualProblem, "displacements", rough)
-    companion = companion_of(problem)
-    normal, tangential = companion.trace("plate", INSIDE)
-    assert (best.contacts["plate"].state == STICK).all()  # so that every coefficient has its place
-    assert normal == pytest.approx(-1e-3, abs=1e-17)
-    assert tangential == pytest.approx(0.0, abs=1e-17)
-    assert companion.reasons == best.reasons
-    assert companion.energy == pytest.approx(best.energy, rel=1e-8)
-
-
-def test_it_is_the_minimum():
-    """Half the work of the loads: J(v) = −½ a(v, v) where g = w = 0 and slip has one sign."""
-    companion = companion_of(ssnv128((8, 8)), bounds={"base": np.full((8, 3), 3e7)})
-    assert companion.energy == pytest.approx(-companion.parts.strain, rel=1e-9)
-
-
-def test_full_slip_exactly():
-    """The sliding block: a uniform state that Q_2 contains, with the bound given; both energies agree."""
-    problem, state = sliding_block()
-    companion = companion_of(problem, bounds={"base": np.full((3, 3), 30.0)})
-    x, y = np.random.default_rng(0).uniform(size=(2, 30)) * [[2.0], [1.0]]
-    expected = np.moveaxis(state.displacement(x, y), 0, -1)
-    assert companion.displacement(x, y) == pytest.approx(expected, abs=1e-12)
-    assert companion.reasons == ()
-    assert companion.energy == pytest.approx(-solve(problem).energies.complementary, rel=1e-10)
-
-
 class TestSsnv128:
     """Code_Aster's plate on a rigid plane, against published and settled values."""
 
@@ -265,10 +217,6 @@ class TestSsnv128:
         assert line.x[line.state == SLIP].min() < 4.2e-3
         assert line.x[line.state == STICK].min() == pytest.approx(29.8e-3, abs=1e-3)
         assert -line.normal_stress[-1] == pytest.approx(8.388e7, rel=2e-3)
-
-    def test_without_friction(self):
-        companion = companion_of(ssnv128((3, 2), friction=0.0))
-        assert companion.displacement(0.0, 0.0)[0] == pytest.approx(4.061538461538e-5, rel=1e-11)
 
 
 def block(shear, friction=0.3):
@@ -351,19 +299,6 @@ def test_closed_joints_are_not_there(joints, law):
         assert line.slip == pytest.approx(0.0, abs=1e-10)
 
 
-def test_a_joint_that_slips():
-    """Forces across the joint are those of the equilibrium model, energies on both sides of the truth."""
-    mesh = MESH.with_joint("a", "horizontal", 0.4)
-    problem = squeezed(mesh, [Contact.tresca("a", 0.2)]).refined(0.12)
-    companion, result = companion_of(problem), solve(problem)
-    ours, theirs = companion.contacts["a"], result.contacts["a"]
-    assert (ours.state == SLIP).any()
-    assert ours.normal_force == pytest.approx(theirs.normal_force, rel=1e-9)
-    assert ours.tangential_force == pytest.approx(theirs.tangential_force, rel=0.05)
-    gap = companion.energy + result.energies.complementary
-    assert 0.0 < gap < 0.02 * abs(companion.energy)
-
-
 class TestPlates:
     """Plates driven by force are the same as displacements they cause."""
 
@@ -401,26 +336,6 @@ class TestPlates:
         assert driven.energy == pytest.approx(held.energy - work, rel=1e-8)
         assert driven.parts.load == pytest.approx(work, rel=1e-12)
         assert tangential.shape == (4, 2)
-
-    def test_against_the_equilibrium_model(self):
-        problem = self.problem(Contact("top", 0.4, name="plate", plate=self.PLATE)).refined(0.3, 0.01)
-        companion, result = companion_of(problem), solve(problem)
-        for name in ("x", "y", "rotation"):
-            theirs = getattr(result.plates["plate"], name)
-            assert getattr(companion.plates["plate"], name) == pytest.approx(theirs, rel=2e-3)
-
-    def test_between_two_plates(self):
-        """The second resultant follows from the first; the body floats between them."""
-        conditions = [
-            Contact("top", 0.3, plate=RigidPlate(force_y=-5.0)),
-            Contact("bottom", 0.3, plate=RigidPlate(force_y=5.0)),
-            Symmetry("left"),
-            Traction("right", 0.0, 0.0),
-        ]
-        companion = companion_of(ContactProblem(MESH, STEEL, conditions))
-        assert companion.contacts["bottom"].normal_force == pytest.approx(5.0, rel=1e-9)
-        assert companion.plates["bottom"].y == 0.0
-        assert companion.plates["top"].y == pytest.approx(-2.3e-3, rel=0.1)
 
 
 def edge_normal(motion, companion, t):
@@ -474,11 +389,3 @@ def test_loads_alone():
     companion = companion_of(ContactProblem(MESH, STEEL, conditions))
     assert companion.stress(0.7, 0.5) == pytest.approx([0.0, -5.0, 0.0], abs=1e-12)
     assert companion.energy == pytest.approx(-0.5 * 25.0 / 1000.0 * 2.0, rel=1e-12)
-
-
-def test_nothing_happens_without_loads():
-    conditions = [Contact("bottom", 0.3), Contact.tied("left")]
-    conditions += [Traction(side, 0.0, 0.0) for side in ("top", "right")]
-    companion = companion_of(ContactProblem(MESH, STEEL, conditions))
-    assert companion.energy == pytest.approx(0.0, abs=1e-20)
-    assert companion.contacts["bottom"].normal_force == pytest.approx(0.0, abs=1e-9)

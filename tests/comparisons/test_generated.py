@@ -1,0 +1,223 @@
+"""Generated problems: wild ones, the same every time, and a sample of them; estimated errors beside references."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from comparisons import estimates, wild
+from comparisons.lab.study import read_csv
+from qvi_contact import Contact, ContactProblem, InputError, Material, Traction, TriangleMesh, discretize, solve
+from qvi_contact.gallery import compressed_plate
+from solvers import Status
+from tests.comparisons.convergence_parts import REPORTS, report_of, rows_of
+from tests.effort import EFFORT, examples
+
+STRENUOUS = {
+    "thin": (3,), "gaps": (1, 4), "units": (4, 5), "friction": (2,), "everything": (2,), "incompressible": (0,),
+    "poisson": (4,),
+}  # fmt: skip
+"""Problems of the sample that take half a second and more each: the study has them, and a suite of more effort."""
+
+WANTED = {"nonsense": (wild.REFUSED,), "idle": (wild.SOLVED, wild.REFUSED)}
+"""What becomes of the problems of a family; of all others see `TestSample`."""
+
+SAMPLE = [
+    *(
+        (family, number)
+        for family in wild.FAMILIES
+        for number in range(examples(3))
+        if EFFORT > 1.0 or number not in STRENUOUS.get(family, ())
+    ),
+    ("idle", 10),  # whose second method does not end
+]
+
+
+def described(family, number):
+    """What a problem is made of, as text; functions by their name."""
+    try:
+        problem = wild.wild_problem(family, number).problem
+    except InputError as error:
+        return str(error)
+    values = [repr(condition).split(" at 0x")[0] for condition in problem.conditions]
+    return repr((problem.mesh.x.tolist(), problem.mesh.y.tolist(), problem.mesh.active.tolist(), values))
+
+
+class TestGenerator:
+    """Problems."""
+
+    @pytest.mark.parametrize("family", [name for name in wild.FAMILIES if name != "nonsense"])
+    def test_makes_the_same_problem_again_and_others_of_other_numbers(self, family):
+        first = [described(family, number) for number in range(4)]
+        assert first[:2] == [described(family, number) for number in range(2)]
+        assert len(set(first)) == 4
+
+    def test_dice_do_not_depend_on_versions(self):
+        dice = wild.Dice("thin", 3)
+        assert [dice.whole(0, 999) for _ in range(4)] == [74, 198, 372, 275]
+
+    def test_families_are_as_wild_as_they_say(self):
+        numbers = {"thin": 36, "units": 12, "friction": 10, "idle": 30}
+        problems = {family: made(family, range(each)) for family, each in numbers.items()}
+        aspects = [np.ptp(each.mesh.y) / np.ptp(each.mesh.x) for each in problems["thin"]]
+        assert min(aspects) < 3e-3
+        assert max(aspects) > 300.0
+        lengths = [each.mesh.length for each in problems["units"]]
+        assert min(lengths) < 1e-7
+        assert max(lengths) > 1e10
+        frictions = [c.friction for each in problems["friction"] for c in each.contacts if not callable(c.friction)]
+        assert min(frictions) == 0.0
+        assert max(frictions) == 1e3
+        assert any(callable(c.pore_pressure) for each in made("fluids", range(20)) for c in each.contacts)
+        assert all(m.incompressible for each in made("incompressible", range(20)) for m in each.materials)
+        assert not any(c.x or c.y for each in problems["idle"] for c in each.conditions if isinstance(c, Traction))
+
+
+def made(family, numbers):
+    """The problems that are not refused."""
+    found = []
+    for number in numbers:
+        try:
+            found.append(wild.wild_problem(family, number).problem)
+        except InputError:
+            continue
+    return found
+
+
+class TestSample:
+    """Outcomes."""
+
+    @pytest.mark.parametrize(("family", "number"), SAMPLE)
+    def test_ends_in_an_answer_that_is_true_or_in_one_of_our_own_words(self, family, number):
+        found = wild.solve_case({"family": family, "number": number})
+        assert found["outcome"] in WANTED.get(family, (wild.SOLVED, wild.INFEASIBLE, wild.OPEN, wild.REFUSED)), found
+        assert found["warnings"] == []
+
+
+def test_a_factorisation_that_fails_is_a_status():
+    """Cells 40000 times as long as high are beyond double precision; which method sees that first is rounding."""
+    assert solve(wild.wild_problem("joints", 11).problem).status in (Status.ILL_CONDITIONED, Status.STALLED)
+
+
+@pytest.mark.parametrize("number", [4, 29, 36, 46, 50, 54, 64, 75, 76, 109, 151, 190, 216, 385, 913])
+def test_arrays_and_complex_values_where_a_name_or_number_belongs_are_refused(number):
+    """Arrays as meshes, names of edges, sides, contacts and planes, ragged masks, complex offsets, lists as damping."""
+    assert wild.solve_case({"family": "nonsense", "number": number})["outcome"] == wild.REFUSED
+
+
+class TestEnumeration:
+    """States gone through."""
+
+    def test_of_a_plate(self):
+        assert wild.enumerated(discretize(compressed_plate(0.2, (2, 1))).qvi, 20.0) == wild.EXISTS
+
+    def test_of_a_block_dragged_beyond_its_limit(self):
+        mesh = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
+        free = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+        dragged = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.1), Traction("top", 2.0, -10.0), *free])
+        assert wild.enumerated(discretize(dragged).qvi, 20.0) == wild.NONE
+
+
+def test_problems_of_a_small_study_are_counted(tmp_path):
+    rows = rows_of(wild.declared(["thin", "nonsense"], 1), tmp_path / "few.sqlite")
+    problems = wild.problems_of(rows)
+    assert list(zip(problems.family, problems.number, strict=True)) == [("thin", 0), ("nonsense", 0)]
+    assert tuple(wild.counts_of(problems)) == wild.ORDER
+    assert sum(wild.counts_of(problems).values()) == 2
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """The committed rows."""
+    return read_csv(REPORTS / "wild" / "wild.csv.gz")
+
+
+def test_numbers_of_the_committed_run_are_those_of_its_rows(rows):
+    values = wild.values_of(wild.problems_of(rows))
+    outcomes = [row.result["outcome"] for row in rows]
+    assert (values["problems"], values["solved"], values["wrong"]) == (len(rows), outcomes.count("solved"), 0)
+    open_ones = [row.result for row in rows if row.result["outcome"] == "open"]
+    assert values["missed"] == sum(each.get("exists") == wild.EXISTS for each in open_ones)
+    assert values["solvable"] == values["solved"] + values["missed"]
+    assert values["admissible"] == values["solved"] + sum(bool(each.get("admissible")) for each in open_ones)
+
+
+def test_what_must_not_happen_is_in_the_numbers_and_in_the_table(rows):
+    one = next(row for row in rows if row.result["outcome"] == "solved")
+    wrong = replace(one, result={**one.result, "outcome": "wrong", "errors": ["tension"]})
+    dead = replace(one, status="timeout", reason="more than 120 s", result={}, seconds=120.0)
+    problems = wild.problems_of([one, wrong, dead])
+    values = wild.values_of(problems)
+    assert (values["solved"], values["wrong"], values["broken"], values["slow"]) == (1, 1, 1, 1)
+    assert problems.trouble.sum() == 2
+    assert "tension" in report_of("wild", [one, wrong, dead]).text
+
+
+def test_an_unknown_family_is_refused():
+    with pytest.raises(InputError) as caught:
+        wild.declared(["thick"], 1)
+    assert caught.value.field == "only"
+
+
+def test_an_exception_that_is_not_the_packages_own_is_foreign():
+    assert wild.solve_case({"family": {}, "number": 0})["outcome"] == wild.FOREIGN
+
+
+QUICK = [2, 24, 30, 40][: examples(3)]  # problems that are refined in a second
+
+
+class TestEstimates:
+    """Errors that `refine` tells."""
+
+    def test_a_number_makes_the_same_problem_again(self):
+        one, same, other = (estimates.stated(number) for number in (3, 3, 4))
+        made = [repr((each.problem.mesh.vertices.tolist(), each.problem.conditions)) for each in (one, same, other)]
+        assert made[0] == made[1] != made[2]
+        assert (one.quantity, one.target, one.degree) == (same.quantity, same.target, same.degree)
+
+    @pytest.mark.parametrize("number", QUICK)
+    def test_answers_are_as_accurate_as_they_say(self, number):
+        found = estimates.solve_case({"number": number})
+        assert found["status"] == "reached"
+        assert found["doubt"] < 0.2 * found["error"] or found["doubt"] < 2e-6
+        assert abs(found["off"]) <= max(found["error"], 2.0 * found["doubt"])
+        assert found["error"] <= found["target"]
+
+    @pytest.fixture
+    def runs(self):
+        """The committed rows."""
+        return read_csv(REPORTS / "estimates" / "estimates.csv.gz")
+
+    def test_numbers_of_the_findings(self, runs):
+        reached = [each.result for each in runs if each.result.get("status") == "reached"]
+        judged = [each for each in reached if each.get("off") is not None]
+        doubts = [each for each in judged if each["doubt"] > max(0.2 * max(abs(each["off"]), each["error"]), 1e-9)]
+        guessed = [each for each in judged if each["certainty"] == "estimate"]
+        held = [each for each in judged if abs(each["off"]) <= max(each["error"], 1e-9)]
+        values = estimates.values_of(estimates.runs_of(runs))
+        assert (values["runs"], values["reached"]) == (len(runs), len(reached))
+        assert values["doubtful"] == len(doubts)
+        assert values["least"] == len([each for each in held if each in guessed and each not in doubts])
+        assert (values["estimates"], values["bounds"]) == (len(guessed), len(judged) - len(guessed))
+        assert values["held"] + values["bounds_held"] == len(held)
+        assert values["bounds_held"] == values["bounds"]
+        ratios = [each["error"] / abs(each["off"]) for each in guessed if abs(each["off"]) > 1e-9]
+        assert [values["worst"], values["q50"]] == pytest.approx([min(ratios), np.median(ratios)])
+        assert values["plain"] == pytest.approx(np.mean(np.array(ratios) >= 1.5))
+
+    def test_estimates_hold_in_95_per_cent_of_the_runs(self, runs):
+        values = estimates.values_of(estimates.runs_of(runs))
+        assert values["estimates"] >= 100
+        assert values["share"] >= 0.95
+        assert values["q95"] < 3.0
+
+    def test_answers_that_are_worse_count(self, runs):
+        first = next(each for each in runs if each.result.get("certainty") == "estimate" and each.result.get("off"))
+        worse = {**first.result, "off": 2.0 * first.result["error"], "doubt": 0.0}
+        doubtful = {**worse, "doubt": worse["off"]}
+        before = estimates.values_of(estimates.runs_of(runs))
+        for result, doubts in ((worse, 0), (doubtful, 1)):
+            changed = [replace(each, result=result) if each is first else each for each in runs]
+            after = estimates.values_of(estimates.runs_of(changed))
+            assert after["estimates"] - after["held"] == before["estimates"] - before["held"] + 1
+            assert after["doubtful"] == before["doubtful"] + doubts

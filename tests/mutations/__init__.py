@@ -1,0 +1,10 @@
+"""How sharp the tests are: a seeded sample of mutations of the source, and which of them the tests notice.
+
+``python -m tests.mutations sample`` draws the sample, ``python -m tests.mutations cover`` runs the suite once and keeps
+which test passes which line, and how long it takes, and ``python -m tests.mutations run NAME`` tries each mutation of
+``sample.csv`` and keeps the answers in its column ``NAME``. Needs ``pip install cosmic-ray pytest-cov``.
+
+A mutation changes an operator, comparison, number or truth value (operators of Cosmic Ray). It is tried on the tests
+that pass its line, those first that pass few other lines, up to `SECONDS` of tests. A test that fails or does not end
+notices it, so the share that is noticed is a lower bound for the whole suite. Tests of `tests.retiring` do not count.
+"""

@@ -1,0 +1,226 @@
+"""The command, see the package."""
+
+import csv
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Final
+from xml.etree import ElementTree
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+SAMPLE: Final = Path(__file__).with_name("sample.csv")
+CACHE: Final = ROOT / ".mutations"
+PACKAGES: Final = ("qvi_contact", "solvers", "comparisons")
+SEED: Final = 1992
+COUNT: Final = 320
+SECONDS: Final = 30.0  # of tests that are run for a mutation
+NUMERICAL: Final = (
+    "qvi_contact/bracket", "qvi_contact/companion", "qvi_contact/discretization", "qvi_contact/element",
+    "qvi_contact/mechanism", "qvi_contact/mesh", "qvi_contact/problem", "qvi_contact/refinement",
+    "qvi_contact/solution", "solvers",
+)  # fmt: skip
+"""Rooms whose mutations are drawn three times as often."""
+RETIRING: Final = (
+    "bogner_fox_schmit", "strict", "exchange", "levels", "dissection", "rectangle", "rectilinear", "hermite.py",
+    "grids.py", "lines.py", "cluster", "sweep_stream", "direct_osqp", "cholmod", "comparisons/lab",
+    "comparisons/scaling", "sequences", "benchmark/systems", "inequality/edges", "threshold",
+)  # fmt: skip
+"""Files of subjects that go, of which nothing is drawn."""
+OPERATORS: Final = (
+    "ReplaceBinaryOperator_Add_Sub", "ReplaceBinaryOperator_Sub_Add", "ReplaceBinaryOperator_Mul_Div",
+    "ReplaceBinaryOperator_Div_Mul", "ReplaceBinaryOperator_Pow_Mul", "ReplaceBinaryOperator_FloorDiv_Mul",
+    "ReplaceBinaryOperator_BitAnd_BitOr", "ReplaceComparisonOperator_Lt_LtE", "ReplaceComparisonOperator_LtE_Lt",
+    "ReplaceComparisonOperator_Gt_GtE", "ReplaceComparisonOperator_GtE_Gt", "ReplaceComparisonOperator_Lt_Gt",
+    "ReplaceComparisonOperator_Gt_Lt", "ReplaceComparisonOperator_Eq_NotEq", "ReplaceComparisonOperator_NotEq_Eq",
+    "ReplaceComparisonOperator_Is_IsNot", "ReplaceComparisonOperator_IsNot_Is", "ReplaceUnaryOperator_Delete_USub",
+    "ReplaceUnaryOperator_Delete_Not", "ReplaceUnaryOperator_Delete_Invert", "AddNot", "ReplaceTrueWithFalse",
+    "ReplaceFalseWithTrue", "ReplaceAndWithOr", "ReplaceOrWithAnd", "ReplaceBreakWithContinue", "NumberReplacer",
+    "ZeroIterationForLoop",
+)  # fmt: skip
+
+Mutation = dict[str, str]
+"""file, operator, line (its text), nth (among the file's places for it with that text), mutated (the line after it)."""
+Lines = Mapping[tuple[str, int], list[str]]
+
+
+def main(words: list[str]) -> int:
+    """Run the command that is named."""
+    match words:
+        case ["sample"]:
+            write(sample())
+        case ["cover"]:
+            cover()
+        case ["run", name]:
+            run(name)
+        case _:
+            print("usage: python -m tests.mutations sample | cover | run NAME", file=sys.stderr)
+            return 2
+    return 0
+
+
+def sample() -> list[Mutation]:
+    """Mutations by chance, those of numerical rooms weighted."""
+    paths = (path.relative_to(ROOT).as_posix() for name in PACKAGES for path in sorted((ROOT / name).rglob("*.py")))
+    files = [file for file in paths if not any(word in file for word in RETIRING)]
+    everything = [mutation for file in files for mutation, _, _ in places(file)]
+    chance = random.Random(SEED)
+    keys = [chance.random() ** (1.0 / (3 if each["file"].startswith(NUMERICAL) else 1)) for each in everything]
+    drawn = [everything[index] for index in sorted(range(len(keys)), key=keys.__getitem__, reverse=True)[:COUNT]]
+    for each in drawn:
+        before, after = text_of(each["file"]), mutated(each)
+        each["mutated"] = next(b for a, b in zip(before.split("\n"), after.split("\n"), strict=True) if a != b).strip()
+    return sorted(drawn, key=lambda each: tuple(each.values()))
+
+
+def text_of(file: str) -> str:
+    return (ROOT / file).read_text(encoding="utf-8")
+
+
+def places(file: str) -> Iterator[tuple[Mutation, int, int]]:
+    """All mutations of a file, the number of the line of each, and which occurrence it is for Cosmic Ray."""
+    from cosmic_ray.ast import ast_nodes, get_ast
+    from cosmic_ray.plugins import get_operator
+
+    code = text_of(file)
+    lines, nodes = code.split("\n"), list(ast_nodes(get_ast(code)))
+    for name in OPERATORS:
+        operator = get_operator(f"core/{name}")()
+        seen: Counter[str] = Counter()
+        found = (start for node in nodes for start, _ in operator.mutation_positions(node))
+        for occurrence, (number, _) in enumerate(found):
+            text = lines[number - 1].strip()
+            yield {"file": file, "operator": name, "line": text, "nth": str(seen[text])}, number, occurrence
+            seen[text] += 1
+
+
+def mutated(mutation: Mutation) -> str:
+    """The text of the file with the mutation; empty if there is no such place."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    names = ("operator", "line", "nth")
+    for each, _, occurrence in places(mutation["file"]):
+        if all(each[name] == mutation[name] for name in names):
+            operator = get_operator(f"core/{mutation['operator']}")()
+            return mutate_code(text_of(mutation["file"]), operator, occurrence) or ""
+    return ""
+
+
+def write(rows: list[Mutation]) -> None:
+    """Write the sample, with what is known of it."""
+    with SAMPLE.open("w", encoding="utf-8", newline="") as stream:
+        table = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+
+
+def cover() -> None:
+    """Run the suite, and keep which test passes which line, and how long it takes."""
+    shutil.rmtree(CACHE, ignore_errors=True)
+    CACHE.mkdir()
+    settings = CACHE / "settings.ini"  # not coverage.…: these files are erased
+    settings.write_text(f"[run]\nsource = {','.join(PACKAGES)}\nrelative_files = True\n", encoding="utf-8")
+    command = [
+        sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--ignore=tests/retiring", "--cov", "--cov-report=",
+        f"--cov-config={settings}", "--cov-context=test", f"--junit-xml={CACHE / 'junit.xml'}",
+    ]  # fmt: skip
+    subprocess.run(command, cwd=ROOT, env=os.environ | {"COVERAGE_FILE": str(CACHE / "coverage")}, check=False)
+
+
+def covered() -> tuple[Lines, dict[str, float]]:
+    """Tests that pass each line (file, number), those first that pass few lines, and the seconds of each test."""
+    from coverage import CoverageData
+
+    seconds: dict[str, float] = {}
+    for case in ElementTree.parse(CACHE / "junit.xml").iter("testcase"):
+        parts = case.attrib["classname"].split(".")
+        size = next(number for number, part in enumerate(parts, 1) if part.startswith("test_"))
+        test = "::".join(["/".join(parts[:size]) + ".py", *parts[size:], case.attrib["name"]])
+        seconds[test] = float(case.attrib["time"])
+    of_file = defaultdict(list)
+    for test in seconds:
+        of_file[test.partition("::")[0]].append(test)
+    data = CoverageData(str(CACHE / "coverage"))
+    data.read()
+    lines: dict[tuple[str, int], set[str]] = defaultdict(set)
+    for file in data.measured_files():
+        for number, contexts in data.contexts_by_lineno(file).items():
+            for context in contexts:
+                test, _, phase = context.rpartition("|")
+                # what a fixture passes is passed for all tests of its file, the first of which made it
+                lines[file, number].update(
+                    of_file[test.partition("::")[0]] if phase == "setup" else {test} & set(seconds)
+                )
+    load = Counter(test for tests in lines.values() for test in tests)
+    return {line: sorted(tests, key=lambda test: (load[test], test)) for line, tests in lines.items()}, seconds
+
+
+def run(name: str) -> None:
+    """Try each mutation of the sample: "noticed", "not noticed", or "gone" if its line is not there."""
+    with SAMPLE.open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    lines, seconds = covered()
+    workers = os.cpu_count() or 1
+    copies: SimpleQueue[Path] = SimpleQueue()
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(workers) as pool:
+        for number in range(workers):
+            others = shutil.ignore_patterns(".git", ".mutations", "__pycache__", "*.egg-info")
+            copies.put(shutil.copytree(ROOT, Path(folder) / str(number), ignore=others))
+
+        def answer(row: Mutation) -> str:
+            copy = copies.get()
+            try:
+                return tried(row, copy, lines, seconds)
+            finally:
+                copies.put(copy)
+
+        for number, (row, found) in enumerate(zip(rows, pool.map(answer, rows), strict=True), 1):
+            row[name] = found
+            print(f"{number}/{len(rows)} {found}: {row['file']}: {row['line']} -> {row['mutated']}", flush=True)
+    write(rows)
+    print(json.dumps(Counter(row[name] for row in rows)))
+
+
+def tried(row: Mutation, copy: Path, lines: Lines, seconds: Mapping[str, float]) -> str:
+    """Whether the tests of a copy of the repository notice a mutation."""
+    file = row["file"]
+    code = mutated(row) if (ROOT / file).exists() else ""
+    if not code:
+        return "gone"
+    before = text_of(file)
+    number = next(n for n, (a, b) in enumerate(zip(before.split("\n"), code.split("\n"), strict=True), 1) if a != b)
+    tests = lines.get((file, number))
+    if not tests:  # a line that is passed on import
+        tests = list(dict.fromkeys(test for (name, _), some in lines.items() if name == file for test in some))
+    chosen: list[str] = []
+    for test in tests:
+        if not chosen or sum(seconds[each] for each in chosen) + seconds[test] <= SECONDS:
+            chosen.append(test)
+    if not chosen:
+        return "not noticed"
+    target = copy / file
+    target.write_text(code, encoding="utf-8")
+    (copy / "chosen.txt").write_text("\n".join(chosen), encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", "@chosen.txt"]
+    limit = 4.0 * sum(seconds[test] for test in chosen) + 60.0
+    try:
+        environment = os.environ | {"PYTHONPATH": str(copy)}
+        done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=limit, check=False)
+    except subprocess.TimeoutExpired:
+        return "noticed"
+    finally:
+        target.write_text(before, encoding="utf-8")
+    return "noticed" if done.returncode else "not noticed"
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

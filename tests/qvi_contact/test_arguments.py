@@ -1,0 +1,397 @@
+"""What is no argument of a function ends in one line about the field, wherever it is given, before anything is done."""
+
+import re
+import sys
+import warnings
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Corner,
+    Displacement,
+    Expression,
+    InputError,
+    Material,
+    Polynomial,
+    QVIError,
+    RectilinearMesh,
+    Region,
+    SweepRow,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    discretize,
+    graded_lines,
+    limit_load_factor,
+    load_problem,
+    load_result,
+    loop_area,
+    principal_stresses,
+    read_sweep,
+    refine,
+    refined_where_apart,
+    save_problem,
+    solve,
+    solve_companion,
+    solve_history,
+    solve_sweep,
+    stream_sweep,
+)
+from qvi_contact.bracket import bracket
+from qvi_contact.export import write_vtu
+from qvi_contact.files import problem_to_toml
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.plots import require_matplotlib
+from solvers import solve_qvi
+
+PLATE = compressed_plate(0.3, (2, 2))
+GRID = RectilinearMesh.rectangle((2, 2)).with_joint("joint", "horizontal", at=0.5)
+CUT = TriangleMesh.of_rectangles(GRID)
+HELD = [Displacement(side, 0.0, 0.0) for side in GRID.edge_names]
+OUTLINE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
+
+
+class Odd:
+    """An object of no kind, called the same in all processes of a run."""
+
+    def __repr__(self):
+        return "Odd()"
+
+
+def refused(use, value, field):
+    """The call ends in one line that begins with the field."""
+    with pytest.raises(QVIError, match=rf"^{re.escape(field)}(\[.*\])?: ") as caught:
+        use(value)
+    assert "\n" not in str(caught.value)
+    assert caught.value.remedy
+
+
+@cache
+def step():
+    """The only step of a history."""
+    return solve_history([PLATE]).steps[0]
+
+
+@pytest.fixture(autouse=True)
+def _imaginary_parts_are_dropped_in_silence():
+    """As they are for users, who do not make errors of warnings."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
+def computed(*_):
+    raise AssertionError("something was computed first")
+
+
+UNTOUCHED = compressed_plate(computed, (2, 2))
+"""A problem whose friction nobody may ask for."""
+
+ENTRIES = {
+    "solve": lambda _, **options: solve(UNTOUCHED, **options),
+    "fixed point": lambda _, **options: solve(UNTOUCHED, **{"method": "fixed-point"} | options),
+    "sweep": lambda _, **options: solve_sweep(UNTOUCHED, "gap", [0.1, 0.2], **options),
+    "stream": lambda path, **options: stream_sweep(UNTOUCHED, "gap", [0.1], path / "rows.sqlite", **options),
+    "history": lambda _, **options: solve_history([UNTOUCHED, UNTOUCHED], **options),
+    "refine": lambda _, **options: refine(UNTOUCHED, **options),
+}
+WRONG = {
+    "tolerance": "1e-8", "callback": 3, "factorisation": "pen and paper", "threads": 0, "max_iterations": 0,
+    "gap": 2.0, "colour": "red", "method": "guess", "inner": "guess",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("entry", ENTRIES)
+@pytest.mark.parametrize("option", WRONG)
+def test_wrong_options_are_refused_at_once(entry, option, tmp_path):
+    refused(lambda value: ENTRIES[entry](tmp_path, **{option: value}), WRONG[option], option)
+
+
+def test_wrong_options_of_a_bracket_and_of_the_algebraic_solve():
+    for option, value in {"degree": 99, "max_iterations": 0, "callback": 3}.items():
+        refused(lambda given, option=option: bracket(step(), **{option: given}), value, option)
+    for tolerance in ("1e-8", 0.0, 1.0):
+        refused(lambda given: solve_qvi(step().discretization.qvi, tolerance=given), tolerance, "tolerance")
+
+
+STARTED = ("solve", "fixed point", "sweep", "history")
+
+
+@pytest.mark.parametrize("start", ["high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400], ids=repr)
+@pytest.mark.parametrize("entry", STARTED)
+def test_starts_that_cannot_be_are_refused_at_once(entry, start, tmp_path):
+    refused(lambda value: ENTRIES[entry](tmp_path, initial=value), start, "initial")
+
+
+@pytest.mark.parametrize("shape", [(), (5,), (2, 3)])
+@pytest.mark.parametrize("method", ["condensed", "fixed-point"])
+def test_starts_of_another_shape_are_shown_as_they_were_given(method, shape):
+    with pytest.raises(InputError, match=r"7\.25.*6 contact points") as caught:
+        solve(PLATE, method=method, initial=np.full(shape, 7.25))
+    assert caught.value.field == "initial"
+    assert np.array_equal(caught.value.value, np.full(shape, 7.25))
+
+
+NAMES = [np.array(["top", "bottom"]), np.array(["top"]), ["top"], b"top", None, 1]
+
+
+@pytest.mark.parametrize("name", NAMES, ids=repr)
+@pytest.mark.parametrize(
+    "use",
+    [
+        Symmetry,
+        lambda name: Traction(name, x=0.0),
+        lambda name: Displacement(name, x=0.0),
+        lambda name: Contact(name, 0.3),
+        lambda name: Contact("top", 0.3, name=name),
+        lambda name: Contact("top", 0.3, law=name),
+        lambda name: Material(1.0, 0.3, plane=name),
+        GRID.edges,
+        GRID.joint_set,
+        lambda name: GRID.with_edges("new", name),
+        lambda name: GRID.with_edges(name, "top"),
+        lambda name: GRID.with_joint("new", name, 0.5),
+        lambda name: GRID.refined(0.5, [name]),
+        lambda name: limit_load_factor(PLATE, [name]),
+        lambda name: step().resultant([name]),
+        CUT.edges,
+        CUT.edge_set,
+        CUT.joint_set,
+        CUT.region,
+        lambda name: CUT.with_edges(name, [[0, 1]]),
+        lambda name: CUT.with_region(name, [0]),
+    ],
+)
+def test_names_are_texts(use, name):
+    with pytest.raises(InputError):
+        use(name)
+
+
+COMPLEX = [0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0.0, np.complex64(0.5 + 1j), 1.0]]
+
+
+@pytest.mark.parametrize("value", [*COMPLEX, "0.5", ["0.0", "1.0"], 10**400, None], ids=repr)
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda value: RectilinearMesh(value, [0.0, 1.0]),
+        lambda value: GRID.on_lines(value, [0.0, 1.0]),
+        lambda value: TriangleMesh(value, CUT.cells),
+        lambda value: TriangleMesh(CUT.vertices, value),
+        CUT.locate,
+        lambda value: Polynomial([value] if np.ndim(value) else [[value]]),
+        lambda value: Contact("top", friction=value),
+        lambda value: Material(value, 0.3),
+        lambda value: Expression("t", t=value),
+        lambda value: Expression("a", {"a": value}),
+        lambda value: Expression("1", value),
+        lambda value: solve(PLATE, damping=value),
+        lambda value: step().stress(value if np.iscomplexobj(value) else 1j, 0.5),
+    ],
+)
+def test_numbers_are_real(use, value):
+    with pytest.raises(InputError):
+        use(value)
+
+
+def test_a_time_out_in_a_function_goes_on():
+    def slow(*_):
+        raise TimeoutError("time is over")
+
+    with pytest.raises(TimeoutError, match="time is over"):
+        solve(compressed_plate(slow, (2, 2)))
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda: limit_load_factor(None, ["body"]),
+        lambda: discretize(None),
+        lambda: solve_history(PLATE),
+        lambda: solve_history([PLATE]).slip("typo"),
+        lambda: problem_to_toml(None),
+        lambda: problem_to_toml(PLATE, title=None),
+        lambda: problem_to_toml(PLATE, units="mm"),
+        lambda: problem_to_toml(PLATE, times=1.0),
+        lambda: problem_to_toml(PLATE, solve_options=["method"]),
+        lambda: problem_to_toml(PLATE, solve_options={"tolerance": None}),
+        lambda: RectilinearMesh.rectangle((2, 2), origin=("0", 0.0)),
+        lambda: graded_lines(0.0, 1.0, 10**400),
+        lambda: compressed_plate(0.3, displacement="1e-3"),
+        lambda: solve(PLATE, element="bfs", degree=4),
+        lambda: solve(step().discretization, degree=5),
+        lambda: step().nodal,
+        lambda: step().problem.material_numbers,
+        lambda: step().problem.refined(0.1),
+        lambda: refined_where_apart(step().problem, step().bracket),
+        lambda: Region(Material(2.0, 0.3), x=(0.0, 1.0), name="steel"),
+        lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), x=(0.0, 0.5))]),
+        lambda: ContactProblem(GRID, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), name="steel")]),
+    ],
+)
+def test_arguments_of_another_kind(use):
+    with pytest.raises(InputError):
+        use()
+
+
+OBJECTS = [None, np.nan, -1, 2.5, 1j, True, b"x", [], ["x"], {}, {"x": 1}, np.array([1.0, 2.0]), Odd(), print, float]
+PATHS = {
+    "file": load_problem,
+    "result": load_result,
+    "store": read_sweep,
+    "mesh": TriangleMesh.load,
+    "output": lambda path: save_problem(path, PLATE),
+    "store of a sweep": lambda path: stream_sweep(PLATE, "friction", [0.1], path),
+    "store of a history": lambda path: solve_history([PLATE], store=path if path is not None else 1),
+}
+
+
+@pytest.mark.parametrize("value", OBJECTS, ids=repr)
+@pytest.mark.parametrize("entry", PATHS)
+def test_paths_are_texts_or_paths(entry, value):
+    refused(PATHS[entry], value, entry.split()[0])
+
+
+@pytest.mark.parametrize("name", ["a\0b", "a\ud800b"])
+@pytest.mark.parametrize("entry", PATHS)
+def test_names_that_no_file_can_have(entry, name, tmp_path):
+    refused(PATHS[entry], f"{tmp_path}/{name}.msh", entry.split()[0])
+
+
+@pytest.mark.parametrize("units", [*OBJECTS[1:], "mm", ("mm", "MPa")], ids=repr)
+def test_units_of_tables_are_units(units):
+    for table in tables():
+        refused(table, units, "units")
+
+
+@cache
+def tables():
+    """All that makes tables."""
+    history, sweep = solve_history([PLATE]), solve_sweep(PLATE, "gap", [0.0])
+    return (history.to_frame, sweep.to_frame, step().to_frame, step().forces_frame, step().contacts["plate"].to_frame)
+
+
+NO_TRUTH = [None, 2, -1, 0.5, np.nan, "no", "", [], [1], np.array([1.0, 2.0]), np.array([True]), Odd()]
+FLAGS = {
+    "verbose": lambda flag: solve(PLATE, verbose=flag),
+    "verbose of a sweep": lambda flag: solve_sweep(PLATE, "friction", [0.1], verbose=flag),
+    "verbose of a limit": lambda flag: limit_load_factor(PLATE, ["body"], verbose=flag),
+    "verbose of displacements": lambda flag: solve_companion(PLATE, verbose=flag),
+    "throw": lambda flag: solve(PLATE, throw=flag),
+    "throw of a history": lambda flag: solve_history([PLATE], throw=flag),
+    "warm_start": lambda flag: solve_history([PLATE], warm_start=flag),
+    "warm_start of a sweep": lambda flag: solve_sweep(PLATE, "friction", [0.1], warm_start=flag),
+    "guaranteed": lambda flag: refine(PLATE, guaranteed=flag),
+    "both_ends": lambda flag: graded_lines(0.0, 1.0, 3, both_ends=flag),
+    "Corner.clockwise": lambda flag: Corner((0.0, 0.0), clockwise=flag),
+}
+
+
+@pytest.mark.parametrize("flag", NO_TRUTH, ids=repr)
+@pytest.mark.parametrize("entry", FLAGS)
+def test_flags_are_true_or_false(entry, flag):
+    refused(FLAGS[entry], flag, entry.split()[0])
+
+
+@pytest.mark.parametrize("rounds", [0.5, 1.5, 0, -1, np.inf, 1e308, "2"])
+def test_rounds_of_a_refinement_are_counted(rounds):
+    refused(lambda value: refine(PLATE, max_rounds=value), rounds, "max_rounds")
+
+
+@pytest.mark.parametrize("field", ["solve_options", "refine_options"])
+def test_options_of_problem_files_have_names(field, tmp_path):
+    refused(lambda options: save_problem(tmp_path / "plate.toml", PLATE, **{field: options}), {1: 2}, field)
+
+
+@given(st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=6), st.integers(1, 4))
+def test_areas_of_loops_need_as_many_forces_as_displacements(displacement, more):
+    refused(lambda force: loop_area(displacement, force), [1.0] * (len(displacement) + more), "force")
+    assert loop_area(displacement, [1.0] * len(displacement)) == pytest.approx(displacement[-1] - displacement[0])
+
+
+REFUSALS = {
+    "contact_rows": lambda rows: discretize(PLATE, contact_rows=rows),
+    "scales": lambda scales: discretize(PLATE, scales=scales),
+    "freed": lambda freed: discretize(PLATE, freed=freed),
+    "problem": lambda problem: step().discretization.following(problem),
+    "problem of marks": lambda problem: refined_where_apart(problem, None),
+    "dask": lambda address: stream_sweep(PLATE, "friction", [0.1], "never", dask=address),
+    "workers": lambda workers: stream_sweep(PLATE, "friction", [0.1], "never", workers=workers),
+    "stress": principal_stresses,
+    "displacement": lambda displacement: loop_area(displacement, [0.0, 1.0]),
+    "force": lambda force: loop_area([0.0, 1.0], force),
+    "result": lambda result: SweepRow.of(1, 1.0, result),
+}
+MESHES = {
+    "TriangleMesh.edge_sets": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, sets),
+    "TriangleMesh.regions": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, {}, sets),
+    "TriangleMesh.arcs": lambda arcs: TriangleMesh(CUT.vertices, CUT.cells, arcs=arcs),
+    "mesh": TriangleMesh.of_rectangles,
+    "joints": lambda joints: TriangleMesh.outline(OUTLINE, 0.5, joints=joints),
+    "regions": lambda regions: TriangleMesh.outline(OUTLINE, 0.5, regions=regions),
+    "sizes": lambda sizes: TriangleMesh.outline(OUTLINE, 0.5, sizes=sizes),
+    "coarse": CUT.parents,
+    "name": CUT.numbers,
+    "cells": CUT.part,
+    "edge_sets": lambda sets: CUT.part([0, 1], sets),
+    "points": lambda points: CUT.graded(points, 1),
+    "points of places": CUT.locate,
+    "depth": lambda depth: CUT.graded([[0.0, 0.0]], depth),
+    "marked": CUT.refined,
+    "here": lambda where: CUT.with_region("here", where),
+    "x, y": lambda x: step().displacement(x, 0.5),
+}
+
+
+ALWAYS_WRONG = ["rough", 2.5, -1, np.nan, 1j, Odd(), [[0.5]], np.array([[1.0, np.nan]]), 10**400, {"x": 1}]
+
+
+@pytest.mark.parametrize("value", ALWAYS_WRONG, ids=repr)
+@pytest.mark.parametrize("entry", REFUSALS)
+def test_arguments_of_no_kind(entry, value):
+    refused(REFUSALS[entry], value, entry.split(" of ")[0])
+
+
+@pytest.mark.parametrize("value", [np.nan, -1.5, 1j, "text", Odd(), [[1, 2], [3]], [Odd()], 10**400, 1e308], ids=repr)
+@pytest.mark.parametrize("entry", MESHES)
+def test_meshes_are_made_of_what_they_are_made_of(entry, value):
+    refused(MESHES[entry], value, entry.split(" of ")[0])
+
+
+HUGE = {
+    "grading": lambda: graded_lines(0.0, 1.0, 3, 1e308),
+    "grading of ends": lambda: graded_lines(-1e308, 1e308, 3),
+    "RectilinearMesh.x": lambda: RectilinearMesh.rectangle((2, 2), width=1e308),
+    "RectilinearMesh.y": lambda: RectilinearMesh([0.0, 1.0], [0.0, 1e308]),
+    "TriangleMesh.vertices": lambda: TriangleMesh([[0.0, 0.0], [1e308, 0.0], [0.0, 1e308]], [[0, 1, 2]]),
+    "size": lambda: TriangleMesh.outline(OUTLINE, 1e308),
+    "edge_sets": lambda: CUT.part([0, 1], {"x": 1}),
+    "cells": lambda: RectilinearMesh.rectangle((10**6, 10**6)),
+    "cells of triangles": lambda: TriangleMesh.rectangle((10**5, 10**5)),
+}
+
+
+@pytest.mark.parametrize("entry", HUGE)
+def test_what_is_too_large_is_refused_before_it_is_made(entry):
+    refused(lambda _: HUGE[entry](), None, entry.split(" of ")[0])
+
+
+@pytest.mark.parametrize(
+    ("package", "use"),
+    [
+        ("pandas", lambda _: step().contacts["plate"].to_frame()),
+        ("meshio", lambda path: write_vtu(path / "a.vtu", step())),
+        ("matplotlib", lambda _: require_matplotlib()),
+        ("gmsh", lambda _: TriangleMesh.outline(OUTLINE, 0.5)),
+    ],
+)
+def test_without_an_optional_package_the_command_to_type_is_told(package, use, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(InputError, match=f"pip install {package}"):
+        use(tmp_path)

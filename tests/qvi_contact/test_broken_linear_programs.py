@@ -1,0 +1,106 @@
+"""What `scipy.optimize.linprog` answers is looked at before it is used: if it is broken, this package says so."""
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Corner,
+    Material,
+    SolveError,
+    Traction,
+    TriangleMesh,
+    limit_load_factor,
+    solve,
+)
+from qvi_contact.mechanism import find_mechanism
+from solvers import Status
+
+
+def dragged_block(drag, *supports):
+    """A block of 2 × 1 under a pressure of 1, pulled along a base of friction 0.3."""
+    outline = [Corner((0, 0), "base"), Corner((2, 0), "right"), Corner((2, 1), "top"), Corner((0, 1), "left")]
+    mesh = TriangleMesh.outline(outline, 0.6)
+    free = [Traction("left", x=0.0, y=0.0), Traction("top", normal=-1.0, tangential=0.0)]
+    return ContactProblem(
+        mesh, Material(1e4, 0.3), [Contact("base", 0.3), Traction("right", x=drag, y=0.0), *free, *supports]
+    )
+
+
+def wedge():
+    """A triangle pressed between two obstacles, one of them aslant: its units come from a linear program."""
+    mesh = TriangleMesh.outline([Corner((0, 0), "base"), Corner((2, 0), "right"), Corner((1, 1.5), "left")], 0.8)
+    pressed = Traction("left", normal=-1.0, tangential=0.0)
+    return ContactProblem(mesh, Material(1e4, 0.3), [Contact("base", 0.3), Contact("right", 0.3, gap=-1e-3), pressed])
+
+
+def _part(name, change):
+    def broken(answer):
+        answer[name] = change(answer[name])
+        return answer
+
+    return broken
+
+
+def _marginals(change):
+    def broken(answer):
+        if answer.ineqlin is not None:
+            answer.ineqlin = change(answer.ineqlin)
+        return answer
+
+    return broken
+
+
+def _raised(_):
+    raise RuntimeError("broken")
+
+
+BROKEN = {
+    "x is None": _part("x", lambda _: None),
+    "x is NaN": _part("x", lambda x: None if x is None else np.full(len(x), np.nan)),
+    "x is infinite": _part("x", lambda x: None if x is None else np.full(len(x), np.inf)),
+    "x is short": _part("x", lambda x: None if x is None else x[:1]),
+    "x is text": _part("x", lambda _: "text"),
+    "status is None": _part("status", lambda _: None),
+    "no marginals": _marginals(lambda _: None),
+    "marginals are NaN": _marginals(lambda found: optimize.OptimizeResult(marginals=np.nan * found.marginals)),
+    "nothing": lambda _: None,
+    "raises": _raised,
+}
+
+
+@pytest.fixture(params=BROKEN)
+def broken_linprog(request, monkeypatch):
+    sound = optimize.linprog
+
+    def broken(*arguments, **program):
+        answer = sound(*arguments, **program)
+        return BROKEN[request.param](answer if answer.status == 0 else optimize.OptimizeResult(answer))
+
+    monkeypatch.setattr(optimize, "linprog", broken)
+
+
+@pytest.mark.usefixtures("broken_linprog")
+def test_a_broken_answer_is_no_limit_load():
+    with pytest.raises(SolveError):
+        limit_load_factor(dragged_block(-0.1), ["right"])
+
+
+@pytest.mark.usefixtures("broken_linprog")
+def test_a_broken_answer_is_no_mechanism():
+    with pytest.raises(SolveError):
+        find_mechanism(dragged_block(-2.0))
+
+
+@pytest.mark.usefixtures("broken_linprog")
+def test_without_mechanisms_a_mesh_has_its_own_proof():
+    assert solve(dragged_block(-2.0)).status is Status.INFEASIBLE_ON_MESH
+
+
+@pytest.mark.usefixtures("broken_linprog")
+def test_units_do_not_need_their_linear_program():
+    result = solve(wedge())
+    assert result.status is Status.SOLVED
+    assert result.certificate.passed

@@ -1,0 +1,365 @@
+"""What the commands other than a plain `qvi-contact solve` say: verify, check, limit, refine, histories, sweeps."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Material,
+    Traction,
+    TriangleMesh,
+    load_problem,
+    refine,
+    save_problem,
+    solve,
+)
+from qvi_contact.bracket import Certainty
+from qvi_contact.export import write_npz
+from qvi_contact.files import Archive
+from qvi_contact.gallery import compressed_plate
+from qvi_contact.units import Units
+from tests.qvi_contact.broken_files import RICH
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FORCE = "plate.normal_force"
+
+
+def refused(ending, *words):
+    """Nothing but one line of complaint, which has these words."""
+    status, out, err = ending
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert [word for word in words if word not in err] == []
+
+
+def answered(ending):
+    """The document of a command that has ended well."""
+    status, out, err = ending
+    assert (status, err) == (0, "")
+    return json.loads(out)
+
+
+def plate_file(folder, friction, **details):
+    """Quarter of the plate on 2 × 2 cells; tied instead of rough where there is no friction coefficient."""
+    problem = compressed_plate(friction or 0.2, cells=(2, 2))
+    if friction is None:
+        tied = Contact.tied("top", gap=-1e-3, name="plate")
+        problem = replace(problem, conditions=[*problem.conditions[:-1], tied])
+    path = folder / "plate.toml"
+    save_problem(path, problem, title="The plate", units=Units("mm", "MPa"), **details)
+    return path
+
+
+def example(folder, name, *changes):
+    """A coarser copy of an example."""
+    text = (EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")
+    for old, new in changes:
+        text = text.replace(old, new)
+    path = folder / f"{name}.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def cycle(tmp_path):
+    """Three steps of the cyclic example."""
+    coarse = ("cells = 8", "cells = 4"), ("cells = 4", "cells = 2")
+    return example(tmp_path, "cyclic_shear", *coarse, ("stop = 2.0, steps = 16", "stop = 0.5, steps = 2"))
+
+
+@pytest.fixture
+def sliding(tmp_path):
+    """A block with 1 % more shear than friction can carry."""
+    return example(tmp_path, "dragged_block_slides", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A problem file, its result, and the result of an iteration that was cut short."""
+    path = tmp_path_factory.mktemp("verify")
+    plate_file(path, 0.2)
+    write_npz(path / "plate.npz", solve(compressed_plate(0.2, (2, 2))))
+    write_npz(path / "short.npz", solve(compressed_plate(0.2, (3, 3)), method="fixed-point", max_iterations=3))
+    return path
+
+
+class TestVerify:
+    """`qvi-contact verify`, and `qvi-contact solve --certificate`."""
+
+    def test_what_solve_has_written_verifies(self, shell, folder, tmp_path):
+        assert shell("solve", folder / "plate.toml", "--npz", tmp_path / "a.npz")[0] == 0
+        status, out, err = shell("verify", tmp_path / "a.npz")
+        assert (status, err, len(out.splitlines())) == (0, "", 1)
+        assert out.startswith("verified: ")
+        out = shell("verify", tmp_path / "a.npz", "-v")[1]
+        assert out.splitlines()[-1].startswith("verified: ")
+        assert "natural_map" in out
+        assert 'title = "The plate"' in Archive(tmp_path / "a.npz").text("problem")
+        document = answered(shell("verify", tmp_path / "a.npz", "--json"))
+        assert (document["passed"], document["failures"]) == (True, [])
+        assert {"digest", "status", "plate: tractions"} <= {check["name"] for check in document["checks"]}
+
+    def test_a_changed_file_is_status_1_and_says_what(self, shell, folder, tmp_path):
+        entries = Archive(folder / "plate.npz").arrays
+        stress = entries["plate.tangential_stress"]
+        stress[np.abs(stress).argmax()] *= 1.0 + 1e-5
+        np.savez(tmp_path / "a.npz", **entries)
+        status, out, err = shell("verify", tmp_path / "a.npz")
+        assert (status, err) == (1, "")
+        wrong = [line.split("  ")[0] for line in out.splitlines() if line.endswith("FAILED")]
+        assert wrong == ["digest", "plate: tractions"]
+        assert "natural_map" not in out
+        assert json.loads(shell("verify", tmp_path / "a.npz", "--json")[1])["failures"] == wrong
+
+    def test_the_tolerance_decides_what_is_good_enough(self, shell, folder):
+        status, out, _ = shell("verify", folder / "short.npz")
+        assert status == 1
+        assert "energy_gap" in out.splitlines()[-1]
+        assert shell("verify", folder / "short.npz", "--tolerance", "1e-5")[0] == 0
+        refused(shell("verify", folder / "plate.toml"), "qvi-contact: result: ", "plate.toml")
+        for tolerance in ("0", "2", "nan", "small"):
+            status, out, err = shell("verify", folder / "plate.npz", "--tolerance", tolerance)
+            assert (status, out, "tolerance" in err) == (2, "", True)
+
+    def test_solve_prints_the_certificate_on_request(self, shell, folder):
+        status, out, err = shell("solve", folder / "plate.toml", "--certificate")
+        assert (status, err) == (0, "")
+        assert "alart_curnier" in out
+        assert out.splitlines()[-1].startswith("verified: ")
+        assert "alart_curnier" not in shell("solve", folder / "plate.toml")[1]
+        for words, expected in ((["--certificate"], True), ([], False)):
+            document = answered(shell("solve", folder / "plate.toml", *words, "--json"))
+            assert ("verification" in document and document["verification"]["passed"]) == expected
+
+    def test_a_tolerance_of_the_file_that_is_too_loose_is_status_1(self, shell, tmp_path):
+        """The certificate of the solve is not what decides: here the verification disagrees."""
+        path = plate_file(tmp_path, 0.2, solve_options={"tolerance": 1e-3})
+        assert shell("solve", path)[0] == 0
+        status, out, _ = shell("solve", path, "--certificate")
+        assert (status, out.splitlines()[-1]) == (1, "not verified: tolerance")
+
+
+class TestHistory:
+    """Problem files with times."""
+
+    def test_a_table_with_a_certificate_for_each_step(self, shell, cycle, tmp_path):
+        status, out, err = shell("solve", cycle, "--certificate", "--npz", tmp_path / "a.npz")
+        assert (status, err) == (0, "")
+        rows = [line.split() for line in out.splitlines() if line[:1].isdigit()]
+        assert [row[:3] for row in rows] == [["1", "0", "solved"], ["2", "0.25", "solved"], ["3", "0.5", "solved"]]
+        steps = [line.split(":")[0] for line in out.splitlines()[-3:]]
+        assert steps == [f"step {number}, t = {time}" for number, time in ((1, 0), (2, 0.25), (3, 0.5))]
+        assert shell("verify", tmp_path / "a.npz")[0] == 0
+
+    def test_a_document_and_a_picture(self, shell, cycle, tmp_path):
+        document = answered(shell("solve", cycle, "--json", "--plot", tmp_path / "loop.svg"))
+        assert document["times"] == [0.0, 0.25, 0.5]
+        assert len(document["steps"]) == 3
+        lost = document["dissipated"]
+        assert lost["steps"]["value"] == pytest.approx(
+            [each["energies"]["dissipation"]["value"] for each in document["steps"]]
+        )
+        assert lost["total"]["value"] == pytest.approx(sum(lost["steps"]["value"]))
+        assert lost["total"]["unit"] == document["steps"][0]["units"]["energy"]
+        assert "<svg" in (tmp_path / "loop.svg").read_text(encoding="utf-8")
+
+    def test_fields_without_displacement(self, shell, cycle, tmp_path):
+        fields, picture = tmp_path / "a.vtu", tmp_path / "a.svg"
+        status, _, err = shell("solve", cycle, "--vtk", fields, "--deformed", picture)
+        assert (status, len(err.splitlines()), picture.exists()) == (2, 1, False)
+        assert "--deformed" in err
+        names = [name.split()[0] for name in pytest.importorskip("meshio").read(fields).point_data]
+        assert ("stress" in names, "displacement" in names) == (True, False)
+
+    def test_too_little_time(self, shell, cycle):
+        status, out, err = shell("solve", cycle, "--time-limit", "1e-9")
+        assert (status, err) == (1, "")
+        assert out.splitlines()[-1].startswith("step 1 of 3: time limit after ")
+        refused(shell("limit", cycle, "--load", "ground", "--time-limit", "-1"))
+
+    def test_a_history_is_neither_swept_nor_refined(self, shell, cycle, tmp_path):
+        refused(shell("solve", cycle, "--set", "friction=0.1"), "[history]")
+        cycle.write_text(cycle.read_text(encoding="utf-8") + '\n[sweep]\nparameter = "gap"\nvalues = [0.0]\n')
+        refused(shell("solve", cycle))
+        refused(shell("refine", plate_file(tmp_path, 0.2, times=[0.0, 1.0])), "history")
+
+
+class TestCheck:
+    """`qvi-contact check` says what was understood."""
+
+    def test_everything(self, shell, tmp_path):
+        (tmp_path / "rich.toml").write_text(RICH, encoding="utf-8")
+        status, out, err = shell("check", tmp_path / "rich.toml", "--plot", tmp_path / "rich.png")
+        assert (status, err) == (0, "")
+        for words in (
+            "everything",
+            "cells",
+            "unknowns",
+            "joint",
+            "friction = mu",
+            "E = 2000 Pa",
+            "max_iterations = 60",
+        ):
+            assert words in out
+        assert (tmp_path / "rich.png").exists()
+
+    def test_forces_of_zero_that_let_an_obstacle_move(self, shell):
+        """Without a force it would stand still in that direction."""
+        status, out, err = shell("check", EXAMPLES / "lug.toml")
+        assert (status, err) == (0, "")
+        assert {"force_y = 0.0", "rotation = 0.0"} <= set(re.findall(r"\w+ = [\d.]+", out))
+
+    def test_loads_are_added_up(self, shell):
+        document = answered(shell("check", EXAMPLES / "gravity_column.toml", "--json"))
+        (body,) = document["loads"]
+        assert body["name"] == "body"
+        assert (body["y"], body["moment"]) == pytest.approx((-98100.0, -98100.0 * 0.5))
+        assert document["mesh"]["cells"] == 2 * 6 * 12
+
+    def test_loads_out_of_balance(self, shell, tmp_path):
+        free = [Traction(side, x=1.0 if side == "top" else 0.0, y=0.0) for side in ("left", "right", "top", "bottom")]
+        problem = ContactProblem(TriangleMesh.rectangle((1, 1)), Material(1.0, 0.0), free)
+        save_problem(tmp_path / "free.toml", problem)
+        for command in ("check", "solve"):
+            refused(shell(command, tmp_path / "free.toml"), "boundary conditions: ", "out of balance")
+
+
+def test_limit(shell, sliding):
+    loads = ["--load", "drag"]
+    document = answered(shell("limit", sliding, *loads, "--json"))
+    assert document["outcome"] == "bounded"
+    assert document["factor"] == pytest.approx(1 / 1.01, rel=1e-6)
+    assert document["upper"] == pytest.approx(1 / 1.01, rel=1e-9)
+    picture = sliding.with_name("sliding.svg")
+    assert "0.99009901 times" in shell("limit", sliding, *loads, "--plot", picture)[1]
+    assert picture.stat().st_size > 1000
+    refused(shell("limit", sliding, "--load", "nonsense"), "drag")
+    found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
+    assert (found["status"], found["guaranteed"], found["rounds"]) == ("reached", True, 1)
+    assert 0.0 <= found["estimate"] <= 1e-4
+    refused(shell("limit", sliding, *loads, "--target", "-1"), "qvi-contact: --target: -1.0")
+
+
+def table_rows(text):
+    """Cells of the rows of rounds."""
+    return [line.split() for line in text.splitlines() if re.match(r"\d+ +\d+ ", line)]
+
+
+class TestRefine:
+    """`qvi-contact refine`: rounds, what the error is, files, and what a problem file says of it."""
+
+    def test_a_guaranteed_bound(self, shell, tmp_path):
+        """Table and sentence say what the function finds; every file is written, and the archive verifies."""
+        page, npz, kept = (tmp_path / name for name in ("page.html", "answer.npz", "answer.json"))
+        asked = ("--target", 1e-3, "--quantity", FORCE, "--degree", 4)
+        file = plate_file(tmp_path, None)
+        status, out, _ = shell("refine", file, *asked, "--report", page, "--npz", npz, "--save-json", kept)
+        known = refine(load_problem(file).problem, target=1e-3, quantity=FORCE, degree=4)
+        assert (status, known.guaranteed) == (0, True)
+        rounds = [[str(r.unknowns), f"{r.value:.9g}", "guaranteed"] for r in known.rounds]
+        assert [[*row[2:4], row[-1]] for row in table_rows(out)] == rounds
+        assert "This is a guaranteed bound" in out
+        assert "friction" not in out
+        assert f"{FORCE} [N/mm]" in out
+        found = json.loads(kept.read_text(encoding="utf-8"))["refinement"]
+        assert [each["unknowns"] for each in found["rounds"]] == [each.unknowns for each in known.rounds]
+        assert found["value"] == {"value": pytest.approx(known.value, rel=1e-10), "unit": "N/mm"}
+        assert found["estimate"] == pytest.approx(known.estimate, rel=1e-4)
+        assert shell("verify", npz)[0] == 0
+        said = re.sub(r"<[^>]*>", " ", page.read_text(encoding="utf-8"))
+        assert "Refinement of the mesh" in said
+        assert f"{known.value:.9g}" in said
+
+    def test_an_estimate_that_misses_its_target(self, shell, tmp_path):
+        words = ("refine", plate_file(tmp_path, 0.2), "--target", 1e-9, "--max-rounds", 2, "--degree", 3)
+        status, out, _ = shell(*words, "--json")
+        found = json.loads(out)
+        assert (status, found["status"], found["refinement"]["status"]) == (1, "solved", "rounds")
+        assert (found["refinement"]["guaranteed"], len(found["refinement"]["rounds"])) == (False, 2)
+        assert found["refinement"]["estimate"] > 1e-9
+        text = shell(*words)[1]
+        assert "This is an estimate" in text
+        assert "raise max_rounds" in text
+
+    def test_a_bound_of_the_tied_problem_says_so(self, shell, tmp_path):
+        """On so coarse a mesh the plate sticks all over, on finer ones it slips: the bound claims nothing of that."""
+        asked = ("--target", 1e-9, "--max-rounds", 1, "--degree", 3)
+        text = shell("refine", plate_file(tmp_path, 0.2), *asked)[1]
+        assert [row[-3:] for row in table_rows(text)] == [["guaranteed", "if", "sticking"]]
+        assert str(Certainty.IF_STICKING) in text
+
+    def test_bounds_under_slip_where_they_are_asked_for(self, shell, tmp_path):
+        def guaranteed(path, *words):
+            found = json.loads(shell("refine", path, *words, "--json")[1])["refinement"]
+            return [each["guaranteed"] for each in found["rounds"]]
+
+        asked = {"target": 0.02, "quantity": FORCE, "max_rounds": 1}
+        path = plate_file(tmp_path, 0.2, solve_options={"degree": 4}, refine_options=asked)
+        assert (guaranteed(path), guaranteed(path, "--guaranteed")) == ([False], [True])
+        path = plate_file(tmp_path, 0.2, solve_options={"degree": 4}, refine_options=asked | {"guaranteed": True})
+        assert dict(load_problem(path).refine_options) == asked | {"guaranteed": True}
+        assert (guaranteed(path), guaranteed(path, "--estimated")) == ([True], [False])
+        text = shell("refine", path)[1]
+        assert "slips one way only" in text
+        assert "tied" not in text
+
+    def test_the_file_is_overridden(self, shell, tmp_path):
+        asked = {"target": 0.05, "quantity": FORCE, "max_rounds": 1, "max_unknowns": 5000}
+        path = plate_file(tmp_path, 0.2, solve_options={"degree": 3}, refine_options=asked)
+        assert dict(load_problem(path).refine_options) == asked
+        others = ("--target", 0.5, "--quantity", "energy", "--degree", 4)
+        for words, expected in (((), (FORCE, 0.05, 3)), (others, ("energy", 0.5, 4))):
+            found = json.loads(shell("refine", path, *words, "--json")[1])
+            refinement = found["refinement"]
+            assert (refinement["quantity"], refinement["target"], found["element"]["degree"]) == expected
+
+    def test_what_is_wrong_is_named_by_its_path(self, shell, tmp_path):
+        path = plate_file(tmp_path, 0.2, refine_options={"quantity": "plate.force"})
+        refused(shell("refine", path), "refine.quantity: ")
+        assert "refine: quantity = plate.force" in shell("check", path)[1]
+        refused(shell("refine", path, "--quantity", "energy", "--degree", 12), "degree")
+        refused(shell("refine", path, "--quantity", "energy", "--max-unknowns", 1), "--max-unknowns: 1:")
+
+
+class TestSweep:
+    """Values of one number on the command line, or in the file."""
+
+    def test_on_the_command_line(self, shell, tmp_path):
+        path = plate_file(tmp_path, 0.2)
+        document = answered(shell("solve", path, "--set", "friction=0.1,0.3", "--json"))
+        assert (document["solved"], document["friction"]) == (True, [0.1, 0.3])
+        alone = [solve(compressed_plate(mu, (2, 2))).contacts["plate"].normal_force for mu in (0.1, 0.3)]
+        found = [step["contacts"]["plate"]["normal_force"]["value"] for step in document["steps"]]
+        assert found == pytest.approx(alone, rel=1e-9)
+        for given, heading in (("gap=0,1e-4", "added gap [mm]"), ("load=1,0.5", "load factor")):
+            assert heading in shell("solve", path, "--set", given)[1]
+
+    def test_in_a_problem_file(self, shell, tmp_path):
+        path = plate_file(tmp_path, 0.2)
+        sweep = '\n[sweep]\nparameter = "friction"\nvalues = { start = 0.1, stop = 0.3, steps = 2 }\n'
+        path.write_text(path.read_text(encoding="utf-8") + sweep, encoding="utf-8")
+        status, out, _ = shell("solve", path, "--certificate")
+        rows = [line.split() for line in out.splitlines() if line[:2] == "0."]
+        assert status == 0
+        assert [row[:2] for row in rows] == [["0.1", "solved"], ["0.2", "solved"], ["0.3", "solved"]]
+        assert "friction = 0.3" in out
+        assert "sweep: friction, 3 values" in shell("check", path)[1]
+        named = answered(shell("solve", path, "--set", "plate.gap=0.0,1e-4", "--json"))
+        assert list(named["gap"]) == [0.0, 1e-4]
+
+    @pytest.mark.parametrize(
+        "words",
+        ["friction", "friction=", "=0.1", "friction=a,b", "young=1.0", "friction=-0.1", "friction=nan", "no.gap=0.1"],
+    )
+    def test_bad_values(self, shell, tmp_path, words):
+        refused(shell("solve", plate_file(tmp_path, 0.2), "--set", words), "qvi-contact: --set: ")
+
+    def test_one_number_is_swept_at_a_time(self, shell, tmp_path):
+        """The first of two was left out without a word."""
+        ending = shell("solve", plate_file(tmp_path, 0.2), "--set", "friction=0.1", "--set", "gap=0.0")
+        refused(ending, "--set: 'friction=0.1 gap=0.0': ")

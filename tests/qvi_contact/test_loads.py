@@ -1,0 +1,348 @@
+"""Loads that jump inside an edge, whose integrals are exact everywhere, and fluids in contacts."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import trapezoid
+
+from qvi_contact import InputError, RectilinearMesh, limit_load_factor, solve, solve_history
+from qvi_contact.command import group
+from qvi_contact.companion import solve_companion
+from qvi_contact.element import adapted, constant
+from qvi_contact.export import summary, write_npz
+from qvi_contact.mechanism import upper_bound
+from qvi_contact.plots import result_figure
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, RigidPlate, Traction
+from qvi_contact.verification import missed_tractions, verify_file
+from solvers import Status
+from tests.qvi_contact.states import solved
+
+FIRST, LAST = 0.3371, 0.6123
+"""Where the load on the top begins and ends: inside cells of the width 1/4, and no multiple of anything."""
+
+
+def strip(x, y):
+    return np.where((x > FIRST) & (x < LAST), -8.0, 0.0) + 0.0 * y
+
+
+def block(mesh=None, load=strip):
+    """A block that rests on the ground with friction."""
+    mesh = RectilinearMesh.rectangle((4, 4)) if mesh is None else mesh
+    sides = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+    conditions = [Contact("bottom", 0.5, name="ground"), Traction("top", 0.0, load), *sides]
+    return ContactProblem(mesh, Material(1e3, 0.3), conditions)
+
+
+class TestQuadrature:
+    """∫ f and ∫ f t over the edges 0 … 1, 1 … 2, 2 … 3."""
+
+    @pytest.mark.parametrize(
+        ("function", "integral"),
+        [
+            (lambda x: x**7, lambda x: x**8 / 8.0),
+            (lambda x: np.where(x < np.sqrt(2.0), 1.0, -1.0), lambda x: np.minimum(x, 2.0 * np.sqrt(2.0) - x)),
+            (lambda x: np.maximum(x - np.sqrt(2.0), 0.0), lambda x: np.maximum(x - np.sqrt(2.0), 0.0) ** 2 / 2.0),
+            (lambda x: np.sqrt(np.abs(x - 1.3)), lambda x: np.abs(x - 1.3) ** 1.5 * np.sign(x - 1.3) / 1.5),
+            (lambda x: np.where(np.abs(x - 1.2056) < 0.0056, 1.0, 0.0), lambda x: np.clip(x, 1.2, 1.2112)),
+            (lambda x: np.sin(200.0 * x), lambda x: -np.cos(200.0 * x) / 200.0),
+        ],
+        ids=["polynomial", "jump", "kink", "root", "narrow", "waves"],
+    )
+    def test_exact(self, function, integral):
+        found = adapted(lambda edge, t: function(edge[:, None] + t), 3)
+        size = np.abs(found.values).max()
+        assert found.error == 0.0
+        assert found.coefficients(0)[:, 0] == pytest.approx(np.diff(integral(np.arange(4.0))), abs=1e-13 * size)
+        assert np.bincount(found.edge, found.weights.sum(axis=1)) == pytest.approx(np.ones(3), abs=1e-14)
+
+    def test_polynomials_have_one_part(self):
+        assert len(adapted(lambda edge, t: edge[:, None] + t**7, 5).edge) == 5
+        assert len(adapted(lambda edge, t: np.where(edge[:, None] + t < 1.2345, 1.0, 0.0), 5).edge) < 70
+
+    @pytest.mark.parametrize(("value", "count"), [(-3.7, 3), (0.0, 2), (1.0, 0)])
+    def test_numbers_are_integrated_as_functions_are(self, value, count):
+        found, followed = constant(value, count, 5), adapted(lambda _, t: np.full(t.shape, value), count, 5)
+        for name in ("count", "edge", "t", "weights", "values", "error"):
+            assert np.array_equal(getattr(found, name), getattr(followed, name)), name
+
+    @pytest.mark.parametrize("origin", [1e4, 1e7])
+    def test_far_from_the_origin(self, origin):
+        """Coordinates lose digits there: what that explains in smooth functions is not divided, a jump still is."""
+        rounding = np.full(5, np.finfo(float).eps * origin)
+
+        def far(function):
+            return adapted(lambda edge, t: function((origin + edge[:, None] + t) - origin), 5, rounding=rounding)
+
+        smooth, waves = far(lambda x: x * (5.0 - x)), far(lambda x: np.sin(3.0 * x))
+        assert len(smooth.edge) == 5
+        assert len(waves.edge) < 50
+        assert waves.error == 0.0
+        assert waves.coefficients(0).sum() == pytest.approx((1.0 - np.cos(15.0)) / 3.0, abs=50.0 * rounding[0] + 1e-11)
+        jump = far(lambda x: np.where(x < 1.2345, 1.0, 0.0))
+        assert len(jump.edge) < 70
+        assert jump.coefficients(0).sum() == pytest.approx(1.2345, abs=50.0 * rounding[0])
+
+    def test_a_function_at_the_end_of_an_edge_is_the_edges_own(self):
+        found = adapted(lambda edge, t: np.where(edge[:, None] + t < 2.0, 1.0, 0.0), 3)
+        assert len(found.edge) == 3
+        assert found.coefficients(0)[:, 0].tolist() == pytest.approx([1.0, 1.0, 0.0], abs=1e-15)
+
+    def test_what_nothing_can_follow_is_said(self):
+        """Rounding of a large number decides."""
+        found = adapted(lambda edge, t: np.sign(np.sin(1e12 * (edge[:, None] + t))), 2)
+        assert found.error > 0.1
+        one = adapted(lambda edge, t: np.where(t == 0.5, 1.0, 0.0) + 0.0 * edge[:, None], 2)  # a sample, and no length
+        assert one.error == pytest.approx(2.0 / 99.0)
+        assert one.coefficients(0) == pytest.approx(0.0, abs=1e-12)
+
+
+class TestResultants:
+    """Force 8 (LAST − FIRST), in the middle between them."""
+
+    FORCE = 8.0 * (LAST - FIRST)
+    MIDDLE = (FIRST + LAST) / 2.0
+
+    def test_stress_and_displacement(self):
+        result = solve(block())
+        for edges, sign in (("top", -1.0), ("bottom", 1.0)):
+            found = result.resultant(edges)
+            assert found.y == pytest.approx(sign * self.FORCE, rel=1e-11)
+            assert found.moment == pytest.approx(sign * self.FORCE * self.MIDDLE, rel=1e-11)
+        assert result.contacts["ground"].normal_force == pytest.approx(self.FORCE, rel=1e-11)
+        companion = solve_companion(result.problem)
+        assert companion.contacts["ground"].normal_force == pytest.approx(self.FORCE, rel=1e-9)
+        assert companion.reasons == solve_companion(block(load=-1.0)).reasons
+
+    def test_what_is_changed_is_told(self):
+        """Half the jump and more, as long as it is inside an edge, and nothing where an edge ends there."""
+        result = solve(block())
+        assert 4.0 < result.traction_misfit < 12.0
+        assert f"up to {result.traction_misfit:.3g}" in result.remarks[-1]
+        assert missed_tractions(result) < 1e-11
+        lines = np.array([0.0, 0.2, FIRST, 0.5, LAST, 1.0])
+        fitting = solve(block(RectilinearMesh(lines, np.linspace(0.0, 1.0, 5))))
+        assert fitting.traction_misfit < 1e-9
+        assert fitting.remarks == ()
+        waves = solve(block(load=lambda x, y: -2.0 + np.sin(1e4 * x) + 0.0 * y))  # all parts of edges are short
+        assert 0.9 < waves.traction_misfit < 1.5
+
+
+class TestMechanism:
+    """A wall 1 × 4 of the weight 25, blown at below a height only: it tips at 12.5 = p height²/2."""
+
+    HEIGHT = 2.7182
+
+    def wall(self, mesh):
+        def wind(x, y):
+            return np.where(y < self.HEIGHT, 1.0, 0.0) + 0.0 * x
+
+        loads = [Traction("left", wind, 0.0, name="wind"), Traction("top", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        conditions = [Contact("bottom", 5.0, name="base"), *loads]
+        return ContactProblem(mesh, Material(1e3, 0.3), conditions, body_potential=lambda x, y: 6.25 * y + 0.0 * x)
+
+    @pytest.mark.parametrize("cells", [(1, 1), (2, 3), (4, 16)])
+    def test_the_limit_on_any_mesh(self, cells):
+        problem = self.wall(RectilinearMesh.rectangle(cells, 1.0, 4.0))
+        assert upper_bound(problem, ["wind"])[0] == pytest.approx(25.0 / self.HEIGHT**2, rel=1e-11)
+
+
+class TestUplift:
+    """A block pressed by 10 and lifted by 6 on a part of its base: it slides at μ (10 − 6 part)."""
+
+    PART = 0.6180339
+
+    def block(self, mesh):
+        def fluid(x, y):
+            return np.where(x < self.PART, 6.0, 0.0) + 0.0 * y
+
+        drag = [Traction("top", x=1.0, name="drag")]
+        drag += [Traction(side, 0.0, y, name="drag") for side, y in (("left", -1.0), ("right", 1.0))]
+        base = Contact("bottom", 0.5, name="base", pore_pressure=fluid)
+        return ContactProblem(mesh, Material(1e3, 0.2), [base, Traction("top", y=-10.0), *drag])
+
+    @pytest.mark.parametrize("cells", [1, 3, 8])
+    def test_no_mesh_carries_more_than_the_body(self, cells):
+        limit = limit_load_factor(self.block(RectilinearMesh.rectangle((cells, cells))), ["drag"])
+        assert limit.upper == pytest.approx(0.5 * (10.0 - 6.0 * self.PART), rel=1e-11)
+        assert limit.lower <= limit.upper * (1.0 + 1e-8)
+
+    def test_what_is_taken_has_the_same_force_and_moment(self):
+        result = solve(self.block(RectilinearMesh.rectangle((3, 3))))
+        base = result.contacts["base"]
+        assert base.weights @ base.pore_pressure == pytest.approx(6.0 * self.PART, rel=1e-12)
+        assert base.weights @ (base.x * base.pore_pressure) == pytest.approx(3.0 * self.PART**2, rel=1e-12)
+        (remark,) = (each for each in result.remarks if "pore pressure" in each)
+        assert "'base'" in remark
+
+
+def test_what_check_tells(tmp_path):
+    (tmp_path / "strip.toml").write_text(f"""
+        version = 1
+        mesh = {{ x = [0, 0.5, 1], y = [0, 1] }}
+        material = {{ young = 1000, poisson = 0.3 }}
+        contacts = [{{ edges = "bottom", friction = 0.5 }}]
+        tractions = [
+            {{ edges = "top", x = 0, y = "where(x < {FIRST}, 0, where(x < {LAST}, -8, 0))", name = "strip" }},
+            {{ edges = "left", x = 0, y = 0 }},
+            {{ edges = "right", x = 0, y = 0 }},
+        ]
+    """)
+    told = CliRunner().invoke(group, ["check", str(tmp_path / "strip.toml"), "--json"], standalone_mode=False).stdout
+    (load,) = json.loads(told)["loads"]
+    force = 8.0 * (LAST - FIRST)
+    assert (load["name"], load["x"]) == ("strip", 0.0)
+    assert load["y"] == pytest.approx(-force, rel=1e-12)
+    assert load["moment"] == pytest.approx(-force * (FIRST + LAST) / 2.0, rel=1e-12)
+
+
+WIDTH, HEIGHT = 3.0, 1.0
+
+
+WEIGHT, PUSH, UPLIFT, FRICTION = 12.0, 1.5, 4.5, 0.4  # forces; the uplift that of a pressure which falls to zero
+
+
+STEEL = Material(1000.0, 0.25, "strain")
+
+
+def dam(pore_pressure=0.0, push=PUSH, friction=FRICTION, weight=WEIGHT):
+    """A dam of given weight on a rough base, pushed from the left by a pressure; a fluid presses under it."""
+    mesh = RectilinearMesh.rectangle((6, 2), WIDTH, HEIGHT)
+    conditions = [
+        Traction("left", x=push / HEIGHT, y=0.0, name="water"),
+        Traction("right", 0.0, 0.0),
+        Traction("top", 0.0, 0.0),
+        Contact("bottom", friction, pore_pressure=pore_pressure, name="base"),
+    ]
+    return ContactProblem(mesh, STEEL, conditions, body_potential=Expression(f"{weight / WIDTH / HEIGHT!r} * y"))
+
+
+def falling(uplift=UPLIFT):
+    """The pressure that falls from the left to nothing on the right and has a given resultant."""
+    return Expression(f"{2.0 * uplift / WIDTH!r} * (1 - x / {WIDTH!r})")
+
+
+class TestBlockWithUplift:
+    """Factor of sliding μ (W − U) / H of a gravity dam's base."""
+
+    def test_forces(self):
+        base = solved(dam(falling())).contacts["base"]
+        assert base.normal_force == pytest.approx(WEIGHT, rel=1e-10)
+        assert base.effective_normal_force == pytest.approx(WEIGHT - UPLIFT, rel=1e-10)
+        assert base.tangential_force == pytest.approx(-PUSH, rel=1e-10)
+        assert base.effective_normal_stress.max() <= 1e-9
+        assert (np.abs(base.tangential_stress) <= -FRICTION * base.effective_normal_stress + 1e-7).all()
+
+    def test_factor_of_sliding(self):
+        limit, exact = limit_load_factor(dam(falling()), ["water"]), FRICTION * (WEIGHT - UPLIFT) / PUSH
+        assert limit.lower == pytest.approx(exact, rel=1e-7)
+        assert limit.upper == pytest.approx(exact, rel=1e-12)
+
+    def test_slides_beyond_it_and_floats(self):
+        most = FRICTION * (WEIGHT - UPLIFT)
+        assert solve(dam(falling(), 0.8 * most)).status is Status.SOLVED
+        for lost in (dam(falling(), 1.001 * most), dam(1.001 * WEIGHT / WIDTH, push=0.0)):
+            assert solve(lost).status is Status.INFEASIBLE
+
+
+def test_constant_pressure_is_another_problem_without_it():
+    """σ = σ' − p I: without the fluid, tractions p n more, and obstacles moved by the strain of −p I."""
+    p, mesh = 0.7, RectilinearMesh.rectangle((6, 3), 2.0, 1.0)
+    shrinks = p * float(STEEL.compliance[0, :2].sum())
+    base = Contact("bottom", 0.1, gap=lambda x, _: 2e-3 * (x - 0.6) ** 2, name="base")
+    wet = ContactProblem(
+        mesh, STEEL,
+        [Displacement("top", x=2e-4, y=-1e-3), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0),
+         replace(base, pore_pressure=p)],
+    )  # fmt: skip
+    dry = replace(
+        wet,
+        conditions=[
+            Displacement("top", x=lambda x, _: 2e-4 + shrinks * x, y=-1e-3 + shrinks),
+            Traction("left", -p, 0.0),
+            Traction("right", p, 0.0),
+            replace(base, offset=lambda x, _: shrinks * x),
+        ],
+    )
+    found, other = (solved(problem, degree=4).contacts["base"] for problem in (wet, dry))
+    assert set(other.state.tolist()) == {0, 1, 2}
+    size = np.abs(other.normal_stress).max()
+    assert found.effective_normal_stress == pytest.approx(other.normal_stress, abs=1e-7 * size)
+    assert found.tangential_stress == pytest.approx(other.tangential_stress, abs=1e-7 * size)
+    assert found.friction_bound == pytest.approx(other.friction_bound, abs=1e-7 * size)
+    assert found.gap == pytest.approx(other.gap, abs=1e-9)
+    assert found.state.tolist() == other.state.tolist()
+    assert found.excess_between_points == pytest.approx(other.excess_between_points, abs=1e-6 * size)
+
+
+def test_the_fluid_alone_presses_on_an_open_contact():
+    """It reaches in where nothing touches: σ_N = −p, σ_T = 0, on a joint as well."""
+    mesh = RectilinearMesh.rectangle((3, 4), WIDTH, HEIGHT).with_joint("crack", "horizontal", 0.5)
+    conditions = [
+        Displacement("bottom", x=0.0, y=0.0),
+        Displacement("top", x=0.0, y=0.0),
+        Traction("left", 0.0, 0.0),
+        Traction("right", 0.0, 0.0),
+        Contact("crack", 0.5, pore_pressure=2.0),
+    ]
+    crack = solved(ContactProblem(mesh, STEEL, conditions)).contacts["crack"]
+    assert crack.normal_stress == pytest.approx(-2.0, abs=1e-8)
+    assert crack.tangential_stress == pytest.approx(0.0, abs=1e-8)
+    assert (crack.state == 0).all()
+    assert (crack.gap > 0.0).all()
+
+
+def test_forces_of_plates_are_those_of_the_total_stress():
+    mesh = RectilinearMesh.rectangle((4, 2), WIDTH, HEIGHT)
+    plate = Contact("top", 0.0, plate=RigidPlate(force_y=-WEIGHT, moment=0.0, pivot=(1.5, 1.0)), pore_pressure=1.0)
+    sides = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+    result = solved(ContactProblem(mesh, STEEL, [plate, *sides, Displacement("bottom", x=0.0, y=0.0)]))
+    top = result.contacts["top"]
+    assert result.resultant("top").y == pytest.approx(-WEIGHT, rel=1e-9)
+    assert top.effective_normal_force == pytest.approx(WEIGHT - WIDTH, rel=1e-9)
+
+
+def test_a_rising_fluid_by_steps():
+    """It holds until the uplift has taken so much that friction no longer carries the push."""
+    uplifts = [0.0, 2.0, 6.0, 6.9, 7.1]
+    steps = [dam(falling(uplift), friction=0.3) for uplift in uplifts]
+    history = solve_history(steps, degree=4)
+    assert [str(step.status) for step in history.steps] == ["solved"] * 4 + ["infeasible"]
+    forces = [step.contacts["base"].effective_normal_force for step in history.steps[:4]]
+    assert forces == pytest.approx([WEIGHT - uplift for uplift in uplifts[:4]], rel=1e-9)
+
+
+def test_archive_and_summary(tmp_path):
+    result = solved(dam(falling()))
+    write_npz(tmp_path / "wet.npz", result)
+    checked = verify_file(tmp_path / "wet.npz")
+    assert checked.passed, checked.table()
+    with np.load(tmp_path / "wet.npz") as fields:
+        effective = fields["base.normal_stress"] + fields["base.pore_pressure"]
+        assert fields["base.effective_normal_stress"] == pytest.approx(effective, rel=1e-12)
+    force = json.loads(json.dumps(summary(result)))["contacts"]["base"]["effective_normal_force"]
+    assert force["value"] == pytest.approx(WEIGHT - UPLIFT)
+    assert "effective_normal_force" not in summary(solved(dam()))["contacts"]["base"]
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), "much", lambda x, _: -1.0 - x])
+def test_bad_pressures_are_refused(value):
+    with pytest.raises(InputError, match=r"Contact\.pore_pressure"):
+        solve(dam(value))
+
+
+def test_the_panel_of_a_contact_names_and_draws_both_pressures():
+    axes_of = pytest.importorskip("matplotlib.axes").Axes
+    result = solved(dam(falling()).triangulated())
+    (axes,) = [panel for panel in result_figure(result).findobj(axes_of) if panel.get_title().startswith("base")]
+    named = dict(part.strip().split(" = ") for part in axes.get_title().removeprefix("base: ").split(","))
+    line = result.contacts["base"]
+    assert float(named["N"]) == pytest.approx(line.normal_force, rel=1e-3)
+    assert float(named["effective N'"]) == pytest.approx(line.effective_normal_force, rel=1e-3)
+    assert named["T"].split()[0].startswith("−")
+    sums = {curve.get_label(): trapezoid(curve.get_ydata(), curve.get_xdata()) for curve in axes.lines}
+    assert sums["pressure $-\\sigma_N$"] == pytest.approx(line.normal_force, rel=1e-2)
+    assert sums["effective pressure $-\\sigma_N'$"] == pytest.approx(line.effective_normal_force, rel=1e-2)
+    assert sums["fluid $p_w$"] == pytest.approx(UPLIFT, rel=1e-2)

@@ -1,0 +1,332 @@
+"""The equations inside the condensed method: slacks, Newton matrices and steps, on the contact and in all unknowns."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_array, diags_array, eye_array
+
+from solvers import FrictionQVI
+from solvers.condensed import (
+    Complementarity,
+    DenseSystem,
+    InteriorPoint,
+    Newton,
+    Reduction,
+    Residuals,
+    Shares,
+    Step,
+    Whole,
+)
+from tests.solvers.conftest import LAWS, chain, mixed_problem, random_problem, two_contacts
+
+SPARSE = [law for law in LAWS if law not in ("frictionless", "equations")]
+
+
+class NoBounds:
+    """A problem that adds nothing to the matrix."""
+
+    def slack_rows(self, slope):
+        return slope
+
+    def add_stiffness(self, H, ratio, rows):
+        pass
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_dense_systems_know_the_sign_of_the_determinant(seed):
+    matrix = np.random.default_rng(seed).normal(size=(7, 7))
+    system = DenseSystem(matrix)
+    solution = system.factorised(NoBounds(), np.ones(0), np.ones(0))(matrix[:, 0])
+    assert solution == pytest.approx(np.eye(7)[0], abs=1e-9)
+    assert system.orientation == np.linalg.slogdet(matrix)[0]
+
+
+def posed(qvi):
+    """The complementarity problem about z = 0, with an interior point in general position."""
+    reduction = Reduction(qvi)
+    problem = Complementarity(qvi, reduction, reduction.base(np.zeros(qvi.n)), 1.0)
+    method = InteriorPoint(problem, 0.7)
+    random = np.random.default_rng(3)
+    method.point.y = 0.5 * random.normal(size=len(method.point.y))
+    method.point.s = random.uniform(0.1, 2.0, len(method.point.s))
+    method.point.lam = random.uniform(0.1, 2.0, len(method.point.lam))
+    method.point.pull, method.point.push = random.uniform(0.1, 2.0, (2, len(problem.split)))
+    return problem, method
+
+
+PROBLEMS = {
+    "dense": lambda: random_problem(3, 0.4),
+    "laws": lambda: mixed_problem(1, 2),
+    "line": lambda: chain(1, **LAWS["cap"]),
+    "bilateral": lambda: chain(1, **LAWS["bilateral"]),
+    "equations": lambda: chain(1, **LAWS["equations"]),
+    "frictionless": lambda: chain(1, mu=0.0),
+}
+POSED = pytest.mark.parametrize("name", PROBLEMS)
+
+
+@POSED
+def test_slack_rows_are_minus_the_derivative_of_the_slack(name):
+    """Along √(σ_N² + δ²), on which pull push = δ²/4 stays as it is."""
+    problem, method = posed(PROBLEMS[name]())
+    y, smooth = method.point.y, 0.3
+
+    def slack(u):
+        return problem.slack(u, np.hypot(problem.split_normal(u), smooth))
+
+    normal = problem.split_normal(y)
+    rows = problem.slack_rows(normal / np.hypot(normal, smooth))
+    for direction in np.random.default_rng(4).normal(size=(3, len(y))):
+        h = 1e-6
+        change = (slack(y + h * direction) - slack(y - h * direction)) / (2 * h)
+        assert rows @ direction == pytest.approx(-change, abs=1e-8 * np.abs(change).max())
+
+
+@POSED
+def test_slacks_are_the_law_at_the_moved_point(name):
+    """Written out again from z: pressures, bounds and caps at the points."""
+    qvi = PROBLEMS[name]()
+    reduction = Reduction(qvi)
+    base = reduction.base(0.1 * np.random.default_rng(0).normal(size=qvi.n))
+    problem = Complementarity(qvi, reduction, base, 1.0)
+    u = 0.3 * np.random.default_rng(1).normal(size=problem.S.shape[0])
+    z = reduction.move(base, problem.full(u))
+    normal, shear = qvi.normal(z), qvi.tangential(z)
+    unilateral, rubs = ~qvi.bilateral, ~qvi.frictionless
+    pressure = np.where(qvi.bilateral, np.abs(normal), -normal)
+    bound = np.where(qvi.mu > 0.0, qvi.cohesion + qvi.mu * pressure, np.minimum(qvi.cohesion, qvi.cap))
+    capped = rubs & np.isfinite(qvi.cap) & (qvi.mu > 0.0)
+    expected = [-normal[unilateral], (bound - shear)[rubs], (bound + shear)[rubs]]
+    expected += [(qvi.cap - shear)[capped], (qvi.cap + shear)[capped]]
+    found = problem.slack(u, np.abs(problem.split_normal(u)))
+    assert found == pytest.approx(np.concatenate(expected), abs=1e-11)
+    away = np.random.default_rng(2).normal(size=len(found))
+    missed = problem.slack_residual(u, found + away, np.abs(problem.split_normal(u)))
+    assert missed == pytest.approx(away, abs=1e-11)
+    assert qvi.A @ z == pytest.approx(qvi.b, abs=1e-10)
+    assert shear[qvi.frictionless] == pytest.approx(0.0, abs=1e-10)
+
+
+@POSED
+@pytest.mark.parametrize("accurate", [False, True])
+def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
+    problem, method = posed(PROBLEMS[name]())
+    point, residuals = method.point, method.residuals()
+    comp = np.random.default_rng(5).normal(size=len(point.products))
+    newton = Newton.at(problem, point, residuals, accurate=accurate)
+    for only in (False, True):
+        step = newton.step(comp, only=only)
+        force, slack, split, _ = (0.0 * r for r in residuals) if only else residuals
+        size = np.abs(problem.force(np.abs(step.lam))).max(initial=1.0)
+        assert problem.S @ step.y + problem.force(step.lam) == pytest.approx(-force, abs=1e-10 * size)
+        tangential = problem.slack_rows(np.zeros(len(problem.split)))
+        pressed = problem.friction_of(step.pull + step.push)
+        assert step.s + tangential @ step.y - pressed == pytest.approx(-slack, abs=1e-10)
+        assert problem.split_change(step.y) - step.pull + step.push == pytest.approx(-split, abs=1e-10)
+        first = (point.s * step.lam + point.lam * step.s, point.pull * step.push + point.push * step.pull)
+        assert np.concatenate(first) == pytest.approx(comp, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ["dense", "equations", "frictionless"])
+def test_stiff_bounds_leave_forces_in_balance(name):
+    """Where λ/s is 1e11 at a third of the bounds, rounding of the other unknowns may not be multiplied by it."""
+    problem, method = posed(PROBLEMS[name]())
+    point = method.point
+    point.s[::3] = 1e-11
+    residuals = method.residuals()
+    step = Newton.at(problem, point, residuals).step(-0.9 * point.products)
+    size = np.abs(problem.force(np.abs(step.lam))).max() + np.abs(residuals.force).max()
+    left = problem.S @ step.y + problem.force(step.lam) + residuals.force
+    assert np.abs(left).max() <= 2e-14 * size
+
+
+@pytest.mark.parametrize(("error", "solves"), [(0.0, 1), (1e-5, 3)])
+def test_newton_steps_are_refined_where_their_solution_is_inaccurate(error, solves):
+    problem, method = posed(PROBLEMS["line"]())
+    residuals = method.residuals()
+    newton, made = Newton.at(problem, method.point, residuals), []
+
+    def inaccurate(force):
+        made.append(force)
+        return (1.0 + error) * newton.solve(force)
+
+    step = replace(newton, solve=inaccurate).step(-method.point.products)
+    left = problem.S @ step.y + problem.force(step.lam) + residuals.force
+    assert len(made) == solves
+    assert np.abs(left).max() < 1e-8 * np.abs(problem.force(step.lam)).max()
+
+
+@POSED
+def test_newton_steps_have_errors_of_second_order(name):
+    """What a step of length t leaves of the equations, beyond (1 − t) of them, shrinks like t²."""
+    problem, method = posed(PROBLEMS[name]())
+    start = method.point
+    step = Newton.at(problem, start, method.residuals()).step(-start.products)
+
+    def equations(point):
+        method.point = point
+        return np.concatenate([*method.residuals()[:3], point.products])
+
+    at_start = equations(start)
+    left = [np.abs(equations(start.moved(step, t)) - (1.0 - t) * at_start).max() for t in (1e-2, 1e-3)]
+    assert left[1] < 0.02 * left[0]
+
+
+@POSED
+def test_energy_and_multipliers_are_those_of_the_full_problem(name):
+    """S y + c is the gradient of the energy, and a residual of y alone is one of the contact's unknowns alone."""
+    qvi = PROBLEMS[name]()
+    reduction = Reduction(qvi)
+    base = reduction.base(0.1 * np.random.default_rng(0).normal(size=qvi.n))
+    base = reduction.base(reduction.move(base, np.zeros(reduction.size)))
+    problem = Complementarity(qvi, reduction, base, 1.0)
+    random = np.random.default_rng(1)
+    u, lam = random.normal(size=problem.S.shape[0]), random.uniform(size=len(problem.weights))
+    z = reduction.move(base, problem.full(u))
+    assert problem.energy(u) == pytest.approx(qvi.energy(z), rel=1e-10)
+    m_N, m_T, nu = problem.multipliers(u, lam)
+    residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
+    size = np.abs(qvi.K @ z).max()
+    interior = np.setdiff1d(np.arange(qvi.n), qvi.equality_system.interface)
+    assert residual[interior] == pytest.approx(0.0, abs=1e-11 * size)
+    force = problem.S @ u + problem.c + problem.force(lam)
+    moved = reduction.move(base, problem.full(u + 1e-3 * force)) - z  # in the directions that equations leave free
+    assert moved @ residual == pytest.approx(1e-3 * force @ force, rel=1e-8)
+
+
+def posed_whole(qvi, *shares):
+    whole = Whole(qvi)
+    return whole, Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, *shares)
+
+
+@pytest.mark.parametrize("law", SPARSE)
+def test_newton_matrices_are_those_of_the_bounds(law):
+    """H x for a force on x by itself, and the traces of the solution beside it."""
+    qvi = chain(1, **LAWS[law])
+    _, problem = posed_whole(qvi)
+    random = np.random.default_rng(2)
+    ratio = 10.0 ** random.uniform(-3.0, 3.0, len(problem.weights))
+    slope = random.uniform(-1.0, 1.0, len(problem.split))
+    n, unit = qvi.n, 1.0 / np.sqrt(qvi.K.diagonal())
+    C = problem.slack_rows(slope).toarray()[:, n:]
+    B, Y = problem.B.toarray()[:, n:], qvi.contact_rows.toarray() * unit
+    H = qvi.K.toarray() * unit * unit[:, None] + (B @ Y).T @ ((problem.weights * ratio)[:, None] * (C @ Y))
+    force = np.concatenate([random.normal(size=n), np.zeros(2 * qvi.m)])
+    found = problem.system.factorised(problem, ratio, slope)(force)
+    assert H @ found[:n] == pytest.approx(force[:n], abs=1e-9 * np.abs(H).max())
+    assert found[n:] == pytest.approx(Y @ found[:n], abs=1e-12 * np.abs(found).max())
+
+
+@pytest.mark.parametrize(("share", "length", "kept"), [(0.05, 0.99, 0.3), (0.0, 0.0495, 1.0 - 20.0 * 0.0495)])
+def test_few_bounds_do_not_hold_up_the_others(share, length, kept):
+    """Every bound falls by its size in a step of one; one of them by twenty times that."""
+    _, problem = posed_whole(chain(1))
+    interior = InteriorPoint(problem, 1.0)
+    problem.system.stragglers = share
+    interior.settle()
+    before = interior.point
+    fall = before.s.copy()
+    fall[0] *= 20.0
+    step = Step(np.ones_like(before.y), -fall, 0.0 * before.lam, 0.0 * before.pull, 0.0 * before.push)
+    found = interior.past_few(step, 0.0495)
+    assert found == pytest.approx(length)
+    assert interior.point.s[0] == pytest.approx(kept * before.s[0])
+    assert interior.point.y == pytest.approx(before.y + length)
+
+
+@pytest.mark.parametrize(("growth", "expected"), [(1.0, 0.99), (1e4, 0.99 / 16.0)])
+def test_passing_few_bounds_does_not_open_the_gap(growth, expected):
+    """One slack falls below zero, and its multiplier grows; the step is halved until τ has not doubled."""
+    _, problem = posed_whole(chain(1))
+    interior = InteriorPoint(problem, 1.0)
+    interior.settle()
+    problem.system.stragglers = 0.05
+    point, before = interior.point, interior.parameter()
+    s, lam = -point.s, 0.0 * point.lam
+    s[0] *= 200.0
+    lam[0] = growth * point.lam[0]
+    found = interior.past_few(Step(0.0 * point.y, s, lam, 0.0 * point.pull, 0.0 * point.push), 0.00495)
+    assert found == pytest.approx(expected)
+    assert interior.parameter() <= 2.0 * before
+
+
+@pytest.mark.parametrize(("share", "misfit", "expected"), [(0.05, 1e-6, 30.0), (0.05, 1e-12, 1.0), (0.0, 1e-6, 1.0)])
+def test_the_parameter_waits_for_bounds_that_were_passed(share, misfit, expected):
+    """Nothing is passed any more where it is least; times that value, or what it is if that is less."""
+    _, problem = posed_whole(chain(1))
+    interior = InteriorPoint(problem, 1.0)
+    problem.system.stragglers = share
+    interior.settle()
+    residuals = interior.residuals()
+    residuals = Residuals(
+        residuals.force,
+        0.0 * residuals.slack + misfit * problem.stress_at(interior.point.y),
+        residuals.split,
+        residuals.largest,
+    )
+    interior.measures(residuals)
+    for tau, lowest in ((1e3, expected), (1.0, 1.0)):
+        assert interior.lowest(residuals, tau * interior.least) / interior.least == pytest.approx(lowest)
+
+
+@pytest.mark.parametrize("law", ["coulomb", "cap", "bilateral"])
+def test_friction_has_another_share_once_slacks_fit(law):
+    """Products start on the path of the early one; what kinks aim at stays."""
+    qvi = chain(1, **LAWS[law])
+    whole = Whole(qvi)
+    problem = Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, Shares(2.0, 50.0))
+    interior = InteriorPoint(problem, 1.0)
+    count, early, before = len(problem.shares), interior.shares.copy(), interior.parameter()
+    assert set(early[:count]) == ({1.0, 2.0} if law != "bilateral" else {2.0})
+    assert problem.weights @ (interior.point.s * interior.point.lam - before * early[:count]) == pytest.approx(0.0)
+    for _ in range(2):
+        interior.settle()
+        after = interior.parameter()
+        assert interior.shares[:count] == pytest.approx(np.where(early[:count] == 2.0, 50.0, 1.0))
+        assert after * interior.shares[count:] == pytest.approx(before * early[count:])
+
+
+def row_of_points(m):
+    """Points that feel their neighbours alone: the contact is all there is."""
+    K = diags_array([np.full(2 * m - 1, 0.3), np.ones(2 * m), np.full(2 * m - 1, 0.3)], offsets=[-1, 0, 1])
+    rows, zeros = eye_array(2 * m).tocsr(), np.zeros(m)
+    f = np.random.default_rng(0).normal(size=2 * m)
+    return FrictionQVI(
+        K=csc_array(K), f=f, N=-rows[::2], n0=zeros, T=rows[1::2], t0=zeros, mu=zeros + 0.3, W=zeros + 1.0 / m
+    )
+
+
+def test_each_contact_is_a_whole_of_its_own():
+    """One point each of two bodies, with three bounds; a chain of equal points."""
+    line = chain(1)
+    for qvi, share in ((two_contacts(), 1.0 / 3.0), (line, 1.0 / (3.0 * line.m))):
+        assert posed_whole(qvi)[1].least_share == pytest.approx(share)
+
+
+def test_large_problems_start_near_the_bonded_solution():
+    """Multipliers are a fiftieth; the other start comes next."""
+    many = row_of_points(12_001)
+    with many.operator.using("superlu", 1):
+        large, small = Whole(many).shares, Whole(chain(0)).shares
+    assert (large[0], large[1:]) == (small[-1], small[:-1])
+    near, usual = (InteriorPoint(posed_whole(chain(0), shares)[1], 1.0).point.lam for shares in large[:2])
+    assert near == pytest.approx(0.02 * usual)
+
+
+@pytest.mark.parametrize("qvi", [chain(2), row_of_points(300)], ids=["body", "contact"])
+def test_norms_and_stiffness_are_those_of_dense_algebra(qvi):
+    """Also where the contact is so large a share of a body that its unknowns are eliminated like all others."""
+    with qvi.operator.using("superlu", 1):
+        whole, problem = posed_whole(qvi)
+    random = np.random.default_rng(0)
+    force = problem.force(random.normal(size=len(problem.weights)))
+    K, rows = qvi.K.toarray(), qvi.contact_rows.toarray()
+    f = force[: qvi.n] * np.sqrt(qvi.K.diagonal())
+    assert whole.norm(force) == pytest.approx(np.sqrt(f @ np.linalg.solve(K, f)), rel=1e-10)
+    m = random.normal(size=2 * qvi.m)
+    assert qvi.linear_system.interface.size == (0 if qvi.m == 300 else qvi.equality_system.interface.size)
+    relief = qvi.linear_system.relief(qvi.contact_rows)(m)
+    compliance = rows @ np.linalg.solve(K, rows.T)
+    assert relief == pytest.approx(compliance @ m, rel=1e-9)
+    assert qvi.equality_system.interface.size > 0  # made anew where what the contact feels is asked for
