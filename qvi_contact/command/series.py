@@ -74,7 +74,7 @@ class Series:
 def solved_series(
     file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None = None
 ) -> tuple[Series | None, Sequence[ContactResult]]:
-    """The results of a file: of its history, of a sweep if there is a plan, or one; see `stored_sweep` for the other."""
+    """The results of a file: of its history, of a sweep if there is a plan, or one."""
     from qvi_contact.command.solve_line import solving
 
     if store is not None and not file.times:

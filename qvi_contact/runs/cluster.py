@@ -14,6 +14,7 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import wait
+from queue import Empty, SimpleQueue
 from threading import Event, Lock, get_ident
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 from uuid import uuid4
@@ -109,20 +110,18 @@ class _Cluster:
 
     def done(self, orders: deque[Order]) -> Generator[tuple[Order, Outcome], None, None]:
         """Orders and their outcomes; workers that join get their share, and without any they are waited for."""
-        from distributed import wait as wait_for
-
         busy: dict[Future, Order] = {}
+        news: SimpleQueue[Future] = SimpleQueue()
         try:
             while orders or busy:
                 for _ in range(min(len(orders), _AHEAD * self.threads() - len(busy))):
                     order = orders.popleft()
                     sent = pickle.dumps((do_there, self._run, self._job, self._limits, order))
-                    busy[self._client.submit(_unpacking(), sent, pure=False)] = order
-                finished = [future for future in busy if future.status != "pending"]
-                if not finished:
-                    with suppress(TimeoutError):
-                        wait_for(list(busy), timeout=_LOOK, return_when="FIRST_COMPLETED")
-                for future in finished:
+                    future = self._client.submit(_unpacking(), sent, pure=False)
+                    busy[future] = order
+                    future.add_done_callback(news.put)
+                with suppress(Empty):
+                    future = news.get(timeout=_LOOK)
                     yield busy.pop(future), self._outcome(future)
         finally:
             with suppress(Exception):  # what the cluster has lost is ended already
