@@ -17,7 +17,6 @@ from qvi_contact import (
     RectilinearMesh,
     Symmetry,
     Traction,
-    save_problem,
     solve,
 )
 from qvi_contact.bracket import Certainty, document, lines
@@ -61,18 +60,6 @@ def test_one_json_document():
     assert found["bracket"]["reasons"]
     assert found["bracket"]["companion"]["degree"] == 3
     assert found["status"] == "solved"
-
-
-def test_missing_lower_bound(tmp_path):
-    """No bound from below: no gap, no picture, the reason."""
-    picture = tmp_path / "apart.png"
-    save_problem(tmp_path / "curved.toml", curved_potential())
-    done = command(tmp_path / "curved.toml", "--element", "bfs", "--plot", picture)
-    assert done.return_value == 1
-    assert "no lower bound" in done.stdout
-    assert "duality gap" not in done.stdout
-    assert "no duality gap to draw" in done.stderr
-    assert not picture.exists()
 
 
 @pytest.mark.parametrize(
