@@ -10,13 +10,7 @@ from click.testing import CliRunner
 
 from qvi_contact import (
     Contact,
-    ContactProblem,
-    Expression,
     InputError,
-    Material,
-    RectilinearMesh,
-    Symmetry,
-    Traction,
     solve,
 )
 from qvi_contact.bracket import Certainty, document, lines
@@ -26,13 +20,6 @@ from qvi_contact.plots import bracket_figure
 from qvi_contact.units import Units
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
-
-
-def curved_potential():
-    """A potential that is not affine along a rough contact: stresses of rectangles obey no law on its whole edges."""
-    contact = Contact.tresca("top", 0.1, gap=-1e-3)
-    sides = Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)
-    return ContactProblem(RectilinearMesh.rectangle((3, 3)), Material(1e3, 0.2), [contact, *sides], Expression("x**2"))
 
 
 def command(*words):
