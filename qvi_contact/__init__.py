@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.stored import load_result
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
     from qvi_contact.mechanism import Mechanism
-    from qvi_contact.mesh.lines import graded_lines
+    from qvi_contact.mesh.grid import graded_lines
     from qvi_contact.mesh.outline import Corner
     from qvi_contact.mesh.rectilinear import RectilinearMesh
     from qvi_contact.mesh.triangles import TriangleMesh
@@ -76,7 +76,7 @@ _HOME = {
     "TriangleMesh": "mesh.triangles",
     "UnknownNameError": "errors",
     "discretize": "discretization.discretization",
-    "graded_lines": "mesh.lines",
+    "graded_lines": "mesh.grid",
     "limit_load_factor": "solution.limit",
     "load_problem": "files.problem_file",
     "load_result": "files.stored",

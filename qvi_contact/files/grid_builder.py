@@ -9,7 +9,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.errors import InputError
 from qvi_contact.files.located import located
 from qvi_contact.files.problem_document import Axis, Document, Missing, Rectangle, RefineTable, Segment
-from qvi_contact.mesh.lines import graded_lines, on_line
+from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 
 _MOST_CELLS: Final = 1_000_000

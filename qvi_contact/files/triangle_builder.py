@@ -46,7 +46,7 @@ def triangle_mesh(document: Document, folder: Path | None) -> TriangleMesh:
                 name = region_name(region, index)
                 if name in regions:
                     raise InputError("name", name, "this region exists already: choose another name, or no ranges")
-                regions[name] = triangles_in_box(mesh, region.x, region.y)
+                regions[name] = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
     mesh = replace(mesh, edge_sets=sets, regions=regions)
     for index, table in enumerate(document.mesh.arcs):
         with located(f"mesh.arcs[{index}]", table):
@@ -115,8 +115,8 @@ def _place(table: MeshTable, error: InputError) -> str:
 def _edges(mesh: TriangleMesh, table: EdgesTable | JointTable) -> IntArray:
     """Edges (k, 2) by their vertices."""
     if table.segment is not None:
-        return edges_on_segment(mesh, *table.segment, inside=isinstance(table, JointTable))
+        return edges_on_segment(mesh.vertices, mesh.topology, *table.segment, inside=isinstance(table, JointTable))
     if isinstance(table, EdgesTable) and table.box is not None:
-        return edges_in_box(mesh, table.box.x, table.box.y)
+        return edges_in_box(mesh.vertices, mesh.topology, table.box.x, table.box.y)
     remedy = "sides and directions are for grids: on triangles give a segment between two points"
     raise InputError("segment", None, remedy + (", or a box" if isinstance(table, EdgesTable) else ""))

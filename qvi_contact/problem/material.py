@@ -10,7 +10,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, one_of, positive_number
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.lines import on_line
+from qvi_contact.mesh.grid import on_line
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 

@@ -23,7 +23,7 @@ import pytest
 
 from qvi_contact import ContactState, solve
 from qvi_contact.gallery import stick_slip_block
-from qvi_contact.mesh.lines import graded_lines
+from qvi_contact.mesh.grid import graded_lines
 from solvers import Status
 from tests.effort import thinned
 
