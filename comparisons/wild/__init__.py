@@ -5,7 +5,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "dice": ("Dice",),
+        "bodies": ("Dice",),
         "enumeration": ("EXISTS", "NONE", "enumerated"),
         "generator": ("FAMILIES", "wild_problem"),
         "judge": ("wrong",),
