@@ -9,7 +9,7 @@ __getattr__ = front(
         "enumeration": ("EXISTS", "NONE", "enumerated"),
         "generator": ("FAMILIES", "wild_problem"),
         "judge": ("wrong",),
-        "measures": ("ORDER", "counts_of", "problems_of", "values_of"),
+        "report": ("ORDER", "counts_of", "problems_of", "values_of"),
         "study": ("ACCEPTED", "FOREIGN", "INFEASIBLE", "OPEN", "REFUSED", "SOLVED", "declared", "solve_case"),
     },
 )

@@ -1,7 +1,7 @@
 """Is a stress state what it is said to be? Judged by sampled stresses and the problem's own data alone.
 
-`ContactResult.stress` is sampled in the thirds into which its barycentre divides every triangle. In each of them stresses
-less the body potential are polynomials of degree p − 2, which the samples determine; everything below is computed from
+`ContactResult.stress` is sampled in the thirds into which its barycentre divides every triangle. In each of them
+stresses less the body potential are polynomials of degree p − 2, which the samples determine; everything below is computed from
 these. A side that is an arc is reached by the same polynomials, continued.
 
 | what               | checked                                                                                      |
@@ -86,8 +86,8 @@ def _powers(degree: int) -> IntArray:
 class Samples:
     """Stresses as polynomials in each third of every triangle, less the body potential.
 
-    With a and b the corners of the side s and c the barycentre, a third has the coordinates r, t of x = c + r a' + t b',
-    a' = a − c, b' = b − c.
+    With a and b the corners of the side s and c the barycentre, a third has the coordinates r, t of
+    x = c + r (a − c) + t (b − c).
 
     Attributes
     ----------

@@ -59,8 +59,8 @@ _PAIRS: Final[tuple[Any, ...]] = (
 )  # fmt: skip
 _PLACES: Final[tuple[Any, ...]] = (
     None, 3.0, "bottom", (0.0, 1.0), ((0.0, 0.0),), ((0.0, 0.0), (0.3, 0.0)), ((0.0, 0.0), (7.0, 0.0)),
-    ((0.0, float("nan")), (1.0, 0.0)), ((0.0, 0.0), (0.0, 0.0)), ((0.3, 0.3), (0.6, 0.6)), object(), lambda x, y: None,
-    lambda x, y: x > 99.0, lambda x: x,
+    ((0.0, float("nan")), (1.0, 0.0)), ((0.0, 0.0), (0.0, 0.0)), ((0.3, 0.3), (0.6, 0.6)), object(), lambda _, __: None,
+    lambda x, _: x > 99.0, lambda x: x,
 )  # fmt: skip
 _THINGS: Final[tuple[Any, ...]] = (
     3, "text", [3], ["text"], np.array([1.0, 2.0]), object(), {"a": 1}, [None], 1.0j, len,
