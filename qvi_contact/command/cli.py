@@ -675,10 +675,10 @@ def methods(as_json: bool) -> None:
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
-    from solvers.factorisation.levels import LEVELS
+    from solvers.factorisation.dense import DENSE
     from solvers.solve import METHODS
 
-    factorisations = {LEVELS: "a few hundred unknowns", **available_backends()}
+    factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
     if as_json:
         document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
         click.echo(_json(document))
