@@ -15,7 +15,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from comparisons.cli import group as comparisons
-from comparisons.lab.worker import DONE, FAILURES
+from comparisons.lab.study import DONE, FAILURES
 from qvi_contact import RefinementStatus
 from qvi_contact.cli import group as qvi_contact
 from qvi_contact.files import problem_document
