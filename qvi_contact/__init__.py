@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.problem_writer import save_problem
     from qvi_contact.files.stored import load_result
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
+    from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.lines import graded_lines
     from qvi_contact.mesh.outline import Corner
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from qvi_contact.refinement import LimitFactor, LimitRefinement, Refinement, RefinementStatus, refine
     from qvi_contact.solution.contact_line import ContactLine, ContactState
     from qvi_contact.solution.history import History, loop_area, solve_history
-    from qvi_contact.solution.limit import LimitLoad, limit_load_factor
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
@@ -56,7 +56,7 @@ _HOME = {
     "History": "solution.history",
     "InputError": "errors",
     "LimitFactor": "refinement",
-    "LimitLoad": "solution.limit",
+    "LimitLoad": "limit.load_factor",
     "LimitRefinement": "refinement",
     "Material": "problem.material",
     "Mechanism": "mechanism",
@@ -79,7 +79,7 @@ _HOME = {
     "UnknownNameError": "errors",
     "discretize": "discretization.discretization",
     "graded_lines": "mesh.lines",
-    "limit_load_factor": "solution.limit",
+    "limit_load_factor": "limit.load_factor",
     "load_problem": "files.problem_file",
     "load_result": "files.stored",
     "loop_area": "solution.history",

@@ -14,9 +14,9 @@ from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.families import ElementName, with_element
 from qvi_contact.errors import InputError
+from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.limit import checked_loads, loads_of, multiplied
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import check_options, posed, solve
 from qvi_contact.solution.sweep_rows import Parameter

@@ -18,12 +18,12 @@ from qvi_contact.discretization.families import ElementName, element_on, with_el
 from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
+from qvi_contact.limit.carried_forces import Relations
+from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.works import BODY
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.carried_forces import Relations
-from qvi_contact.solution.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
 from solvers.basics.narration import narrated

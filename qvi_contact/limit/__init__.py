@@ -1,0 +1,18 @@
+"""Limit loads: how much of a load contacts and bodies that yield can carry, from both sides.
+
+| module           | contents                                                                  |
+|------------------|---------------------------------------------------------------------------|
+| `load_factor`    | `limit_load_factor` and its answer; linear programs where nothing yields  |
+| `whole_edges`    | contact laws on whole edges as linear rows                                |
+| `carried_forces` | which forces on contacts the stresses of a mesh can have                  |
+"""
+
+from solvers.basics.front import front
+
+__getattr__ = front(
+    __name__,
+    {
+        "carried_forces": ("Relations",),
+        "load_factor": ("LimitLoad", "limit_load", "limit_load_factor"),
+    },
+)
