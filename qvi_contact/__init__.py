@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from qvi_contact.problem.fields import Expression, Polynomial
     from qvi_contact.problem.material import Material, Region
     from qvi_contact.problem.problem import ContactProblem
+    from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Tresca
     from qvi_contact.refinement import LimitFactor, LimitRefinement, Refinement, RefinementStatus, refine
     from qvi_contact.solution.contact_line import ContactLine, ContactState
     from qvi_contact.solution.history import History, loop_area, solve_history
@@ -60,6 +61,9 @@ _HOME = {
     "LimitRefinement": "refinement",
     "Material": "problem.material",
     "Mechanism": "mechanism",
+    "Mises": "problem.strength",
+    "MohrCoulomb": "problem.strength",
+    "NoTension": "problem.strength",
     "Polynomial": "problem.fields",
     "ProblemFile": "files.problem_file",
     "QVIError": "errors",
@@ -75,6 +79,7 @@ _HOME = {
     "SweepRow": "solution.sweep_rows",
     "Symmetry": "problem.conditions",
     "Traction": "problem.conditions",
+    "Tresca": "problem.strength",
     "TriangleMesh": "mesh.triangles",
     "UnknownNameError": "errors",
     "discretize": "discretization.discretization",
@@ -115,6 +120,9 @@ __all__ = [
     "LimitRefinement",
     "Material",
     "Mechanism",
+    "Mises",
+    "MohrCoulomb",
+    "NoTension",
     "Polynomial",
     "ProblemFile",
     "QVIError",
@@ -130,6 +138,7 @@ __all__ = [
     "SweepRow",
     "Symmetry",
     "Traction",
+    "Tresca",
     "TriangleMesh",
     "UnknownNameError",
     "discretize",
