@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from qvi_contact.discretization.families import ElementName
     from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.files.sweep_store import StoredSweep
+    from qvi_contact.limit.load_factor import LimitLoad
     from qvi_contact.refinement import LimitRefinement, Refinement
     from qvi_contact.solution.history import History
-    from qvi_contact.solution.limit import LimitLoad
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.verification.verification import Verification
 

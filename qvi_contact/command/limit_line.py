@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.families import ElementName, with_element
+from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import LimitFactor, LimitRefinement, refine
-from qvi_contact.solution.limit import LimitLoad, limit_load_factor
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

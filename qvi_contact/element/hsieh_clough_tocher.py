@@ -165,6 +165,11 @@ class HsiehCloughTocher:
         functions = self.coefficients[:, None]
         return functions, self._gradients @ functions, self._hessians @ functions
 
+    @property
+    def hessian_coefficients(self) -> FloatArray:
+        """Bernstein coefficients of (Φ_xx, Φ_yy, Φ_xy) of degree p − 2, (part, component, count, dimension)."""
+        return self._derivatives[2]
+
     @cached_property
     def _weighted_hessians(self) -> FloatArray:
         """(xx, yy, xy) at quadrature points of the reference triangle times √weight, shape (3, q, dimension)."""

@@ -18,11 +18,13 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.grid_builder import grid_mesh
 from qvi_contact.files.located import located
 from qvi_contact.files.problem_document import (
+    STRENGTH_KEYS,
     ContactTable,
     Document,
     DriveTable,
     PolynomialTable,
     RegionTable,
+    StrengthTable,
     quoted,
 )
 from qvi_contact.files.triangle_builder import region_name, triangle_mesh
@@ -40,6 +42,7 @@ from qvi_contact.problem.conditions import (
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.material import Material, Region, cell_materials
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.strength import STRENGTHS, Strength
 
 TABLES: Final[dict[type, str]] = {
     Symmetry: "symmetry",
@@ -135,12 +138,14 @@ class Reader:
         conditions = list(self._conditions(mesh))
         potential = self.field("body_potential", document.body_potential)
         plane = document.material.plane
+        strength = self._strength("material.strength", document.material.strength)
         with located("material", document.material):
-            material = Material(document.material.young, document.material.poisson, plane)
+            material = Material(document.material.young, document.material.poisson, plane, strength)
         regions = []
         for index, table in enumerate(document.regions):
+            strength = self._strength(f"regions[{index}].strength", table.strength)
             with located(f"regions[{index}]", table):
-                regions.append(self._region(Material(table.young, table.poisson, plane), table, index))
+                regions.append(self._region(Material(table.young, table.poisson, plane, strength), table, index))
                 cell_materials(mesh, regions[-1:])
         try:
             problem = ContactProblem(mesh, material, conditions, potential, regions)
@@ -149,6 +154,17 @@ class Reader:
                 raise
         self._check_values(problem)
         return problem
+
+    def _strength(self, path: str, table: StrengthTable | None) -> Strength | None:
+        """What a material can carry."""
+        if table is None:
+            return None
+        given: dict[str, Any] = {}
+        for key in (key for keys in STRENGTH_KEYS[table.law] for key in keys):
+            read = self.scalar if key == "phi" else self.optional
+            given[key] = read(f"{path}.{key}", getattr(table, key))
+        with located(path, table):
+            return STRENGTHS[table.law](**given)
 
     def _region(self, material: Material, table: RegionTable, index: int) -> Region:
         if not self.document.mesh.is_grid:

@@ -164,11 +164,17 @@ class ContactProblem(Stated):
         """Functions of position by the name of their field."""
         if callable(self.body_potential):
             yield "ContactProblem.body_potential", self.body_potential
-        for condition in self.conditions:
-            for field in fields(condition):
-                value = getattr(condition, field.name)
+        strengths = [material.strength for material in self.materials if material.strength is not None]
+        for stated in (*strengths, *self.conditions):
+            for field in fields(stated):
+                value = getattr(stated, field.name)
                 if callable(value):
-                    yield f"{type(condition).__name__}.{field.name}", value
+                    yield f"{type(stated).__name__}.{field.name}", value
+
+    @property
+    def yields(self) -> bool:
+        """Whether a part of the body has a strength."""
+        return any(self.materials[number].strength is not None for number in np.unique(self.cell_materials))
 
     @cached_property
     def material_numbers(self) -> IntArray:

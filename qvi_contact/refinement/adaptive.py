@@ -13,6 +13,7 @@ from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import positive_number, whole_number
 from qvi_contact.discretization.families import element_on, with_element
 from qvi_contact.errors import InputError
+from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.limits import limit_strategy
@@ -22,7 +23,6 @@ from qvi_contact.refinement.outcome import LimitRefinement, Refinement, Refineme
 from qvi_contact.refinement.quantity import LimitFactor, Measure, Quantity
 from qvi_contact.refinement.rounds import K, Settings, Strategy
 from qvi_contact.refinement.triangles import TriangleRefinement
-from qvi_contact.solution.limit import checked_loads
 from qvi_contact.solution.result import ContactResult
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.narration import Narration, narrated

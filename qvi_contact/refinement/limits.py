@@ -15,6 +15,7 @@ import numpy as np
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.errors import InputError
+from qvi_contact.limit.load_factor import LimitAnalysis, LimitLoad, LimitProblem
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
@@ -24,7 +25,6 @@ from qvi_contact.refinement.law_gap import law_gap
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.rounds import Accuracy, Round, Settings, StopError, TooLargeError
 from qvi_contact.solution.followed import loads_followed
-from qvi_contact.solution.limit import LimitAnalysis, LimitLoad, LimitProblem
 from qvi_contact.solution.result import ContactResult
 
 _SPACE: Final = ("degree", "contact_rows")  # options of a limit load

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.limit import LimitLoad
 from qvi_contact.solution.result import ContactResult
 from solvers.basics.frames import columns_of, frame
 

@@ -32,7 +32,7 @@ from qvi_contact.problem.fingerprint import run_digest
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
-from qvi_contact.solution.limit import checked_loads, loads_of, multiplied
+from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.solver import check_options, posed, solve
 from solvers import Status

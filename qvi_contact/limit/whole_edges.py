@@ -97,7 +97,7 @@ def _of_contact(
     """Rows of one contact in groups, with their limits."""
     problem, stress, edges = discretization.problem, discretization.scales.stress, rows.points.edges
     degree, m = rows.rule.count - 1, discretization.qvi.m
-    coefficients = _coefficients(rows)
+    coefficients = edge_coefficients(rows)
     friction = _below(problem, edges, "Contact.friction", contact.friction)
     rough = (friction > 0.0).any(axis=1)
     sign = np.full(len(edges), PRESSURE) if rows.law == "unilateral" else np.where(rough, signs, EITHER)
@@ -116,7 +116,7 @@ def _of_contact(
             yield _placed(None, plain, rows, every, m), _affine(cap, degree)
 
 
-def _coefficients(rows: ContactRows) -> FloatArray:
+def edge_coefficients(rows: ContactRows) -> FloatArray:
     """Matrix (q, q) from the rows of an edge to Bernstein coefficients."""
     rule = rows.rule
     if rule.kind == "bernstein":

@@ -18,12 +18,17 @@ from qvi_contact.discretization.families import ElementName, element_on, with_el
 from qvi_contact.discretization.loads import shear_beside_contacts
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
+from qvi_contact.limit.carried_forces import Relations
+from qvi_contact.limit.flow import ContactFlow, FlowProgram
+from qvi_contact.limit.gap import gap_in_cells
+from qvi_contact.limit.stresses import StressProgram
+from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
+from qvi_contact.limit.yielding import YieldCones
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.works import BODY
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Traction, components
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.carried_forces import Relations
-from qvi_contact.solution.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
 from solvers.basics.frames import frame
 from solvers.basics.names import known_name
 from solvers.basics.narration import narrated
@@ -61,12 +66,15 @@ class LimitLoad(float):
     bound : float
         No multiple above this can be carried by this mesh: the dual bound of the multipliers found.
     violation : float
-        Largest violation of the contact laws at `lower`, relative to the largest limit of tractions.
+        Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions.
+    collapse : Collapse or None
+        How a body that yields gives way; None if no part of it has a strength, or a side is not finite.
 
     Notes
     -----
     With prescribed tractions that stresses of the mesh cannot follow point by point, `lower` is that of tractions with
-    the same resultants on every edge.
+    the same resultants on every edge. On bodies that yield and have sides that are arcs both numbers are estimates:
+    strengths hold on the straight triangles.
 
     """
 
@@ -75,14 +83,21 @@ class LimitLoad(float):
     mechanism: Mechanism | None
     bound: float
     violation: float
+    collapse: Collapse | None
 
     def __new__(
-        cls, lower: float, upper: float, mechanism: Mechanism | None, bound: float, violation: float
+        cls,
+        lower: float,
+        upper: float,
+        mechanism: Mechanism | None,
+        bound: float,
+        violation: float,
+        collapse: Collapse | None = None,
     ) -> LimitLoad:
         """The number `lower` with its bounds."""
         made = super().__new__(cls, lower)
         made.lower, made.upper, made.mechanism = float(lower), float(upper), mechanism
-        made.bound, made.violation = float(bound), float(violation)
+        made.bound, made.violation, made.collapse = float(bound), float(violation), collapse
         return made
 
     def to_frame(self) -> DataFrame:
@@ -97,9 +112,11 @@ class LimitLoad(float):
         opens = ", ".join(name for name, motion in moved.items() if motion.opens)
         return frame({**numbers, "slides": [slides], "opens": [opens]})
 
-    def __getnewargs__(self) -> tuple[float, float, Mechanism | None, float, float]:  # type: ignore[override]
+    def __getnewargs__(  # type: ignore[override]
+        self,
+    ) -> tuple[float, float, Mechanism | None, float, float, Collapse | None]:
         """For copies and pickles."""
-        return self.lower, self.upper, self.mechanism, self.bound, self.violation
+        return self.lower, self.upper, self.mechanism, self.bound, self.violation, self.collapse
 
     def __repr__(self) -> str:
         return f"LimitLoad(lower={self.lower:.9g}, upper={self.upper:.9g})"
@@ -118,9 +135,16 @@ def limit_load_factor(
     contact_rows: RowKind | None = None,
     verbose: bool = False,
 ) -> LimitLoad:
-    """Largest multiple of the named loads that the contacts can carry while all other loads stay, from both sides.
+    """Largest multiple of the named loads that contacts and body can carry while all other loads stay, from both sides.
 
-        max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) on the contacts
+        max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) on the contacts,
+                      σ within the strength of the material where it has one
+
+    Where parts of the body have a `Material.strength`, both sides are second-order cone programs: stresses whose
+    Bernstein coefficients lie in the yield cones, and velocities with jumps on the contacts. Each number is computed
+    from the stresses or velocities found, not taken from the solver.
+
+    Where no part has one, bodies are infinitely strong:
 
     *From below*, `lower`: a linear program in the Airy coefficients, with the law on whole edges. The stresses of the
     mesh carry that much, and a finer mesh more (a shear prescribed beside a contact is met in the resultants, as
@@ -165,7 +189,8 @@ def limit_load_factor(
         story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
         limit = posed.solved().limit
         gap = limit.bound - limit.lower
-        if np.isfinite(limit.lower) and not (gap <= _CERTIFIED * (1.0 + abs(limit)) and limit.violation <= _CERTIFIED):
+        agree = problem.yields or gap <= _CERTIFIED * (1.0 + abs(limit))
+        if np.isfinite(limit.lower) and not (agree and limit.violation <= _CERTIFIED):
             raise SolveError(
                 f"limit load: factor {limit.lower:.9g} and bound {limit.bound:.9g} do not agree (violation "
                 f"{limit.violation:.1e}): use a coarser or less graded mesh"
@@ -188,6 +213,8 @@ def _posed(
     """The analysis of checked arguments."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
+    if problem.yields and element is None and not isinstance(problem.mesh, TriangleMesh):
+        element = "hct"
     return LimitProblem.of(with_element(problem, element), checked_loads(problem, loads), **space)
 
 
@@ -226,9 +253,66 @@ class LimitProblem:
         upper, mechanism = upper_bound(self.problem, self.names)
         if upper == -np.inf:  # what no stress carries no mesh does, although its program may not tell from rounding
             return LimitAnalysis(self, LimitLoad(upper, upper, mechanism, upper, 0.0), None)
+        if self.problem.yields:
+            return self._yielding(upper, mechanism)
         carried, state = _carried(self.low, self.high)
         limit = LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
         return LimitAnalysis(self, limit, state)
+
+    def _yielding(self, of_blocks: float, mechanism: Mechanism | None) -> LimitAnalysis:
+        """Both sides of a body that yields: rigid blocks are one way of giving way, and others may be easier."""
+        degree = self.low.space.normal_degree
+        cones = YieldCones.of(self.problem, degree)
+        carried = StressProgram(self.low, self.high, cones).carried()
+        flow = FlowProgram(self.problem, self.names, cones, self.low.scales).solved()
+        upper = min(flow.bound, of_blocks)
+        if of_blocks > flow.bound:
+            mechanism = None
+        collapse = None
+        if carried.stress is not None and flow.strain is not None:
+            parts = gap_in_cells(self.low, carried, flow, degree)
+            collapse = Collapse(
+                flow.velocities,
+                flow.places,
+                flow.dissipation,
+                carried.stress * self.low.scales.stress,
+                parts,
+                flow.contacts,
+            )
+        violation = max(carried.violation, flow.violation)
+        limit = LimitLoad(carried.factor, upper, mechanism, upper, violation, collapse)
+        return LimitAnalysis(self, limit, None)
+
+
+@dataclass(frozen=True, eq=False)
+class Collapse:
+    """How a body that yields gives way at its limit load.
+
+    Attributes
+    ----------
+    velocities : (cells, m, 2) array
+        Bernstein coefficients of the velocities on each triangle, of power 1 of the multiplied loads. Each is the
+        velocity near the point that it belongs to.
+    places : (m, 3) array
+        Barycentric places of these coefficients in the triangle.
+    dissipation : (cells,) array
+        Power that each triangle dissipates, or a bound of it, as a share of that of the multiplied loads at `upper`
+        times the unit of the load factor.
+    stress : (cells, 3, count, 3) array
+        Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `lower` on the three parts of each triangle [stress].
+    gap : (cells,) array
+        Parts of upper − lower, none of them negative; those of contact edges are shared by the triangles beside them.
+    contacts : mapping of str to ContactFlow
+        Opening, slip and dissipation along each contact.
+
+    """
+
+    velocities: FloatArray
+    places: FloatArray
+    dissipation: FloatArray
+    stress: FloatArray
+    gap: FloatArray
+    contacts: Mapping[str, ContactFlow]
 
 
 @dataclass(frozen=True, eq=False)
