@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from qvi_contact.bracket import Branches, other_solutions, refined_where_apart
+    from qvi_contact.bracket import Branches, other_solutions
     from qvi_contact.companion import solve_companion
     from qvi_contact.discretization.discretization import Discretization, discretize
     from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
@@ -90,7 +90,6 @@ _HOME = {
     "principal_stresses": "solution.stress",
     "read_sweep": "files.sweep_store",
     "refine": "refinement",
-    "refined_where_apart": "bracket",
     "save_problem": "files.problem_writer",
     "solve": "solution.solver",
     "solve_companion": "companion",
@@ -148,7 +147,6 @@ __all__ = [
     "principal_stresses",
     "read_sweep",
     "refine",
-    "refined_where_apart",
     "save_problem",
     "solve",
     "solve_companion",

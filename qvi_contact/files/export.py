@@ -16,11 +16,11 @@ from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, write_text
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
+from qvi_contact.discretization.space import FAMILY
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import write_archive
 from qvi_contact.files.stored import solution_arrays
 from qvi_contact.files.vtu import check_vtu, named, stress_fields, vectors, write_grid
-from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
 from qvi_contact.solution.sampling import cell_factors
@@ -398,15 +398,13 @@ def _resultant(result: ContactResult, edges: str, units: Units) -> dict[str, Any
 def element_of(discretization: Discretization) -> dict[str, Any]:
     """Name, degree and contact rows of the element, for documents."""
     space = discretization.space
-    return {"name": space.family, "degree": space.degree, "contact_rows": space.contact_rule.kind}
+    return {"name": FAMILY, "degree": space.degree, "contact_rows": space.contact_rule.kind}
 
 
 def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:
     mesh, qvi = result.problem.mesh, result.discretization.qvi
     smallest, largest = mesh.cell_range
-    lines = {"columns": mesh.shape[1], "rows": mesh.shape[0]} if isinstance(mesh, RectilinearMesh) else {}
     return {
-        **lines,
         "cells": mesh.cell_count,
         "nodes": len(mesh.body_vertices),
         "unknowns": qvi.n,
@@ -442,22 +440,8 @@ def airy_units(result: ContactResult) -> FloatArray:
 def _body_arrays(result: ContactResult) -> dict[str, Any]:
     x, y, stress = result.gauss_stress()
     gauss = {"gauss_x": x, "gauss_y": y, "gauss_stress": stress}
-    if not isinstance(result.problem.mesh, RectilinearMesh):
-        mesh = result.problem.mesh
-        return {"vertices": mesh.vertices, "cells": mesh.cells, "material": result.problem.cell_materials, **gauss}
-    return {**_grid_arrays(result), **gauss}
-
-
-def _grid_arrays(result: ContactResult) -> dict[str, Any]:
-    mesh = result.problem.grid
-    airy = result.nodal * airy_units(result) / result.discretization.grid.dof_scales
-    return {
-        "x_lines": mesh.x,
-        "y_lines": mesh.y,
-        "active": mesh.active,
-        "material": result.problem.material_numbers,
-        "airy": np.where(mesh.active_nodes[..., None], airy, np.nan),
-    }
+    mesh = result.problem.mesh
+    return {"vertices": mesh.vertices, "cells": mesh.cells, "material": result.problem.cell_materials, **gauss}
 
 
 def _contact_arrays(contacts: Mapping[str, ContactLine]) -> dict[str, Any]:
@@ -486,7 +470,7 @@ def _numbers(result: ContactResult) -> dict[str, Any]:
 
 
 def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Points (m, 2) of all cells, those of `Basis.lattice` in each, cell by cell, and the fields there."""
+    """Points (m, 2) of all cells, those of `StressSpace.lattice` in each, cell by cell, and the fields there."""
     known, count = result.discretization, result.problem.mesh.cell_count
     t, _ = known.space.lattice(r)
     chunks = [np.arange(count)[start : start + _CHUNK] for start in range(0, count, _CHUNK)]

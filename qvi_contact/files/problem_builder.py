@@ -12,8 +12,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element import bernstein
-from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.grid_builder import grid_mesh
 from qvi_contact.files.located import located
@@ -273,6 +272,6 @@ def _check_constants(constants: dict[str, float]) -> None:
 def _points(mesh: Mesh, condition: Condition) -> tuple[FloatArray, FloatArray]:
     """Ends, Gauss points and, for tractions, samples of edges: where conditions that do not jump are evaluated."""
     samples = bernstein.SAMPLES if isinstance(condition, Traction) else np.zeros(0)
-    t = np.concatenate([[0.0, 1.0], gauss_legendre(GAUSS_COUNT)[0], gauss_legendre(LOAD_POINTS)[0], samples])
+    t = np.concatenate([[0.0, 1.0], gauss_legendre(LOAD_POINTS)[0], samples])
     x, y = mesh.points_along(mesh.edges(condition.edges), t)
     return x.ravel(), y.ravel()

@@ -153,7 +153,7 @@ def plain_units(units: Units | None) -> Units:
 
 
 def cell_outlines(mesh: Mesh) -> FloatArray:
-    """Closed outlines of the cells, shape (cells, 4, 2) of triangles, (cells, 5, 2) of rectangles [length].
+    """Closed outlines of the cells, shape (cells, 4, 2) [length].
 
     Where cells have arcs every side is drawn as `CHORDS` chords.
     """
@@ -177,7 +177,7 @@ def edge_lines(mesh: Mesh, edges: Edges) -> FloatArray:
 def draw_grid(axes: "Axes", mesh: Mesh) -> None:
     """Draw the cells in light grey, thinner the smaller they are on the page."""
     outlines = cell_outlines(mesh)
-    sides = outlines[:, :: (outlines.shape[1] - 1) // mesh.sides.shape[1]]
+    sides = outlines[:, :: (outlines.shape[1] - 1) // 3]
     shortest = np.hypot(*np.diff(sides, axis=1).T).min(axis=0)
     width = float(np.clip(0.05 * np.median(shortest) * points_per_length(axes, mesh), 0.1, 0.6))
     axes.add_collection(lines(outlines, "#cccccc", "solid", width))

@@ -23,6 +23,7 @@ from qvi_contact import (
     discretize,
     limit_load_factor,
     load_problem,
+    paper,
     refine,
     solve,
     solve_history,
@@ -146,29 +147,33 @@ def _paper(friction: float) -> Problem:
     """P/2 of the paper's plate on its own element, by each kind of method."""
 
     def numbers(share: float) -> Numbers:
-        problem = discretize(compressed_plate(friction), element="bfs")
-        step = 1e-5 / problem.scales.displacement
+        plate = paper.plate(friction)
+        step = 1e-5 / plate.displacement
         runs = {
             "condensed": {"method": "condensed"},
-            "fixed point, qp": {"inner": "qp:clarabel"},
-            "fixed point, socp": {"inner": "socp:clarabel"},
+            "fixed point, qp": {"method": "fixed-point", "inner": "qp:clarabel"},
+            "fixed point, socp": {"method": "fixed-point", "inner": "socp:clarabel"},
             "uzawa, 30": {"method": "uzawa", "omega_T": step, "iterations": 30},
             "uzawa, printed rule, 30": {"method": "uzawa", "omega_T": step, "iterations": 30, "rule": "printed"},
         }
-        results = {name: solve(problem, tolerance=share * TOLERANCE, **options) for name, options in runs.items()}
+        found = {name: solve_qvi(plate.qvi, tolerance=share * TOLERANCE, **options) for name, options in runs.items()}
         return {
-            "status": {name: result.status.value for name, result in results.items()},
-            "iterations": {name: result.iterations for name, result in results.items()},
-            "force": {name: result.contacts["plate"].normal_force for name, result in results.items()},
+            "status": {name: solution.status.value for name, solution in found.items()},
+            "iterations": {name: solution.iterations for name, solution in found.items()},
+            "force": {name: plate.force(solution.z) for name, solution in found.items()},
         }
 
     return numbers
 
 
 def _graded_paper(share: float) -> Numbers:
-    problem = compressed_plate(0.2, (8, 8), width=1.5, grading=0.8, plane="strain")
-    result = solve(problem, element="bfs", tolerance=share * TOLERANCE)
-    return numbers_of(result, bracket=False)
+    plate = paper.plate(0.2, (8, 8), width=1.5, grading=0.8, plane="strain")
+    solution = solve_qvi(plate.qvi, tolerance=share * TOLERANCE)
+    return {
+        "status": {"": solution.status.value},
+        "iterations": {"": solution.iterations},
+        "force": {"plate: N": plate.force(solution.z)},
+    }
 
 
 def _three_solutions(share: float) -> Numbers:

@@ -10,27 +10,89 @@ one component d·σn is given, σ_N = Φ_tt and σ_T = −(n·m) Φ_tm are combi
 where two edges meet need no care.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.discretization.basis import PrescribedTraction
-from qvi_contact.discretization.constraints import Rows, solve_conditions
-from qvi_contact.discretization.elimination import Elimination, UnbalancedLoadError
-from qvi_contact.discretization.hsieh_clough_tocher.arcs import resultant_shapes
-from qvi_contact.discretization.hsieh_clough_tocher.functionals import EdgeFunctionals
-from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace, frame
+from qvi_contact.discretization.curved import resultant_shapes
+from qvi_contact.discretization.elimination import (
+    EdgeFunctionals,
+    Elimination,
+    Rows,
+    UnbalancedLoadError,
+    solve_conditions,
+)
+from qvi_contact.discretization.space import StressSpace, frame
 from qvi_contact.element import legendre
-from qvi_contact.element.hermite import gauss_legendre
-from qvi_contact.mesh.edges import Edges, frames_along, vectors_along
+from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
+from qvi_contact.mesh.edges import Edges, frames_along, points_along, rounding_along, vectors_along
 
 _POINTS: Final = 8  # Gauss points of edges and their parts for data given as functions, at least
 _PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
 _ALIKE: Final = 1.5  # ratio of cells' sizes at vertices that counts as none when the gauge is placed
 _BALANCED: Final = 1e-9  # imbalance of a closed part of the boundary, relative to the loads, that passes as round-off
+
+
+@dataclass(frozen=True, eq=False)
+class PrescribedTraction:
+    """One component of the traction, prescribed on edges: d·σn = value.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it, such as "Traction.x".
+    edges : Edges
+        n edges of the boundary.
+    direction : (n, 2) array
+        Unit vector d on each edge: a Cartesian one, or ± the edge's normal or tangent.
+    turns : bool
+        Whether d turns along arcs, as normals and tangents do.
+    value : function of (x, y)
+        The component [dimensionless] at points x, y [length], arrays of one shape; φ is part of it. Where d·n ≠ 0 the
+        part of it that Φ makes up is value − φ d·n.
+    potential : function of (x, y), or None
+        φ [dimensionless] at points [length]; None where there is none.
+    constant : float or None
+        What Φ makes up of it, if that is known to be one number [dimensionless]; then `value` is that number.
+
+    """
+
+    name: str
+    edges: Edges
+    direction: FloatArray
+    value: Callable[[FloatArray, FloatArray], FloatArray]
+    potential: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+    turns: bool = False
+    constant: float | None = None
+
+    def take(self, index: IntArray | BoolArray) -> "PrescribedTraction":
+        """The same on some of the edges."""
+        return replace(self, edges=self.edges.take(index), direction=self.direction[index])
+
+    def quadrature(self, vertices: FloatArray, points: int) -> EdgeQuadrature:
+        """The part that Φ makes up, at Gauss points of parts of the edges; vertices (v, 2) [length]."""
+        if self.constant is not None:
+            return constant(self.constant, len(self.edges), points)
+
+        def own(edge: IntArray, t: FloatArray) -> FloatArray:
+            x, y = np.moveaxis(points_along(vertices, self.edges.take(edge), t), -1, 0)
+            values = np.asarray(self.value(x, y))
+            if self.potential is None:
+                return values
+            return np.asarray(values - self.potential(x, y) * self._outward(edge, t))
+
+        return adapted(own, len(self.edges), points, rounding_along(vertices, self.edges))
+
+    def _outward(self, edge: IntArray, t: FloatArray) -> FloatArray:
+        """d·n (k, q) at reference points t (k, q) of edges (k,)."""
+        if self.turns or not self.edges.curved:
+            return np.asarray((self.direction * self.edges.normal).sum(axis=1)[edge, None])
+        chosen = self.edges.take(edge)
+        return np.asarray((self.direction[edge, None] * vectors_along(chosen, chosen.normal, t)).sum(axis=2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +145,11 @@ class Conditions:
     number: IntArray
 
 
-def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> Elimination:
-    """Solve the prescribed tractions and the gauge, which is zero at the first centre, where cells are smallest.
+def eliminate_tractions(space: StressSpace, given: Sequence[PrescribedTraction]) -> Elimination:
+    """All degrees of freedom that meet the prescribed tractions, u = B z + u₀, with one affine function fixed.
+
+    Data in the trace space are met exactly; of others each edge keeps the resultant force and moment. Stresses do not
+    feel an affine function (the gauge), which is zero at the first centre, where cells are smallest.
 
     Rows are taken along lines, part by part of one centre and beginning at it or where cells are small, so that degrees
     of freedom there do not follow from large ones far away; edges across parts come last and tie the centres, and edges
@@ -113,7 +178,7 @@ def eliminate_tractions(space: TriangleSpace, given: Sequence[PrescribedTraction
     return found
 
 
-def _edges_of(space: TriangleSpace, numbers: IntArray) -> Edges:
+def _edges_of(space: StressSpace, numbers: IntArray) -> Edges:
     """Edges of the boundary by their numbers in `mesh.topology`."""
     boundary = np.flatnonzero(space.mesh.topology.boundary)
     return space.mesh.boundary.take(np.searchsorted(boundary, numbers))
@@ -128,7 +193,7 @@ def _with_gauge(rows: Rows, vertex: int) -> Rows:
     )
 
 
-def _projected(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> EdgeTractions:
+def _projected(space: StressSpace, given: Sequence[PrescribedTraction]) -> EdgeTractions:
     """All prescribed components in the mean square of each edge, which keeps resultant force and moment."""
     degree = space.degree - 2
     none = np.empty(0, dtype=np.int64)
@@ -143,7 +208,7 @@ def _projected(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> Edg
     return EdgeTractions(number, Edges(*edges), direction, coefficients)
 
 
-def _conditions(space: TriangleSpace, tractions: EdgeTractions) -> Conditions:
+def _conditions(space: StressSpace, tractions: EdgeTractions) -> Conditions:
     """Both components of edges that have two, one of those that have one."""
     order = np.argsort(tractions.number, kind="stable")
     twice = np.flatnonzero(tractions.number[order][1:] == tractions.number[order][:-1])
@@ -178,7 +243,7 @@ def _on(given: Sequence[PrescribedTraction], *, arcs: bool) -> list[PrescribedTr
     return [part for part in found if len(part.edges)]
 
 
-def _on_arcs(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> list[Conditions]:
+def _on_arcs(space: StressSpace, given: Sequence[PrescribedTraction]) -> list[Conditions]:
     """Conditions on edges that are arcs: of both components where there are two, of one where there is one."""
     parts = _on(given, arcs=True)
     if not parts:
@@ -198,7 +263,7 @@ def _on_arcs(space: TriangleSpace, given: Sequence[PrescribedTraction]) -> list[
     return found
 
 
-def _of_vectors_on_arcs(space: TriangleSpace, one: PrescribedTraction, other: PrescribedTraction) -> Conditions:
+def _of_vectors_on_arcs(space: StressSpace, one: PrescribedTraction, other: PrescribedTraction) -> Conditions:
     """Both components on the same arcs: force and moment of the data, and their coefficients of Legendre."""
     edges, degree = one.edges, space.degree - 2
     h, (m, factor) = space.lengths(edges), frame(edges)
@@ -226,7 +291,7 @@ def _of_vectors_on_arcs(space: TriangleSpace, one: PrescribedTraction, other: Pr
     return Conditions(space.resultants(edges).rows(), d.ravel(), is_load, number)
 
 
-def _of_component_on_arcs(space: TriangleSpace, given: PrescribedTraction) -> Conditions:
+def _of_component_on_arcs(space: StressSpace, given: PrescribedTraction) -> Conditions:
     """One component d·σn = (d·n) σ_N + (d·t) σ_T on arcs, in the mean square of each: p − 1 rows an edge."""
     edges, degree = given.edges, space.degree - 2
     h = space.lengths(edges)
@@ -249,7 +314,7 @@ def _of_component_on_arcs(space: TriangleSpace, given: PrescribedTraction) -> Co
     return Conditions(EdgeFunctionals(columns, combined, space.size).rows(), (wanted * scale).ravel(), is_load, number)
 
 
-def _of_vectors(space: TriangleSpace, tractions: EdgeTractions, vectors: FloatArray) -> Conditions:
+def _of_vectors(space: StressSpace, tractions: EdgeTractions, vectors: FloatArray) -> Conditions:
     """Whole traction vectors of Cartesian coefficients (n, 2, p − 1): 2p − 2 rows an edge."""
     edges, h = tractions.edges, space.lengths(tractions.edges)[:, None]
     m, factor = frame(edges)
@@ -262,7 +327,7 @@ def _of_vectors(space: TriangleSpace, tractions: EdgeTractions, vectors: FloatAr
     return Conditions(space.resultants(edges).rows(), d.ravel(), is_load, np.repeat(tractions.number, rows))
 
 
-def _of_components(space: TriangleSpace, tractions: EdgeTractions) -> Conditions:
+def _of_components(space: StressSpace, tractions: EdgeTractions) -> Conditions:
     """One component d·σn = (d·n) σ_N + (d·t) σ_T, coefficient by coefficient: p − 1 rows an edge."""
     edges, rows = tractions.edges, space.degree - 1
     h = space.lengths(edges)
@@ -276,7 +341,7 @@ def _of_components(space: TriangleSpace, tractions: EdgeTractions) -> Conditions
     return Conditions(C, (tractions.coefficients * scale).ravel(), is_load, np.repeat(tractions.number, rows))
 
 
-def _walked(space: TriangleSpace, lines: IntArray, last: BoolArray, gauge: int) -> tuple[IntArray, IntArray]:
+def _walked(space: StressSpace, lines: IntArray, last: BoolArray, gauge: int) -> tuple[IntArray, IntArray]:
     """`walk` along the lines (n, 2), the last ones at the end; centres are solved for where nothing else is left."""
     frames, seeds = space.frames, [gauge]
     if frames.several:
@@ -290,7 +355,7 @@ def _walked(space: TriangleSpace, lines: IntArray, last: BoolArray, gauge: int) 
     return place, age
 
 
-def _gauge(space: TriangleSpace, lines: IntArray) -> int:
+def _gauge(space: StressSpace, lines: IntArray) -> int:
     """The first of several centres; else the vertex with the smallest cells.
 
     Of several vertices it is one on the lines (n, 2), and of those the one of lowest number.

@@ -21,10 +21,9 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.discretization.hsieh_clough_tocher.curved import CurvedTriangles, Rule
+from qvi_contact.discretization.curved import CurvedTriangles, Rule
 from qvi_contact.element.affine import EDGES, AffineTriangles
-from qvi_contact.element.compliance import nearly_incompressible
-from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher
+from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, nearly_incompressible
 from qvi_contact.element.triangle import quadrature
 
 _AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine function is made of
