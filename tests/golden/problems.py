@@ -20,7 +20,6 @@ from qvi_contact import (
     Material,
     Traction,
     TriangleMesh,
-    discretize,
     limit_load_factor,
     load_problem,
     paper,
