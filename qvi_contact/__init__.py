@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
     from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
     from qvi_contact.mechanism import Mechanism
-    from qvi_contact.mesh.lines import graded_lines
+    from qvi_contact.mesh.grid import graded_lines
     from qvi_contact.mesh.outline import Corner
     from qvi_contact.mesh.rectilinear import RectilinearMesh
     from qvi_contact.mesh.triangles import TriangleMesh
@@ -81,7 +81,7 @@ _HOME = {
     "TriangleMesh": "mesh.triangles",
     "UnknownNameError": "errors",
     "discretize": "discretization.discretization",
-    "graded_lines": "mesh.lines",
+    "graded_lines": "mesh.grid",
     "limit_load_factor": "limit.load_factor",
     "load_problem": "files.problem_file",
     "load_result": "files.stored",

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.discretization import on_triangles
 from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import LimitFactor, LimitRefinement, refine
@@ -39,7 +38,7 @@ def drawn(
     """The picture, on the mesh of the analysis."""
     from qvi_contact.plots import limit_figure
 
-    shown = on_triangles(problem) if refinement is None else refinement.problem
+    shown = problem if refinement is None else refinement.problem
     return limit_figure(shown, limit, units, "; ".join(lines(loads, limit, None)))
 
 

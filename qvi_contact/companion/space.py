@@ -15,7 +15,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.companion.curved import CurvedCells
 from qvi_contact.companion.triangle import Triangle
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 
 
@@ -42,7 +42,7 @@ class Space:
 
     """
 
-    mesh: Mesh
+    mesh: TriangleMesh
     cell: Triangle
     origins: FloatArray
     frames: FloatArray
@@ -151,7 +151,7 @@ class Space:
         return found.reshape(self.size, 3 * blocks)
 
 
-def _corner(mesh: Mesh, cells: IntArray, vertices: IntArray) -> IntArray:
+def _corner(mesh: TriangleMesh, cells: IntArray, vertices: IntArray) -> IntArray:
     """Which corner of each cell (e,) a vertex (e,) is."""
     return np.asarray(np.argmax(mesh.cells[cells] == vertices[:, None], axis=1))
 

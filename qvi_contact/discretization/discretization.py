@@ -24,7 +24,6 @@ from qvi_contact.discretization.space import RowKind, StressSpace
 from qvi_contact.discretization.tractions import eliminate_tractions
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import FrictionQVI
@@ -146,7 +145,6 @@ class Discretization(Posed, Stated):
         """
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")
-        problem = on_triangles(problem)
         if not problem.mesh.same_as(self.problem.mesh):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
@@ -217,7 +215,6 @@ def discretize(
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    problem = on_triangles(problem)
     if scales is not None and not isinstance(scales, Scales):
         raise InputError("scales", scales, "give Scales, or leave them out")
     if contact_rows not in (None, *get_args(RowKind)):
@@ -227,11 +224,6 @@ def discretize(
     by_default: RowKind = "gauss" if laws_vary(problem) else "bernstein"
     space = StressSpace(problem.mesh, int(chosen), contact_rows or by_default)
     return _discretized(problem, space, scales or Scales.of(problem))
-
-
-def on_triangles(problem: ContactProblem) -> ContactProblem:
-    """The problem with the cells of a grid cut into triangles."""
-    return problem if isinstance(problem.mesh, TriangleMesh) else problem.triangulated()
 
 
 def _discretized(

@@ -12,7 +12,7 @@ from scipy import sparse
 from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
 from qvi_contact.discretization.contact_rows import joined
-from qvi_contact.discretization.discretization import Discretization, discretize, on_triangles
+from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import RowKind
 from qvi_contact.errors import InputError, SolveError
@@ -205,7 +205,7 @@ def _posed(problem: ContactProblem, loads: Sequence[str], **space: Any) -> Limit
     """The analysis of checked arguments."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    return LimitProblem.of(on_triangles(problem), checked_loads(problem, loads), **space)
+    return LimitProblem.of(problem, checked_loads(problem, loads), **space)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,6 @@ import numpy as np
 from qvi_contact import __version__
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import positive_number, whole_number
-from qvi_contact.discretization.discretization import on_triangles
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.problem.problem import ContactProblem
@@ -163,7 +162,7 @@ def refine(
     default, has no use for a start.
 
     """
-    problem = _checked(problem, result, options)
+    _check(problem, result, options)
     settings = Settings(
         _relative(target),
         whole_number("max_unknowns", max_unknowns),
@@ -218,8 +217,8 @@ class _Told:
             self._callback(record)
 
 
-def _checked(problem: ContactProblem, result: ContactResult | None, options: dict[str, Any]) -> ContactProblem:
-    """The problem on triangles, if it, the result and the options are what `refine` takes."""
+def _check(problem: ContactProblem, result: ContactResult | None, options: dict[str, Any]) -> None:
+    """`InputError` unless problem, result and options are what `refine` takes."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if result is not None and not isinstance(result, ContactResult):
@@ -227,7 +226,6 @@ def _checked(problem: ContactProblem, result: ContactResult | None, options: dic
     for name in ("initial", "throw"):
         if name in options:
             raise InputError(name, options[name], "is not for refine: meshes change, and failures are in the status")
-    return on_triangles(problem)
 
 
 def _refined(

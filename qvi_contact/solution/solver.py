@@ -10,7 +10,7 @@ import numpy as np
 from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.discretization.contact_rows import laws_vary
-from qvi_contact.discretization.discretization import Discretization, discretize, on_triangles
+from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.space import FAMILY, RowKind
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
@@ -149,7 +149,6 @@ def posed(
     rows = rows_for(method, contact_rows)
     if before is None:
         return _fitted(discretize(problem, degree=degree, contact_rows=rows), options)
-    problem = on_triangles(problem)
     _check_space(before, degree, "gauss" if rows is None and laws_vary(problem) else rows)
     return _fitted(before.following(problem), options)
 

@@ -23,7 +23,7 @@ import numpy as np
 from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, one_of, real_array, true_or_false
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.discretization import Discretization, on_triangles
+from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.space import RowKind
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
@@ -362,7 +362,7 @@ class SweepTask:
         check_options(options)
         chosen = _checked_names(problem, parameter, names)
         warm = true_or_false("warm_start", warm_start) and takes_state(options)
-        return cls(on_triangles(problem), parameter, chosen, space, options, warm)
+        return cls(problem, parameter, chosen, space, options, warm)
 
     def changed(self, value: float) -> ContactProblem:
         """The problem with this value."""
