@@ -14,12 +14,11 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
     from qvi_contact.command.second_model import SecondModel
     from qvi_contact.command.series import Series
-    from qvi_contact.discretization.families import ElementName
     from qvi_contact.files.problem_file import ProblemFile
     from qvi_contact.files.sweep_store import StoredSweep
+    from qvi_contact.limit.load_factor import LimitLoad
     from qvi_contact.refinement import LimitRefinement, Refinement
     from qvi_contact.solution.history import History
-    from qvi_contact.solution.limit import LimitLoad
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.verification.verification import Verification
 
@@ -651,7 +650,7 @@ def limit(
         told = {"time_limit": time_limit, "verbose": verbose}
         found, refinement = computed(problem_file.problem, loads, target, **space, **told)
     if plot is not None:
-        _draw_limit(problem_file, loads, found, refinement, space.get("element"), plot)
+        _draw_limit(problem_file, loads, found, refinement, plot)
     if as_json:
         click.echo(_json({"loads": list(loads), **document(found, refinement)}))
     else:
@@ -673,10 +672,10 @@ def methods(as_json: bool) -> None:
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
-    from solvers.factorisation.levels import LEVELS
+    from solvers.factorisation.dense import DENSE
     from solvers.solve import METHODS
 
-    factorisations = {LEVELS: "a few hundred unknowns", **available_backends()}
+    factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
     if as_json:
         document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
         click.echo(_json(document))
@@ -763,7 +762,6 @@ def _draw_limit(
     loads: "Sequence[str]",
     found: "LimitLoad",
     refinement: "LimitRefinement | None",
-    element: "ElementName | None",
     path: str,
 ) -> None:
     """The mechanism, if there is one."""
@@ -773,7 +771,7 @@ def _draw_limit(
     if found.mechanism is None:
         click.echo(f"qvi-contact: there is no mechanism to draw in {path}", err=True)
         return
-    save_figure(path, drawn(loads, file.problem, found, refinement, file.units, element))
+    save_figure(path, drawn(loads, file.problem, found, refinement, file.units))
 
 
 def _write_bracket(file: "ProblemFile", found: "Bracket | None", targets: dict[str, str]) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.shown import Rounding
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact, Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem

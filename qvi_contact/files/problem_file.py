@@ -21,7 +21,7 @@ from qvi_contact.files.problem_document import Document, TimeRange, parse
 from qvi_contact.files.problem_size import LARGEST, check_length
 from qvi_contact.problem.problem import ContactProblem
 
-ELEMENT_OPTIONS: Final = ("element", "degree", "contact_rows")
+ELEMENT_OPTIONS: Final = ("degree", "contact_rows")
 """Arguments of `solve` that choose the element rather than the method."""
 
 

@@ -1,6 +1,6 @@
 """Meshes and their edges."""
 
-from qvi_contact.mesh.lines import graded_lines
+from qvi_contact.mesh.grid import graded_lines
 from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.front import front

@@ -22,7 +22,8 @@ from qvi_contact.basics.checks import (
 )
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, points_along
-from qvi_contact.mesh.lines import checked_lines, graded_lines, on_line, subdivided
+from qvi_contact.mesh.grid import checked_lines, graded_lines, on_line
+from qvi_contact.mesh.lines import subdivided
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.named import NamedEdges
 from qvi_contact.mesh.words import mesh_line

@@ -26,12 +26,14 @@ from qvi_contact.mesh.curved import barycentric_of, reference_of
 from qvi_contact.mesh.curves import Curve
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
+from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.mesher import meshed
 from qvi_contact.mesh.named import NamedEdges
 from qvi_contact.mesh.outline import Line, Outline, Point, polygons
 from qvi_contact.mesh.parts import MeshParts
 from qvi_contact.mesh.rectilinear import RectilinearMesh
+from qvi_contact.mesh.selection import Range, edges_on_segment, triangles_in_box
 from qvi_contact.mesh.topology import Topology, chains, outward_normals
 from qvi_contact.mesh.triangle_checks import (
     checked_cells,
@@ -48,6 +50,9 @@ from solvers.basics.types import load
 
 Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
+
+Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
+"""A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
 
 _INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
@@ -132,10 +137,95 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
     ) -> TriangleMesh:
         """A rectangle of cells[0] × cells[1] rectangular cells, each cut into two triangles.
 
-        Its sides are called "bottom", "right", "top" and "left". See `RectilinearMesh.rectangle` for the parameters
-        and `of_rectangles` for the way cells are cut.
+        Its sides are called "bottom", "right", "top" and "left". See `grid` for the way cells are cut.
+
+        Parameters
+        ----------
+        cells : (int, int)
+            Numbers of cells along x and y.
+        width, height : float
+            Sides of the rectangle [length].
+        origin : (float, float)
+            Its lower left corner [length].
+        grading : float or (float, float)
+            Ratio of each cell to the one before it (see `graded_lines`), one number for both directions or a pair:
+            below 1 cells shrink towards the right and top sides.
+
         """
-        return cls.of_rectangles(RectilinearMesh.rectangle(cells, width, height, origin=origin, grading=grading))
+        return cls.grid(*rectangle_lines(cells, width, height, origin, grading))
+
+    @classmethod
+    def grid(
+        cls,
+        x: ArrayLike,
+        y: ArrayLike,
+        active: ArrayLike | None = None,
+        *,
+        edges: Mapping[str, Place] | None = None,
+        joints: Mapping[str, Place] | None = None,
+        regions: Mapping[str, tuple[Range, Range]] | None = None,
+    ) -> TriangleMesh:
+        """Rectangular cells between lines, each cut into two triangles.
+
+        All edges of the boundary that face down, right, up and left are called "bottom", "right", "top" and "left";
+        `edges` names parts of them.
+
+        Diagonals run away from the middle of the grid: from lower left to upper right in its lower left and upper right
+        quarters, from upper left to lower right in the others. So a body that is its own mirror image has triangles
+        that are, if the grid has an even number of cells across; a grid with twice the cells has triangles inside
+        these. A middle row counts as upper, a middle column as right: neither spoils the symmetry about the other. In a
+        corner of the body diagonals always run into the corner: a triangle with two edges on the boundary could follow
+        the tractions on neither of them. The triangles 2k and 2k + 1 lie in the cell k of the body, counted row by row.
+        Cells more than 500 times as long as wide are cut along their length first, by lines through the grid.
+
+        Parameters
+        ----------
+        x, y : (nx + 1,), (ny + 1,) arrays
+            Grid lines [length], strictly increasing, with any spacing; see `graded_lines`.
+        active : (ny, nx) bool array, optional
+            Cells that belong to the body, ``active[row, column]``; all of them by default.
+        edges : mapping of str to segment or function of (x, y), optional
+            Parts of the boundary by name. A segment is a pair of points ((x, y), (x, y)) between which the edges lie;
+            both are grid nodes. A function is given the midpoints of edges, as in `with_edges`.
+        joints : mapping of str to segment or function of (x, y), optional
+            Lines inside the body by name, along which a `Contact` may hold. Edges on the boundary do not belong to
+            them.
+        regions : mapping of str to (range, range), optional
+            Regions by name: those cells between two lines (x₁, x₂) and two lines (y₁, y₂), None for all.
+
+        Raises
+        ------
+        InputError
+            If lines do not increase, the mask has another shape or is empty, the body is not one piece whose cells
+            hang together by whole edges, cells are long both ways, or a place does not fit the lines.
+
+        """
+        mesh = cls._made(grid_parts(x, y, active))
+        sets: dict[str, IntArray] = dict(mesh.edge_sets)
+        for kind, given, among in (("edges", edges, True), ("joints", joints, False)):
+            for name, place in mapping(kind, given or {}, "names to segments, or to functions of (x, y)").items():
+                _check_name(name)
+                if name in sets:
+                    raise InputError("name", name, "this edge set exists already: choose another name")
+                sets[name] = mesh._placed_edges(name, place, among)
+        named = dict[str, IntArray]()
+        for name, ranges in mapping("regions", regions or {}, "names to pairs of ranges").items():
+            _check_name(name)
+            if not isinstance(ranges, (tuple, list)) or len(ranges) != 2:
+                raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")
+            named[name] = triangles_in_box(mesh.vertices, mesh.cells, ranges[0], ranges[1])
+        return replace(mesh, edge_sets=sets, regions=named) if len(sets) > len(mesh.edge_sets) or named else mesh
+
+    def _placed_edges(self, name: str, place: Place, boundary: bool) -> IntArray:
+        """Vertices of the edges on a segment, or of those a function chooses."""
+        if callable(place):
+            among = self.topology.boundary if boundary else ~self.topology.boundary
+            return self._chosen(name, place, among, "boundary" if boundary else "interior")
+        ends = real_array(name, place, "give a pair of points ((x, y), (x, y)), or a function of (x, y)")
+        if ends.shape != (2, 2) or not np.isfinite(ends).all():
+            raise InputError(name, place, "give a pair of points ((x, y), (x, y)), or a function of (x, y)")
+        start, stop = ends.tolist()
+        return edges_on_segment(self.vertices, self.topology, start, stop, inside=not boundary)
 
     @classmethod
     def of_rectangles(cls, mesh: RectilinearMesh) -> TriangleMesh:
