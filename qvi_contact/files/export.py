@@ -16,6 +16,7 @@ from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, write_text
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
+from qvi_contact.discretization.space import FAMILY
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import write_archive
 from qvi_contact.files.stored import solution_arrays
@@ -160,9 +161,8 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
       functions from which ``z`` counts, where small cells lie in several places; ``cuts``: vertices along lines from
       holes across which the Airy function of ``z`` jumps, line by line;
     * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``, ``reach``: obstacles
-      farther than so many units of displacement count as that far; ``freed``: nodes whose prescribed shear is given
-      up; ``earlier_slip``: of load steps before this one, at all contact points;
-      ``strict``: whether bounds hold on whole edges;
+      farther than so many units of displacement count as that far; ``earlier_slip``: of load steps before this one,
+      at all contact points;
     * ``z``, ``normal_multiplier``, ``tangential_multiplier``, ``equality_multiplier``, ``threshold``: of `QVISolution`;
     * ``certificate`` (JSON) and ``tolerance``; ``method``, ``inner``, ``form``, ``factorisation``, ``iterations``,
       ``corrections``, ``remarks``, ``history``, ``history_status``, ``timings``, ``versions``;
@@ -393,7 +393,7 @@ def _resultant(result: ContactResult, edges: str, units: Units) -> dict[str, Any
 def element_of(discretization: Discretization) -> dict[str, Any]:
     """Name, degree and contact rows of the element, for documents."""
     space = discretization.space
-    return {"name": space.family, "degree": space.degree, "contact_rows": space.contact_rule.kind}
+    return {"name": FAMILY, "degree": space.degree, "contact_rows": space.contact_rule.kind}
 
 
 def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:
@@ -401,7 +401,7 @@ def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:
     smallest, largest = mesh.cell_range
     return {
         "cells": mesh.cell_count,
-        "nodes": len(mesh.body_vertices),
+        "nodes": len(mesh.vertices),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
         "smallest_cell": _quantity(smallest, units.length),
@@ -465,7 +465,7 @@ def _numbers(result: ContactResult) -> dict[str, Any]:
 
 
 def _point_data(result: ContactResult, r: int, units: Units | None) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Points (m, 2) of all cells, those of `Basis.lattice` in each, cell by cell, and the fields there."""
+    """Points (m, 2) of all cells, those of `StressSpace.lattice` in each, cell by cell, and the fields there."""
     known, count = result.discretization, result.problem.mesh.cell_count
     t, _ = known.space.lattice(r)
     chunks = [np.arange(count)[start : start + _CHUNK] for start in range(0, count, _CHUNK)]

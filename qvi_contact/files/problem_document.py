@@ -431,6 +431,43 @@ def _check_one_place(table: Table, on_grid: str, keys: Sequence[str]) -> None:
             raise InputError(key, getattr(table, key), f"this belongs to {on_grid}, on a grid: leave it out")
 
 
+class StrengthTable(Table):
+    """What a material can carry in a limit analysis."""
+
+    law: Literal["tresca", "mises", "mohr-coulomb", "no-tension"]
+    """tresca, mises, mohr-coulomb or no-tension: `law = "mohr-coulomb"`."""
+    c: FieldValue | None = None
+    """tresca: strength in shear; mohr-coulomb: cohesion; a field [stress]: `c = 20.0`."""
+    yield_stress: FieldValue | None = None
+    """mises: yield stress in tension, a field [stress]: `yield_stress = 235.0`."""
+    phi: Scalar | None = None
+    """mohr-coulomb: angle of friction [rad]: `phi = "30 * pi / 180"`."""
+    tension: FieldValue | None = None
+    """mohr-coulomb: largest tensile stress, a field [stress]; that of c and phi by default: `tension = 0.0`."""
+    crushing: FieldValue | None = None
+    """no-tension: strength in compression, a field [stress]; without limit by default: `crushing = 4.0`."""
+
+    @model_validator(mode="after")
+    def _keys_are_those_of_the_law(self) -> "StrengthTable":
+        needed, more = STRENGTH_KEYS[self.law]
+        for key in ("c", "yield_stress", "phi", "tension", "crushing"):
+            given = getattr(self, key)
+            if key in needed and given is None:
+                raise InputError(key, None, f"add this key, it is needed for {self.law}")
+            if key not in (*needed, *more) and given is not None:
+                raise InputError(key, given, f"this does not belong to {self.law}: leave it out")
+        return self
+
+
+STRENGTH_KEYS: Final[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
+    "tresca": (("c",), ()),
+    "mises": (("yield_stress",), ()),
+    "mohr-coulomb": (("c", "phi"), ("tension",)),
+    "no-tension": ((), ("crushing",)),
+}
+"""Keys that each law needs, and those that it may have besides."""
+
+
 class MaterialTable(Table):
     """The body's material."""
 
@@ -440,6 +477,8 @@ class MaterialTable(Table):
     """Poisson's ratio: `poisson = 0.3`."""
     plane: Literal["stress", "strain"] = "stress"
     """Plane stress or plane strain: `plane = "strain"`."""
+    strength: StrengthTable | None = None
+    """What it can carry in a limit analysis, see `strength`: `strength = { law = "tresca", c = 1.0 }`."""
 
 
 class RegionTable(Rectangle):
@@ -451,6 +490,10 @@ class RegionTable(Rectangle):
     """Young's modulus [stress]: `young = 7e4`."""
     poisson: float
     """Poisson's ratio: `poisson = 0.3`."""
+    strength: StrengthTable | None = None
+    """What it can carry in a limit analysis; any stress without it:
+    `strength = { law = "mises", yield_stress = 235.0 }`.
+    """
 
 
 class SymmetryTable(Table):

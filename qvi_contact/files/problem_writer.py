@@ -20,6 +20,7 @@ from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.material import Region
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.strength import Strength
 from solvers.basics.types import load
 from solvers.errors import plain
 
@@ -99,7 +100,11 @@ def _text(
     document["mesh"] = _mesh(problem.mesh)
     material = problem.material
     document["material"] = {"young": material.young, "poisson": material.poisson, "plane": material.plane}
-    document["regions"] = [_region(region) for region in problem.regions]
+    document["material"] |= writer.strength("material", material.strength)
+    document["regions"] = [
+        _region(region) | writer.strength(f"regions[{i}]", region.material.strength)
+        for i, region in enumerate(problem.regions)
+    ]
     for kind, name in TABLES.items():
         chosen = [condition for condition in problem.conditions if isinstance(condition, kind)]
         document[name] = [writer.condition(name, i, condition) for i, condition in enumerate(chosen)]
@@ -161,6 +166,16 @@ class _Writer:
             if self.time not in (None, value.t):
                 raise InputError(path, value.text, f"t is {plain(self.time)} elsewhere: give all expressions one time")
             self.time = value.t
+
+    def strength(self, path: str, strength: Strength | None) -> dict[str, Any]:
+        """The entry `strength` of a material, if it has one."""
+        if strength is None:
+            return {}
+        values = {each.name: getattr(strength, each.name) for each in fields(strength)}
+        table = {name: self.field(f"{path}.strength.{name}", value) for name, value in values.items()}
+        return {
+            "strength": {"law": strength.kind} | {name: value for name, value in table.items() if value is not None}
+        }
 
     def condition(self, name: str, index: int, condition: Condition) -> dict[str, Any]:
         """The table of a condition, without what goes without saying."""

@@ -12,6 +12,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray, finite_number, one_o
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.strength import Strength
 
 Plane: TypeAlias = Literal["stress", "strain"]
 """Whether σ_zz or ε_zz is zero."""
@@ -30,6 +31,8 @@ class Material:
         singular, and a constant pressure must be determined by tractions, see `ContactProblem`.
     plane : "stress" or "strain"
         The plane state; κ = 0 or 1 in the compliance below.
+    strength : Tresca, Mises, MohrCoulomb or NoTension, optional
+        What the material can carry in a limit analysis; without it any stress. `solve` stays elastic.
 
     Raises
     ------
@@ -41,11 +44,15 @@ class Material:
     young: float
     poisson: float
     plane: Plane = "stress"
+    strength: Strength | None = None
 
     def __post_init__(self) -> None:
         positive_number("Material.young", self.young)
         poisson = finite_number("Material.poisson", self.poisson)
         one_of("Material.plane", self.plane, ("stress", "strain"), "give 'stress' or 'strain'")
+        if not isinstance(self.strength, Strength | None):
+            remedy = "give a Tresca, Mises, MohrCoulomb or NoTension, or leave it out"
+            raise InputError("Material.strength", self.strength, remedy)
         if not -1.0 < poisson <= 0.5:
             raise InputError("Material.poisson", poisson, "give a number above -1 and at most 0.5")
         with np.errstate(over="ignore"):

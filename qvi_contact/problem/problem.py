@@ -6,11 +6,12 @@ import pickle
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, check_field
+from qvi_contact.basics.retired import refuse_retired
 from qvi_contact.errors import InputError, UnknownNameError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -138,6 +139,12 @@ class ContactProblem(Stated):
                 raise InputError(name, value, remedy) from error
         return super().__getstate__()
 
+    if not TYPE_CHECKING:  # unknown names stay errors to type checkers
+
+        def __getattr__(self, name: str) -> object:
+            refuse_retired(name)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
     def __copy__(self) -> ContactProblem:
         """The problem itself: nothing in it can be changed."""
         return self
@@ -150,11 +157,17 @@ class ContactProblem(Stated):
         """Functions of position by the name of their field."""
         if callable(self.body_potential):
             yield "ContactProblem.body_potential", self.body_potential
-        for condition in self.conditions:
-            for field in fields(condition):
-                value = getattr(condition, field.name)
+        strengths = [material.strength for material in self.materials if material.strength is not None]
+        for stated in (*strengths, *self.conditions):
+            for field in fields(stated):
+                value = getattr(stated, field.name)
                 if callable(value):
-                    yield f"{type(condition).__name__}.{field.name}", value
+                    yield f"{type(stated).__name__}.{field.name}", value
+
+    @property
+    def yields(self) -> bool:
+        """Whether a part of the body has a strength."""
+        return any(self.materials[number].strength is not None for number in np.unique(self.cell_materials))
 
     @property
     def materials(self) -> tuple[Material, ...]:

@@ -5,9 +5,9 @@ import pytest
 
 from qvi_contact import InputError, RectilinearMesh, discretize, limit_load_factor, solve
 from qvi_contact.gallery import jointed_slope, masonry_wall, press_fit, rings
+from qvi_contact.limit import Relations
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Material, RigidPlate, Symmetry, Traction
-from qvi_contact.solution import Relations
 from solvers import Status
 
 BLOCK, COURSE, WEIGHT = 0.5, 0.25, 20.0

@@ -9,9 +9,9 @@ from scipy import optimize
 
 from qvi_contact import InputError, RectilinearMesh, SolveError, solve
 from qvi_contact.gallery import masonry_wall
+from qvi_contact.limit import limit_load, limit_load_factor
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction
-from qvi_contact.solution import limit_load, limit_load_factor
 from solvers import Status
 from solvers.inner import solved as program_solved
 from tests.effort import thinned
