@@ -154,7 +154,7 @@ def _resultants(
     for component in COMPONENTS:
         if getattr(plate, component) is None:
             continue
-        row, constant = np.zeros(points.basis.size), 0.0
+        row, constant = np.zeros(points.space.size), 0.0
         for axis, factor in enumerate(factors[component]):
             weights = points.weights * factor
             row += points.traction_load(np.eye(2)[axis], weights)

@@ -162,7 +162,7 @@ def refine(
     default, has no use for a start.
 
     """
-    problem = _checked(problem, result, options)
+    _check(problem, result, options)
     settings = Settings(
         _relative(target),
         whole_number("max_unknowns", max_unknowns),
@@ -217,8 +217,8 @@ class _Told:
             self._callback(record)
 
 
-def _checked(problem: ContactProblem, result: ContactResult | None, options: dict[str, Any]) -> ContactProblem:
-    """The problem on triangles, if it, the result and the options are what `refine` takes."""
+def _check(problem: ContactProblem, result: ContactResult | None, options: dict[str, Any]) -> None:
+    """`InputError` unless problem, result and options are what `refine` takes."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if result is not None and not isinstance(result, ContactResult):
@@ -226,7 +226,6 @@ def _checked(problem: ContactProblem, result: ContactResult | None, options: dic
     for name in ("initial", "throw"):
         if name in options:
             raise InputError(name, options[name], "is not for refine: meshes change, and failures are in the status")
-    return problem
 
 
 def _refined(

@@ -314,7 +314,7 @@ def solve_history(
     check_options(options)
     title = f"qvi_contact {__version__}: solve_history"
     with watched(time_limit), narrated(title, verbose, _COLUMNS, iterations=False) as story:
-        steps = _Problems.of(problems, kept=store is None)
+        steps = _given(problems, kept=store is None)
         survey = _surveyed(steps)
         contact_rows = rows_for(options.get("method"), contact_rows)
         if contact_rows is None and survey.laws_vary:
@@ -370,31 +370,6 @@ class _InMemory:
         return tuple(self._results[:count])
 
 
-class _Problems(Sequence[ContactProblem]):
-    """The problem of each step, made anew each time unless it is kept."""
-
-    def __init__(self, problems: Sequence[ContactProblem]) -> None:
-        self._problems = problems
-
-    def __len__(self) -> int:
-        return len(self._problems)
-
-    def __getitem__(self, index: int) -> ContactProblem:  # type: ignore[override]  # of one step
-        problem = self._problems[index]
-        if not isinstance(problem, ContactProblem):
-            raise InputError(f"problems[{index}]", problem, "give a ContactProblem for each load step")
-        return problem
-
-    @classmethod
-    def of(cls, problems: Iterable[ContactProblem], kept: bool) -> Sequence[ContactProblem]:
-        if not isinstance(problems, Iterable):
-            raise InputError("problems", problems, "give a list of at least one ContactProblem")
-        given = cls(problems if isinstance(problems, Sequence) else list(problems))
-        if not len(given):
-            raise InputError("problems", problems, "give a list of at least one ContactProblem")
-        return [given[index] for index in range(len(given))] if kept else given
-
-
 @dataclass(frozen=True)
 class _Survey:
     """What all steps have in common: units, and whether the law varies along an edge in any of them."""
@@ -403,20 +378,31 @@ class _Survey:
     laws_vary: bool
 
 
+def _given(problems: Iterable[ContactProblem], kept: bool) -> Sequence[ContactProblem]:
+    """The steps, which a sequence may make anew each time it is asked, unless they are kept."""
+    if not isinstance(problems, Iterable):
+        raise InputError("problems", problems, "give a list of at least one ContactProblem")
+    steps = list(problems) if kept or not isinstance(problems, Sequence) else problems
+    if not len(steps):
+        raise InputError("problems", problems, "give a list of at least one ContactProblem")
+    return steps
+
+
 def _surveyed(steps: Sequence[ContactProblem]) -> _Survey:
     """One look at every step, which must have the mesh and the contacts of the first."""
-    first, vary = steps[0], False
-    scales = Scales.of(first)
+    first, vary, known = steps[0], False, list[Scales]()
     for number in range(len(steps)):
         problem = steps[number]
+        if not isinstance(problem, ContactProblem):
+            raise InputError(f"problems[{number}]", problem, "give a ContactProblem for each load step")
         if problem.mesh is not first.mesh and not problem.mesh.same_as(first.mesh):
             raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
         if [_frame(contact) for contact in problem.contacts] != [_frame(contact) for contact in first.contacts]:
             names = [contact.name for contact in problem.contacts]
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
-        scales = max(scales, Scales.of(problem), key=lambda scales: (scales.loaded, scales.stress))
+        known.append(Scales.of(problem))
         vary = vary or laws_vary(problem)
-    return _Survey(scales, vary)
+    return _Survey(max(known, key=lambda scales: (scales.loaded, scales.stress)), vary)
 
 
 @dataclass(frozen=True, eq=False)

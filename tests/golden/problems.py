@@ -155,11 +155,11 @@ def _paper(friction: float) -> Problem:
             "uzawa, 30": {"method": "uzawa", "omega_T": step, "iterations": 30},
             "uzawa, printed rule, 30": {"method": "uzawa", "omega_T": step, "iterations": 30, "rule": "printed"},
         }
-        found = {name: solve_qvi(plate.qvi, tolerance=share * TOLERANCE, **options) for name, options in runs.items()}
+        results = {name: solve_qvi(plate.qvi, tolerance=share * TOLERANCE, **options) for name, options in runs.items()}
         return {
-            "status": {name: solution.status.value for name, solution in found.items()},
-            "iterations": {name: solution.iterations for name, solution in found.items()},
-            "force": {name: plate.force(solution.z) for name, solution in found.items()},
+            "status": {name: result.status.value for name, result in results.items()},
+            "iterations": {name: result.iterations for name, result in results.items()},
+            "force": {name: plate.force(result.z) for name, result in results.items()},
         }
 
     return numbers
@@ -168,10 +168,12 @@ def _paper(friction: float) -> Problem:
 def _graded_paper(share: float) -> Numbers:
     plate = paper.plate(0.2, (8, 8), width=1.5, grading=0.8, plane="strain")
     solution = solve_qvi(plate.qvi, tolerance=share * TOLERANCE)
+    principal = plate.principal_stress(solution.z)[:2]
     return {
         "status": {"": solution.status.value},
         "iterations": {"": solution.iterations},
         "force": {"plate: N": plate.force(solution.z)},
+        "stress": {"largest": float(np.abs(principal).max()), "excess": plate.excess_between_points(solution.z)},
     }
 
 
