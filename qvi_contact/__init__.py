@@ -1,6 +1,6 @@
 """Frictional contact computed from the stress side.
 
-A plane elastic body is described by an Airy stress function on C1 triangles or rectangles, so every computed stress is
+A plane elastic body is described by an Airy stress function on C1 triangles, so every computed stress is
 in equilibrium; contact with Coulomb friction is then a quasi-variational inequality for the stress, solved as one
 complementarity problem on the contact or as a sequence of convex programs, and certified on the original data.
 
@@ -10,7 +10,7 @@ Names are loaded on first use, so that importing the package, or asking the comm
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Branches, other_solutions
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.grid import graded_lines
     from qvi_contact.mesh.outline import Corner
-    from qvi_contact.mesh.rectilinear import RectilinearMesh
     from qvi_contact.mesh.triangles import TriangleMesh
     from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
     from qvi_contact.problem.fields import Expression, Polynomial
@@ -65,7 +64,6 @@ _HOME = {
     "Polynomial": "problem.fields",
     "ProblemFile": "files.problem_file",
     "QVIError": "errors",
-    "RectilinearMesh": "mesh.rectilinear",
     "Refinement": "refinement",
     "RefinementStatus": "refinement",
     "Region": "problem.material",
@@ -122,7 +120,6 @@ __all__ = [
     "Polynomial",
     "ProblemFile",
     "QVIError",
-    "RectilinearMesh",
     "Refinement",
     "RefinementStatus",
     "Region",
@@ -157,12 +154,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "stream_sweep":
-        from qvi_contact.errors import InputError
-
-        remedy = "is part of solve_sweep now: call solve_sweep(problem, parameter, values, of, store=FILE)"
-        raise InputError("name", name, remedy)
     if name not in _HOME:
+        from qvi_contact.basics.retired import refuse_retired
+
+        refuse_retired(name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
 

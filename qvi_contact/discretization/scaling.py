@@ -83,7 +83,7 @@ class Scales:
         for given in problem.prescribed(Traction):
             values = _sampled(problem, given.edges, given.name, given.value)
             sizes.append(float(np.abs(values).max()))
-        vertices = problem.mesh.vertices[problem.mesh.body_vertices]
+        vertices = problem.mesh.vertices
         potential = evaluate("ContactProblem.body_potential", problem.body_potential, *vertices.T)
         sizes.append(float(np.ptp(potential)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]

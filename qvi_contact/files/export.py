@@ -161,9 +161,8 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
       functions from which ``z`` counts, where small cells lie in several places; ``cuts``: vertices along lines from
       holes across which the Airy function of ``z`` jumps, line by line;
     * ``scales``: units of length, stress and compliance of the dimensionless problem, ``loaded``, ``reach``: obstacles
-      farther than so many units of displacement count as that far; ``freed``: nodes whose prescribed shear is given
-      up; ``earlier_slip``: of load steps before this one, at all contact points;
-      ``strict``: whether bounds hold on whole edges;
+      farther than so many units of displacement count as that far; ``earlier_slip``: of load steps before this one,
+      at all contact points;
     * ``z``, ``normal_multiplier``, ``tangential_multiplier``, ``equality_multiplier``, ``threshold``: of `QVISolution`;
     * ``certificate`` (JSON) and ``tolerance``; ``method``, ``inner``, ``form``, ``factorisation``, ``iterations``,
       ``corrections``, ``remarks``, ``history``, ``history_status``, ``timings``, ``versions``;
@@ -402,7 +401,7 @@ def _mesh(result: ContactResult, units: Units) -> dict[str, Any]:
     smallest, largest = mesh.cell_range
     return {
         "cells": mesh.cell_count,
-        "nodes": len(mesh.body_vertices),
+        "nodes": len(mesh.vertices),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
         "smallest_cell": _quantity(smallest, units.length),

@@ -100,6 +100,7 @@ def _edges(mesh: TriangleMesh, table: EdgesTable | JointTable, lines: Lines | No
     if lines is None:
         remedy = "sides and directions are for grids: on triangles give a segment between two points"
         raise InputError("segment", None, remedy + ("" if inside else ", or a box"))
+    facing: str | None
     if isinstance(table, JointTable):
         facing, axis = table.direction, 0 if table.direction == "horizontal" else 1
         pairs = mesh.topology.ends[~mesh.topology.boundary]

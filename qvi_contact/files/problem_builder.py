@@ -140,11 +140,12 @@ class Reader:
         for index, table in enumerate(document.regions):
             strength = self._strength(f"regions[{index}].strength", table.strength)
             with located(f"regions[{index}]", table):
-                if table.name is table.x is table.y is None:
+                if table.name is None and table.x is None and table.y is None:
                     remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
                     raise InputError("name", None, remedy)
-                ranges = (None if pair is None or table.name else (pair[0], pair[1]) for pair in (table.x, table.y))
-                regions.append(Region(Material(table.young, table.poisson, plane, strength), *ranges, name=table.name))
+                own = Material(table.young, table.poisson, plane, strength)
+                x, y = (None if pair is None or table.name else (pair[0], pair[1]) for pair in (table.x, table.y))
+                regions.append(Region(own, x, y, table.name))
                 cell_materials(mesh, regions[-1:])
         try:
             problem = ContactProblem(mesh, material, conditions, potential, regions)

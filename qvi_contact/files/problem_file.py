@@ -72,6 +72,11 @@ class ProblemFile:
         """What the file says of the element: arguments for `qvi_contact.discretize`."""
         return {name: value for name, value in self.solve_options.items() if name in ELEMENT_OPTIONS}
 
+    @property
+    def is_grid(self) -> bool:
+        """Whether the file gives its mesh by grid lines."""
+        return self._document.mesh.is_grid
+
     def problem_at(self, t: float) -> ContactProblem:
         """The problem with another value of t in its expressions, on the same mesh.
 

@@ -161,7 +161,11 @@ def _discretization(archive: Archive, posed: Callable[[Scales], Discretization])
 def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
     """The problem of a file; what is wrong with it is said with the name of that file."""
     try:
-        return discretize(problem_from_toml(text).problem, scales=scales, **_degree(archive))
+        file = problem_from_toml(text)
+        if file.is_grid:  # results on triangles are stored with these
+            remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
+            raise InputError("result", archive.path, remedy)
+        return discretize(file.problem, scales=scales, **_degree(archive))
     except InputError as error:
         if error.field == "result":  # names the file already
             raise
@@ -184,9 +188,6 @@ def _check_centres(archive: Archive, fresh: Discretization) -> None:
 
 def _degree(archive: Archive) -> dict[str, Any]:
     """Degree and contact rows of the element."""
-    if "degree" not in archive.arrays or "x_lines" in archive.arrays:
-        remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
-        raise InputError("result", archive.path, remedy)
     return {"degree": _count(archive, "degree"), "contact_rows": archive.text("contact_rows")}
 
 

@@ -190,7 +190,7 @@ def draw_outline(axes: "Axes", mesh: TriangleMesh, colour: str = GREY, width: fl
 
 def bounding_box(mesh: TriangleMesh) -> tuple[FloatArray, FloatArray]:
     """The lower left and the upper right corner of the body's bounding box, shape (2,) each [length]."""
-    vertices = mesh.vertices[mesh.body_vertices]
+    vertices = mesh.vertices
     return np.asarray(vertices.min(axis=0)), np.asarray(vertices.max(axis=0))
 
 

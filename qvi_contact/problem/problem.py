@@ -6,11 +6,12 @@ import pickle
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, check_field
+from qvi_contact.basics.retired import refuse_retired
 from qvi_contact.errors import InputError, UnknownNameError
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -137,6 +138,12 @@ class ContactProblem(Stated):
                 remedy = "this function cannot be pickled: take an Expression, a Polynomial, or a function of a module"
                 raise InputError(name, value, remedy) from error
         return super().__getstate__()
+
+    if not TYPE_CHECKING:  # unknown names stay errors to type checkers
+
+        def __getattr__(self, name: str) -> object:
+            refuse_retired(name)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __copy__(self) -> ContactProblem:
         """The problem itself: nothing in it can be changed."""
