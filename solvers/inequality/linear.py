@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, csr_array
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation import Factorisation, FactorisationError
-from solvers.inequality.blocks import stored, transposed
+from solvers.inequality.blocks import Rows, are_few, dense, stored, transposed
 
 _REFINEMENTS = 2  # of the dense system, where there are equality rows
 _DEPENDENT = 1e-12  # directions in which equality rows are weaker than this repeat each other
@@ -40,14 +40,16 @@ class EqualitySystem:
         self.A = A
         self.factor = factor
         self.interface: IntVector = self.factor.interface
-        self.A_interface: Matrix = self.on_interface(A).toarray()
+        self.A_interface: Matrix = np.asarray(dense(self._near(A)))
 
-    def on_interface(self, rows: Sparse) -> Sparse:
+    def _near(self, rows: Sparse) -> Rows:
         """Columns Γ (j, k) of rows (j, n), the same arrays where there are no entries in others, as in contact rows."""
+        if are_few(*rows.shape):
+            return rows.toarray()[:, self.interface]
         if self._goes_beyond(rows):
-            return csc_array(rows[:, self.interface])
+            return stored(rows[:, self.interface])
         starts = np.append(rows.indptr[self.interface], rows.indptr[-1])
-        return csc_array((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface)))
+        return stored(csc_array((rows.data, rows.indices, starts), (rows.shape[0], len(self.interface))))
 
     @property
     def schur(self) -> Matrix:
@@ -74,7 +76,7 @@ class EqualitySystem:
         if self._goes_beyond(rows):
             across = csr_array(rows)
             return lambda m: np.asarray(across @ self.solve(across.T @ m)[0])
-        near = stored(self.on_interface(rows))
+        near = self._near(rows)
         columns = transposed(near)
         return lambda m: np.asarray(near @ self.solve_interface(columns @ m)[0])
 
