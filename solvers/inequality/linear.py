@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigh
-from scipy.linalg.lapack import dpotrs
+from scipy.linalg import eigh
+from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.sparse import csc_array, csr_array
 
 from solvers.basics.types import IntVector, Matrix, Sparse, Vector
@@ -96,7 +96,7 @@ class _DenseSystem:
     S: Matrix
     A: Matrix
     rho: float
-    cholesky: tuple[Matrix, bool]
+    cholesky: Matrix
     relief: Matrix  # (S + ρ AᵀA)⁻¹ Aᵀ
     values: Vector
     vectors: Matrix  # eigenvectors of A relief that are not null
@@ -108,12 +108,16 @@ class _DenseSystem:
             square = A.T @ A
             rho = float(np.trace(S) / max(np.trace(square), np.finfo(float).tiny)) if len(S) else 0.0
             stiffened = S + rho * square
-        try:
-            cholesky = cho_factor(stiffened, lower=True) if len(S) else (S, True)
-        except LinAlgError as error:
-            raise FactorisationError("singular", "lapack", "the Schur complement is not positive definite") from error
-        relief = cho_solve(cholesky, A.T) if len(S) else A.T
-        values, vectors = eigh(A @ relief) if len(A) else (np.zeros(0), np.zeros((0, 0)))
+        cholesky = stiffened
+        if len(S):
+            cholesky, info = dpotrf(stiffened, lower=1, clean=0)
+            if info:
+                raise FactorisationError("singular", "lapack", "the Schur complement is not positive definite")
+        relief = A.T
+        values, vectors = np.zeros(0), np.zeros((0, 0))
+        if len(A):
+            relief = dpotrs(cholesky, A.T, lower=1)[0] if len(S) else A.T
+            values, vectors = eigh(A @ relief)
         kept = values > _DEPENDENT * values.max(initial=0.0)
         return cls(S, A, rho, cholesky, relief, values[kept], vectors[:, kept])
 
@@ -134,7 +138,7 @@ class _DenseSystem:
 
     def _inverse(self, g: Vector | Matrix) -> Vector | Matrix:
         """(S + ρ AᵀA)⁻¹ g; SciPy's `cho_solve` would take longer for its arguments than for small systems."""
-        return np.asarray(dpotrs(self.cholesky[0], g, lower=1)[0]) if g.size else g
+        return np.asarray(dpotrs(self.cholesky, g, lower=1)[0]) if g.size else g
 
 
 def interface_of(contact_rows: Sparse, A: Sparse) -> IntVector:
