@@ -12,9 +12,9 @@ from solvers.basics.narration import LOGGER
 from solvers.basics.types import IntVector, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import Factorisation, NoInterior
+from solvers.factorisation.dense import DENSE, SMALL, DenseFactor
 from solvers.factorisation.errors import FactorisationError
 from solvers.factorisation.forecast import check_limits
-from solvers.factorisation.dense import DENSE, SMALL, DenseFactor
 from solvers.factorisation.threads import thread_count
 
 BACKENDS: Final = ("pardiso", "superlu")
