@@ -668,32 +668,22 @@ def methods(as_json: bool) -> None:
 
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
     qpsolvers, "direct:…" solvers that keep their set-up between outer iterations, "socp:…" second-order cone programs
-    through cvxpy. On rectangles "strict:…" and "strict-direct:…" impose the contact law on whole edges instead of at
-    Gauss points; triangles do so by default. In a copy of the repository "python -m pip install '.[solvers]'" installs
+    through cvxpy. In a copy of the repository "python -m pip install '.[solvers]'" installs
     more back ends. The list also names factorisations that are not installed, and how to install them.
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
-    from solvers.factorisation.choice import SHARED
     from solvers.factorisation.levels import LEVELS
     from solvers.solve import METHODS
 
-    strict = available("strict") + available("strict-direct")
-    factorisations = {
-        SHARED: "uniform rectangles of one material", LEVELS: "a few hundred unknowns", **available_backends(),
-    }  # fmt: skip
+    factorisations = {LEVELS: "a few hundred unknowns", **available_backends()}
     if as_json:
-        document = {
-            "methods": list(METHODS), "inner": list(available()), "strict": list(strict),
-            "factorisation": factorisations,
-        }  # fmt: skip
+        document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
         click.echo(_json(document))
         return
     missing = {name: f"not installed: {install}" for name, install in missing_backends().items()}
     listed = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
-    groups = {
-        "methods": METHODS, "inner solvers": available(), "strict inner solvers": strict, "factorisations": listed,
-    }  # fmt: skip
+    groups = {"methods": METHODS, "inner solvers": available(), "factorisations": listed}
     for title, names in groups.items():
         click.echo("\n  ".join([title, *names]))
 
