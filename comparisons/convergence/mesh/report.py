@@ -69,7 +69,9 @@ def references_of(meshes: DataFrame) -> DataFrame:
         finest = graded[graded.degree == min(_REFERENCE_DEGREE, graded.degree.max())].tail(2)
         if len(finest) == 2:
             before, last = finest.force
-            source = f"graded {finest.cells.iloc[-1]:.0f} triangles of degree {finest.degree.iloc[-1]}; ± the mesh before"
+            source = (
+                f"graded {finest.cells.iloc[-1]:.0f} triangles of degree {finest.degree.iloc[-1]}; ± the mesh before"
+            )
             lines.append((name, last, abs(last - before), source))
     return DataFrame(lines, columns=["problem", "value", "uncertainty", "source"])
 
@@ -147,7 +149,10 @@ def brackets_of(meshes: DataFrame) -> DataFrame:
         gap = (found.upper - found.lower) / found.strain
         bounded = found[found.force_bounds.notna()]
         value, slack = known.value[problem], known.uncertainty[problem] + _ROUNDING * known.value[problem]
-        inside = [low - slack <= value <= high + slack for low, high in (sorted(map(abs, each)) for each in bounded.force_bounds)]
+        inside = [
+            low - slack <= value <= high + slack
+            for low, high in (sorted(map(abs, each)) for each in bounded.force_bounds)
+        ]
         lines.append((problem, len(found), int((found.guaranteed == True).sum()), gap.min(), len(inside), sum(inside)))  # noqa: E712
     return DataFrame(lines, columns=["problem", "number", "guaranteed", "gap", "bounded", "inside"])
 
