@@ -24,6 +24,9 @@ from qvi_contact.mesh.triangle_checks import LARGEST
 LONGEST: Final = 500.0
 """Length over width of a cell, beyond which it is cut along its length: thinner triangles lose too many digits."""
 
+SIDES: Final = ("bottom", "right", "top", "left")
+"""Names of the sides of a grid by the way they face, counterclockwise from −y."""
+
 _MOST_LINES: Final = 1_000_000
 _MOST_CELLS: Final = 10_000_000
 

@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,12 +26,9 @@ from qvi_contact.mesh.curves import Curve
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.files import from_skfem, read_mesh
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
-from qvi_contact.mesh.mesh import Mesh
 from qvi_contact.mesh.mesher import meshed
-from qvi_contact.mesh.named import NamedEdges
 from qvi_contact.mesh.outline import Line, Outline, Point, polygons
 from qvi_contact.mesh.parts import MeshParts
-from qvi_contact.mesh.rectilinear import RectilinearMesh
 from qvi_contact.mesh.selection import Range, edges_on_segment, triangles_in_box
 from qvi_contact.mesh.topology import Topology, chains, outward_normals
 from qvi_contact.mesh.triangle_checks import (
@@ -42,8 +38,6 @@ from qvi_contact.mesh.triangle_checks import (
     checked_vertices,
     refuse_flaws,
 )
-from qvi_contact.mesh.triangulation import triangulated
-from qvi_contact.mesh.words import mesh_line
 from solvers.basics.names import known_name
 from solvers.basics.pickles import Stated
 from solvers.basics.types import load
@@ -57,6 +51,7 @@ Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], Arra
 _INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 _EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
+_LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
 _NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
@@ -64,7 +59,7 @@ _TOGETHER: Final = 64  # points that are looked for in all triangles at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TriangleMesh(Stated, NamedEdges[Edges]):
+class TriangleMesh(Stated):
     """A body divided into triangles.
 
     Parameters
@@ -119,7 +114,11 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return arc.checked(name, self.vertices, self.topology)
 
     def __repr__(self) -> str:
-        return mesh_line(self, f"{len(self.cells)} triangles with {len(self.vertices)} vertices")
+        width, height = np.ptp(self.vertices, axis=0).tolist()
+        parts = [("edges", self.edge_names), ("joints", self.joint_names), ("regions", self.region_names)]
+        listed = "".join(f"; {kind} {_some(names)}" for kind, names in parts if names)
+        cells = f"{len(self.cells)} triangles with {len(self.vertices)} vertices"
+        return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{listed}>"
 
     def _repr_html_(self) -> str:
         """The mesh drawn, for notebooks."""
@@ -226,21 +225,6 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             raise InputError(name, place, "give a pair of points ((x, y), (x, y)), or a function of (x, y)")
         start, stop = ends.tolist()
         return edges_on_segment(self.vertices, self.topology, start, stop, inside=not boundary)
-
-    @classmethod
-    def of_rectangles(cls, mesh: RectilinearMesh) -> TriangleMesh:
-        """The same body with every rectangle cut into two triangles; edge sets and joints keep their names.
-
-        Diagonals run away from the middle of the grid, so that symmetric bodies have symmetric triangles if their
-        number of cells across is even; in corners of the body into the corner. The triangles 2k and 2k + 1 lie in the
-        active cell k, counted row by row. The same mesh gives the same triangles again, with what they have computed.
-        """
-        if not isinstance(mesh, RectilinearMesh):
-            raise InputError("mesh", mesh, "give a RectilinearMesh")
-        found = _OF_RECTANGLES.get(mesh)
-        if found is None:
-            found = _OF_RECTANGLES[mesh] = cls._made(triangulated(mesh))
-        return found
 
     @classmethod
     def _made(cls, parts: MeshParts) -> TriangleMesh:
@@ -359,11 +343,6 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return len(self.cells)
 
     @cached_property
-    def body_vertices(self) -> IntArray:
-        """Numbers of all vertices."""
-        return np.arange(len(self.vertices))
-
-    @cached_property
     def corners(self) -> FloatArray:
         """Coordinates of the corners of all triangles, shape (m, 3, 2) [length]."""
         return np.asarray(self.vertices[self.cells])
@@ -414,6 +393,33 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
             places[name] = np.searchsorted(np.flatnonzero(alike), self.numbers(name))
         return places
 
+    def edge_set(self, name: str) -> IntArray:
+        """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
+        return self._sets[known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")]
+
+    def joint_set(self, name: str) -> IntArray:
+        """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
+        return self._sets[known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")]
+
+    def edges(self, name: str) -> Edges:
+        """The edges called `name`, on the boundary or in a joint."""
+        if isinstance(name, str) and name in self._taken:
+            return self._taken[name]
+        known = {"edge sets": self.edge_names, "joints": self.joint_names}
+        if known_name("edges", name, known, "add it by with_edges() or with_joint()") in self.joint_names:
+            found = self.interior.take(self.joint_set(name))
+        else:
+            found = self.boundary.take(self.edge_set(name))
+        for part in vars(found).values():
+            if isinstance(part, np.ndarray):
+                part.setflags(write=False)  # all who ask share it
+        return self._taken.setdefault(name, found)
+
+    @cached_property
+    def _taken(self) -> dict[str, Edges]:
+        """Those asked for so far: a problem asks for the same ones tens of times."""
+        return {}
+
     def region(self, name: str) -> IntArray:
         """Numbers of the triangles of a region, in ascending order."""
         return self.regions[known_name("region", name, {"regions": self.regions}, "add it by with_region()")]
@@ -422,10 +428,6 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         """Coordinates x, y [length] at reference points t, 0 to 1, (q,) or (n, q), of n edges; shape (n, q) each."""
         points = points_along(self.vertices, edges, t)
         return points[..., 0], points[..., 1]
-
-    def arranged(self, values: FloatArray) -> FloatArray:
-        """Values of the triangles (m,) as they are."""
-        return values
 
     def numbers(self, name: str) -> IntArray:
         """Numbers in `topology` of the edges called `name`, in ascending order."""
@@ -724,7 +726,7 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         shared.sort_indices()
         return np.split(shared.indices.astype(np.int64), shared.indptr[1:-1])
 
-    def same_as(self, other: Mesh) -> bool:
+    def same_as(self, other: TriangleMesh) -> bool:
         """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
         return (
             isinstance(other, TriangleMesh)
@@ -791,10 +793,6 @@ class TriangleMesh(Stated, NamedEdges[Edges]):
         return found
 
 
-_OF_RECTANGLES: WeakKeyDictionary[RectilinearMesh, TriangleMesh] = WeakKeyDictionary()
-"""What grids have been cut into, as long as these are there: all steps of a history have one grid."""
-
-
 def _depths(given: object, count: int) -> IntArray:
     """How often triangles at each point are halved, (count,)."""
     remedy = f"give a whole number from 0 to {_DEEPEST}, or one for each of the {count} points"
@@ -821,6 +819,12 @@ def _selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], p
     if mask.dtype != bool:
         raise InputError(name, mask.dtype, "the function must return booleans")
     return np.flatnonzero(mask)
+
+
+def _some(names: tuple[str, ...]) -> str:
+    """The first few names, and how many more."""
+    more = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _check_name(name: object) -> None:
