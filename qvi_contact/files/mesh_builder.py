@@ -250,10 +250,6 @@ def _denser(document: Document, mesh: TriangleMesh, table: RefineTable, lines: L
         length = max(float(across[-1] - across[0]) for across in lines)
         if smallest > largest:
             raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
-        if smallest < _FINEST * length:
-            raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * length:g}")
-        if length / largest > _MOST_LINES:
-            raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
         growth, wanted = -float(np.log(table.ratio)), 1.0
         for across in lines:  # about how many cells there will be: 2 log(1 + growth largest/smallest)/growth at a line
             extent = float(across[-1] - across[0])
@@ -261,6 +257,10 @@ def _denser(document: Document, mesh: TriangleMesh, table: RefineTable, lines: L
             wanted *= min(graded, len(across) + extent / smallest)
         if wanted > _MOST_CELLS:
             raise InputError("largest", table.largest, f"give more: this makes some {wanted:.0e} cells in all")
+        if smallest < _FINEST * length:
+            raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * length:g}")
+        if length / largest > _MOST_LINES:
+            raise InputError("largest", largest, f"asks for more than {_MOST_LINES} lines: give a larger size")
         places = np.concatenate(critical)
         x, y = (
             _subdivided(across, np.unique(places[:, axis]), largest, smallest, growth)
