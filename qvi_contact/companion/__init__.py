@@ -29,6 +29,6 @@ __getattr__ = front(
         "elasticity": ("Elasticity",),
         "solver": ("moduli",),
         "space": ("Space",),
-        "triangle": ("Triangle", "reference_matrices", "triangle"),
+        "triangle": ("Triangle", "reference_matrices"),
     },
 )

@@ -10,11 +10,12 @@ __getattr__ = front(
     {
         "condensed": ("potential_points",),
         "elimination": ("Rows", "UnbalancedLoadError", "solve_conditions"),
+        "energy": ("TriangleEnergy",),
         "frames": ("shortest_cuts",),
         "loads": ("EdgePoints", "physical"),
         "plates": ("misplaced_pins", "pressed_pins"),
         "scaling": ("REACH", "Scales"),
         "space": ("FAMILY", "StressSpace"),
-        "tractions": ("PrescribedTraction", "walk"),
+        "tractions": ("PrescribedTraction", "eliminate_tractions", "walk"),
     },
 )

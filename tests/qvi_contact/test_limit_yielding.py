@@ -13,7 +13,6 @@ from qvi_contact import (
     Mises,
     MohrCoulomb,
     NoTension,
-    RectilinearMesh,
     Region,
     RigidPlate,
     Symmetry,
@@ -61,7 +60,7 @@ def test_uniform_tension(strength, plane, exact, degree):
 
 
 def test_rectangles_become_triangles_and_units_do_not_matter():
-    problem = stretched(Tresca(0.7e6), mesh=RectilinearMesh.rectangle((2, 2), 1e3, 1e3))
+    problem = stretched(Tresca(0.7e6), mesh=TriangleMesh.rectangle((2, 2), 1e3, 1e3))
     assert limit_load_factor(problem, ["top"]).lower == pytest.approx(1.4e6, rel=1e-6)
 
 
@@ -116,7 +115,7 @@ def test_what_the_other_loads_break_carries_no_multiple():
 
 def test_a_rigid_punch_by_force_is_two_plus_pi_at_most():
     """Prandtl's punch, half of it; friction under it does not matter, and bounds hold 2 + π."""
-    mesh = TriangleMesh.of_rectangles(RectilinearMesh([0, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4], [-2, -1, -0.5, -0.25, 0]))
+    mesh = TriangleMesh.grid([0, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4], [-2, -1, -0.5, -0.25, 0])
     mesh = TriangleMesh(mesh.vertices, mesh.cells)
     mesh = mesh.with_edges("foot", lambda x, y: (y > -E) & (x < 1)).with_edges("free", lambda x, y: (y > -E) & (x > 1))
     mesh = mesh.with_edges("left", lambda x, _: x < E).with_edges("far", lambda x, y: (x > 4 - E) | (y < -2 + E))
@@ -168,10 +167,10 @@ def test_no_tension_masonry_on_its_edge():
 def random_body(seed):
     """Blocks with random strengths, contacts, weight and thrust."""
     generator = np.random.default_rng(seed)
-    mesh = RectilinearMesh.rectangle((3, 4), 1.0, 2.0)
+    mesh = TriangleMesh.rectangle((3, 4), 1.0, 2.0)
     if generator.random() < 0.6:
-        mesh = mesh.with_joint("joint", "horizontal", 1.0)
-    mesh = TriangleMesh.of_rectangles(mesh).with_region("part", lambda x, _: x > 0.4)
+        mesh = mesh.with_joint("joint", lambda _, y: np.isclose(y, 1.0))
+    mesh = mesh.with_region("part", lambda x, _: x > 0.4)
     c = float(generator.uniform(0.5, 3.0))
     strengths = [
         Tresca(c), Mises(2 * c), MohrCoulomb(c, 0.4), MohrCoulomb(c, 0.2, 0.3 * c), NoTension(4 * c), None,
