@@ -171,9 +171,10 @@ def _grid(table: MeshTable, lines: Lines) -> TriangleMesh:
     if not table.remove:
         with located("mesh", table):
             return TriangleMesh.grid(x, y)
+    body = _body(table, lines)
     with located("mesh.remove"):
         try:
-            return TriangleMesh.grid(x, y, _body(table, lines))
+            return TriangleMesh.grid(x, y, body)
         except InputError as error:
             value = [rectangle.model_dump(exclude_none=True) for rectangle in table.remove]
             raise type(error)(error.field, value, error.remedy) from error
