@@ -61,7 +61,7 @@ class Answer:
 
     def __init__(self, name: str, element: Element) -> None:
         self.file, self.element = read_example(name), element
-        self._options = {key: value for key, value in self.file.solve_options.items() if key not in element.options}
+        self._options = {key: value for key, value in self.file.solve_options.items() if key != "degree"}
         self._limits: dict[str, LimitLoad] = {}
 
     @cached_property
