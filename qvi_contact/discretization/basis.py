@@ -196,7 +196,7 @@ class Energy(Protocol):
         ...
 
     def places(self, elimination: Elimination) -> FloatArray | None:
-        """Where the unknowns are (n, 2); None where libraries find orders of elimination that are as good without."""
+        """Where the unknowns are (n, 2), for orders of elimination; None where these do not count."""
         ...
 
     def coefficients(self, u: FloatArray) -> FloatArray:

@@ -11,6 +11,8 @@ from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.discretization.hsieh_clough_tocher.condensed import CondensedTriangles, TriangleRoot, energy_matrix
 from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace
 
+_ORDERED = 2000  # unknowns from which on their order of elimination counts
+
 
 @dataclass(frozen=True, eq=False)
 class TriangleEnergy:
@@ -44,8 +46,18 @@ class TriangleEnergy:
         basis, particular = elimination.basis, elimination.particular
         return TriangleRoot(self.condensed, self.space.differences, centres, basis, particular)
 
-    def places(self, elimination: Elimination) -> None:
-        """None: lines across triangles cut more unknowns than what METIS finds."""
+    def places(self, elimination: Elimination) -> FloatArray | None:
+        """Centres (n, 2) of the vertices and edges whose degrees of freedom belong to each unknown; None for few."""
+        basis, vertices = elimination.basis, self.space.vertices
+        if basis.shape[1] < _ORDERED:
+            return None
+        middles = vertices[self.space.mesh.topology.ends].mean(axis=1)
+        own = np.vstack([np.repeat(vertices, 3, axis=0), np.repeat(middles, self.space.element.on_edge, axis=0)])
+        weights = abs(basis[: len(own)])  # behind them come jumps across cuts, which have no place
+        total = np.asarray(weights.sum(axis=0)).ravel()
+        centre = vertices.mean(axis=0)
+        mean = (weights.T @ (own - centre)) / np.where(total > 0.0, total, 1.0)[:, None]
+        return np.asarray(centre + mean)
 
     def coefficients(self, u: FloatArray) -> FloatArray:
         """Φ of each triangle, shape (cells, dimension).
