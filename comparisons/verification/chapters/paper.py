@@ -10,7 +10,7 @@ from comparisons.paper.reference import load
 from comparisons.paper.study import SHRINKING
 from comparisons.verification.elements import Chapter
 from comparisons.verification.measures import FORCE
-from comparisons.verification.proof import Proof, certified_algebra
+from comparisons.verification.proof import Proof, both, certified_algebra
 from comparisons.verification.row import Kind, Row, absolute, relative
 from qvi_contact import principal_stresses
 from qvi_contact.basics.checks import FloatArray
@@ -56,7 +56,7 @@ def methods_on_the_paper_mesh(quick: bool) -> Iterator[Row]:
         others |= {f"fixed point, {inner}": solve_qvi(plate.qvi, method="fixed-point", inner=inner) for inner in inners}
         ours = np.array(plate.tractions(condensed.z)[1:])
         for name, other in others.items():
-            proof = certified_algebra(condensed, other)
+            proof = both(certified_algebra(condensed), certified_algebra(other))
             source = f"{name}; ours: condensed interior point"
             force, quantity = plate.force(other.z), f"P/2, μ = {friction:g} [{FORCE}]"
             yield relative(quantity, plate.force(condensed.z), force, 1e-7, source, proof, Kind.METHODS)
