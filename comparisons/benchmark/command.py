@@ -19,7 +19,7 @@ FOLDER = "results/benchmark"
               help="Blocks along a side of a wall; may take several numbers.")  # fmt: skip
 @click.option("--load", type=FiniteRange(0.0), multiple=True,
               help="Load of a wall from the side, over its weight.  [default: 0.02, 0.3, 0.45]")  # fmt: skip
-@click.option("--cells", type=COUNT, multiple=True, default=(8, 16, 32, 64, 128),
+@click.option("--cells", type=COUNT, multiple=True, default=(8, 16, 32, 64),
               show_default=True, help="Cells along a side; may take several numbers.")  # fmt: skip
 @click.option("--friction", type=FiniteRange(0.0), multiple=True, default=(0.1, 0.2, 0.5), show_default=True,
               help="Coefficients of friction; may take several numbers.")  # fmt: skip

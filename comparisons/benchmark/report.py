@@ -203,8 +203,8 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 
     The columns are sequence, way, solved and planned (numbers of problems), iterations (of all but the first), later
     (mean processor time of a problem after the first) and together (time of all), both over the median of single
-    solves, force (largest difference of a force from that of single solves, of histories from cold starts, over the largest
-    normal force), and accuracy (the worst that a certificate confirms).
+    solves, force (largest difference of a force from that of single solves, of histories from cold starts, over the
+    largest normal force), and accuracy (the worst that a certificate confirms).
     """
     done = sorted((row for row in rows if row.status == DONE), key=lambda row: row.position)
     columns = ("sequence", "way", "solved", "planned", "iterations", "later", "together", "force", "accuracy")
@@ -317,7 +317,8 @@ _COMMON: Final[dict[str, Form]] = {
 FORMS: Final[dict[str, Form]] = {
     **_COMMON, **dict.fromkeys(("cells", "from", "to"), _cells), "spread": percent, "imports": memory,
     **dict.fromkeys(("ratio_own", "ratio_fastest"), _HUNDREDTHS), "more": fixed(".0f"), "met": listing,
-    "half_force": fixed(".8f"), "ratio": lambda value: significant(value, 4), **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
+    "half_force": fixed(".8f"), "ratio": lambda value: significant(value, 4),
+    **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
     **dict.fromkeys(("half_force_error", "error"), _shown_error), "half_force_difference": scientific,
     "force": lambda value: "–" if value != value else scientific(value),
 }  # fmt: skip

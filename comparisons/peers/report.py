@@ -63,7 +63,7 @@ FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
 """Column of a table → how its values read."""
 
 
-def tables_of(runs: DataFrame, costs: DataFrame, known: Mapping[float, Reference]) -> dict[str, DataFrame | Grid]:
+def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame | Grid]:
     """The tables by name; `costs` is that of `costs_of`."""
     shown = runs.assign(
         shown=list(map(_error, runs.error, runs.floor)), half=0.5 * (runs.high - runs.low) / runs.low,
@@ -145,7 +145,7 @@ def report(rows: Sequence[Row]) -> Document:
         "command": _command(runs, rows[0].case["repetitions"]),
         "places": [_place(friction, here, known, pictures) for friction, here in by_friction(runs)],
     }  # fmt: skip
-    tables, settings = tables_of(runs, costs, known), [*settings_of(runs, known), *environment_grids(rows)]
+    tables, settings = tables_of(runs, costs), [*settings_of(runs, known), *environment_grids(rows)]
     return render("comparisons.peers", "peers", values, tables, pictures, settings, forms=FORMS)
 
 

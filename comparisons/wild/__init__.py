@@ -8,8 +8,8 @@ __getattr__ = front(
         "bodies": ("Dice",),
         "enumeration": ("EXISTS", "NONE", "enumerated"),
         "generator": ("FAMILIES", "wild_problem"),
-        "judge": ("wrong",),
+        "judge": ("compare", "wrong"),
         "report": ("ORDER", "counts_of", "problems_of", "values_of"),
-        "study": ("ACCEPTED", "FOREIGN", "INFEASIBLE", "OPEN", "REFUSED", "SOLVED", "declared", "solve_case"),
+        "study": ("ACCEPTED", "EACH", "FOREIGN", "INFEASIBLE", "OPEN", "REFUSED", "SOLVED", "declared", "solve_case"),
     },
 )

@@ -25,8 +25,8 @@ def wild(options: RunOptions, quick: bool, each: int | None, only: tuple[str, ..
 
     They have thin bodies, odd units, large friction, polygons, arcs, holes, joints, several bodies, meshes from files,
     distant gaps, every contact law, plates with moments, no load at all, or contradictory data. Every answer that is
-    called solved is checked again from its stresses and the data alone. The exit status is 1 if such an answer is wrong, if an exception is not one of
-    the package's own, or if contradictory data are accepted.
+    called solved is checked again from its stresses and the data alone. The exit status is 1 if such an answer is
+    wrong, if an exception is not one of the package's own, or if contradictory data are accepted.
 
     \b
     Examples:

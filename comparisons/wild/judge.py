@@ -1,8 +1,8 @@
 """Is a stress state what it is said to be? Judged by sampled stresses and the problem's own data alone.
 
 `ContactResult.stress` is sampled in the thirds into which its barycentre divides every triangle. In each of them
-stresses less the body potential are polynomials of degree p − 2, which the samples determine; everything below is computed from
-these. A side that is an arc is reached by the same polynomials, continued.
+stresses less the body potential are polynomials of degree p − 2, which the samples determine; everything below is
+computed from these. A side that is an arc is reached by the same polynomials, continued.
 
 | what               | checked                                                                                      |
 |--------------------|----------------------------------------------------------------------------------------------|

@@ -5,11 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from comparisons import estimates, wild
+from comparisons import wild
 from comparisons.lab.study import read_csv
-from qvi_contact import Contact, ContactProblem, InputError, Material, Traction, TriangleMesh, discretize, solve
+from comparisons.wild import estimates, practical
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    ContactResult,
+    InputError,
+    Material,
+    Symmetry,
+    Traction,
+    TriangleMesh,
+    discretize,
+    solve,
+)
 from qvi_contact.gallery import compressed_plate
-from solvers import Status
 from tests.comparisons.convergence_parts import REPORTS, report_of, rows_of
 from tests.effort import EFFORT, examples
 
@@ -29,7 +40,6 @@ SAMPLE = [
         for number in range(examples(3))
         if EFFORT > 1.0 or number not in STRENUOUS.get(family, ())
     ),
-    ("idle", 10),  # whose second method does not end
 ]
 
 
@@ -40,7 +50,7 @@ def described(family, number):
     except InputError as error:
         return str(error)
     values = [repr(condition).split(" at 0x")[0] for condition in problem.conditions]
-    return repr((problem.mesh.x.tolist(), problem.mesh.y.tolist(), problem.mesh.active.tolist(), values))
+    return repr((problem.mesh.vertices.tolist(), problem.mesh.cells.tolist(), values))
 
 
 class TestGenerator:
@@ -59,7 +69,8 @@ class TestGenerator:
     def test_families_are_as_wild_as_they_say(self):
         numbers = {"thin": 36, "units": 12, "friction": 10, "idle": 30}
         problems = {family: made(family, range(each)) for family, each in numbers.items()}
-        aspects = [np.ptp(each.mesh.y) / np.ptp(each.mesh.x) for each in problems["thin"]]
+        sizes = [np.ptp(each.mesh.vertices, axis=0) for each in problems["thin"]]
+        aspects = [height / width for width, height in sizes]
         assert min(aspects) < 3e-3
         assert max(aspects) > 300.0
         lengths = [each.mesh.length for each in problems["units"]]
@@ -68,6 +79,8 @@ class TestGenerator:
         frictions = [c.friction for each in problems["friction"] for c in each.contacts if not callable(c.friction)]
         assert min(frictions) == 0.0
         assert max(frictions) == 1e3
+        assert all(each.mesh.arcs for each in made("arcs", range(4)))
+        assert all("joint" in each.mesh.joint_names for each in made("bodies", range(8)))
         assert any(callable(c.pore_pressure) for each in made("fluids", range(20)) for c in each.contacts)
         assert all(m.incompressible for each in made("incompressible", range(20)) for m in each.materials)
         assert not any(c.x or c.y for each in problems["idle"] for c in each.conditions if isinstance(c, Traction))
@@ -94,14 +107,61 @@ class TestSample:
         assert found["warnings"] == []
 
 
-def test_a_factorisation_that_fails_is_a_status():
-    """Cells 40000 times as long as high are beyond double precision; which method sees that first is rounding."""
-    assert solve(wild.wild_problem("joints", 11).problem).status in (Status.ILL_CONDITIONED, Status.STALLED)
+def pressed(friction=0.3, **changes):
+    """A block pressed and dragged on its bottom."""
+    given = {"top": (2.0, -10.0), "left": (0.0, 0.0), **changes}
+    tractions = [Traction(side, *values) for side, values in given.items()]
+    mesh = TriangleMesh.rectangle((4, 3), 2.0, 1.0)
+    return ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", friction), *tractions, Symmetry("right")])
 
 
-@pytest.mark.parametrize("number", [4, 29, 36, 46, 50, 54, 64, 75, 76, 109, 151, 190, 216, 385, 913])
+def forged(result, problem=None, **changes):
+    """The result with another solution, or that of another problem."""
+    known = result.discretization if problem is None else replace(result.discretization, problem=problem)
+    return ContactResult(known, replace(result.solution, **changes))
+
+
+class TestJudge:
+    """Each check fails where it ought to."""
+
+    @pytest.fixture(scope="class")
+    def right(self):
+        return solve(pressed())
+
+    def test_a_right_answer_has_no_error(self, right):
+        assert wild.wrong(right) == []
+        assert wild.wrong(solve(pressed(), degree=6, contact_rows="gauss"), 6) == []
+
+    def test_another_load_is_seen(self, right):
+        assert any("prescribed" in text for text in wild.wrong(forged(right, pressed(top=(2.0, -11.0)))))
+
+    def test_less_friction_is_seen(self, right):
+        assert any(text.startswith("friction on bottom") for text in wild.wrong(forged(right, pressed(0.01))))
+
+    def test_a_body_force_that_is_not_there_is_seen(self, right):
+        heavy = replace(pressed(), body_potential=lambda _, y: 3.0 * y)
+        assert not wild.wrong(solve(heavy))
+        assert wild.wrong(ContactResult(replace(right.discretization, problem=heavy), right.solution))
+
+    def test_tension_is_seen(self):
+        result = solve(pressed(top=(0.0, -10.0)))
+        assert any("tension" in text for text in wild.wrong(forged(result, z=-3.0 * result.solution.z)))
+
+    def test_more_energy_than_needed_is_seen(self, right):
+        """The state of another friction bound obeys the law of a larger one, and is not the least."""
+        slipping = solve(pressed(0.21, top=(2.0, -10.0)))
+        assert wild.compare(forged(slipping, pressed(0.9)), solve(pressed(0.9))).differs
+        assert not wild.compare(right, solve(right.discretization, method="fixed-point")).differs
+
+    @pytest.mark.parametrize("family", ["arcs", "bodies"])
+    def test_answers_on_arcs_are_right(self, family):
+        problem = made(family, range(4))[0]
+        assert wild.wrong(solve(problem)) == []
+
+
+@pytest.mark.parametrize("number", range(20))
 def test_arrays_and_complex_values_where_a_name_or_number_belongs_are_refused(number):
-    """Arrays as meshes, names of edges, sides, contacts and planes, ragged masks, complex offsets, lists as damping."""
+    """Whatever stands where a name, number, place or mesh belongs."""
     assert wild.solve_case({"family": "nonsense", "number": number})["outcome"] == wild.REFUSED
 
 
@@ -170,7 +230,7 @@ class TestEstimates:
     """Errors that `refine` tells."""
 
     def test_a_number_makes_the_same_problem_again(self):
-        one, same, other = (estimates.stated(number) for number in (3, 3, 4))
+        one, same, other = (practical.stated(number) for number in (3, 3, 4))
         made = [repr((each.problem.mesh.vertices.tolist(), each.problem.conditions)) for each in (one, same, other)]
         assert made[0] == made[1] != made[2]
         assert (one.quantity, one.target, one.degree) == (same.quantity, same.target, same.degree)

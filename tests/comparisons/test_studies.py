@@ -13,18 +13,20 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from comparisons import benchmark, estimates, peers, wild
+from comparisons import benchmark, peers, wild
 from comparisons import solvers as comparison
 from comparisons.lab.report import command as look_at
 from comparisons.lab.report import findings_of, missing
 from comparisons.lab.study import StoredStudy, Study, read_csv, read_study
 from comparisons.peers.pin import pin_study
+from comparisons.wild import estimates
 from tests.comparisons.conftest import outlines
 from tests.comparisons.convergence_parts import REPORTS, command, refused, report_of, rows_of, stored, study_of
 
 SOLVERS = ("qp:osqp", "qp:quadprog", "condensed")
 MISSING = ("ngsolve", "getfem")
-BENCHMARK = ("benchmark", "benchmark-graded", "benchmark-loops")
+
+BENCHMARK = ("benchmark", "benchmark-graded", "benchmark-sequences", "benchmark-loops")
 
 
 def rows_in(path):
@@ -52,7 +54,7 @@ COMMITTED = {
     "peers/peers": partial(of_rows, "peers", "peers/peers"),
     "peers/peers-pin": partial(of_rows, "peers.pin", "peers/peers-pin"),
     "wild/wild": partial(of_rows, "wild", "wild/wild"),
-    "estimates/estimates": partial(of_rows, "estimates", "estimates/estimates"),
+    "estimates/estimates": lambda: estimates.report(rows_in("estimates/estimates")[::-1]),
     "solvers/solvers": of_solvers,
     "benchmark/benchmark": of_benchmark,
     "benchmark/benchmark-wall": lambda: benchmark.wall_report(StoredStudy({}, rows_in("benchmark/benchmark-wall"))),
@@ -78,7 +80,7 @@ def test_the_committed_report_is_that_of_the_committed_rows(path):
 DECLARED = {
     **{f"convergence/convergence-{name}": partial(study_of, name) for name in ("mesh", "outer", "uzawa")},
     "solvers/solvers": lambda: comparison.declared(tuple(comparison.TABLE)),
-    "wild/wild": lambda: wild.declared((), 250),
+    "wild/wild": lambda: wild.declared((), wild.EACH),
     "estimates/estimates": lambda: estimates.declared(estimates.EACH),
     "peers/peers-pin": lambda: pin_study((0.0, 0.1), (6, 12), ()),
 }
@@ -105,8 +107,8 @@ def test_quick_studies_are_others_and_smaller(name):
 
 def plate():
     return [
-        benchmark.whole((64,), (0.1, 0.2, 0.5), None, "auto"), benchmark.graded(None, "auto"),
-        benchmark.loops((64,), (0.1, 0.2, 0.5)),
+        benchmark.whole((32,), (0.1, 0.2, 0.5), None, "auto"), benchmark.graded(None, "auto"), benchmark.sequences(),
+        benchmark.loops((32,), (0.1, 0.2, 0.5)),
     ]  # fmt: skip
 
 
@@ -122,9 +124,10 @@ COMMANDS = {
               lambda: [peers.peers_study((1.0,), (8,), 5, 1)], ()),
     "pin": (["peers", "--problem", "pin", "--cells", "6"],
             lambda: [pin_study((0.0, 0.1), (6,), peers.missing_codes())], ()),
-    "benchmark": (["benchmark", "--cells", "64", "--factorisation", "auto"], plate, ("whole", "graded", "loops")),
-    "wall": (["benchmark", "--problem", "wall", "--blocks", "8", "--load", "0.02", "--element", "hct"],
-             lambda: [benchmark.walls((8,), (0.02,), ("hct",))], ("wall",)),
+    "benchmark": (["benchmark", "--cells", "32", "--factorisation", "auto"], plate,
+                  ("whole", "graded", "sequences", "loops")),
+    "wall": (["benchmark", "--problem", "wall", "--blocks", "8", "--load", "0.02"],
+             lambda: [benchmark.walls((8,), (0.02,))], ("wall",)),
 }  # fmt: skip
 """Words, the studies that they mean, and the names of their stores in a folder, if it is one."""
 
@@ -192,7 +195,7 @@ def test_what_is_unknown_is_one_line(words):
             ("--cells", "0"), ("--cells", "9" * 23), ("--blocks", "9" * 23), ("--repeat", "9" * 23), ("--cells",),
             ("--friction", "0.2", "-0.1"), ("--friction", "nan"), ("--threads", "0"), ("--repeat", "0"),
             ("--factorisation", "mumps"), ("--limit", "0"), ("--limit", "nan"), ("--limit", "inf"),
-            ("--element", "q2", "--problem", "wall"), ("--load", "-0.1"),
+            ("--load", "-0.1"),
         )),
         *((("peers", *each), each[0].lstrip("-")) for each in (
             ("--friction", "inf"), ("--cells", "four"), ("--repeat", "0"), ("--levels", "0"),
@@ -200,8 +203,8 @@ def test_what_is_unknown_is_one_line(words):
         )),
         (("convergence", "--workers", "0"), "--workers"), (("convergence", "--cells", "4"), "--cells"),
         (("convergence", "--store", ""), "--store"), (("convergence", "--store", "/proc/below"), "/proc/below"),
-        (("wild", "--each", "9" * 26), "--each"), (("scaling", "--processes", "9" * 26), "--processes"),
-        (("systems", "--repeat", "9" * 26), "--repeat"), (("wild", "--only", "thick"), "thin"),
+        (("wild", "--each", "9" * 26), "--each"),
+        (("wild", "--only", "thick"), "thin"),
         (("solvers", "--only", "qp:nobody", "--store", "a"), "qp:quadprog"),
         (("solvers", "--only", "qp:quadprog"), "--store"), (("wild", "--each", "3"), "--store"),
         (("verify", "--only", "units", "ssnv129"), "ssnv128"), (("verify", "--only", ""), "examples/punch"),

@@ -133,7 +133,7 @@ def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
     def keep(done: RefinementRound) -> None:
         records.append({
             "status": Status.SOLVED.value, "message": "", "seconds": time.perf_counter() - began, "h": None,
-            "unknowns": done.unknowns, "cells": done.cells[0], "force": abs(done.value), "estimate": done.estimate,
+            "unknowns": done.unknowns, "cells": done.cells, "force": abs(done.value), "estimate": done.estimate,
         })  # fmt: skip
 
     quantity = f"{problem.contact}.{problem.force}"

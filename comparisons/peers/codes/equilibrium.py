@@ -1,7 +1,7 @@
 """The plate with this package: stresses in equilibrium, the inequality solved directly by the condensed method.
 
-With a degree of displacements also the bracket: bounds of the energy, and of P where it has bounds, on triangles under slip
-too. The package is loaded by `build`, not before.
+With a degree of displacements also the bracket: bounds of the energy, and of P where it has bounds, under slip too. The
+package is loaded by `build`, not before.
 """
 
 from collections.abc import Callable
