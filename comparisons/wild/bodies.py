@@ -206,6 +206,9 @@ def _through_a_file(mesh: TriangleMesh, ending: str) -> TriangleMesh:
     blocks: list[tuple[str, IntArray]] = [("triangle", mesh.cells)]
     blocks += [("line", mesh.edge_sets[name]) for name in mesh.joint_names]
     tags = [np.full(len(cells), number) for number, (_, cells) in enumerate(blocks, start=1)]
+    if ending == "med" and len(blocks) > 2:  # all lines in one section
+        blocks = [blocks[0], ("line", np.concatenate([pairs for _, pairs in blocks[1:]]))]
+        tags = [tags[0], np.concatenate(tags[1:])]
     names = ["body", *(name.replace(" ", "_") for name in mesh.joint_names)]
     more: dict[str, Any] = {}
     if ending == "msh":

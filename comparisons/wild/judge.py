@@ -28,6 +28,7 @@ from scipy.integrate import quad_vec
 from qvi_contact import Contact, ContactProblem, ContactResult, Displacement, Traction, TriangleMesh
 from qvi_contact.basics.checks import Field, FloatArray, IntArray
 from qvi_contact.mesh.edges import Edges, frames_along
+from qvi_contact.problem.problem import Prescribed
 
 _DISTANCE: Final = 1e-3
 """Distance of two states in the energy norm, relative, that is none: errors of 1e-8 in energy allow 1e-4."""
@@ -164,7 +165,7 @@ def _on_contact(samples: Samples, contact: Contact, result: ContactResult) -> tu
     """
     mesh, line = samples.problem.mesh, result.contacts[contact.name]
     edges = mesh.edges(contact.edges)
-    nodes, weights = np.polynomial.legendre.leggauss(line.x.size // len(edges))
+    nodes = np.polynomial.legendre.leggauss(line.x.size // len(edges))[0]
     s = (nodes + 1.0) / 2.0
     normals, tangents = frames_along(edges, s)
     traction = tractions(normals, samples.on(edges, s))
@@ -173,10 +174,14 @@ def _on_contact(samples: Samples, contact: Contact, result: ContactResult) -> tu
     reported = np.stack([line.normal_stress.reshape(x.shape), line.tangential_stress.reshape(x.shape)])
     if not edges.curved:
         return x, y, own, own - reported
-    vector = reported[0][..., None] * normals + reported[1][..., None] * tangents
-    normals, _ = frames_along(edges, _NODES)  # on arcs forces of edges agree, not tractions at points
-    force = np.einsum("nqk,q->kn", tractions(normals, samples.on(edges, _NODES)), _WEIGHTS)
-    return x, y, reported, force - np.einsum("nqk,q->kn", vector, weights / 2.0)
+    normals, tangents = frames_along(edges, _NODES)  # on arcs forces of edges agree, not tractions at points
+    interpolation = np.vander(2.0 * _NODES - 1.0, len(nodes)) @ np.linalg.inv(np.vander(nodes))
+    potential = samples.problem.body_potential  # polynomials are what is left without it
+    along_n, along_t = (reported - np.stack([_values(potential, x, y), 0.0 * x])) @ interpolation.T
+    along_n = along_n + _values(potential, *mesh.points_along(edges, _NODES))
+    vector = along_n[..., None] * normals + along_t[..., None] * tangents
+    off = tractions(normals, samples.on(edges, _NODES)) - vector
+    return x, y, reported, np.einsum("nqk,q->kn", off, _WEIGHTS)
 
 
 def wrong(result: ContactResult, degree: int = 4) -> list[str]:
@@ -232,18 +237,43 @@ def _equilibrium(samples: Samples) -> Iterator[tuple[str, float]]:
 
 
 def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
-    """Force on every edge, and the moment where the traction is a number, over the largest stress."""
+    """Force on every edge, and the moment where the traction is a number, over the largest stress.
+
+    On arcs only where both components are given: there the force of an edge is held, and not each component at points.
+    """
     mesh = samples.problem.mesh
+    missed, given_there = np.zeros((len(mesh.boundary), 2)), np.zeros(len(mesh.boundary), dtype=int)
     for given in samples.problem.prescribed(Traction):
         edges = given.edges
         normals, tangents = frames_along(edges, _NODES)
         local = (normals if given.name.endswith("normal") else tangents) if given.turns else None
         direction = np.broadcast_to(given.direction[:, None], normals.shape) if local is None else local
         found = (tractions(normals, samples.on(edges, _NODES)) * direction).sum(axis=2)
-        error = found - _values(given.value, *mesh.points_along(edges, _NODES))
-        yield f"prescribed {given.name}", _relative(error @ _WEIGHTS, samples.largest)
-        if not callable(given.value) and not edges.curved:
+        wanted = _forces(mesh, edges, given)
+        if edges.curved:
+            missed[given.index] += np.einsum("nq,nqk,q->nk", found, direction, _WEIGHTS) - wanted
+            given_there[given.index] += 1
+            continue
+        force = found @ _WEIGHTS - (wanted * given.direction).sum(axis=1)
+        yield f"prescribed {given.name}", _relative(force, samples.largest)
+        if not callable(given.value):
+            error = found - given.value
             yield f"moment of {given.name}", _relative(error @ (_WEIGHTS * (_NODES - 0.5)), samples.largest)
+    yield "prescribed tractions on arcs", _relative(missed[given_there == 2], samples.largest)
+
+
+def _forces(mesh: TriangleMesh, edges: Edges, given: Prescribed) -> FloatArray:
+    """∫ d v dt (n, 2) of a prescribed component v along d on every edge, also of fields that jump or have kinks."""
+
+    def along(t: float) -> FloatArray:
+        s = np.array([t])
+        frames = dict(zip(("normal", "tangential"), frames_along(edges, s), strict=True))
+        turned = frames[given.name.rpartition(".")[2]][:, 0] if given.turns else given.direction
+        return _values(given.value, *mesh.points_along(edges, s)) * turned
+
+    if not callable(given.value) and not edges.curved:
+        return np.asarray(given.value * given.direction)
+    return np.asarray(quad_vec(along, 0.0, 1.0, epsrel=_INTEGRATED, limit=_INTERVALS)[0])
 
 
 def _plates(samples: Samples) -> Iterator[tuple[str, float]]:

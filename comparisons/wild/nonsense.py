@@ -125,9 +125,17 @@ def _problem(given: dict[str, Any]) -> ContactProblem:
         """The arguments of one part by their names."""
         return {name.removeprefix(f"{part}."): value for name, value in given.items() if name.startswith(f"{part}.")}
 
-    edges = {given["edges.name"]: given["edges.place"], "rest": ((1.0, 0.0), (2.0, 0.0))}
-    joints, regions = {given["joint.name"]: given["joint.place"]}, {"half": (given["region.x"], None)}
-    mesh = TriangleMesh.grid(given["x"], given["y"], given["active"], edges=edges, joints=joints, regions=regions)
+    sets: dict[str, Any] = {"edges": {"rest": ((1.0, 0.0), (2.0, 0.0))}, "joints": {}}
+    unhashable = []
+    for kind, part in (("edges", "edges"), ("joints", "joint")):
+        try:
+            sets[kind][given[f"{part}.name"]] = given[f"{part}.place"]
+        except TypeError:  # no key of a mapping can be that
+            unhashable.append(given[f"{part}.name"])
+    regions = {"half": (given["region.x"], None)}
+    mesh = TriangleMesh.grid(given["x"], given["y"], given["active"], **sets, regions=regions)
+    for name in unhashable:
+        mesh = mesh.with_edges(name, lambda x, y: (x < 1.0) & (y == 0.0))
     plate = RigidPlate(given["force_x"], given["force_y"], given["moment"], given["pivot"])
     conditions: Any = [
         Contact(**of("contact")), Contact("joint", 0.5), Contact("top", 0.2, plate=plate),
