@@ -11,12 +11,10 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from comparisons import benchmark, peers, wild
 from comparisons import solvers as comparison
-from comparisons.lab.report import command as look_at
-from comparisons.lab.report import findings_of, missing
+from comparisons.lab.report import findings_of
 from comparisons.lab.study import StoredStudy, Study, read_csv, read_study
 from comparisons.peers.pin import pin_study
 from comparisons.wild import estimates
@@ -280,21 +278,3 @@ def test_module_runs(words, status):
     assert done.returncode == status
     assert bool(done.stdout) == (not done.stderr) == (status == 0)
     assert status == 0 or len(done.stderr.splitlines()) == 1
-
-
-@pytest.mark.skipif(bool(missing()), reason="no browser can be opened")
-def test_the_command_of_the_browser_has_a_line_for_each_page_and_makes_pages_of_markdown(tmp_path):
-    """Here, where no other browser is open."""
-
-    def looked(*pages):
-        return CliRunner().invoke(look_at, list(map(str, pages)), standalone_mode=False)
-
-    good, bad = tmp_path / "good.md", tmp_path / "bad.html"
-    good.write_text("# Title\n\nText.\n", encoding="utf-8")
-    bad.write_text("<title>bad</title><p>text", encoding="utf-8")
-    done = looked(good, bad)
-    first, second = done.output.splitlines()
-    assert (done.return_value, first) == (1, f"{good}: good")
-    assert second.startswith(f"{bad}: ")
-    assert "language" in second
-    assert looked(tmp_path / "none.html").exception.field == "page"

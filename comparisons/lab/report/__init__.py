@@ -5,8 +5,7 @@
     report = render("comparisons.wild", "wild", values, tables, figures, environment_grids(rows))
     show(report, write_report(report, "results/wild"))
 
-The same rows give the same bytes. Formats of numbers are in `report.numbers`;
-``python -m comparisons.lab.report.browser FILE…`` looks at pages in a real browser.
+The same rows give the same bytes. Formats of numbers are in `report.numbers`.
 """
 
 from comparisons.lab.report.document import Document, fill, render
@@ -22,7 +21,6 @@ __all__ = ["Document", "drawn", "environment_grids", "fill", "findings_of", "ren
 __getattr__ = front(
     __name__,
     {
-        "browser": ("WIDTHS", "command", "find_browser", "missing", "open_browser", "problems_on"),
         "document": ("NO_PICTURES",),
         "numbers": (
             "NOTHING",
