@@ -17,8 +17,10 @@ from scipy.linalg import eigh
 from qvi_contact.bracket import slip_constants
 from qvi_contact.bracket.bodies import bodies_of
 from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio, weight
+from qvi_contact.bracket.share import Share, all_alike
 from qvi_contact.bracket.star_norm import star_norm
 from qvi_contact.companion.at_rest import MOST, SINGULAR, BodyAtRest
+from qvi_contact.element import bernstein
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
@@ -46,18 +48,21 @@ class FrictionNorm:
     reason: str
 
 
-def friction_norm(problem: ContactProblem, senses: Mapping[str, int]) -> FrictionNorm:
+def friction_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> FrictionNorm:
     """The least proved norm where there is one below 2, else that of finite elements; nothing is proved with arcs.
 
     Of several bodies it is the largest of the norms that each has alone.
     """
     alone = [body for body in bodies_of(problem) if any(map(has_coulomb, body.problem.contacts))]
-    known = [_proved(body.problem, body.senses(senses)) for body in alone]
+    senses = all_alike(shares)
+    known = [(np.inf, "body")]
+    if senses is not None:
+        known = [_proved(body.problem, body.senses(senses)) for body in alone]
     largest, kind = max(known, key=lambda found: found[0], default=(0.0, "body"))
     if largest < slip_constants.LARGEST:
         where = f"this {kind}" if len(alone) < 2 else "each of the bodies"
         return FrictionNorm(largest, True, f"The norm of the friction operator is at most {largest:.4g} on {where}.")
-    value = computed_norm(problem, senses)
+    value = computed_norm(problem, shares)
     found = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
     if value == np.inf:
         found = (
@@ -77,24 +82,38 @@ def _proved(body: ContactProblem, senses: Mapping[str, int]) -> tuple[float, str
     return min(known, default=(np.inf, "body"))
 
 
-def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: int = _DEGREE) -> float:
-    """The norm of the S whose images have the least energy, max |Sv|/|v|, among finite elements on the mesh.
+def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], degree: int = _DEGREE) -> float:
+    """The norm of the R whose images have the least energy, max |Rv|/|v|, among finite elements on the mesh.
 
     With x the slip on contacts with Coulomb friction, A x·x the least energy of displacements that slip by x, and
-    D x·x that of those with the normal part σμ x and no other part on contacts that S must not have, s² is the largest
-    λ of D x = λ A x; infinity where contacts can slip without strain, NaN where there are too many coefficients.
+    D x·x that of those with the normal part μ s x and no other part on contacts that R must not have, the square is the
+    largest λ of D x = λ A x; infinity where contacts can slip without strain, NaN where there are too many
+    coefficients.
     """
     known = BodyAtRest.of(problem, degree)
     if len(known.live) > MOST:
         return float("nan")
     n, pairs = known.contacts.count, list(zip(problem.contacts, known.contacts.traces, strict=True))
-    weights = np.concatenate([np.full(trace.count, weight(contact, senses)) for contact, trace in pairs])
+    nodes = bernstein.nodes(known.body.body.space.degree)
+    to_values = bernstein.basis(len(nodes) - 1, nodes)
+    turned, start = np.zeros((n, n)), 0  # coefficients of μ s x from those of x
+    for _, trace in pairs:
+        if trace.name in shares:
+            share = shares[trace.name]
+            factors = share.friction * share.at(nodes)
+            blocks = np.einsum(
+                "ij,ej,jk,ek->eik", bernstein.from_values(len(nodes) - 1), factors, to_values, trace.turned
+            )
+            columns = start + trace.columns
+            turned[columns[:, :, None], columns[:, None, :]] = blocks
+        start += trace.count
     tied, rough = (
         np.concatenate([np.full(trace.count, chosen(contact)) for contact, trace in pairs])
         for chosen in (_is_tied, bears_shear)
     )
-    slips = (weights != 0.0) & known.live[n:] & ~tied
-    presses = slips & known.live[:n]
+    coulomb = np.concatenate([np.full(trace.count, trace.name in shares) for _, trace in pairs])
+    slips = coulomb & known.live[n:]
+    presses = (np.abs(turned[:, slips]).max(axis=1, initial=0.0) > 0.0) & known.live[:n]
     if not presses.any():
         return 0.0
     none = np.zeros(n, dtype=bool)
@@ -103,9 +122,8 @@ def computed_norm(problem: ContactProblem, senses: Mapping[str, int], degree: in
     stiffness = np.linalg.eigvalsh(below)
     if stiffness[0] <= SINGULAR * stiffness[-1]:
         return float("inf")
-    above, place = np.zeros_like(below), np.flatnonzero(presses[slips])
-    above[np.ix_(place, place)] = part * np.outer(weights[presses], weights[presses])
-    return float(np.sqrt(max(float(eigh(above, below, eigvals_only=True)[-1]), 0.0)))
+    image = turned[np.ix_(presses, slips)]
+    return float(np.sqrt(max(float(eigh(image.T @ part @ image, below, eigvals_only=True)[-1]), 0.0)))
 
 
 def _is_tied(contact: Contact) -> bool:

@@ -11,7 +11,8 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, held_directions, one_ratio, spans, weight
+from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio, weight
+from qvi_contact.bracket.share import held_directions, spans
 from qvi_contact.companion.cells import cell_for
 from qvi_contact.companion.space import Space
 from qvi_contact.companion.supports import PARALLEL
