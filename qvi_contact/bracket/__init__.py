@@ -30,11 +30,11 @@ __getattr__ = front(
     {
         "bodies": ("bodies_of",),
         "document": ("lines",),
-        "friction_norm": ("computed_norm", "rectangle_constant", "rectangle_norm"),
+        "friction_norm": ("computed_norm", "proved_norm", "rectangle_constant", "rectangle_norm"),
         "given": ("given_problem",),
         "parts": ("CellFields", "bulk", "by_cell", "slip_work"),
         "coulomb": ("coulomb_bounds",),
-        "share": ("Share", "SharedStress", "with_shares"),
+        "share": ("Share", "SharedStress", "outside_scope", "with_shares"),
         "slip_constants": ("amplification", "coercivity", "defect_bound", "error_bound"),
     },
 )

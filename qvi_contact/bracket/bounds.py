@@ -127,11 +127,14 @@ def bracket(
         shared = with_shares(before) if isinstance(before, ContactResult) else before
         shares = shared.shares if isinstance(shared, SharedStress) else {}
         senses = {name: share.slipping for name, share in shares.items()}
-        problem, laws = given.discretization.problem, [given.bounds, None] if rough else [given.bounds]
-        companions = solve_companions(problem, laws, degree=degree, tolerance=tolerance, senses=senses, **options)
+        problem, laws = given.discretization.problem, [given.bounds, None, given.bounds] if rough else [given.bounds]
+        companions = solve_companions(
+            problem, laws, degree=degree, tolerance=tolerance, senses=({}, {}, senses)[: len(laws)], **options
+        )
         found = _assemble(given, stress, companions[0])
         if shared is not None:
-            bounds = _coulomb(shared, before, companions[0], found.reasons[len(given.reasons) :])
+            reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companions[2].reasons))
+            bounds = _coulomb(shared, before, companions[2], tuple(reasons))
             found = replace(found, **{"coulomb_reason" if isinstance(bounds, str) else "coulomb": bounds})
         if len(companions) > 1:
             own = companions[1]
@@ -143,8 +146,9 @@ def bracket(
 
 def _obeying(result: ContactResult, tolerance: float, **options: Any) -> ContactResult | str:
     """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
-    reason = outside_scope(result.problem)
-    known = result.discretization
+    reason, known = outside_scope(result.problem), result.discretization
+    if known.space.strict_rows != "bernstein":
+        reason = "Bounds under friction need triangles."
     if reason or known.space.contact_rule.kind == known.space.strict_rows:
         return reason or result
     strict = posed_strictly(known, known.problem)

@@ -62,6 +62,8 @@ class CoulombBounds:
         f²ρ² + δ/α by cell [stress × length²], what to refine by.
     reasons : tuple of str
         Why the bounds are not guaranteed; empty if they are.
+    places : tuple of str
+        Where no R exists but for s = 0, although the contact slips there; a sentence for each.
     stress, displacement : ContactResult, CompanionResult
         τ + η and v.
 
@@ -76,6 +78,7 @@ class CoulombBounds:
     size: float
     cells: FloatArray
     reasons: tuple[str, ...]
+    places: tuple[str, ...]
     stress: ContactResult
     displacement: CompanionResult
 
@@ -89,7 +92,7 @@ class CoulombBounds:
         A dual problem is solved on first use. A force is left out where that gives none, see (D31).
         """
         missed = slip_constants.defect_bound(self.residual, self.defect, self.norm.value)
-        return coulomb_force_bounds(self.stress, self.displacement, self.shares, self.within, missed)
+        return coulomb_force_bounds(self.stress, self.displacement, self.shares, self.within, missed, self.norm.proved)
 
     @property
     def error(self) -> float:
@@ -128,7 +131,7 @@ class CoulombBounds:
         )
         if not np.isfinite(self.within):
             return f"No bound under friction. {self.norm.reason}"
-        return " ".join([bound, *self.reasons])
+        return " ".join([bound, *self.reasons, *self.places[:1]])
 
 
 def coulomb_bounds(
@@ -178,6 +181,7 @@ def coulomb_bounds(
         float(np.sqrt(2.0 * strain_energy(fields, problem.compliances))),
         parts,
         (*reasons, *(() if norm.proved else (norm.reason,))),
+        stress.places,
         result,
         companion,
     )

@@ -20,7 +20,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
-from qvi_contact.bracket.friction_norm import computed_norm
+from qvi_contact.bracket.friction_norm import computed_norm, proved_norm
 from qvi_contact.bracket.law import effective, traction_coefficients
 from qvi_contact.bracket.outcome import Bounds
 from qvi_contact.bracket.parts import CellFields
@@ -137,7 +137,12 @@ class _Line:
 
 
 def coulomb_force_bounds(
-    stress: ContactResult, companion: CompanionResult, shares: Mapping[str, Share], error: float, defect: float
+    stress: ContactResult,
+    companion: CompanionResult,
+    shares: Mapping[str, Share],
+    error: float,
+    defect: float,
+    proved: bool,
 ) -> dict[str, Bounds]:
     """Bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of all contacts that are not tied.
 
@@ -152,6 +157,8 @@ def coulomb_force_bounds(
         F [√energy].
     defect : float
         The bound δ + ρ²/(4α) of Σ [stress × length²].
+    proved : bool
+        Whether C of the norm must be proved, too.
 
     """
     contacts = stress.problem.contacts
@@ -161,7 +168,10 @@ def coulomb_force_bounds(
     if 2 * companion.state.contacts.count > MOST:
         return {}
     model, mesh = _Model.of(stress, companion), stress.problem.mesh
-    spread = _SPREAD * computed_norm(stress.problem, {name: replace(s, values=s.room) for name, s in shares.items()})
+    rooms = {name: replace(share, values=share.room, slipping=0.0 * share.slipping) for name, share in shares.items()}
+    spread = proved_norm(stress.problem, rooms).value if any(s.room.any() for s in shares.values()) else 0.0
+    if not np.isfinite(spread) and not proved:
+        spread = _SPREAD * computed_norm(stress.problem, rooms)
     if not np.isfinite(spread):
         return {}
     found: dict[str, Bounds] = {}

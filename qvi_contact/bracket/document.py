@@ -76,6 +76,7 @@ def _coulomb(bracket: Bracket, units: Units) -> dict[str, Any] | None:
     return {
         "kind": found.kind,
         "reasons": [units.filled(reason) for reason in found.reasons],
+        "places": [units.filled(place) for place in found.places],
         "friction_norm": _finite(found.norm.value),
         "relative_error": _finite(found.relative_error),
         "solutions_apart": _finite(found.apart),

@@ -11,6 +11,7 @@ In `docs/theory.md`: (D26), (D27).
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import comb
 
 import numpy as np
 from scipy import sparse
@@ -70,6 +71,44 @@ class Share:
         weights = np.maximum(self.weights, least)  # an open edge has the mean of the s_i, which are one number there
         return np.asarray((self.values * weights) @ shapes.T / (weights @ shapes.T))
 
+    def steepest(self, halvings: int = 4) -> FloatArray:
+        """No less than |ds/dt| on each of 2^halvings equal parts of the edges, t from 0 to 1 on the part.
+
+        With the points P_i = s_i and weights ω_i of a part of degree n, s is a quotient of convex combinations, and
+        |ds/dt| ≤ n (max ω/min ω) (max |P_{i+1} − P_i| + ½ (r − 1) (max P − min P)), r the largest over the smallest
+        of ω_{i+1}/ω_i: de Casteljau's last step has s' = n w₀ w₁/w² (p₁ − p₀), w between w₀ and w₁.
+        """
+        n = self.values.shape[1] - 1
+        parts = np.stack([self.values * self.weights, self.weights])[:, :, None]  # (2, edges, parts, n + 1)
+        left = np.array([[comb(i, j) / 2.0**i for j in range(n + 1)] for i in range(n + 1)])
+        for _ in range(halvings):
+            halves = np.stack([parts @ left.T, parts @ left[::-1, ::-1].T], axis=3)
+            parts = halves.reshape(2, len(self.values), -1, n + 1)
+        work, weights = parts
+        even = np.ptp(self.values, axis=1) == 0.0
+        if not n or not len(weights):
+            return np.zeros(weights.shape[:2])
+        bears = weights.min(axis=2) > 1e-12 * weights.max(axis=2)
+        weights = np.where(bears[..., None], weights, 1.0)
+        points, ratios = work / weights, weights[..., 1:] / weights[..., :-1]
+        steps, turn = np.abs(np.diff(points)).max(axis=2), ratios.max(axis=2) / ratios.min(axis=2)
+        found = n * weights.max(axis=2) / weights.min(axis=2) * (steps + 0.5 * (turn - 1.0) * np.ptp(points, axis=2))
+        return np.where(even[:, None], 0.0, np.where(bears, found, np.inf))
+
+    def on(self, body: Body, whole: ContactProblem, name: str) -> "Share":
+        """The same on the contact of one body: beyond a joint the normal is another, the tangent is not."""
+        _, edges = body.edges_of(whole, name)
+        sign = -1.0 if name in body.beyond else 1.0
+        contact = next(each for each in body.problem.contacts if each.name == name)
+        parts = (sign * self.values, self.weights, sign * self.slipping, self.room)
+        return Share(contact, *(part[edges] for part in parts))
+
+
+def shares_on(body: Body, whole: ContactProblem, shares: Mapping[str, Share]) -> dict[str, Share]:
+    """Shares of the contacts of one body from those of the whole problem."""
+    names = {each.name: body.beyond.get(each.name, each.name) for each in body.problem.contacts}
+    return {name: shares[known].on(body, whole, name) for name, known in names.items() if known in shares}
+
 
 @dataclass(frozen=True, eq=False)
 class SharedStress:
@@ -81,11 +120,14 @@ class SharedStress:
         It carries the stress τ + η.
     shares : mapping
         s, by contact with Coulomb friction.
+    places : tuple of str
+        Where a contact reaches its bound of friction, or is open, but s must vanish; a sentence for each.
 
     """
 
     result: ContactResult
     shares: Mapping[str, Share]
+    places: tuple[str, ...]
 
 
 def outside_scope(problem: ContactProblem) -> str:
@@ -126,9 +168,9 @@ def with_shares(result: ContactResult) -> SharedStress | str:
     """
     known = result.discretization
     found = {contact.name: _raw(result, contact) for contact in known.problem.contacts if has_coulomb(contact)}
-    shares = _joined(known.problem, found)
+    shares, places = _joined(known.problem, found)
     moved = _moved(result, shares)
-    return moved if isinstance(moved, str) else SharedStress(moved, shares)
+    return moved if isinstance(moved, str) else SharedStress(moved, shares, places)
 
 
 def bound_and_shear(result: ContactResult, contact: Contact) -> tuple[FloatArray, FloatArray]:
@@ -161,8 +203,8 @@ def _raw(result: ContactResult, contact: Contact) -> Share:
     return Share(contact, values, weights, slipping, 1.0 - np.abs(values))
 
 
-def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> dict[str, Share]:
-    """The same made continuous at vertices."""
+def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str, Share], tuple[str, ...]]:
+    """The same made continuous at vertices, and where that costs much."""
     zeros = {name: _vanishing(problem, name) for name in raw}
     at: dict[int, list[tuple[str, int, int]]] = {}
     for name, share in raw.items():
@@ -172,7 +214,7 @@ def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> dict[str, Shar
                 at.setdefault(vertex, []).append((name, edge, end))
     values = {name: share.values.copy() for name, share in raw.items()}
     slipping = {name: share.slipping.copy() for name, share in raw.items()}
-    kept = {name: np.ones_like(share.values) for name, share in raw.items()}
+    kept, places = {name: np.ones_like(share.values) for name, share in raw.items()}, list[str]()
     for vertex, ends in at.items():
         wanted, vanishes = 0.0, any(vertex in zeros[name] for name, _, _ in ends)
         if not vanishes:
@@ -187,12 +229,19 @@ def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> dict[str, Shar
             near = (slice(None, last + 1), slice(last, None))[end]
             values[name][edge, near] = wanted
             kept[name][edge, near] *= not vanishes
-    return {
+            if vanishes and raw[name].slipping[edge]:
+                x, y = problem.mesh.vertices[vertex]
+                places.append(
+                    f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. The bound "
+                    "is wide, as nothing may slip there."
+                )
+    found = {
         name: replace(
             share, values=values[name], slipping=slipping[name], room=kept[name] * (1.0 - np.abs(values[name]))
         )
         for name, share in raw.items()
     }
+    return found, tuple(dict.fromkeys(places))
 
 
 @dataclass(frozen=True)
