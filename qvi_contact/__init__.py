@@ -37,9 +37,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
-    from qvi_contact.solution.sweep import Sweep, solve_sweep
-    from qvi_contact.solution.sweep_rows import SweepRow
-    from qvi_contact.solution.sweep_stream import stream_sweep
+    from qvi_contact.solution.sweep import Sweep, SweepRow, solve_sweep
     from qvi_contact.verification.verification import verify_result
 
 _HOME = {
@@ -72,7 +70,7 @@ _HOME = {
     "SolverUnavailableError": "errors",
     "StoredSweep": "files.sweep_store",
     "Sweep": "solution.sweep",
-    "SweepRow": "solution.sweep_rows",
+    "SweepRow": "solution.sweep",
     "Symmetry": "problem.conditions",
     "Traction": "problem.conditions",
     "TriangleMesh": "mesh.triangles",
@@ -93,7 +91,6 @@ _HOME = {
     "solve_companion": "companion",
     "solve_history": "solution.history",
     "solve_sweep": "solution.sweep",
-    "stream_sweep": "solution.sweep_stream",
     "verify_result": "verification.verification",
 }
 
@@ -148,12 +145,16 @@ __all__ = [
     "solve_companion",
     "solve_history",
     "solve_sweep",
-    "stream_sweep",
     "verify_result",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "stream_sweep":
+        from qvi_contact.errors import InputError
+
+        remedy = "is part of solve_sweep now: call solve_sweep(problem, parameter, values, of, store=FILE)"
+        raise InputError("name", name, remedy)
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -15,7 +15,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from comparisons.cli import group as comparisons
-from comparisons.lab.worker import DONE, FAILURES
+from comparisons.lab.study import DONE, FAILURES
 from qvi_contact import RefinementStatus
 from qvi_contact.cli import group as qvi_contact
 from qvi_contact.files import problem_document
@@ -33,7 +33,7 @@ ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m s
 
 PACKAGES = (
     "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.paper",
-    "qvi_contact.plots", "qvi_contact.refinement", "solvers", "solvers.exchange", "solvers.factorisation",
+    "qvi_contact.plots", "qvi_contact.refinement", "solvers", "comparisons.exchange", "solvers.factorisation",
     "comparisons.lab.report", "comparisons.lab.study",
 )  # fmt: skip
 INTERNAL = {"has_matplotlib", "picture_suffix", "require_matplotlib", "CompanionState", "Exhibit"}

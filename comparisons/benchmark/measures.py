@@ -10,7 +10,7 @@ from pandas import DataFrame
 
 from comparisons.benchmark import reference
 from comparisons.benchmark.reference import ACCURACY_TARGETS, GROWTH_SPAN, GROWTH_TARGET
-from comparisons.benchmark.study import GENERAL, SUBDOMAINS
+from comparisons.benchmark.study import GENERAL
 from comparisons.benchmark.task import TOLERANCE
 from comparisons.lab.ratios import growth, spread
 from comparisons.lab.report.numbers import fixed, scientific, seconds, span
@@ -52,7 +52,7 @@ def _answer(row: Row) -> dict[str, Any]:
 def solves_of(rows: Iterable[Row]) -> DataFrame:
     """One line for each number of cells, path and μ: the answer, medians of times, and ratios of these.
 
-    Own is one factorisation of K by the same library, of shared subdomains their elimination, fastest the fastest one
+    Own is one factorisation of K by the same library, fastest the fastest one
     measured beside the solve.
     """
     names = ("cells", "path", "friction", *ANSWER, *PARTS, "spread", "runs", "own_factorisation", "fastest",
@@ -76,7 +76,7 @@ def _solves(row: Row) -> Iterator[dict[str, Any]]:
     for found in row.result.get("solves", lost):
         times = found.get("seconds", {})
         parts = {part: _median(times.get(part)) for part in PARTS}
-        own = parts["factorisation"] if case["path"] == SUBDOMAINS else known.get(row.case["sparse"])
+        own = known.get(row.case["sparse"])
         yield {
             **case, **found, **parts, "spread": spread(times.get("solve", ())), "runs": len(times.get("solve", ())),
             "own_factorisation": own, "fastest": fastest, "fastest_factorisation": known.get(fastest or ""),

@@ -10,12 +10,12 @@ from comparisons.benchmark.reference import CONVERGED_FRICTION
 from comparisons.lab.study import Study
 from qvi_contact.errors import InputError
 from solvers.factorisation import resolve
-from solvers.factorisation.choice import CHOICES, SHARED
+from solvers.factorisation.choice import CHOICES
 
 TASK: Final = "comparisons.benchmark.task:"
 WHOLE, GRADED, LOOPS, WALL = "benchmark", "benchmark-graded", "benchmark-loops", "benchmark-wall"
-GENERAL, SUBDOMAINS = "general", "shared"
-"""Paths of a whole solve: by a sparse back end, and by shared subdomains."""
+GENERAL: Final = "general"
+"""Path of a whole solve: by a sparse back end."""
 
 MESHES: Final = ((12, 0.6), (16, 0.7), (24, 0.7), (32, 0.8), (40, 0.8))
 """(cells, grading) of the meshes on which accuracy is weighed against time."""
@@ -51,17 +51,16 @@ def whole(cells: Sequence[int], friction: Sequence[float], repeat: int | None, f
     """Whole solves on equal cells; without `repeat` as many as the size allows, see `task.repetitions`."""
     if factorisation not in CHOICES:
         raise InputError("factorisation", factorisation, f"choose one of {', '.join(CHOICES)}")
-    paths = {"auto": (GENERAL, SUBDOMAINS), SHARED: (SUBDOMAINS,)}.get(factorisation, (GENERAL,))
     factors = {
-        "cells": tuple(sorted(set(cells))), "path": paths, "friction": (sorted(set(friction)),), "runs": (repeat,),
+        "cells": tuple(sorted(set(cells))), "path": (GENERAL,), "friction": (sorted(set(friction)),), "runs": (repeat,),
         "sparse": (sparse(factorisation),),
     }  # fmt: skip
     return Study(WHOLE, 1, f"{TASK}whole", factors, fresh=True)
 
 
 def sparse(factorisation: str) -> str:
-    """The sparse back end, for meshes without structure and beside shared subdomains."""
-    return resolve("auto" if factorisation == SHARED else factorisation)
+    """The sparse back end."""
+    return resolve(factorisation)
 
 
 def graded(repeat: int | None, factorisation: str) -> Study:

@@ -13,14 +13,13 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from comparisons.benchmark.naive import cvxpy_loop
-from comparisons.benchmark.study import GENERAL, METHODS, SUBDOMAINS
+from comparisons.benchmark.study import GENERAL, METHODS
 from comparisons.benchmark.wall import wall_of
-from comparisons.lab.study.children import LIMITING
 from qvi_contact import ContactProblem, ContactResult, discretize, solve
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.runs import THREADS
 from solvers.basics.types import Sparse
 from solvers.factorisation import available_backends, factorise, resolve
-from solvers.factorisation.choice import SHARED
 
 TOLERANCE: Final = 1e-8
 """That the certificate of every solve must confirm."""
@@ -29,7 +28,7 @@ TOO_LONG: Final = 60.0
 """Seconds beyond which a plain factorisation is not measured."""
 
 _T = TypeVar("_T")
-_THREADS: Final = int(os.environ.get(LIMITING[0], "1"))
+_THREADS: Final = int(os.environ.get(THREADS[0], "1"))
 _NOTHING: Final = np.zeros(0, dtype=np.int64)
 _PARTS: Final = ("factorisation", "interior_point", "certificate")
 _WARM_UP: Final = 4  # cells a side of a solve that loads all libraries
@@ -53,7 +52,7 @@ def whole(case: Mapping[str, Any]) -> dict[str, Any]:
     before it.
     """
     cells, count, backend = case["cells"], repetitions(case["cells"], case["runs"]), case["sparse"]
-    settings = _settings(SHARED if case["path"] == SUBDOMAINS else backend)
+    settings = _settings(backend)
     _attempt(partial(_timed, compressed_plate(0.2, cells=(_WARM_UP, _WARM_UP)), settings))
     imports, peak, K = peak_memory(), None, None
     solves: dict[float, list[dict[str, Any]]] = {mu: [] for mu in case["friction"]}

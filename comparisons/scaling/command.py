@@ -26,7 +26,7 @@ QUICK_STORE = "results/scaling/scaling-quick.sqlite"
 def scaling(options: RunOptions, quick: bool, processes: tuple[int, ...], out: Path, as_json: bool) -> None:
     """Measure how much sooner a long sweep is done if several processes share it.
 
-    A sweep over friction is written to a store by `qvi_contact.stream_sweep`, with each number of processes. Keep
+    A sweep over friction is written to a store by `qvi_contact.solve_sweep`, with each number of processes. Keep
     --workers at 1, so that nothing else runs beside it.
 
     \b

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from comparisons.lab.study import Study
-from qvi_contact import stream_sweep
+from qvi_contact import solve_sweep
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 
@@ -45,8 +45,8 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     values = np.linspace(0.05, 1.0, count).tolist()
     began, used = time.perf_counter(), _processor_time()
     with TemporaryDirectory() as folder:
-        sweep = stream_sweep(
-            plate, "friction", values, Path(folder) / "rows", workers=case["processes"], threads=1,
+        sweep = solve_sweep(
+            plate, "friction", values, store=Path(folder) / "rows", workers=case["processes"], threads=1,
             callback=lambda *_: seen.append(time.perf_counter() - began),
         )  # fmt: skip
         solved = sweep.statuses.count(Status.SOLVED)

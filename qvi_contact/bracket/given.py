@@ -48,9 +48,8 @@ class GivenProblem:
         qvi = self.discretization.qvi
         if not qvi.m:
             return qvi
-        bound = self.threshold.ravel() if qvi.edges is None else qvi.edges.at_points(self.threshold)
-        fixed = qvi.changed(mu=np.zeros(qvi.m), cohesion=np.maximum(bound, 0.0), cap=np.full(qvi.m, np.inf))
-        return fixed if qvi.edges is None else fixed.strictly()
+        bound = np.maximum(self.threshold.ravel(), 0.0)
+        return qvi.changed(mu=np.zeros(qvi.m), cohesion=bound, cap=np.full(qvi.m, np.inf))
 
     @property
     def bounds(self) -> Mapping[str, FloatArray]:

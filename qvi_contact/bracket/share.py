@@ -232,8 +232,8 @@ def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str
             if vanishes and raw[name].slipping[edge]:
                 x, y = problem.mesh.vertices[vertex]
                 places.append(
-                    f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. The bound "
-                    "is wide, as nothing may slip there."
+                    f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. Nothing "
+                    "may slip there, which makes the bound wide."
                 )
     found = {
         name: replace(

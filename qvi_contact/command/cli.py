@@ -212,8 +212,7 @@ def solve(
     import numpy as np
 
     from qvi_contact.command.second_model import SecondModel
-    from qvi_contact.command.series import plan_of, solved_series
-    from qvi_contact.command.stream import check_asked, streamed
+    from qvi_contact.command.series import check_asked, plan_of, solved_series, stored_sweep
     from qvi_contact.command.targets import checked_targets
     from qvi_contact.files.problem_file import load_problem
 
@@ -230,10 +229,9 @@ def solve(
         }  # fmt: skip
         check_asked(plan, store, {**asked, "workers": workers, "dask": dask})
         if plan is not None and store is not None:
-            spread = _given(workers=workers, dask=dask)
-            return _tell_stored(
-                problem_file, streamed(problem_file, plan, options, verbose, store, spread), save_json, as_json
-            )
+            shared = _given(workers=workers, dask=dask)
+            sweep = stored_sweep(problem_file, plan, options, verbose, store, shared)
+            return _tell_stored(problem_file, sweep, save_json, as_json)
         series, steps = solved_series(problem_file, plan, options, verbose, store)
         checked = _verified(steps, tolerance) if certificate else ()
         document = _as_document(problem_file, series, steps, checked) if as_json or save_json else {}
@@ -670,32 +668,22 @@ def methods(as_json: bool) -> None:
 
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
     qpsolvers, "direct:…" solvers that keep their set-up between outer iterations, "socp:…" second-order cone programs
-    through cvxpy. On rectangles "strict:…" and "strict-direct:…" impose the contact law on whole edges instead of at
-    Gauss points; triangles do so by default. In a copy of the repository "python -m pip install '.[solvers]'" installs
+    through cvxpy. In a copy of the repository "python -m pip install '.[solvers]'" installs
     more back ends. The list also names factorisations that are not installed, and how to install them.
     """
     from solvers import available
     from solvers.factorisation import available_backends, missing_backends
-    from solvers.factorisation.choice import SHARED
     from solvers.factorisation.levels import LEVELS
     from solvers.solve import METHODS
 
-    strict = available("strict") + available("strict-direct")
-    factorisations = {
-        SHARED: "uniform rectangles of one material", LEVELS: "a few hundred unknowns", **available_backends(),
-    }  # fmt: skip
+    factorisations = {LEVELS: "a few hundred unknowns", **available_backends()}
     if as_json:
-        document = {
-            "methods": list(METHODS), "inner": list(available()), "strict": list(strict),
-            "factorisation": factorisations,
-        }  # fmt: skip
+        document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
         click.echo(_json(document))
         return
     missing = {name: f"not installed: {install}" for name, install in missing_backends().items()}
     listed = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
-    groups = {
-        "methods": METHODS, "inner solvers": available(), "strict inner solvers": strict, "factorisations": listed,
-    }  # fmt: skip
+    groups = {"methods": METHODS, "inner solvers": available(), "factorisations": listed}
     for title, names in groups.items():
         click.echo("\n  ".join([title, *names]))
 
@@ -920,14 +908,14 @@ def _tell_stored(file: "ProblemFile", sweep: "StoredSweep", save_json: str | Non
     """What became of a sweep whose rows are in a file; the exit status."""
     from qvi_contact.basics.writing import write_text
     from qvi_contact.command.report import heading_lines
-    from qvi_contact.command.stream import document, lines
+    from qvi_contact.command.series import stored_document, stored_lines
 
     if save_json is not None:
-        write_text(save_json, _json(document(file, sweep)) + "\n")
+        write_text(save_json, _json(stored_document(file, sweep)) + "\n")
     if as_json:
-        click.echo(_json(document(file, sweep)))
+        click.echo(_json(stored_document(file, sweep)))
     else:
-        for line in (*heading_lines(file), *lines(sweep)):
+        for line in (*heading_lines(file), *stored_lines(sweep)):
             click.echo(line)
     return 0 if sweep.status == "solved" else 1
 

@@ -21,7 +21,7 @@ from qvi_contact.discretization.plates import PlateRows
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.problem.problem import ContactProblem
-from solvers import EdgeRows, EnergyRoot, FrictionQVI, Traces
+from solvers import EnergyRoot, FrictionQVI, Traces
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,6 @@ def _assembled(posed: Posed, rows: _Rows) -> FrictionQVI:
         A=sparse.csc_array(posed.plates.A),
         b=posed.plates.b,
         traces=Traces(sparse.csc_array(Y), sparse.csc_array(interpolation)),
-        edges=_edge_rows(posed.space),
-        structure=energy.structure(elimination),
         places=energy.places(elimination),
         **rows.data,
     )
@@ -178,9 +176,3 @@ def _halves(rows: sparse.csr_array) -> tuple[sparse.csr_array, sparse.csr_array]
     """N and T of [N; T]."""
     m = rows.shape[0] // 2
     return rows[:m], rows[m:]
-
-
-def _edge_rows(space: Basis) -> EdgeRows | None:
-    """Rows as samples of polynomials on edges; Bernstein coefficients are none."""
-    rule = space.contact_rule
-    return EdgeRows(rule.points, space.normal_degree, space.shear_degree) if rule.kind == "gauss" else None

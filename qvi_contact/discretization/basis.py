@@ -26,7 +26,6 @@ from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.mesh.edges import Edges, points_along, rounding_along, vectors_along
 from qvi_contact.mesh.mesh import Mesh
 from solvers import EnergyRoot
-from solvers.factorisation.choice import Structure
 
 if TYPE_CHECKING:
     from qvi_contact.discretization.contact_rows import ContactRows
@@ -196,10 +195,6 @@ class Energy(Protocol):
         """r(z) with ½|r|² = ½ ∫ cσ:σ at u = B z + u₀, φ included, evaluated without the cancellation inside K."""
         ...
 
-    def structure(self, elimination: Elimination) -> Structure | None:
-        """K as a tree of subdomains, a function of the interface; None where the family has no such structure."""
-        ...
-
     def places(self, elimination: Elimination) -> FloatArray | None:
         """Where the unknowns are (n, 2); None where libraries find orders of elimination that are as good without."""
         ...
@@ -238,7 +233,7 @@ class Basis(Protocol):
         The rows of contacts.
     strict_rows : "gauss" or "bernstein"
         The rows with which the contact law can be held on whole edges: Bernstein coefficients, where σ_N and σ_T have
-        one degree, or those at Gauss points by the cones of `FrictionQVI.strict`.
+        one degree.
     cell_points, cell_weights : (g, d) and (g,) arrays
         Quadrature on the reference cell, exact for the energy; weights of sum 1, times `cell_sizes`.
     cell_sizes : (cells,) array

@@ -107,7 +107,7 @@ class ContactRows:
 
     @property
     def edges(self) -> slice:
-        """Its edges among those of `FrictionQVI.edges`; none for a tied contact."""
+        """Its edges among those of all contacts that have rows; none for a tied contact."""
         return slice(self.rows.start // self.points.count, self.rows.stop // self.points.count)
 
     @property

@@ -109,7 +109,7 @@ def basis_for(mesh: Mesh, degree: int | None = None, contact_rows: RowKind | Non
         if not _among(contact_rows, "gauss"):
             remedy = (
                 "on rectangles rows are tractions at Gauss points: leave this out, cut them into triangles by element "
-                "'hct', or take an inner solver 'strict:…'"
+                "'hct'"
             )
             raise InputError("contact_rows", contact_rows, remedy)
         return BognerFoxSchmit(mesh)

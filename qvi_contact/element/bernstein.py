@@ -36,6 +36,14 @@ def basis(degree: int, t: FloatArray) -> FloatArray:
     return np.asarray(binomial * t**i * (1.0 - t) ** (degree - i))
 
 
+def largest_quadratic(b: FloatArray) -> FloatArray:
+    """Maximum on [0, 1] of each quadratic b (e, 3): at an end, or inside where it is concave."""
+    curvature = 2.0 * b[:, 1] - b[:, 0] - b[:, 2]  # > 0: concave
+    inside = (b[:, 1] > b[:, 0]) & (b[:, 1] > b[:, 2])
+    t = np.divide(b[:, 1] - b[:, 0], curvature, out=np.zeros(len(b)), where=inside)
+    return np.asarray(np.maximum(b[:, [0, 2]].max(axis=1), (basis(2, t) * b).sum(axis=1)))
+
+
 def nodes(degree: int) -> FloatArray:
     """Chebyshev-Lobatto points (degree + 1,), the ends included: where data are interpolated."""
     return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree)))

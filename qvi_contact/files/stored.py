@@ -18,7 +18,7 @@ from qvi_contact.files.archive import Archive
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.files.problem_writer import problem_to_toml, unread_toml
 from qvi_contact.solution.result import ContactResult
-from solvers import Certificate, FrictionQVI, Iteration, QVISolution, Status
+from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.certificate.certificate import EXPONENTS
 
 STORE: Final = "store"
@@ -58,7 +58,6 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
         "reach": known.scales.reach,
         "freed": np.asarray(known.freed, dtype=np.int64),
         "earlier_slip": _joined([rows.offset - o for rows, o in zip(known.contacts, known.offsets(), strict=True)]),
-        "strict": solution.problem.strict,
         "status": str(result.status),
         "message": result.message,
         **{name: np.asarray(getattr(solution, name), dtype=np.float64) for name in _VECTORS},
@@ -114,7 +113,10 @@ def result_from_archive(archive: Archive) -> ContactResult:
 def answer_from_archive(archive: Archive, posed: Callable[[Scales], Discretization]) -> ContactResult:
     """The result of an archive that was read, of a problem that is posed in given units, without earlier slip."""
     known = _discretization(archive, posed)
-    qvi = _strict(archive, known.qvi) if archive.number("strict") != 0.0 else known.qvi
+    if "strict" in archive.arrays and archive.number("strict") != 0.0:
+        remedy = "was computed by an inner solver 'strict:…', retired in version 0.2: solve its problem again"
+        raise InputError("result", archive.path, remedy)
+    qvi = known.qvi
     vectors = [archive.floats(name) for name in _VECTORS]
     for name, vector, size in zip(_VECTORS, vectors, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True):
         if len(vector) != size:
@@ -191,13 +193,6 @@ def _degree(archive: Archive) -> dict[str, Any]:
     if "degree" not in archive.arrays:
         return {}
     return {"degree": _count(archive, "degree"), "contact_rows": archive.text("contact_rows")}
-
-
-def _strict(archive: Archive, qvi: FrictionQVI) -> FrictionQVI:
-    try:
-        return qvi.strictly()
-    except InputError as error:
-        raise InputError("result", archive.path, f"entry 'strict' does not fit the problem ({error})") from error
 
 
 def _count(archive: Archive, name: str) -> int:

@@ -100,8 +100,7 @@ class ContactLine:
     excess_between_points : float
         Largest (|σ_T| − bound)⁺ anywhere on the contact [stress], with the bound of the pressure there: 0 at the points
         up to the certificate's tolerance. Between them too on triangles with Bernstein rows, the default where they can
-        hold the law: not on bilateral contacts with friction, nor where friction varies along an edge. On Gauss rows
-        and on rectangles only where the inner solver is a "strict" one.
+        hold the law: not on bilateral contacts with friction, nor where friction varies along an edge.
     pull_between_points : float
         Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see `between_points`.
     senses : (edges,) array

@@ -36,7 +36,6 @@ from solvers.basics.pickles import Stated
 from solvers.basics.types import load
 from solvers.certificate.feasibility import AdmissibleRows
 from solvers.factorisation import FactorisationError
-from solvers.strict.threshold import strict_bound
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -253,7 +252,7 @@ class ContactResult(Stated):
         if not self.has_state:
             return remarks
         loose = tuple(body.remark for body in self.loose_bodies)
-        found = self._rounded_stresses() + self._next_to_nothing() + self._inexact_bounds() + self._rounded_gaps()
+        found = self._rounded_stresses() + self._next_to_nothing() + self._rounded_gaps()
         several = () if self.solution.remarks else self._one_of_several()
         return remarks + several + loose + found + tuple(self._coarse_arcs()) + tuple(self._excess_between_points())
 
@@ -373,22 +372,6 @@ class ContactResult(Stated):
                     f"{line.excess_between_points:.3g} [stress]: {share:.1f} % of the largest traction. "
                     "Refine the mesh there."
                 )
-
-    def _inexact_bounds(self) -> tuple[str, ...]:
-        """Contacts where a strict solve has used less than the law's own bound."""
-        qvi, found = self.solution.problem, []
-        if not qvi.strict or qvi.edges is None:
-            return ()
-        exact = strict_bound(qvi, qvi.normal(self.solution.z)).exact
-        for rows in self.discretization.contacts:
-            count = int((~exact[rows.edges]).sum())
-            if count:
-                found.append(
-                    f"On {count} edge{'s' if count > 1 else ''} of {rows.name!r} the friction bound is not "
-                    "quadratic, and a smaller one is used there. The stresses are admissible, but friction is "
-                    "underestimated. Refine there to reduce the error."
-                )
-        return tuple(found)
 
     @cached_property
     def traction_misfit(self) -> float:

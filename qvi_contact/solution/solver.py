@@ -23,7 +23,6 @@ from solvers.basics.checks import true_or_false
 from solvers.basics.narration import narrated
 from solvers.basics.watch import Progress, expired, tell, watched
 from solvers.factorisation import FactorisationError
-from solvers.inner.names import is_strict
 from solvers.solution.finish import out_of_time
 from solvers.solution.start import Start
 from solvers.solve import check_settings, default_method, facts_of, takes_initial
@@ -62,8 +61,7 @@ def solve(
         first took at most, or 15 seconds if that is more; another method if an inner solver or options are given that
         only that one takes.
     inner : str, optional
-        How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel", "direct:osqp",
-        "strict:<cvxpy name>" or "strict-direct:clarabel" (the contact law on whole edges, by cones), or
+        How the fixed point solves its inner problems: "qp:<qpsolvers name>", "direct:clarabel" or
         "socp:<cvxpy name>"; `solvers.available()` lists what is installed. By default "qp:clarabel".
     tolerance : float
         Accuracy that the certificate must confirm, dimensionless.
@@ -77,9 +75,7 @@ def solve(
         rectangles are cut: the result is then one of the problem on triangles. By default "hct", but "bfs" where a
         rectangle is more than 500 times as long as wide. See `discretize`.
     degree, contact_rows
-        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`. With Bernstein
-        coefficients, the default but for "uzawa" and for friction that varies along an edge, a strict inner solver is
-        its counterpart without cones.
+        Degree of the element on a triangle mesh, and what bounds tractions there, see `discretize`.
     verbose : bool
         Print a header, a line an iteration (dimensionless, see `solvers.Iteration`), a footer with status and times.
     **options
@@ -195,8 +191,6 @@ def rows_for(method: str | None, contact_rows: RowKind | None) -> RowKind | None
 def _solve(discretization: Discretization, settings: dict[str, Any]) -> ContactResult:
     """Solve, and try again without the shear in corners."""
     _check_uzawa(discretization, settings["method"])
-    if discretization.space.contact_rule.kind == "bernstein":
-        settings = {**settings, "inner": _on_coefficients(settings["inner"])}
     if settings.get("initial") is not None:
         settings["initial"] = _initial(settings["initial"], discretization)
     result = solve_within_reach(discretization, settings)
@@ -228,14 +222,6 @@ def _stopped(result: ContactResult, settings: dict[str, Any]) -> bool:
     counted = any(settings.get(name) is not None for name in _COUNTS)
     spent = counted and result.status is Status.MAX_ITERATIONS
     return spent or result.status in (Status.TIME_LIMIT, Status.OUT_OF_MEMORY)
-
-
-def _on_coefficients(inner: str | None) -> str | None:
-    """The inner solver without strict cones: bounds of Bernstein coefficients hold on whole edges anyway."""
-    if not is_strict(inner):
-        return inner
-    kind, _, name = str(inner).partition(":")
-    return f"{'socp' if kind.lower() == 'strict' else 'direct'}:{name}"
 
 
 def _fitted(discretization: Discretization, settings: dict[str, Any]) -> Discretization:

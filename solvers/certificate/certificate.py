@@ -25,8 +25,7 @@ the measures are
     alart_curnier               the same over 1 + mu, with thr = thr(|min(σ_N + k λ_N, 0)|)
     bipotential                 |Σ (thr |m_T| − m_T σ_T − m_N σ_N)| / E, gaps and slips counted so
 
-`residuals` has the formulas of the contact law, `strict.measures` those for bounds on whole edges, `measures` what each
-number means and when to worry.
+`residuals` has the formulas of the contact law, `measures` what each number means and when to worry.
 
 All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
 contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-7 of √(E_b k / Σ W), which stands for the stress
@@ -68,7 +67,6 @@ import numpy as np
 from solvers.basics.checks import finite_number, real_array
 from solvers.basics.types import Vector
 from solvers.certificate.measures import MEASURES, Measure
-from solvers.certificate.strict import admissible_change, strict_residuals
 from solvers.errors import InputError
 from solvers.inequality.blocks import absolute_product
 from solvers.inequality.problem import FrictionQVI
@@ -255,7 +253,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     left = residual - qvi.K @ error - qvi.A.T @ outside
     square = float(residual @ error)
     defect = 0.5 * _admissible_square(qvi, square, error, m_N)
-    law = (strict_residuals if qvi.strict else law_residuals)(qvi, z, m_N, m_T, scales)
+    law = law_residuals(qvi, z, m_N, m_T, scales)
     E, E_b = scales["energy"], scales["body_energy"]
     gap = (abs(law.work) + defect) / E_b
     measures = {
@@ -321,7 +319,7 @@ def _stationarity(
 
 def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vector) -> float:
     """|ρ|² once m_N is made admissible, from |ρ|² and K⁻¹ρ before: the residual changes by Nᵀ(max(m_N, 0) − m_N)."""
-    change = admissible_change(qvi, m_N) if qvi.strict else np.maximum(m_N, 0.0) - m_N
+    change = np.maximum(m_N, 0.0) - m_N
     if not change.any():
         return abs(square)
     relieved = qvi.linear_system.relief(qvi.N)(change)

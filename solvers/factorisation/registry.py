@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.sparse import csc_array
 
+from solvers.basics.names import remedy_if_retired
 from solvers.basics.narration import LOGGER
 from solvers.basics.types import IntVector, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
@@ -16,13 +17,13 @@ from solvers.factorisation.forecast import check_limits
 from solvers.factorisation.levels import LEVELS, LevelFactor, cheap_levels
 from solvers.factorisation.threads import thread_count
 
-BACKENDS: Final = ("pardiso", "cholmod", "superlu")
+BACKENDS: Final = ("pardiso", "superlu")
 """Names of the sparse back ends, the fastest first."""
 
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
 
-_INSTALL: Final = {"pardiso": "pip install mkl", "cholmod": "pip install cvxopt"}
+_INSTALL: Final = {"pardiso": "pip install mkl"}
 _WORTH_INSTALLING: Final = 20_000  # unknowns from which on PARDISO is at least twice as fast
 _default: str | None = None
 
@@ -128,7 +129,8 @@ def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
 
     """
     if name not in BACKENDS:
-        raise SolverUnavailableError(field, name, f"choose one of {', '.join((*others, *BACKENDS))}")
+        remedy = remedy_if_retired(name) or f"choose one of {', '.join((*others, *BACKENDS))}"
+        raise SolverUnavailableError(field, name, remedy)
     if _module(name).version() is None:
         remedy = f"its library does not load ({_INSTALL.get(name, 'reinstall scipy')}); choose one of"
         raise SolverUnavailableError(field, name, f"{remedy} {', '.join((*others, *available_backends()))}")

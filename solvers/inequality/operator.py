@@ -10,7 +10,7 @@ import numpy as np
 from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
-from solvers.factorisation.choice import Request, Structure, condensing_pays, make, make_unsymmetric
+from solvers.factorisation.choice import Request, condensing_pays, make, make_unsymmetric
 from solvers.factorisation.unsymmetric import Refactorisation
 from solvers.inequality.energy import Energy, EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
@@ -31,8 +31,6 @@ class Operator:
     K : (n, n) sparse
     root : `EnergyRoot`, optional
         Its R is factorised where K is not positive definite to working precision, or when `use_root` says so.
-    structure : optional
-        K as a tree of subdomains, see `factorisation.choice`.
     places : (n, 2), optional
         Where the unknowns are, see `FrictionQVI`.
 
@@ -42,10 +40,9 @@ class Operator:
         self,
         K: Sparse,
         root: EnergyRoot | None = None,
-        structure: Structure | None = None,
         places: Matrix | None = None,
     ) -> None:
-        self._K, self._root, self._structure, self._places = K, root, structure, places
+        self._K, self._root, self._places = K, root, places
         self._request = Request()
         self._rooted = False
         self._factor: Factorisation | None = None
@@ -56,7 +53,7 @@ class Operator:
 
     def __reduce__(self) -> tuple[type["Operator"], tuple[object, ...]]:
         """Copies and pickles of a problem factorise anew: factors live in the memory of a library."""
-        return Operator, (self._K, self._root, self._structure, self._places)
+        return Operator, (self._K, self._root, self._places)
 
     @property
     def factor(self) -> Factorisation | None:
@@ -152,7 +149,7 @@ class Operator:
     def _made(self, interface: IntVector) -> Factorisation:
         if not self._rooted:
             try:
-                return make(self._K, interface, self._structure, self._request)
+                return make(self._K, interface, self._request)
             except FactorisationError as error:
                 if error.reason != "singular" or self._root is None:
                     raise

@@ -171,7 +171,7 @@ class _Run:
 
 def affordable(qvi: FrictionQVI) -> bool:
     """Whether the contact is small enough, and the law one of points."""
-    return 0 < qvi.m <= LARGEST and qvi.n > 0 and not qvi.strict
+    return 0 < qvi.m <= LARGEST and qvi.n > 0
 
 
 def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions | None = None) -> QVISolution:

@@ -41,7 +41,6 @@ from qvi_contact import (
     solve_companion,
     solve_history,
     solve_sweep,
-    stream_sweep,
 )
 from qvi_contact.bracket import bracket
 from qvi_contact.export import write_vtu
@@ -97,7 +96,7 @@ ENTRIES = {
     "solve": lambda _, **options: solve(UNTOUCHED, **options),
     "fixed point": lambda _, **options: solve(UNTOUCHED, **{"method": "fixed-point"} | options),
     "sweep": lambda _, **options: solve_sweep(UNTOUCHED, "gap", [0.1, 0.2], **options),
-    "stream": lambda path, **options: stream_sweep(UNTOUCHED, "gap", [0.1], path / "rows.sqlite", **options),
+    "stream": lambda path, **options: solve_sweep(UNTOUCHED, "gap", [0.1], store=path / "rows.sqlite", **options),
     "history": lambda _, **options: solve_history([UNTOUCHED, UNTOUCHED], **options),
     "refine": lambda _, **options: refine(UNTOUCHED, **options),
 }
@@ -247,7 +246,7 @@ PATHS = {
     "store": read_sweep,
     "mesh": TriangleMesh.load,
     "output": lambda path: save_problem(path, PLATE),
-    "store of a sweep": lambda path: stream_sweep(PLATE, "friction", [0.1], path),
+    "store of a sweep": lambda path: solve_sweep(PLATE, "friction", [0.1], store=1 if path is None else path),
     "store of a history": lambda path: solve_history([PLATE], store=path if path is not None else 1),
 }
 
@@ -321,8 +320,8 @@ REFUSALS = {
     "freed": lambda freed: discretize(PLATE, freed=freed),
     "problem": lambda problem: step().discretization.following(problem),
     "problem of marks": lambda problem: refined_where_apart(problem, None),
-    "dask": lambda address: stream_sweep(PLATE, "friction", [0.1], "never", dask=address),
-    "workers": lambda workers: stream_sweep(PLATE, "friction", [0.1], "never", workers=workers),
+    "dask": lambda address: solve_sweep(PLATE, "friction", [0.1], store="never", dask=address),
+    "workers": lambda workers: solve_sweep(PLATE, "friction", [0.1], store="never", workers=workers),
     "stress": principal_stresses,
     "displacement": lambda displacement: loop_area(displacement, [0.0, 1.0]),
     "force": lambda force: loop_area([0.0, 1.0], force),

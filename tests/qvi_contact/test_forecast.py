@@ -69,9 +69,9 @@ class TestForecast:
 
     def test_faster_back_ends_are_forecast_so(self):
         work = Work.by_law(10**6, 3 * 10**7)
-        pardiso, cholmod, superlu = (Forecast.of(work, name) for name in ("pardiso", "cholmod", "superlu"))
-        assert pardiso.seconds < cholmod.seconds < 0.3 * superlu.seconds
-        assert pardiso.bytes < cholmod.bytes < 0.3 * superlu.bytes
+        pardiso, superlu = (Forecast.of(work, name) for name in ("pardiso", "superlu"))
+        assert pardiso.seconds < 0.3 * superlu.seconds
+        assert pardiso.bytes < 0.3 * superlu.bytes
 
     def test_threads_share_operations_and_the_interface_is_dense(self):
         work = Work.by_law(10**6, 3 * 10**7)

@@ -217,7 +217,7 @@ METHODS = [
     {"inner": "qp:clarabel", "form": "condensed"},
     {"inner": "direct:clarabel", "form": "full"},
     {"inner": "direct:clarabel", "form": "condensed"},
-    {"inner": "direct:osqp", "form": "condensed", "tolerance": 1e-7},
+    {"inner": "qp:osqp", "form": "condensed", "tolerance": 1e-7},
     {"inner": "qp:piqp", "form": "condensed"},
     {"inner": "qp:quadprog", "form": "condensed"},
     {"inner": "socp:clarabel", "form": "condensed"},

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from qvi_contact import InputError, refine, save_problem, solve, solve_history, solve_sweep, stream_sweep
+from qvi_contact import InputError, refine, save_problem, solve, solve_history, solve_sweep
 from qvi_contact.basics import Units
 from qvi_contact.bracket import bracket, outside_scope
 from qvi_contact.cli import group
@@ -194,7 +194,7 @@ class TestPinsOfASeries:
     def test_a_store(self, tmp_path):
         problem = pinned(self.problem().contacts[0], Contact("outside", 0.0, law="tied"), ROUND)
         asked = (problem, "friction", [0.0, 0.3])
-        stored = stream_sweep(*asked, tmp_path / "a.sqlite", degree=3).to_frame()
+        stored = solve_sweep(*asked, store=tmp_path / "a.sqlite", degree=3).to_frame()
         assert stored.equals(solve_sweep(*asked, degree=3).to_frame())
         assert stored["moment"].isna().tolist() == [False, True] * 2
 

@@ -1,10 +1,10 @@
 """Small studies for the tests of the study runner, one of them as a command."""
 
 import click
+from tests.retiring.study_tasks import WAYS
 
 from comparisons.lab.study import Study, study_options
 from qvi_contact.basics import run
-from tests.retiring.study_tasks import WAYS
 
 DEMO = Study(
     "demo",

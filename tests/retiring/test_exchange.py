@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from comparisons.cli import group
+from comparisons.exchange import local_problem, read_fclib, siconos_error, solve_local, state_of, write_fclib
 from qvi_contact import discretize
 from qvi_contact.basics import terminal
 from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers import solve_qvi
-from solvers.exchange import local_problem, read_fclib, siconos_error, solve_local, state_of, write_fclib
 
 pytestmark = pytest.mark.usefixtures("bogner_fox_schmit")  # four points of an edge are bound by equations
 

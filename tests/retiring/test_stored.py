@@ -20,7 +20,6 @@ from qvi_contact import (
 from qvi_contact.export import write_npz
 from qvi_contact.files.archive import Archive, digest
 from qvi_contact.files.stored import load_result
-from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from qvi_contact.verification import verify_file
 from solvers import Status
@@ -83,7 +82,7 @@ NAMES = (
     "earlier_slip", "energies", "equality_multiplier", "factorisation", "form", "format", "format_version", "freed",
     "gauss_stress", "gauss_x", "gauss_y", "history", "history_status", "inner", "iterations", "loaded", "material",
     "message", "method", "normal_multiplier", "plate.motion", "problem", "problem_missing", "reach", "remarks",
-    "scales", "status", "strict", "tangential_multiplier", "threshold", "timings", "tolerance", "traction_misfit",
+    "scales", "status", "tangential_multiplier", "threshold", "timings", "tolerance", "traction_misfit",
     "versions", "x_lines", "y_lines", "z",
 )  # fmt: skip
 FIELDS = (
@@ -92,7 +91,7 @@ FIELDS = (
 )  # fmt: skip
 CHANGED = (
     "active", "airy", "certificate", "earlier_slip", "energies", "gauss_x", "iterations", "message", "plate.motion",
-    "scales", "strict", "tolerance", "z", "ground.friction", "ground.tangential_stress", "joint.state",
+    "scales", "tolerance", "z", "ground.friction", "ground.tangential_stress", "joint.state",
 )  # fmt: skip
 ALL = (*NAMES, *(f"{contact}.{field}" for contact in ("ground", "joint", "plate") for field in FIELDS))
 
@@ -133,15 +132,6 @@ def fails(path):
 
 class TestRoundTrip:
     """What is read is what was written."""
-
-    @pytest.mark.parametrize("inner", ["strict-direct:clarabel"])
-    def test_strict_results_stay_strict(self, inner, tmp_path):
-        result = solve(compressed_plate(0.2, (4, 3)), inner=inner)
-        write_npz(tmp_path / "a.npz", result)
-        again = load_result(tmp_path / "a.npz")
-        assert again.solution.problem.strict
-        assert again.solution.inner == inner
-        assert fails(tmp_path / "a.npz") == set()
 
     def test_a_shear_given_up_in_a_corner(self, tmp_path):
         sides = [Traction("left", x=0.0, y=4.0), Traction("right", x=0.0, y=-4.0)]

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from comparisons.lab.study.differences import differences
+from comparisons.lab.worker.plain import canonical, plain
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from pandas import DataFrame
@@ -23,9 +25,7 @@ from pandas import DataFrame
 from comparisons.lab.study import Outcome, Study, frame_of, largest_of, read_csv, read_study, run_study, write_csv
 from comparisons.lab.study import store as stores
 from comparisons.lab.study.declaration import case_key
-from comparisons.lab.study.differences import differences
 from comparisons.lab.study.rows import finite_json
-from comparisons.lab.worker.plain import canonical, plain
 from qvi_contact import InputError
 from qvi_contact.basics import database
 from tests.retiring.study_demo import ENVIRONMENT, SMALL

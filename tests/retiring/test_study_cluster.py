@@ -11,13 +11,13 @@ from pathlib import Path
 from threading import Event, Timer
 
 import pytest
+from tests.retiring.study_processes import MARK, ROOT, commands, comparable, eventually, marked, rows_in
 
 from comparisons.lab.study import Study, read_study, run_study
 from qvi_contact import InputError
 from qvi_contact.basics import cluster
 from tests.retiring import study_dask
 from tests.retiring.study_demo import DEMO, SMALL, ways
-from tests.retiring.study_processes import MARK, ROOT, commands, comparable, eventually, marked, rows_in
 
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask's clusters need the extra 'dask'")
 

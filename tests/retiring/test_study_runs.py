@@ -14,17 +14,17 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
+from comparisons.lab.study.children import Child, Crew, Terms
+from comparisons.lab.worker import limits
+from comparisons.lab.worker.outcome import REFUSED
+from tests.retiring.study_processes import MARK, ROOT, alive, commands, comparable, eventually, marked, rows_in
 
 from comparisons.lab.progress import progress, rate
 from comparisons.lab.study import FAILURES, options, read_study, run_study
 from comparisons.lab.study import store as stores
-from comparisons.lab.study.children import Child, Crew, Terms
-from comparisons.lab.worker import limits
-from comparisons.lab.worker.outcome import REFUSED
 from qvi_contact import InputError
 from qvi_contact.basics import database, terminal
 from tests.retiring.study_demo import DEMO, SMALL, main, ways
-from tests.retiring.study_processes import MARK, ROOT, alive, commands, comparable, eventually, marked, rows_in
 
 
 @pytest.fixture(scope="module")

@@ -27,8 +27,7 @@ from qvi_contact import (
 from qvi_contact.basics.checks import Field, FloatArray
 from qvi_contact.discretization.families import ElementName
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.solution.sweep_rows import Parameter
-from qvi_contact.solution.sweep_run import SweepTask
+from qvi_contact.solution.sweep import Parameter, SweepTask
 
 _DEPTH: Final = 0.01
 

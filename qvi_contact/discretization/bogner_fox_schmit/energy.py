@@ -1,7 +1,7 @@
 """The energy of Bogner-Fox-Schmit cells: assembled by stencils, reduced to the unknowns, a square of stresses."""
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -9,12 +9,10 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.bogner_fox_schmit.energy_root import StressRoot
 from qvi_contact.discretization.bogner_fox_schmit.stencil import StencilMatrix, energy_matrix
-from qvi_contact.discretization.bogner_fox_schmit.substructures import substructures
 from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.element.bogner_fox_schmit import GAUSS_COUNT, Grid
 from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.mesh.rectilinear import RectilinearMesh
-from solvers.factorisation.choice import Structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +86,6 @@ class GridEnergy:
         potential = np.zeros((len(self.materials), GAUSS_COUNT**2)) if self.potential is None else self.potential
         basis, particular = elimination.basis, elimination.particular
         return StressRoot(self.grid, self.mesh.active, compliances, basis, particular, potential)
-
-    def structure(self, elimination: Elimination) -> Structure | None:
-        """K of a uniform rectangle as a tree of subdomains, found when it is asked for."""
-        return partial(substructures, self, elimination)
 
     def places(self, elimination: Elimination) -> FloatArray:
         """Columns and rows of the unknowns' nodes."""

@@ -10,7 +10,6 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.elimination import Elimination
 from qvi_contact.discretization.hsieh_clough_tocher.condensed import CondensedTriangles, TriangleRoot, energy_matrix
 from qvi_contact.discretization.hsieh_clough_tocher.space import TriangleSpace
-from solvers.factorisation.choice import Structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +43,6 @@ class TriangleEnergy:
         centres = self.space.triangles.corners.mean(axis=1)
         basis, particular = elimination.basis, elimination.particular
         return TriangleRoot(self.condensed, self.space.differences, centres, basis, particular)
-
-    def structure(self, elimination: Elimination) -> Structure | None:  # noqa: ARG002  # see `Energy`
-        """None: no two parts of the mesh are known to be alike."""
-        return None
 
     def places(self, elimination: Elimination) -> None:
         """None: lines across triangles cut more unknowns than what METIS finds."""

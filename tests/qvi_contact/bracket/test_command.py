@@ -10,14 +10,7 @@ from click.testing import CliRunner
 
 from qvi_contact import (
     Contact,
-    ContactProblem,
-    Expression,
     InputError,
-    Material,
-    RectilinearMesh,
-    Symmetry,
-    Traction,
-    save_problem,
     solve,
 )
 from qvi_contact.bracket import document, lines
@@ -27,13 +20,6 @@ from qvi_contact.plots import bracket_figure
 from qvi_contact.units import Units
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
-
-
-def curved_potential():
-    """A potential that is not affine along a rough contact: stresses of rectangles obey no law on its whole edges."""
-    contact = Contact.tresca("top", 0.1, gap=-1e-3)
-    sides = Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)
-    return ContactProblem(RectilinearMesh.rectangle((3, 3)), Material(1e3, 0.2), [contact, *sides], Expression("x**2"))
 
 
 def command(*words):
@@ -61,18 +47,6 @@ def test_one_json_document():
     assert 0.0 < found["bracket"]["coulomb"]["solutions_apart"] < 0.5
     assert found["bracket"]["companion"]["degree"] == 3
     assert found["status"] == "solved"
-
-
-def test_missing_lower_bound(tmp_path):
-    """No bound from below: no gap, no picture, the reason."""
-    picture = tmp_path / "apart.png"
-    save_problem(tmp_path / "curved.toml", curved_potential())
-    done = command(tmp_path / "curved.toml", "--element", "bfs", "--plot", picture)
-    assert done.return_value == 1
-    assert "no lower bound" in done.stdout
-    assert "duality gap" not in done.stdout
-    assert "no duality gap to draw" in done.stderr
-    assert not picture.exists()
 
 
 @pytest.mark.parametrize(

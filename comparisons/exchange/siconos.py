@@ -19,10 +19,10 @@ from typing import Literal
 
 import numpy as np
 
+from comparisons.exchange.local import LocalProblem
 from solvers.basics.checks import real_array
 from solvers.basics.types import Vector
 from solvers.errors import InputError
-from solvers.exchange.local_problem import LocalProblem
 
 
 def siconos_error(

@@ -55,6 +55,8 @@ class Database:
         Version of the tables: the file's user_version.
     tables : sequence of str
         The statements that make them.
+    rows : str
+        The table of what is kept. A file without rows is nobody's: a run that came to nothing stands in no one's way.
 
     Raises
     ------
@@ -63,26 +65,39 @@ class Database:
 
     """
 
-    def __init__(self, what: str, application: int, schema: int, tables: Sequence[str]) -> None:
-        self._what, self._application, self._schema, self._tables = what, application, schema, tables
+    def __init__(self, what: str, application: int, schema: int, tables: Sequence[str], rows: str) -> None:
+        self._what, self._application, self._schema = what, application, schema
+        self._tables, self._rows = tables, rows
 
     @contextmanager
     def writing(self, path: Path, fill: Callable[[sqlite3.Connection], object]) -> Iterator[sqlite3.Connection]:
-        """A connection to a file, made if it is missing, while all other runs are kept away from it.
+        """A connection to a file, made if it is missing or has no rows, while other runs are kept away from it.
 
         A new file gets its name when its tables are there, and what `fill` writes first.
         """
         writable_folder(path.parent, "store")
         with self._locked(path):
-            if not path.exists():
-                with replacing(path) as temporary, self.opened(temporary) as connection:
+            if not self._has_rows(path):
+                with replacing(path) as temporary, self._connected(temporary) as connection:
                     self._make(connection, fill)
             with self.opened(path) as connection:
+                # beginning alone is possible with files that are read-only
+                connection.execute("BEGIN IMMEDIATE")
+                connection.execute(f"PRAGMA user_version = {self._schema}")
+                connection.rollback()
                 yield connection
 
     @contextmanager
     def opened(self, path: Path) -> Iterator[sqlite3.Connection]:
-        """A connection to a file that is there, after a look whether it is sound."""
+        """A connection to a file that is there, after a look whether it is sound, and of this kind and version."""
+        with self._connected(path) as connection:
+            self._check(connection, path)
+            if connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
+                raise self.damaged(path)
+            yield connection
+
+    @contextmanager
+    def _connected(self, path: Path) -> Iterator[sqlite3.Connection]:
         address = f"{path.resolve().as_uri()}?mode=rw"
         with (
             self.explained(path),
@@ -90,31 +105,16 @@ class Database:
         ):
             for setting in SETTINGS:
                 connection.execute(f"PRAGMA {setting}")
-            self._refuse_other_tables(connection, path)
-            if connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
-                raise self.damaged(path)
             yield connection
 
-    def _refuse_other_tables(self, connection: sqlite3.Connection, path: Path) -> None:
-        """Refuse one of these files whose tables were changed: a view in place of a table never ends."""
-        numbers = [connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")]
-        if numbers == [self._application, self._schema]:
-            with closing(sqlite3.connect(":memory:")) as known:
-                for statement in self._tables:
-                    known.execute(statement)
-                if _statements(connection) != _statements(known):
-                    raise InputError("store", str(path), "has other tables than it was made with: give another file")
+    def _has_rows(self, path: Path) -> bool:
+        if not path.exists():
+            return False
+        with self.opened(path) as connection:
+            ((found,),) = connection.execute(f"SELECT EXISTS (SELECT * FROM {self._rows})")
+            return bool(found)
 
-    @contextmanager
-    def explained(self, path: Path) -> Iterator[None]:
-        """What SQLite says inside becomes one line."""
-        try:
-            yield
-        except sqlite3.Error as error:
-            raise self._explanation(path, error) from error
-
-    def check(self, connection: sqlite3.Connection, path: Path) -> None:
-        """Refuse files of another kind or version."""
+    def _check(self, connection: sqlite3.Connection, path: Path) -> None:
         ((pages,),) = connection.execute("PRAGMA page_count")
         if pages == 0:
             raise InputError("store", str(path), f"is an empty file, not {self._what}: delete it, or give another")
@@ -125,12 +125,19 @@ class Database:
         if schema != self._schema:
             remedy = f"has tables of version {schema}, not {self._schema}: give another file, or use the release that "
             raise InputError("store", str(path), f"{remedy}wrote it")
+        with closing(sqlite3.connect(":memory:")) as known:
+            for statement in self._tables:
+                known.execute(statement)
+            if _statements(connection) != _statements(known):  # a view in place of a table never ends
+                raise InputError("store", str(path), "has other tables than it was made with: give another file")
 
-    def try_to_write(self, connection: sqlite3.Connection) -> None:
-        """Find out before any work whether that is possible; beginning alone is, with files that are read-only."""
-        connection.execute("BEGIN IMMEDIATE")
-        connection.execute(f"PRAGMA user_version = {self._schema}")
-        connection.rollback()
+    @contextmanager
+    def explained(self, path: Path) -> Iterator[None]:
+        """What SQLite says inside becomes one line."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise self._explanation(path, error) from error
 
     def damaged(self, path: Path) -> InputError:
         """The error about a file that holds nonsense."""

@@ -27,12 +27,12 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
+from comparisons.exchange.files import finite, unreadable
+from comparisons.exchange.local import LARGEST, ContactState, LocalProblem
 from solvers.basics.archives import LARGEST as LARGEST_CONTENT
 from solvers.basics.files import replacing
 from solvers.basics.types import Matrix, Module, Sparse, SparseRows, Vector, load
 from solvers.errors import InputError
-from solvers.exchange.files import finite, unreadable
-from solvers.exchange.local_problem import LARGEST, ContactState, LocalProblem
 
 _KIND = "an FCLIB file (HDF5)"
 _OWN = "qvi_contact"

@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.sparse import coo_matrix, csr_matrix
 
-import solvers.exchange
-from solvers import FrictionQVI, InputError, Status, Traces, certify, solve_qvi
-from solvers.basics import LARGEST
-from solvers.exchange import (
+import comparisons.exchange
+from comparisons.exchange import (
     ContactState,
     LocalProblem,
     load_qvi,
@@ -28,6 +26,8 @@ from solvers.exchange import (
     state_of,
     write_fclib,
 )
+from solvers import FrictionQVI, InputError, Status, Traces, certify, solve_qvi
+from solvers.basics import LARGEST
 from solvers.inequality import Compliance
 from tests.solvers.conftest import dragged_block, two_contacts
 
@@ -91,7 +91,7 @@ def refused(call) -> str:
 
 def test_the_example_of_the_documentation_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = doctest.testmod(solvers.exchange)
+    result = doctest.testmod(comparisons.exchange)
     assert result.attempted >= 10
     assert result.failed == 0
 

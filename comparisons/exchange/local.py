@@ -33,10 +33,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csc_array
 
+from comparisons.exchange.files import finite
 from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import Certificate, certify
 from solvers.errors import InputError
-from solvers.exchange.files import finite
 from solvers.fixed_point.forms import CondensedForm, Simplified
 from solvers.inequality.problem import FrictionQVI
 from solvers.solution.solution import QVISolution
