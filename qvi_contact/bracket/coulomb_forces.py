@@ -1,9 +1,10 @@
 """Two-sided bounds of contact forces under Coulomb's law, by a dual problem.
 
 For any displacement z of W and any stress ζ without loads the resultant Q = ∫ a σ_N + b σ_T ds differs from a number
-that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)) + m₂ C F². z solves the dual
+that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)) + r F². z solves the dual
 problem on the displacements of the companion, ζ is the stress nearest to it. Both are cut: z_T = b also beside what
-sticks, and ζ_T = 0 also beside what slips, so that m is not large.
+sticks, and ζ_T = 0 also beside what slips, so that m is not large. r is the norm of R with ζ_T/(c + μ|τ_N|), made
+continuous, in place of s.
 
 In `docs/theory.md`: (D31).
 """
@@ -24,7 +25,7 @@ from qvi_contact.bracket.friction_norm import computed_norm, proved_norm
 from qvi_contact.bracket.law import effective, traction_coefficients
 from qvi_contact.bracket.outcome import Bounds
 from qvi_contact.bracket.parts import CellFields
-from qvi_contact.bracket.share import Share
+from qvi_contact.bracket.share import LeastChange, Share
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.at_rest import MOST, BodyAtRest, solutions
 from qvi_contact.companion.traces import Trace
@@ -43,12 +44,6 @@ _CUTS: Final = (1e-6, 1e-1)
 Any share gives bounds. A small one makes m large where edges at the end of stick are short: |ζ_T| grows there towards
 the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of both hold.
 """
-
-_SPREAD: Final = 2.0
-"""C over the computed norm of R for m in place of s: |e_T| is no linear function of e.
-
-On a half plane the energy of a normal trace is a multiple of Gagliardo's seminorm, which absolute values do not
-increase: there the factor is 1."""
 
 _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
 _ROUNDED: Final = 1e-12  # of a force: rounding of its sums
@@ -158,7 +153,7 @@ def coulomb_force_bounds(
     defect : float
         The bound δ + ρ²/(4α) of Σ [stress × length²].
     proved : bool
-        Whether C of the norm must be proved, too.
+        Whether the norm r must be proved, too.
 
     """
     contacts = stress.problem.contacts
@@ -168,12 +163,6 @@ def coulomb_force_bounds(
     if 2 * companion.state.contacts.count > MOST:
         return {}
     model, mesh = _Model.of(stress, companion), stress.problem.mesh
-    rooms = {name: replace(share, values=share.room, slipping=0.0 * share.slipping) for name, share in shares.items()}
-    spread = proved_norm(stress.problem, rooms).value if any(s.room.any() for s in shares.values()) else 0.0
-    if not np.isfinite(spread) and not proved:
-        spread = _SPREAD * computed_norm(stress.problem, rooms)
-    if not np.isfinite(spread):
-        return {}
     found: dict[str, Bounds] = {}
     for cut in _CUTS:
         pairs = _Pairs(model, stress, companion, list(_lines(stress, companion, shares, cut)))
@@ -182,7 +171,7 @@ def coulomb_force_bounds(
             if line.share and leads_one_way(mesh.vertices, mesh.edges(line.contact.edges)):
                 targets["tangential_force"] = (0.0, 1.0)
             for name, (a, b) in targets.items():
-                bounds = pairs.bounds(line, a, b, error, defect, spread)
+                bounds = pairs.bounds(line, a, b, error, defect, proved)
                 if bounds is not None:
                     key = f"{line.contact.name}.{name}"
                     lower, upper = found.get(key, (-np.inf, np.inf))
@@ -198,6 +187,7 @@ class _Model:
     fields: CellFields
     scale: FloatArray
     factors: Any
+    changes: LeastChange
 
     @classmethod
     def of(cls, stress: ContactResult, companion: CompanionResult) -> _Model:
@@ -205,7 +195,8 @@ class _Model:
         scale = 1.0 / np.sqrt(K.diagonal())
         scaled = sparse.csc_array(sparse.diags_array(scale) @ K @ sparse.diags_array(scale))
         fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
-        return cls(BodyAtRest.of(stress.problem, companion.degree), fields, scale, splu(scaled))
+        body, changes = BodyAtRest.of(stress.problem, companion.degree), LeastChange.of(stress.discretization.qvi)
+        return cls(body, fields, scale, splu(scaled), changes)
 
     def solved(self, K: sparse.csc_array, right: FloatArray) -> FloatArray:
         """K⁻¹ · right (n, j), once corrected."""
@@ -263,20 +254,25 @@ class _Pairs:
         """D: z is that large where its dimensionless coefficients are 1 [length]."""
         return self.known.scales.displacement
 
-    def bounds(self, line: _Line, a: float, b: float, error: float, defect: float, spread: float) -> Bounds | None:
+    def bounds(self, line: _Line, a: float, b: float, error: float, defect: float, proved: bool) -> Bounds | None:
         """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
         goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
         c, z = self._displacement(goals)
         moved = self._ratio_of_displacements(goals, c)
         if moved is None:
             return None
-        change = self._stress(c)
-        pressed = self._ratios_of_stresses(change)
+        change, parts = self._continuous(self._stress(c))
+        pressed = self._ratio_of_stresses(change)
         if pressed is None:
             return None
+        spread = 0.0
+        if any(part.values.any() for part in parts.values()):
+            problem = self.stress.problem
+            spread = proved_norm(problem, parts).value if proved else computed_norm(problem, parts)
+            if not np.isfinite(spread):
+                return None
         middle, residual = self._value(goals, c, z, change)
-        pulled, sheared = pressed
-        rest = (error * residual + max(moved, pulled, sheared) * defect + sheared * spread * error**2) / self.unit
+        rest = (error * residual + max(moved, pressed) * defect + spread * error**2) / self.unit
         rest += _ROUNDED * abs(middle)
         return Bounds(middle - rest, middle + rest)
 
@@ -356,19 +352,46 @@ class _Pairs:
                 found = max(found, ratio)
         return found
 
-    def _ratios_of_stresses(self, change: FloatArray) -> tuple[float, float] | None:
-        """m₃ and m₂; None if there are none."""
-        scales, q, found = self.known.scales, self.known.space.contact_rule.count, [0.0, 0.0]
+    def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
+        """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
+        qvi, q = self.known.qvi, self.known.space.contact_rule.count
+        shear, wanted, parts = qvi.T @ change, np.zeros(qvi.m), dict[str, Share]()
+        rough = [line for line in self.lines if line.share is not None]
+        total, mass, still = np.zeros((3, len(self.known.problem.mesh.vertices)))
+        for line in rough:
+            assert line.share is not None
+            held, edges = line.sliding | line.loose, line.trace.edges
+            bound = np.where(held[:, None], 1.0, line.share.weights)
+            values = np.where(held[:, None], 0.0, shear[line.rows.rows].reshape(-1, q) / bound)
+            for end, vertices in enumerate((edges.first, edges.second)):
+                np.add.at(total, vertices, (values * bound)[:, -end])
+                np.add.at(mass, vertices, bound[:, -end])
+                np.add.at(still, vertices, held)
+            parts[line.contact.name] = replace(line.share, values=values, weights=bound, slipping=0.0 * held)
+        common = np.where(still > 0.0, 0.0, total / np.maximum(mass, 1e-300))
+        for line in rough:
+            share, edges = parts[line.contact.name], line.trace.edges
+            own = share.values * share.weights
+            share.values[:, 0], share.values[:, -1] = common[edges.first], common[edges.second]
+            wanted[line.rows.rows] = (share.values * share.weights - own).ravel()
+        if wanted.any():
+            right = np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
+            change = change + self.model.changes.solved(right)
+        return change, parts
+
+    def _ratio_of_stresses(self, change: FloatArray) -> float | None:
+        """The larger of m₂ and m₃; None if there is none."""
+        scales, q, found = self.known.scales, self.known.space.contact_rule.count, 0.0
         normal, shear = (scales.stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
         size = float(np.abs(normal).max())
         for line in self.lines:
             pairs = ((normal, line.pressure), *(((shear, line.room),) if line.share else ()))
-            for number, (part, whole) in enumerate(pairs):
+            for part, whole in pairs:
                 ratio = line.ratio(part[line.rows.rows].reshape(-1, q), whole, size)
                 if ratio is None:
                     return None
-                found[number] = max(found[number], ratio)
-        return found[0], found[1]
+                found = max(found, ratio)
+        return found
 
     def _value(
         self, goals: Mapping[str, tuple[float, float]], c: FloatArray, z: FloatArray, change: FloatArray

@@ -12,17 +12,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.linalg import eigh
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket import slip_constants
 from qvi_contact.bracket.bodies import bodies_of
 from qvi_contact.bracket.friction_data import ANGLES, ROUNDED, one_ratio
 from qvi_contact.bracket.share import Share, shares_on
 from qvi_contact.bracket.star_norm import star_norm
 from qvi_contact.companion.at_rest import MOST, SINGULAR, BodyAtRest
+from qvi_contact.companion.traces import Trace
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
@@ -102,40 +104,77 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], degree: 
     largest λ of D x = λ A x; infinity where contacts can slip without strain, NaN where there are too many
     coefficients.
     """
-    known = BodyAtRest.of(problem, degree)
-    if len(known.live) > MOST:
-        return float("nan")
-    n, pairs = known.contacts.count, list(zip(problem.contacts, known.contacts.traces, strict=True))
-    nodes = bernstein.nodes(known.body.body.space.degree)
-    to_values = bernstein.basis(len(nodes) - 1, nodes)
-    turned, start = np.zeros((n, n)), 0  # coefficients of μ s x from those of x
-    for _, trace in pairs:
-        if trace.name in shares:
-            share = shares[trace.name]
-            factors = share.friction * share.at(nodes)
-            blocks = np.einsum(
-                "ij,ej,jk,ek->eik", bernstein.from_values(len(nodes) - 1), factors, to_values, trace.turned
+    kept = _ENERGIES.setdefault(problem, {})
+    if degree not in kept:
+        kept[degree] = _Energies.of(problem, degree)
+    return kept[degree].norm(shares)
+
+
+@dataclass(frozen=True, eq=False)
+class _Energies:
+    """Least energies of displacements by what they are on contacts with Coulomb friction.
+
+    Attributes
+    ----------
+    traces : tuple of Trace
+        The contacts, n coefficients.
+    slips, presses : (n,) bool arrays
+        Coefficients along and across contacts with Coulomb friction that can change.
+    below, part : arrays
+        Energies of given slips, and of given normal parts without tangential ones; empty where they are too many.
+
+    """
+
+    traces: tuple[Trace, ...]
+    slips: BoolArray
+    presses: BoolArray
+    below: FloatArray
+    part: FloatArray
+
+    @classmethod
+    def of(cls, problem: ContactProblem, degree: int) -> _Energies:
+        """By displacements of a degree on the mesh."""
+        known = BodyAtRest.of(problem, degree)
+        n, traces = known.contacts.count, known.contacts.traces
+        coulomb, tied, rough = (
+            np.concatenate(
+                [np.full(line.count, chosen(each)) for each, line in zip(problem.contacts, traces, strict=True)]
             )
-            columns = start + trace.columns
-            turned[columns[:, :, None], columns[:, None, :]] = blocks
-        start += trace.count
-    tied, rough = (
-        np.concatenate([np.full(trace.count, chosen(contact)) for contact, trace in pairs])
-        for chosen in (_is_tied, bears_shear)
-    )
-    coulomb = np.concatenate([np.full(trace.count, trace.name in shares) for _, trace in pairs])
-    slips = coulomb & known.live[n:]
-    presses = (np.abs(turned[:, slips]).max(axis=1, initial=0.0) > 0.0) & known.live[:n]
-    if not presses.any():
-        return 0.0
-    none = np.zeros(n, dtype=bool)
-    below = known.least_energy(np.concatenate([none, slips]), np.concatenate([tied, tied]))
-    part = known.least_energy(np.concatenate([presses, none]), np.concatenate([~presses, rough | tied]))
-    stiffness = np.linalg.eigvalsh(below)
-    if stiffness[0] <= SINGULAR * stiffness[-1]:
-        return float("inf")
-    image = turned[np.ix_(presses, slips)]
-    return float(np.sqrt(max(float(eigh(image.T @ part @ image, below, eigvals_only=True)[-1]), 0.0)))
+            for chosen in (has_coulomb, _is_tied, bears_shear)
+        )
+        slips, presses, none = coulomb & known.live[n:], coulomb & known.live[:n], np.zeros(n, dtype=bool)
+        if len(known.live) > MOST:
+            return cls(traces, slips, presses, np.zeros((0, 0)), np.zeros((0, 0)))
+        below = known.least_energy(np.concatenate([none, slips]), np.concatenate([tied, tied]))
+        part = known.least_energy(np.concatenate([presses, none]), np.concatenate([~presses, rough | tied]))
+        return cls(traces, slips, presses, below, part)
+
+    def norm(self, shares: Mapping[str, Share]) -> float:
+        """The norm for shares s."""
+        if not len(self.below):
+            return float("nan") if self.slips.any() else 0.0
+        stiffness = np.linalg.eigvalsh(self.below)
+        if stiffness[0] <= SINGULAR * stiffness[-1]:
+            return float("inf")
+        n, start = len(self.slips), 0
+        turned = np.zeros((n, n))  # coefficients of μ s x from those of x
+        for trace in self.traces:
+            if trace.name in shares:
+                share, p = shares[trace.name], trace.columns.shape[1] - 1
+                nodes, back = bernstein.nodes(p), bernstein.from_values(p)
+                factors = share.friction * share.at(nodes)
+                blocks = np.einsum("ij,ej,jk,ek->eik", back, factors, bernstein.basis(p, nodes), trace.turned)
+                columns = start + trace.columns
+                turned[columns[:, :, None], columns[:, None, :]] = blocks
+            start += trace.count
+        image = turned[np.ix_(self.presses, self.slips)]
+        if not image.any():
+            return 0.0
+        return float(np.sqrt(max(float(eigh(image.T @ self.part @ image, self.below, eigvals_only=True)[-1]), 0.0)))
+
+
+_ENERGIES: WeakKeyDictionary[ContactProblem, dict[int, _Energies]] = WeakKeyDictionary()
+"""Those of problems, by degree, as long as these are there: one bracket asks for several norms."""
 
 
 def _is_tied(contact: Contact) -> bool:

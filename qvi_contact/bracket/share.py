@@ -12,6 +12,7 @@ In `docs/theory.md`: (D26), (D27).
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import comb
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -27,6 +28,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
+from solvers import FrictionQVI
 
 _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere above that bears nothing
 _BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end
@@ -282,10 +284,9 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> ContactResult 
             wanted[rows.rows] = (-share.values * bound - shear).ravel()
     if not np.abs(wanted).max(initial=0.0) > 0.0:
         return result
-    rows = sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A]))
-    right = np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
-    change = _least_energy(sparse.csc_array(qvi.K), rows, right)
-    left = np.abs(rows @ change - right)
+    changes, right = LeastChange.of(qvi), np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
+    change = changes.solved(right)
+    left = np.abs(changes.rows @ change - right)
     size = max(float(np.abs(wanted).max()), *(float(share.weights.max(initial=0.0)) for share in shares.values()))
     if left.max() > _MET * size:
         return _where(known, int(left.argmax()) % qvi.m if left.argmax() < 2 * qvi.m else 0)
@@ -301,22 +302,49 @@ def _where(known: Discretization, row: int) -> str:
     return f"No stress on this mesh has a continuous share of friction on {rows.name!r} near ({x:.6g}, {y:.6g})."
 
 
-def _least_energy(K: sparse.csc_array, rows: sparse.csr_array, right: FloatArray) -> FloatArray:
-    """The x of least xᵀKx with rows · x = right; rows may depend on each other."""
-    scale = 1.0 / np.sqrt(K.diagonal())
-    R = sparse.csr_array(rows @ sparse.diags_array(scale))
-    lengths = np.sqrt(np.maximum(np.asarray(R.multiply(R).sum(axis=1)).ravel(), 1e-300))
-    R = sparse.csr_array(sparse.diags_array(1.0 / lengths) @ R)
-    S = sparse.diags_array(scale) @ K @ sparse.diags_array(scale)
-    wanted, n = right / lengths, K.shape[0]
-    slightly = 1e-9 * sparse.eye_array(len(right))
-    factors = splu(sparse.csc_array(sparse.block_array([[S, R.T], [R, -slightly]])))
-    x, multipliers = np.zeros(n), np.zeros(len(right))
-    for _ in range(4):  # what regularises the system is corrected
-        rest = np.concatenate([-(S @ x + R.T @ multipliers), wanted - R @ x])
-        step = factors.solve(rest)
-        x, multipliers = x + step[:n], multipliers + step[n:]
-    return np.asarray(scale * x)
+@dataclass(frozen=True, eq=False)
+class LeastChange:
+    """Changes x of the unknowns of a stress of least energy xᵀKx with given rows · x; rows may depend on each other.
+
+    Attributes
+    ----------
+    rows : sparse array
+        Normal tractions and shears on contacts, and resultants.
+    scales : (n,) and (r,) arrays
+        Units of x and of the rows.
+    matrix : sparse array
+        The equations, in these units.
+    factors
+        Those of the equations, slightly regularised.
+
+    """
+
+    rows: sparse.csr_array
+    scales: tuple[FloatArray, FloatArray]
+    matrix: sparse.csc_array
+    factors: Any
+
+    @classmethod
+    def of(cls, qvi: FrictionQVI) -> "LeastChange":
+        """Of all rows of a problem."""
+        rows, K = sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])), sparse.csc_array(qvi.K)
+        scale = 1.0 / np.sqrt(K.diagonal())
+        R = sparse.csr_array(rows @ sparse.diags_array(scale))
+        lengths = np.sqrt(np.maximum(np.asarray(R.multiply(R).sum(axis=1)).ravel(), 1e-300))
+        R = sparse.csr_array(sparse.diags_array(1.0 / lengths) @ R)
+        S, slightly = sparse.diags_array(scale) @ K @ sparse.diags_array(scale), 1e-9 * sparse.eye_array(len(lengths))
+        nothing = sparse.csr_array((len(lengths), len(lengths)))
+        matrices = [sparse.csc_array(sparse.block_array([[S, R.T], [R, part]])) for part in (nothing, -slightly)]
+        return cls(rows, (scale, lengths), matrices[0], splu(matrices[1]))
+
+    def solved(self, right: FloatArray) -> FloatArray:
+        """The x with rows · x = right, as nearly as there is one."""
+        scale, lengths = self.scales
+        wanted = np.concatenate([np.zeros(len(scale)), right / lengths])
+        found = np.zeros_like(wanted)
+        for _ in range(4):  # what regularises the system is corrected
+            found = found + self.factors.solve(wanted - self.matrix @ found)
+        return np.asarray(scale * found[: len(scale)])
 
 
 def held_directions(problem: ContactProblem) -> list[FloatArray]:
