@@ -1,10 +1,9 @@
-"""A trapezoid pressed on a rough plane: its stiffness with a guaranteed error.
+"""A trapezoid pressed on a rough plane: its stiffness with an error, and between bounds.
 
     python examples/trapezoid.py trapezoid.png
 
-The plane is rough enough to hold the whole base. Then the energy of the stresses and that of displacements on the same
-mesh bound the force from both sides. `refine` bisects triangles, beginning with 24, until the bounds are near enough.
-A displacement code (NGSolve, degree 12, mesh graded to the corners) gives 14.0483793 for the same force.
+The plane is rough enough to hold the whole base. `refine` bisects triangles, beginning with 24, until the error is small
+enough. Stresses and displacements on the same mesh bound the force from both sides, under Coulomb's law itself. A displacement code (NGSolve, degree 12, mesh graded to the corners) gives 14.0483793 for the same force.
 """
 
 from pathlib import Path

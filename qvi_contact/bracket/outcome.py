@@ -30,6 +30,27 @@ class BracketKind(Enum):
     GIVEN_BOUND = "the problem with the friction bound s = μ|σ_N| fixed at the computed pressure"
 
 
+@dataclass(frozen=True)
+class Uniqueness:
+    """How far another solution of the exact problem can be.
+
+    Attributes
+    ----------
+    apart : float
+        The largest distance of two solutions in the energy norm of stresses, over that of the computed stress; 0 where
+        there is one only, infinite where nothing is known.
+    certainty : Certainty
+        Whether that is proved.
+    message : str
+        The same in words.
+
+    """
+
+    apart: float
+    certainty: Certainty
+    message: str
+
+
 class Bounds(NamedTuple):
     """Lower and upper bound of a number."""
 
@@ -142,6 +163,19 @@ class Bracket:
 
     def __repr__(self) -> str:
         return f"<Bracket {self.message}>"
+
+    @property
+    def uniqueness(self) -> Uniqueness:
+        """How far another solution of the problem can be: any two are within the same bound of the computed one."""
+        known = self._under_friction
+        if self.kind is BracketKind.PROBLEM:
+            message = "No contact has Coulomb friction: there is one stress only."
+            return Uniqueness(0.0, Certainty.GUARANTEED, message)
+        if known is None:
+            why = self.coulomb_reason if self.coulomb is None else self.coulomb.message
+            return Uniqueness(float("inf"), Certainty.ESTIMATE, f"How far another solution can be is not known. {why}")
+        where = f"Any two solutions differ by at most {100.0 * known.apart:.2g} % of the energy norm of the stresses"
+        return Uniqueness(known.apart, self.certainty, f"{where} ({known.kind}).")
 
     @property
     def certainty(self) -> Certainty:

@@ -291,7 +291,8 @@ class TestEnds:
             return -1e-3 + 0.0 * x
 
         top, *others = sorted(plate(friction).conditions, key=lambda each: not isinstance(each, Contact))
-        problem = replace(plate(friction), conditions=[replace(top, gap=gap), *others])
+        top = replace(top, gap=gap, cohesion=0.0 if friction else 8.0)
+        problem = replace(plate(friction), conditions=[top, *others])
         outcome = refine(problem, None, 1e-9, degree=3, time_limit=limit)
         assert outcome.status is RefinementStatus.TIME_LIMIT
         assert len(outcome.rounds) == 1

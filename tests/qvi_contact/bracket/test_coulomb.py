@@ -443,7 +443,8 @@ class TestBlock:
         assert 1.0 <= found.error / difference(result, fine) < 1.5
         force = found.forces["bottom.normal_force"]
         assert force.lower < fine.contacts["bottom"].normal_force < force.upper
-        assert found.apart < 0.07
+        assert result.uniqueness.apart == found.apart < 0.07
+        assert result.uniqueness.certainty == "estimate"
 
     def test_cohesion_and_an_offset(self):
         """The force of a finer mesh is inside, and those without are not."""
