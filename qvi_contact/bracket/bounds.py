@@ -133,7 +133,10 @@ def bracket(
         if shared is not None:
             reasons = dict.fromkeys((*found.reasons[len(given.reasons) :], *companions[2].reasons))
             bounds = _coulomb(shared, before, companions[2], tuple(reasons))
-            found = replace(found, **{"coulomb_reason" if isinstance(bounds, str) else "coulomb": bounds})
+            if isinstance(bounds, str):
+                found = replace(found, coulomb_reason=bounds)
+            else:
+                found = replace(found, coulomb=bounds)
         if len(companions) > 1:
             own = companions[1]
             found = replace(found, own=own, force_differences=force_differences(result, own) if own.has_state else {})
@@ -145,9 +148,7 @@ def bracket(
 def _obeying(result: ContactResult, tolerance: float, **options: Any) -> ContactResult | str:
     """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
     reason, known = outside_scope(result.problem), result.discretization
-    if known.space.strict_rows != "bernstein":
-        reason = "Bounds under friction need triangles."
-    if reason or known.space.contact_rule.kind == known.space.strict_rows:
+    if reason or known.space.contact_rule.kind == "bernstein":
         return reason or result
     strict = posed_strictly(known, known.problem)
     solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)
