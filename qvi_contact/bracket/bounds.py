@@ -24,8 +24,8 @@ from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
-from qvi_contact.companion.cells import cell_for, kind_of
 from qvi_contact.companion.scope import check_scope
+from qvi_contact.companion.triangle import degree_beside, triangle
 from qvi_contact.errors import InputError
 from qvi_contact.solution.followed import allowed_misfit
 from qvi_contact.solution.on_arcs import rest_on_arcs
@@ -75,8 +75,7 @@ def bracket(
     result : ContactResult
         A result with a stress state, from any method, collocated or strict.
     degree : int, optional
-        Of the displacement elements, see `solve_companion`; by default on triangles that of Φ, at most 5,
-        on rectangles 2.
+        Of the displacement elements, see `solve_companion`; by default that of Φ, at most 5.
     tolerance : float
         Of the two solves, at most 1e-6. A stress that violates the contact law by less, relative to the largest
         stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
@@ -112,8 +111,7 @@ def bracket(
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     check_scope(result.problem)
-    kind, beside = kind_of(result.problem.mesh), result.discretization.space.degree
-    degree = cell_for(result.problem.mesh, kind.beside(beside) if degree is None else degree).degree
+    degree = triangle(degree_beside(result.discretization.space.degree) if degree is None else degree).degree
     options: dict[str, Any] = {"callback": callback}
     if max_iterations is not None:
         options["max_iterations"] = max_iterations
@@ -147,9 +145,7 @@ def bracket(
 def _obeying(result: ContactResult, tolerance: float, **options: Any) -> ContactResult | str:
     """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
     reason, known = outside_scope(result.problem), result.discretization
-    if known.space.strict_rows != "bernstein":
-        reason = "Bounds under friction need triangles."
-    if reason or known.space.contact_rule.kind == known.space.strict_rows:
+    if reason or known.space.contact_rule.kind == "bernstein":
         return reason or result
     strict = posed_strictly(known, known.problem)
     solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)
@@ -208,9 +204,9 @@ def _assemble(given: GivenProblem, stress: AdmissibleStress, companion: Companio
         lower,
         upper,
         strain,
-        mesh.arranged(inside),
+        inside,
         edges.parts,
-        mesh.arranged(parts),
+        parts,
         edges.outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
         edges.slack,
         force_bounds(discretization, frictionless, lower, upper),

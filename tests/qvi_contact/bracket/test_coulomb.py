@@ -105,7 +105,7 @@ def test_bounds_solve_their_quadratics():
 
 def clamped_plate(friction):
     """The plate with its bottom clamped and its left side free."""
-    problem = compressed_plate(friction).triangulated()
+    problem = compressed_plate(friction)
     free = [Traction("left", x=0.0, y=0.0), Displacement("bottom", x=0.0, y=0.0), *problem.conditions[2:]]
     return replace(problem, conditions=free)
 
@@ -116,7 +116,7 @@ class TestNorms:
     def test_the_plate(self):
         """The constant of a square under symmetry, from β ≥ sin(π/8): T1 to T3 hold for μ < 0.533."""
         assert rectangle_constant(0.3, np.sin(np.pi / 8.0), 1.0, 2.0 / np.pi) == pytest.approx(3.75079, rel=1e-5)
-        found = friction_norm(problem := compressed_plate(0.2).triangulated(), shared(problem, 1.0))
+        found = friction_norm(problem := compressed_plate(0.2), shared(problem, 1.0))
         assert found.proved
         assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
 
@@ -130,7 +130,6 @@ class TestNorms:
         ],
     )
     def test_finite_elements_stay_below(self, problem):
-        problem = problem.triangulated()
         for sense in (1, -1):
             proved = rectangle_norm(problem, shared(problem, sense))
             assert 0.0 < computed_norm(problem, shared(problem, sense)) < proved
@@ -147,7 +146,7 @@ class TestNorms:
     @pytest.mark.parametrize("seed", range(4))
     def test_of_a_share_that_varies(self, seed):
         """A quotient of polynomials: its steepness by differences, and both norms of it."""
-        problem, random = compressed_plate(0.3, (3, 3)).triangulated(), np.random.default_rng(seed)
+        problem, random = compressed_plate(0.3, (3, 3)), np.random.default_rng(seed)
         (share,) = shared(problem, 0.0).values()
         ends = random.uniform(-1.0, 1.0, len(share.values) + 1)
         values = np.column_stack([ends[:-1], random.uniform(-1.0, 1.0, len(share.values)), ends[1:]])
@@ -178,7 +177,7 @@ def quotient(problem, degree):
 @cache
 def chain(friction, degree=4, rounds=5):
     """Results of the plate on meshes bisected where the bound says so."""
-    problem, found = compressed_plate(friction, (1, 1)).triangulated(), []
+    problem, found = compressed_plate(friction, (1, 1)), []
     for _ in range(rounds):
         found.append(solve(problem, degree=degree, tolerance=1e-10))
         problem = replace(problem, mesh=problem.mesh.refined(bulk(found[-1].bracket.coulomb.cells)))
@@ -270,7 +269,7 @@ class TestScope:
 
     def test_much_friction_is_no_harder(self):
         """All sticks, and s is small where much friction is unused."""
-        found = solve(compressed_plate(1.5, (2, 2)).triangulated()).bracket.coulomb
+        found = solve(compressed_plate(1.5, (2, 2))).bracket.coulomb
         assert computed_norm(found.stress.problem, found.shares) < 0.4
         assert found.relative_error < 0.1
 
@@ -312,7 +311,7 @@ class TestForces:
 
     def test_loads_balance(self):
         """Where equilibrium alone gives the normal force the bounds meet in it, with cohesion too."""
-        problem = ssnv128((2, 2), friction=0.3).triangulated()
+        problem = ssnv128((2, 2), friction=0.3)
         for posed, force in ((problem, 2.0e6), (with_law(problem, cohesion=1e6), 2.0e6)):
             found = solve(posed, degree=4).bracket.coulomb
             bounds = found.forces["base.normal_force"]
@@ -342,7 +341,7 @@ class TestOtherBodies:
     @pytest.mark.parametrize(("friction", "kind"), [(0.3, "guaranteed"), (1.0, "estimated")])
     def test_ssnv128(self, friction, kind):
         """Balance gives the normal force; with μ = 1 the plate opens, slips and sticks."""
-        found = solve(ssnv128((4, 4), friction=friction).triangulated(), degree=4).bracket.coulomb
+        found = solve(ssnv128((4, 4), friction=friction), degree=4).bracket.coulomb
         assert found.kind == kind
         assert found.relative_error < 0.08
         force = found.forces["base.normal_force"]
