@@ -177,8 +177,8 @@ class TestRefused:
         ("arguments", "word"),
         [
             (("new", "horizontal"), "function"),
-            (("new", lambda _, y: y == 0.41), "no edge"),
-            (("new", lambda _, y: y == 0.0), "no edge"),
+            (("new", lambda _, y: y == 0.41), "no interior edge"),
+            (("new", lambda _, y: y == 0.0), "no interior edge"),
             (("joint", lambda x, _: x == 0.8), "exists already"),
             (("", lambda x, _: x == 0.8), "non-empty"),
         ],
