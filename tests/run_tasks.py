@@ -45,6 +45,13 @@ def measured(case):
     return {"force": force, "error": math.inf, "certificate": {"passed": True, "gap": 1e-9 * case["mesh"]}}
 
 
+def deadly(x, y):
+    """A gap that ends every process but the one whose number is in the environment."""
+    if str(os.getpid()) != os.environ["RUN_TEST_RUNNER"]:
+        end_at_once(9)
+    return 0.0 * (x + y)
+
+
 def holding():
     """Start another process, and keep the interpreter's lock while this one sleeps."""
     subprocess.Popen(["sleep", "1000"])

@@ -4,12 +4,12 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+from qvi_contact.element.hermite import gauss_legendre
 
 from qvi_contact import ContactLine, ContactResult, ContactState, TriangleMesh
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.bracket.parts import CellFields
 from qvi_contact.companion import CompanionContact
-from qvi_contact.element.hermite import gauss_legendre
 from qvi_contact.exact import ExactState
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.solution.stress import cell_stresses

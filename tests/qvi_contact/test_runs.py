@@ -28,9 +28,9 @@ processes = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="
 @contextmanager
 def running(job, orders, count=1, limits=None, dask=None):
     """The outcomes of these orders, as they come."""
-    with Workers(count, dask).ready(pickle.dumps(job), limits or Limits()) as (_, outcomes):
-        with closing(outcomes(deque(orders))) as found:
-            yield found
+    ready = Workers(count, dask).ready(pickle.dumps(job), limits or Limits())
+    with ready as (_, outcomes), closing(outcomes(deque(orders))) as found:
+        yield found
 
 
 def done(job, orders, *terms, **more):
@@ -65,7 +65,8 @@ WAYS = {
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs limits of memory")
-def test_every_failure_is_an_outcome_and_the_others_go_on(mark):
+@pytest.mark.usefixtures("mark")
+def test_every_failure_is_an_outcome_and_the_others_go_on():
     """In so few processes that each has to be replaced; what an order has started ends with it."""
     found = dict(done(partial(opened, "here"), WAYS, 2, Limits(1.0, 1000, 3)))
     assert {way: outcome.status for way, outcome in found.items()} == {way: status for way, (status, _) in WAYS.items()}
@@ -111,12 +112,12 @@ def test_one_killed_between_orders_costs_nothing_or_its_next_order(mark):
     assert [outcome.status for outcome in outcomes].count("done") >= 4
 
 
-def test_closing_ends_what_is_under_way(mark):
+@pytest.mark.usefixtures("mark")
+def test_closing_ends_what_is_under_way():
     began = time.monotonic()
     with running(opened, ["plain", "hold", "wait"], 3) as found:
         assert next(found)[0] == "plain"
     assert time.monotonic() - began < 60.0
-    assert mark
 
 
 ENDLESS = """
@@ -234,10 +235,10 @@ class TestCluster:
         distributed = pytest.importorskip("distributed")
         quiet = {"threads_per_worker": 1, "processes": False, "dashboard_address": ":0", "silence_logs": 50}
         other = distributed.LocalCluster(1, **quiet)
-        with pytest.raises(InputError, match="the scheduler was lost") as caught:
-            with running(numbers, [(0, 0.0), (1, 0.5), (2, 0.5)], dask=other.scheduler_address) as found:
-                next(found)
-                other.close()
+        with running(numbers, [(0, 0.0), (1, 0.5), (2, 0.5)], dask=other.scheduler_address) as found:
+            next(found)
+            other.close()
+            with pytest.raises(InputError, match="the scheduler was lost") as caught:
                 list(found)
         assert (caught.value.field, "\n" in str(caught.value)) == ("dask", False)
 

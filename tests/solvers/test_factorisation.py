@@ -99,12 +99,21 @@ def test_reduce_expand_and_solve(backend, interface, columns):
     np.testing.assert_array_equal(state, start)
 
 
-def test_levels_are_taken_by_themselves_where_they_are_cheap():
-    full = csc_matrix(np.eye(500) + 1.0)
+def test_dense_algebra_is_taken_by_itself_where_it_is_cheap():
     assert factorise(grid(), np.arange(3)).backend == DENSE
-    assert factorise(full, np.arange(3)).backend == resolve()
-    assert factorise(full, np.arange(400)).backend == DENSE  # little is left to eliminate
-    assert factorise(laplace(2001, 0.1), np.arange(3)).backend == resolve()
+    assert factorise(laplace(500, 0.1), np.arange(3)).backend == DENSE
+    assert factorise(laplace(501, 0.1), np.arange(3)).backend == resolve()
+
+
+@pytest.mark.parametrize("interface", [[], [3], list(range(40))], ids=len)
+def test_superlu_takes_places_for_its_order_alone(interface):
+    K = csc_matrix(kron(laplace(40, 0.1), identity(40)) + kron(identity(40), laplace(40, 0.1)))
+    interface = np.array(interface, dtype=int)
+    places = np.indices((40, 40)).reshape(2, -1).T.astype(float)
+    plain, placed = (factorise(K, interface, "superlu", places=given) for given in (None, places))
+    right = np.random.default_rng(0).normal(size=K.shape[0])
+    np.testing.assert_allclose(placed.schur, plain.schur, atol=1e-12)
+    np.testing.assert_allclose(placed.solve(right), plain.solve(right), atol=1e-12)
 
 
 @BACKEND
@@ -392,7 +401,7 @@ def test_a_singular_matrix_is_a_status(method, name):
     assert solution.certificate.accuracy == np.inf
 
 
-@pytest.mark.parametrize("place", ["solvers.factorisation.superlu.splu", "solvers.inequality.linear.cho_factor"])
+@pytest.mark.parametrize("place", ["solvers.factorisation.superlu.splu", "solvers.inequality.linear.dpotrf"])
 def test_lack_of_memory_is_a_status(monkeypatch, place):
     """In SciPy's factorisation, or in dense algebra on the contact."""
 

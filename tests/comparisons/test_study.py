@@ -1,34 +1,83 @@
-"""The study's declaration, its keys, its store and its exports; runs are in the files beside this one."""
+"""Studies: declaration, keys, store, runs, exports, and the command; what comes of processes is in test_runs."""
 
 import csv
 import json
 import math
 import os
+import random
+import re
 import signal
 import sqlite3
 import subprocess
 import sys
 import tempfile
+import time
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from enum import Enum
+from importlib.metadata import version
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
-from comparisons.lab.study.differences import differences
-from comparisons.lab.worker.plain import canonical, plain
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from pandas import DataFrame
 
-from comparisons.lab.study import Outcome, Study, frame_of, largest_of, read_csv, read_study, run_study, write_csv
-from comparisons.lab.study import store as stores
-from comparisons.lab.study.declaration import case_key
-from comparisons.lab.study.rows import finite_json
+from comparisons.lab.progress import progress
+from comparisons.lab.study import (
+    DONE,
+    FAILURES,
+    Outcome,
+    Study,
+    case_key,
+    differences,
+    finished_keys,
+    finite_json,
+    frame_of,
+    largest_of,
+    plain,
+    read_csv,
+    read_study,
+    run_study,
+    study_options,
+    write_csv,
+    writing,
+)
 from qvi_contact import InputError
-from qvi_contact.basics import database
-from tests.retiring.study_demo import ENVIRONMENT, SMALL
+from qvi_contact.basics import run
+from qvi_contact.runs import database
+from tests.run_processes import ROOT, eventually, marked, started
+
+DEMO = Study(
+    "demo",
+    1,
+    "tests.run_tasks:measured",
+    {"mesh": (8, 16), "friction": (0.1, 0.2, 0.5), "method": ("plain", "crash", "raise")},
+    repeats=2,
+    seed=7,
+    keep=lambda case: case["method"] != "crash" or (case["mesh"], case["friction"]) == (8, 0.2),
+    packages=("click", "no-such-package"),
+)
+SMALL = Study("small", 1, "package.module:function", {"mesh": (4, 8), "friction": (0.1,)}, repeats=2, seed=5)
+ENVIRONMENT = {"machine": None, "versions": {"numpy": "2"}, "threads": 1, "timeout_seconds": 2.0, "memory_mib": None}
+
+
+def ways(*names, **more):
+    """The study of some ways to fail."""
+    return Study("ways", 1, "tests.run_tasks:failing", {"way": names}, packages=(), **more)
+
+
+@click.command()
+@study_options("demo.sqlite")
+@click.option("--way", "names", multiple=True, help="Ways to fail, instead of the demo.")
+def main(options, names):
+    """The demo study."""
+    study = ways(*names) if names else DEMO
+    done = options.run(study)
+    click.echo(f"{done.finished} of {len(study.cases)}")
+
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
 VALUES = st.recursive(
@@ -56,12 +105,10 @@ def told_apart(value):
 
 def filled(path, study=SMALL, count=2):
     """A store with the first rows of a study."""
-    with stores.writing(path, study) as store:
+    with writing(path, study) as store:
         for case in study.cases[:count]:
-            outcome = Outcome(
-                "done", "", {"n": case.position, "gap": math.inf}, {"passed": True}, 0.25, 1.5, ENVIRONMENT
-            )
-            store.append(case, outcome)
+            value = {"n": case.position, "gap": math.inf, "certificate": {"passed": True}}
+            store.append(case, Outcome("done", value, "", 0.25, 1.5), ENVIRONMENT)
     return path
 
 
@@ -94,7 +141,7 @@ class TestKeys:
     @few
     @given(VALUES)
     def test_a_plain_value_comes_back_from_its_json(self, value):
-        assert told_apart(json.loads(canonical(plain(value, "value")))) == told_apart(value)
+        assert told_apart(json.loads(json.dumps(plain(value, "value")))) == told_apart(value)
 
     def test_name_and_version_are_in_the_key(self):
         keys = {case_key(name, version, {}) for name in ("a", "b") for version in (1, 2)}
@@ -188,10 +235,10 @@ class TestStore:
         assert row.finished.endswith("+00:00")
 
     def test_rows_are_in_the_order_of_the_study(self, tmp_path):
-        with stores.writing(tmp_path / "a", SMALL) as store:
+        with writing(tmp_path / "a", SMALL) as store:
             for case in reversed(SMALL.cases):
                 environment = {**ENVIRONMENT, "threads": 1 + case.position % 2}
-                store.append(case, Outcome("error", "because", environment=environment))
+                store.append(case, Outcome("error", None, "because"), environment)
         assert [row.key for row in read_study(tmp_path / "a").rows] == [case.key for case in SMALL.cases]
 
     def test_no_row_twice(self, tmp_path):
@@ -210,34 +257,19 @@ class TestStore:
         path = filled(tmp_path / "a", count=2)
         before = read_study(path)
         script = f"""
-import os
-from pathlib import Path
-from comparisons.lab.study import store
-from tests.retiring.study_demo import SMALL
-with store.writing(Path({str(path)!r}), SMALL) as opened:
-    opened._connection.execute("PRAGMA cache_size = 10")
-    opened._connection.execute("UPDATE rows SET result = ?", ("x" * 10_000_000,))
-    os.kill(os.getpid(), {int(signal.SIGKILL)})
+import os, sqlite3
+opened = sqlite3.connect({str(path)!r}, isolation_level="IMMEDIATE")
+opened.execute("PRAGMA cache_size = 10")
+opened.execute("UPDATE rows SET result = ?", ("x" * 10_000_000,))
+os.kill(os.getpid(), {int(signal.SIGKILL)})
 """
-        done = subprocess.run([sys.executable, "-c", script], check=False, cwd=Path(__file__).parents[2])
-        assert done.returncode == -signal.SIGKILL
+        with started() as start:
+            assert start("-c", script).wait() == -signal.SIGKILL
         assert (tmp_path / "a-journal").stat().st_size > 0
         assert path.stat().st_size > 1_000_000
         assert read_study(path) == before
-        with stores.writing(path, SMALL) as store:
+        with writing(path, SMALL) as store:
             assert store.keys() == {case.key for case in SMALL.cases[:2]}
-
-    def test_killed_without_leaving_a_journal(self, tmp_path):
-        script = f"""
-import os
-from pathlib import Path
-from comparisons.lab.study import store
-from tests.retiring.study_demo import SMALL
-with store.writing(Path({str(tmp_path / "a")!r}), SMALL):
-    os.kill(os.getpid(), {int(signal.SIGKILL)})
-"""
-        subprocess.run([sys.executable, "-c", script], check=False, cwd=Path(__file__).parents[2])
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "a.lock"]
 
 
 @pytest.fixture(scope="module")
@@ -251,8 +283,8 @@ class TestExport:
 
     def test_frame(self, tmp_path):
         path = filled(tmp_path / "a", count=2)
-        with stores.writing(path, SMALL) as store:
-            store.append(SMALL.cases[2], Outcome("timeout", "more than 2 s", environment=ENVIRONMENT))
+        with writing(path, SMALL) as store:
+            store.append(SMALL.cases[2], Outcome("timeout", None, "more than 2 s"), ENVIRONMENT)
         rows = read_study(path).rows
         frame = frame_of(rows[::-1], ("n", "gap", "other"))
         assert frame.mesh.tolist() == [4, 4, 8]
@@ -266,8 +298,9 @@ class TestExport:
 
     def test_the_status_is_the_tasks_own(self, tmp_path):
         path = filled(tmp_path / "a", count=1)
-        with stores.writing(path, SMALL) as store:
-            store.append(SMALL.cases[1], Outcome("done", "", {"status": "stalled"}, {"accuracy": 1e-3}))
+        with writing(path, SMALL) as store:
+            value = {"status": "stalled", "certificate": {"accuracy": 1e-3}}
+            store.append(SMALL.cases[1], Outcome("done", value), ENVIRONMENT)
         frame = frame_of(read_study(path).rows)
         assert frame.status.tolist() == ["done", "stalled"]
         assert frame.accuracy.fillna(0.0).tolist() == [0.0, 1e-3]
@@ -368,7 +401,7 @@ class TestRefused:
 
     def test_any_page_that_is_damaged(self, tmp_path, monkeypatch):
         """Also one that is not read to find out which rows are there."""
-        monkeypatch.setattr("comparisons.lab.study.runner._outcomes", lambda *_: pytest.fail("work was begun"))
+        monkeypatch.setattr("subprocess.Popen", lambda *_, **__: pytest.fail("work was begun"))
         content = filled(tmp_path / "a").read_bytes()
         assert len(content) > 5 * 4096
         for start in range(4096, len(content), 4096):
@@ -403,10 +436,10 @@ class TestRefused:
     def test_a_task_that_has_moved_resumes_the_store(self, tmp_path):
         """Rooms are renamed; what a task computes is told by the study's version."""
         path, moved = filled(tmp_path / "a", count=3), replace(SMALL, task="elsewhere.named:differently")
-        assert stores.finished_keys(path, moved) == {case.key for case in SMALL.cases[:3]}
-        with stores.writing(path, moved) as store:
+        assert finished_keys(path, moved) == {case.key for case in SMALL.cases[:3]}
+        with writing(path, moved) as store:
             assert len(store.keys()) == 3
-            store.append(moved.cases[3], Outcome("done", environment=ENVIRONMENT))
+            store.append(moved.cases[3], Outcome("done"), ENVIRONMENT)
         assert [row.key for row in read_study(path).rows] == [case.key for case in SMALL.cases]
 
     def test_long_lists_of_values_are_shortened(self):
@@ -433,26 +466,12 @@ class TestRefused:
             assert caught.value.field == "store"
         assert (tmp_path / "a").stat().st_size == 0
 
-    def test_a_new_store_has_its_name_when_its_tables_are_there(self, tmp_path, monkeypatch):
-        """A run that is killed before leaves no empty file that would stand in the way of the next."""
-
-        def killed(*_):
-            assert not (tmp_path / "a").exists()
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(stores, "_declare", killed)
-        with pytest.raises(KeyboardInterrupt):
-            filled(tmp_path / "a")
-        assert not (tmp_path / "a").exists()
-        monkeypatch.undo()
-        assert len(read_study(filled(tmp_path / "a")).rows) == 2
-
     @pytest.mark.parametrize("change", [{"seed": 6}, {"name": "other"}, {"version": 2}])
     def test_without_rows_it_is_the_next_study_s(self, tmp_path, change):
         """What a run leaves that came to nothing."""
         path, other = filled(tmp_path / "a", count=0), replace(SMALL, **change)
         assert read_study(path).declaration == SMALL.declaration()
-        assert stores.finished_keys(path, other) == set()
+        assert finished_keys(path, other) == set()
         assert read_study(filled(path, other, count=1)).declaration == other.declaration()
         with pytest.raises(InputError, match="belongs to the study"):
             filled(path)
@@ -460,11 +479,11 @@ class TestRefused:
     def test_full(self, tmp_path, monkeypatch):
         path = filled(tmp_path / "a", count=2)
         monkeypatch.setattr(database, "SETTINGS", (*database.SETTINGS, "max_page_count = 8"))
-        large = Outcome("done", "", {"text": "x" * 20_000}, environment=ENVIRONMENT)
-        with stores.writing(path, SMALL) as store:
+        large = Outcome("done", {"text": "x" * 20_000})
+        with writing(path, SMALL) as store:
             with pytest.raises(InputError, match="no room left"):
-                store.append(SMALL.cases[2], large)
-            store.append(SMALL.cases[3], Outcome("done", environment=ENVIRONMENT))
+                store.append(SMALL.cases[2], large, ENVIRONMENT)
+            store.append(SMALL.cases[3], Outcome("done"), ENVIRONMENT)
         monkeypatch.undo()
         assert [row.position for row in read_study(path).rows] == [0, 1, 3]
 
@@ -511,7 +530,7 @@ class TestReadOnly:
         before = path.read_bytes()
         folder.chmod(0o777)
         (folder / "a.lock").chmod(0o666)
-        monkeypatch.setattr("comparisons.lab.study.runner._outcomes", lambda *_: pytest.fail("work was begun"))
+        monkeypatch.setattr("subprocess.Popen", lambda *_, **__: pytest.fail("work was begun"))
         paths = [folder, path] if folder_too else [path]
         with read_only(*paths), pytest.raises(InputError, match="cannot be written"):
             run_study(SMALL, path)
@@ -527,3 +546,217 @@ class TestReadOnly:
         with read_only(folder, path):
             run = run_study(SMALL, path)
         assert (run.complete, run.before, run.statuses.total()) == (True, 4, 0)
+
+
+def comparable(path):
+    """All of a store's rows but the times, machine and versions included."""
+    return [replace(row, seconds=0.0, finished="", load_average=None) for row in read_study(path).rows]
+
+
+def rows_in(path):
+    """How many rows a store has, which may not be there yet."""
+    try:
+        return len(read_study(path).rows)
+    except InputError:
+        return 0
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    """Rows of the demo from one process that nobody disturbs."""
+    path = tmp_path_factory.mktemp("study") / "demo.sqlite"
+    done = run_study(DEMO, path)
+    assert done.complete
+    assert done.statuses == {"done": 12, "crashed": 2, "error": 12}
+    return comparable(path)
+
+
+class TestRuns:
+    """A study with successes and failures."""
+
+    def test_rows_are_what_the_task_returned(self, uninterrupted):
+        for case, row in zip(DEMO.cases, uninterrupted, strict=True):
+            assert (row.position, row.key, row.case) == (case.position, case.key, case.values)
+            values = row.case
+            if values["method"] == "plain":
+                force = values["mesh"] * values["friction"] + values["seed"]
+                assert (row.status, row.reason) == (DONE, "")
+                assert row.result == {"force": force, "error": math.inf}
+                assert row.certificate == {"passed": True, "gap": 1e-9 * values["mesh"]}
+                continue
+            assert row.status in FAILURES
+            assert (row.result, row.certificate) == ({}, None)
+            if values["method"] == "crash":
+                assert (row.status, row.reason) == ("crashed", "exit status 3: no message")
+            else:
+                assert row.reason.startswith(f"ValueError: no method for {values['mesh']} (run_tasks.py, line ")
+
+    def test_rows_tell_what_they_were_made_with(self, uninterrupted):
+        for row in uninterrupted:
+            assert row.environment["versions"] == {"click": version("click"), "no-such-package": None}
+            assert row.environment["machine"]["cores"] >= 1
+            assert row.environment["threads"] == 1
+            assert os.uname().nodename not in str(row.environment)
+
+    def test_what_is_no_mapping_of_plain_values_is_an_error(self, tmp_path):
+        done = run_study(ways("nan", "number", "plain"), tmp_path / "a", 2, timeout=20.0, memory=4000, threads=3)
+        nan, number, plain = read_study(tmp_path / "a").rows
+        assert done.statuses == {"done": 2, "error": 1}
+        assert repr(nan.result) == "{'value': nan, 'bound': -inf}"
+        assert number.reason.startswith("TypeError: the task returned float, not a mapping")
+        assert plain.result["threads"] == "3"
+        environment = [plain.environment[name] for name in ("timeout_seconds", "memory_mib", "threads")]
+        assert environment == [20.0, 4000, 3]
+
+    def test_complete_study_is_not_run_again(self, tmp_path, monkeypatch):
+        path, study = filled(tmp_path / "a", count=4), SMALL
+        before = path.read_bytes()
+        monkeypatch.setattr("subprocess.Popen", lambda *_, **__: pytest.fail("work was begun"))
+        done = run_study(study, path)
+        assert (done.before, done.statuses.total(), done.complete) == (4, 0, True)
+        assert path.read_bytes() == before
+
+    @pytest.mark.parametrize(
+        ("task", "word"),
+        [
+            ("tests.no_such_module:f", "ModuleNotFoundError: No module named 'tests.no_such_module'"),
+            ("tests.run_tasks:nothing", "AttributeError"),
+            ("tests.run_tasks:WAYS", "TypeError: WAYS is of type dict"),
+        ],
+    )
+    def test_a_task_that_cannot_be_loaded_ends_the_study(self, tmp_path, task, word):
+        with pytest.raises(InputError, match="cannot be loaded: .*" + word) as caught:
+            run_study(replace(SMALL, task=task), tmp_path / "a", workers=2, memory=4000)
+        assert caught.value.field == "Study.task"
+        assert read_study(tmp_path / "a").rows == ()
+
+    def test_too_little_memory_for_the_task_ends_the_study(self, tmp_path):
+        with pytest.raises(InputError, match=r"is too little .MiB. to load tests.run_tasks:failing") as caught:
+            run_study(ways("plain"), tmp_path / "a", memory=10)
+        assert (caught.value.field, caught.value.value) == ("memory", 10)
+        assert len(str(caught.value).splitlines()) == 1
+
+    @pytest.mark.parametrize("name", ["workers", "timeout", "memory", "threads"])
+    def test_bad_input(self, tmp_path, name):
+        with pytest.raises(InputError, match=f"{name}: 0: give a number above 0"):
+            run_study(SMALL, tmp_path / "a", **{name: 0})
+        assert list(tmp_path.iterdir()) == []
+
+    def test_full_disk_keeps_what_is_finished(self, tmp_path, uninterrupted, monkeypatch):
+        """And in which order cases come does not matter."""
+        monkeypatch.setattr(database, "SETTINGS", (*database.SETTINGS, "max_page_count = 7"))
+        with pytest.raises(InputError, match="no room left"):
+            run_study(DEMO, tmp_path / "a", workers=2)
+        monkeypatch.undo()
+        assert 5 < rows_in(tmp_path / "a") < 26
+        run_study(DEMO, tmp_path / "a", workers=2)
+        assert comparable(tmp_path / "a") == uninterrupted
+
+
+COMMAND = "from tests.comparisons.test_study import main, run\nrun(main, 'demo')"
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")
+class TestEnds:
+    """However a run ends."""
+
+    def test_killed_again_and_again(self, tmp_path, uninterrupted):
+        moments, counts = random.Random(0), []
+        with started() as start:
+            for attempt in range(6):
+                process = start("-c", COMMAND, "--store", tmp_path / "a", "--workers", "2", DEMO_SECONDS="0.2")
+                if attempt % 2:  # any moment of the start is hit by the others
+                    assert eventually(lambda: rows_in(tmp_path / "a") > max(counts, default=0))
+                time.sleep(moments.uniform(0.0, 0.4))
+                assert process.poll() is None
+                process.kill()
+                process.wait()
+                assert eventually(lambda mark=process.mark: not marked(mark)), marked(process.mark)
+                counts.append(rows_in(tmp_path / "a"))
+            assert counts == sorted(counts)
+            assert 0 < counts[-1] < 26
+            last = start("-c", COMMAND, "--store", tmp_path / "a", "--workers", "2")
+            assert last.communicate(timeout=60) == ("26 of 26\n", "")
+        assert comparable(tmp_path / "a") == uninterrupted
+
+    def test_from_the_keyboard(self, tmp_path, uninterrupted):
+        with started() as start:
+            process = start("-c", COMMAND, "--store", tmp_path / "a", "--workers", "2", DEMO_SECONDS="0.1")
+            assert eventually(lambda: rows_in(tmp_path / "a") >= 3)
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=60)
+            count = rows_in(tmp_path / "a")
+            assert not marked(process.mark)
+        assert (process.returncode, out) == (130, "")
+        store = tmp_path / "a"
+        assert err == f"interrupted: {count} of 26 rows are in {store}; the same command goes on from there\n"
+        assert 3 <= count < 26
+        assert run_study(DEMO, store, workers=2).complete
+        assert comparable(store) == uninterrupted
+
+    def test_second_run_on_one_store_is_refused(self, tmp_path):
+        words = ("-c", COMMAND, "--store", tmp_path / "a", "--way", "plain", "--way", "wait")
+        with started() as start:
+            first = start(*words)
+            assert eventually(lambda: rows_in(tmp_path / "a") == 1)
+            second = start(*words)
+            out, err = second.communicate(timeout=60)
+            assert (second.returncode, out, len(err.splitlines())) == (2, "", 1)
+            assert "another run is at work on it" in err
+            assert first.poll() is None
+        assert run_study(ways("plain", "wait"), tmp_path / "a", timeout=0.1).statuses == {"timeout": 1}
+
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("--workers", "0"), ("--store", "/proc/a/b"), ("--timeout", "-1"), ("--timeout", "nan"),
+            ("--timeout", "inf"), ("--memory", "0"), ("--memory", "9" * 30), ("--threads", "9" * 30),
+            ("--workers", "10001"), ("--dask", "nowhere"),
+        ],
+    )  # fmt: skip
+    def test_bad_options_are_one_line(self, capfd, monkeypatch, tmp_path, words):
+        monkeypatch.setattr(sys, "argv", ["demo", "--store", str(tmp_path / "a"), *words])
+        with pytest.raises(SystemExit) as caught:
+            run(main, "demo")
+        out, err = capfd.readouterr()
+        assert (caught.value.code, out, len(err.splitlines())) == (2, "", 1)
+        assert list(tmp_path.iterdir()) == []
+
+
+class TestProgress:
+    """What is shown meanwhile."""
+
+    def test_silent_when_piped(self, capfd):
+        with progress("title", 3, 1) as advance:
+            advance("something")
+        assert capfd.readouterr() == ("", "")
+
+    def test_shown_on_a_terminal(self):
+        shown = on_a_terminal(True)
+        for word in ("title: μ = 0.15", "3/3", "left"):
+            assert word in shown
+        assert re.search(r"\d/(s|min|h)\b", shown)
+        assert on_a_terminal(False) == ""
+
+
+def on_a_terminal(shown):
+    """What a terminal gets on standard error of a run."""
+    pty = pytest.importorskip("pty")
+    pause = 0.15 if shown else 0.0
+    script = (
+        "from comparisons.lab.progress import progress\nimport time\n"
+        f"with progress('title', 3, 1, shown={shown}) as advance:\n"
+        f"    for _ in range(2):\n        time.sleep({pause})\n        advance('μ = 0.15')\n    time.sleep({pause})"
+    )
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
+    subprocess.run([sys.executable, "-c", script], cwd=ROOT, stderr=theirs, check=True, env=environment)
+    os.close(theirs)
+    found = b""
+    try:
+        while part := os.read(ours, 65536):
+            found += part
+    except OSError:  # Linux says so at the end
+        pass
+    os.close(ours)
+    return found.decode()
