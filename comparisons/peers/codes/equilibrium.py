@@ -54,9 +54,7 @@ def _plate(friction: float) -> "ContactProblem":
     return compressed_plate(friction)
 
 
-def _solved(
-    posed: "ContactProblem", element: "str", degree: int | None, displacements: int | None
-) -> dict[str, Any]:
+def _solved(posed: "ContactProblem", element: "str", degree: int | None, displacements: int | None) -> dict[str, Any]:
     """As `qvi_contact.solve` does it by default: P/2, unknowns, iterations, the certificate's residual, status."""
     from qvi_contact import solve
 
