@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import finite_number
 from qvi_contact.bracket.admissible import LOOSEST, AdmissibleStress, admissible_stress
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
@@ -31,6 +30,7 @@ from qvi_contact.solution.followed import allowed_misfit
 from qvi_contact.solution.on_arcs import rest_on_arcs
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.work import fluid_work, obstacle_work, support_work
+from qvi_contact.version import __version__
 from solvers import Iteration, solve_qvi
 from solvers.basics.narration import narrated
 from solvers.basics.watch import watched

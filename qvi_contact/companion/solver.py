@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.companion.admissible import admissible
 from qvi_contact.companion.condensation import CondensedBody
@@ -30,6 +29,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
 from solvers.basics.narration import narrated
 from solvers.certificate.certificate import EXPONENTS

@@ -7,7 +7,6 @@ from typing import Any, TypeAlias, overload
 
 import numpy as np
 
-from qvi_contact import __version__
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import positive_number, whole_number
 from qvi_contact.errors import InputError
@@ -21,6 +20,7 @@ from qvi_contact.refinement.rounds import ROUNDS, THINNEST, K, Settings, Strateg
 from qvi_contact.refinement.triangles import TriangleRefinement
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import check_options
+from qvi_contact.version import __version__
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.narration import Narration, narrated
 from solvers.basics.watch import watched

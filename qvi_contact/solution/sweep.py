@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args, over
 
 import numpy as np
 
-from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, one_of, real_array, true_or_false
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
@@ -34,6 +33,7 @@ from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.solver import check_options, posed, solve
+from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none
 from solvers.basics.frames import columns_of, frame
