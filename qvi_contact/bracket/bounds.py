@@ -23,7 +23,7 @@ from qvi_contact.bracket.outcome import Bracket, BracketKind, EdgeParts
 from qvi_contact.bracket.parts import CellFields, bulk, by_cell, edge_parts, strain_energy
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
-from qvi_contact.companion.scope import check_scope
+from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.triangle import degree_beside, triangle
 from qvi_contact.errors import InputError
 from qvi_contact.solution.followed import allowed_misfit
