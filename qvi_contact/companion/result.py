@@ -26,6 +26,9 @@ from solvers import Certificate, QVISolution, Status
 from solvers.basics.names import Named, known_name
 from solvers.basics.pickles import Stated
 
+_DIGITS = 12  # of coordinates over the body's length: more is rounding
+_InCells: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
+
 
 @dataclass(frozen=True)
 class CompanionParts:
@@ -139,11 +142,6 @@ class CompanionState:
     bound: FloatArray
     load: FloatArray
     reasons: tuple[str, ...]
-
-
-_DIGITS = 12  # of coordinates over the body's length: more is rounding
-
-_InCells: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

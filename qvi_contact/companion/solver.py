@@ -182,8 +182,9 @@ def check_scope(problem: ContactProblem) -> None:
     """
     if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
         remedy = (
-            "the displacement companion, and the bracket that needs it, have no displacements for incompressible materials: take a number below 0.5, or leave "
-            "them out, and judge the result by its certificate and a finer mesh"
+            "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
+            "materials: take a number below 0.5, or leave them out, and judge the result by its certificate and a "
+            "finer mesh"
         )
         raise InputError("Material.poisson", 0.5, remedy)
 

@@ -24,6 +24,8 @@ _STOPS: Final = {
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
 }  # what a status on the way means for the refinement
 
+A = TypeVar("A")
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -126,7 +128,6 @@ class ResultRound(Round):
     result: ContactResult
 
 
-A = TypeVar("A")
 R = TypeVar("R", bound=Round)
 K = TypeVar("K", bound=ResultRound)
 
