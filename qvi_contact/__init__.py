@@ -1,6 +1,6 @@
 """Frictional contact computed from the stress side.
 
-A plane elastic body is described by an Airy stress function on C1 triangles or rectangles, so every computed stress is
+A plane elastic body is described by an Airy stress function on C1 triangles, so every computed stress is
 in equilibrium; contact with Coulomb friction is then a quasi-variational inequality for the stress, solved as one
 complementarity problem on the contact or as a sequence of convex programs, and certified on the original data.
 
@@ -10,10 +10,10 @@ Names are loaded on first use, so that importing the package, or asking the comm
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from qvi_contact.bracket import Branches, other_solutions, refined_where_apart
+    from qvi_contact.bracket import Branches, other_solutions
     from qvi_contact.companion import solve_companion
     from qvi_contact.discretization.discretization import Discretization, discretize
     from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
     from qvi_contact.files.problem_writer import save_problem
     from qvi_contact.files.stored import load_result
     from qvi_contact.files.sweep_store import StoredSweep, read_sweep
+    from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
     from qvi_contact.mechanism import Mechanism
-    from qvi_contact.mesh.lines import graded_lines
+    from qvi_contact.mesh.grid import graded_lines
     from qvi_contact.mesh.outline import Corner
-    from qvi_contact.mesh.rectilinear import RectilinearMesh
     from qvi_contact.mesh.triangles import TriangleMesh
     from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Symmetry, Traction
     from qvi_contact.problem.fields import Expression, Polynomial
     from qvi_contact.problem.material import Material, Region
     from qvi_contact.problem.problem import ContactProblem
+    from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Tresca
     from qvi_contact.refinement import LimitFactor, LimitRefinement, Refinement, RefinementStatus, refine
     from qvi_contact.solution.contact_line import ContactLine, ContactState
     from qvi_contact.solution.history import History, loop_area, solve_history
-    from qvi_contact.solution.limit import LimitLoad, limit_load_factor
     from qvi_contact.solution.result import ContactResult
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
@@ -54,14 +54,16 @@ _HOME = {
     "History": "solution.history",
     "InputError": "errors",
     "LimitFactor": "refinement",
-    "LimitLoad": "solution.limit",
+    "LimitLoad": "limit.load_factor",
     "LimitRefinement": "refinement",
     "Material": "problem.material",
     "Mechanism": "mechanism",
+    "Mises": "problem.strength",
+    "MohrCoulomb": "problem.strength",
+    "NoTension": "problem.strength",
     "Polynomial": "problem.fields",
     "ProblemFile": "files.problem_file",
     "QVIError": "errors",
-    "RectilinearMesh": "mesh.rectilinear",
     "Refinement": "refinement",
     "RefinementStatus": "refinement",
     "Region": "problem.material",
@@ -73,11 +75,12 @@ _HOME = {
     "SweepRow": "solution.sweep",
     "Symmetry": "problem.conditions",
     "Traction": "problem.conditions",
+    "Tresca": "problem.strength",
     "TriangleMesh": "mesh.triangles",
     "UnknownNameError": "errors",
     "discretize": "discretization.discretization",
-    "graded_lines": "mesh.lines",
-    "limit_load_factor": "solution.limit",
+    "graded_lines": "mesh.grid",
+    "limit_load_factor": "limit.load_factor",
     "load_problem": "files.problem_file",
     "load_result": "files.stored",
     "loop_area": "solution.history",
@@ -85,7 +88,6 @@ _HOME = {
     "principal_stresses": "solution.stress",
     "read_sweep": "files.sweep_store",
     "refine": "refinement",
-    "refined_where_apart": "bracket",
     "save_problem": "files.problem_writer",
     "solve": "solution.solver",
     "solve_companion": "companion",
@@ -112,10 +114,12 @@ __all__ = [
     "LimitRefinement",
     "Material",
     "Mechanism",
+    "Mises",
+    "MohrCoulomb",
+    "NoTension",
     "Polynomial",
     "ProblemFile",
     "QVIError",
-    "RectilinearMesh",
     "Refinement",
     "RefinementStatus",
     "Region",
@@ -127,6 +131,7 @@ __all__ = [
     "SweepRow",
     "Symmetry",
     "Traction",
+    "Tresca",
     "TriangleMesh",
     "UnknownNameError",
     "discretize",
@@ -139,7 +144,6 @@ __all__ = [
     "principal_stresses",
     "read_sweep",
     "refine",
-    "refined_where_apart",
     "save_problem",
     "solve",
     "solve_companion",
@@ -150,12 +154,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "stream_sweep":
-        from qvi_contact.errors import InputError
-
-        remedy = "is part of solve_sweep now: call solve_sweep(problem, parameter, values, of, store=FILE)"
-        raise InputError("name", name, remedy)
     if name not in _HOME:
+        from qvi_contact.basics.retired import refuse_retired
+
+        refuse_retired(name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
 

@@ -95,8 +95,8 @@ def solve_qvi(
     throw : bool
         Raise `SolveError` instead of returning a result whose status is not "solved".
     factorisation : str
-        "pardiso", "superlu" or "levels"; "auto" takes "levels" for a few hundred unknowns, else the first of the others
-        that is installed.
+        "pardiso", "superlu" or "dense"; "auto" takes "dense" for up to 500 unknowns, else the first of the others that
+        is installed.
     threads : int, optional
         For factorisation and dense linear algebra; by default one for small problems, else all cores.
     time_limit : float, optional

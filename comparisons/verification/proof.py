@@ -6,7 +6,7 @@ import numpy as np
 
 from qvi_contact import ContactResult
 from qvi_contact.companion import CompanionResult
-from qvi_contact.solution.limit import LimitLoad
+from qvi_contact.limit.load_factor import LimitLoad
 from solvers import QVISolution, Status
 from solvers.certificate.feasibility import is_farkas
 

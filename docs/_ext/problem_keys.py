@@ -37,6 +37,7 @@ TABLES: dict[str, type[schema.Table]] = {
     "[[joints]]": schema.JointTable,
     "[material]": schema.MaterialTable,
     "[[regions]]": schema.RegionTable,
+    "strength of [material] and [[regions]]": schema.StrengthTable,
     "[[symmetry]]": schema.SymmetryTable,
     "[[displacements]]": schema.DisplacementTable,
     "[[tractions]]": schema.TractionTable,

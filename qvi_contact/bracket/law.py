@@ -52,8 +52,8 @@ def traction_coefficients(
     normal, shear = tractions
     space = discretization.space
     return (
-        coefficients(discretization, normal, space.normal_degree),
-        coefficients(discretization, shear, space.shear_degree),
+        coefficients(discretization, normal, space.traction_degree),
+        coefficients(discretization, shear, space.traction_degree),
     )
 
 

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.families import ElementName, with_element
+from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import LimitFactor, LimitRefinement, refine
-from qvi_contact.solution.limit import LimitLoad, limit_load_factor
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,12 +34,11 @@ def drawn(
     limit: LimitLoad,
     refinement: LimitRefinement | None,
     units: Units,
-    element: ElementName | None,
 ) -> Figure:
     """The picture, on the mesh of the analysis."""
     from qvi_contact.plots import limit_figure
 
-    shown = with_element(problem, element) if refinement is None else refinement.problem
+    shown = problem if refinement is None else refinement.problem
     return limit_figure(shown, limit, units, "; ".join(lines(loads, limit, None)))
 
 

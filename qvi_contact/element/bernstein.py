@@ -13,7 +13,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element import legendre
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 
 _END = 1e-6  # so far inside the ends a step on a grid line is not seen, a peak there is
 

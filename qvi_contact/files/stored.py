@@ -11,7 +11,6 @@ from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import element_on
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import Archive
@@ -52,11 +51,10 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
         "degree": known.space.degree,
         "contact_rows": known.space.contact_rule.kind,
         "centres": known.space.centres,
-        "cuts": known.space.cuts,
+        "cuts": known.space.cuts.vertices,
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
-        "freed": np.asarray(known.freed, dtype=np.int64),
         "earlier_slip": _joined([rows.offset - o for rows, o in zip(known.contacts, known.offsets(), strict=True)]),
         "status": str(result.status),
         "message": result.message,
@@ -163,24 +161,24 @@ def _discretization(archive: Archive, posed: Callable[[Scales], Discretization])
 def _discretized(archive: Archive, text: str, scales: Scales) -> Discretization:
     """The problem of a file; what is wrong with it is said with the name of that file."""
     try:
-        problem, freed = problem_from_toml(text).problem, archive.integers("freed")
-        if ((freed >= 0) & (freed < len(problem.mesh.vertices))).all():
-            element = element_on(problem.mesh)
-            return discretize(problem, element=element, scales=scales, freed=freed, **_degree(archive))
+        file = problem_from_toml(text)
+        if file.is_grid:  # results on triangles are stored with these
+            remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
+            raise InputError("result", archive.path, remedy)
+        return discretize(file.problem, scales=scales, **_degree(archive))
     except InputError as error:
         if error.field == "result":  # names the file already
             raise
         raise InputError(
             "result", archive.path, f"entry 'problem' holds a problem that cannot be solved ({error})"
         ) from error
-    raise InputError("result", archive.path, "entry 'freed' names nodes that are not in the mesh")
 
 
 def _check_centres(archive: Archive, fresh: Discretization) -> None:
     """That unknowns count from where they do here; files without the entries have those of Φ itself, of one value."""
     none, space = np.empty(0, dtype=np.int64), fresh.space
     stored = {name: archive.integers(name) if name in archive.arrays else none for name in ("centres", "cuts")}
-    if not np.array_equal(stored["centres"], space.centres) or not np.array_equal(stored["cuts"], space.cuts):
+    if not np.array_equal(stored["centres"], space.centres) or not np.array_equal(stored["cuts"], space.cuts.vertices):
         remedy = (
             "entry 'z' counts from other vertices of this mesh than it does here: solve the problem anew, or "
             "take the version of qvi-contact that wrote the file"
@@ -189,9 +187,7 @@ def _check_centres(archive: Archive, fresh: Discretization) -> None:
 
 
 def _degree(archive: Archive) -> dict[str, Any]:
-    """Degree and contact rows of the element; files of version 0.1 have none, and rectangles leave no choice."""
-    if "degree" not in archive.arrays:
-        return {}
+    """Degree and contact rows of the element."""
     return {"degree": _count(archive, "degree"), "contact_rows": archive.text("contact_rows")}
 
 

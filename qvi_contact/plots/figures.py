@@ -12,6 +12,7 @@ from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.shown import shown
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
+from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.plots.fields import principal_stress_map, stress_field
 from qvi_contact.plots.mechanism import draw_mechanism
 from qvi_contact.plots.motion import deformed_contact
@@ -20,7 +21,6 @@ from qvi_contact.plots.style import BLUE, GREY, bounding_box, new_figure, plain_
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Condition, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.limit import LimitLoad
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.sampling import cell_factors, von_mises
 from qvi_contact.solution.stress import principal_stresses

@@ -6,7 +6,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.mechanism import Mechanism
-from qvi_contact.mesh.mesh import Mesh
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.style import BLUE, lines
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _FARTHEST: Final = 0.08  # share of the body's length at which the largest displacement is drawn
 
 
-def draw_mechanism(axes: "Axes", mesh: Mesh, mechanism: Mechanism) -> None:
+def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> None:
     """Draw the outlines of all blocks where a mechanism moves them, as dashed lines.
 
     Its motions are small; they are drawn so large that the largest displacement is 8 % of the body's length, and
@@ -25,7 +25,7 @@ def draw_mechanism(axes: "Axes", mesh: Mesh, mechanism: Mechanism) -> None:
     ----------
     axes : matplotlib axes
         Where to draw, over a picture of the problem; axes are in units of length.
-    mesh : Mesh
+    mesh : TriangleMesh
         The mesh of the problem.
     mechanism : Mechanism
         What `ContactResult.mechanism` or `LimitLoad.mechanism` gives.
@@ -34,7 +34,7 @@ def draw_mechanism(axes: "Axes", mesh: Mesh, mechanism: Mechanism) -> None:
     axes.add_collection(lines(moved_outlines(mesh, mechanism), BLUE, (0, (5, 2)), 1.4, "mechanism"))
 
 
-def moved_outlines(mesh: Mesh, mechanism: Mechanism) -> FloatArray:
+def moved_outlines(mesh: TriangleMesh, mechanism: Mechanism) -> FloatArray:
     """Ends (n, 2, 2) of the edges around all blocks, moved [length]."""
     boundary, interior = mesh.boundary, mesh.interior
     beside = mechanism.blocks[interior.cells]

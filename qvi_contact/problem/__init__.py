@@ -4,6 +4,7 @@ from qvi_contact.problem.conditions import Contact, Displacement, RigidPlate, Sy
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.material import Material, Region
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.strength import Mises, MohrCoulomb, NoTension, Strength, Tresca
 from solvers.basics.front import front
 
 __all__ = [
@@ -12,11 +13,16 @@ __all__ = [
     "Displacement",
     "Expression",
     "Material",
+    "Mises",
+    "MohrCoulomb",
+    "NoTension",
     "Polynomial",
     "Region",
     "RigidPlate",
+    "Strength",
     "Symmetry",
     "Traction",
+    "Tresca",
 ]
 
 __getattr__ = front(

@@ -8,15 +8,15 @@ In `docs/theory.md`: (D25).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 
 from qvi_contact.basics.certainty import Certainty
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.errors import InputError
+from qvi_contact.limit.load_factor import LimitAnalysis, LimitLoad, LimitProblem
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.closer import at_contacts
 from qvi_contact.refinement.doerfler import bulk
@@ -24,7 +24,6 @@ from qvi_contact.refinement.law_gap import law_gap
 from qvi_contact.refinement.outcome import RefinementStatus
 from qvi_contact.refinement.rounds import Accuracy, Round, Settings, StopError, TooLargeError
 from qvi_contact.solution.followed import loads_followed
-from qvi_contact.solution.limit import LimitAnalysis, LimitLoad, LimitProblem
 from qvi_contact.solution.result import ContactResult
 
 _SPACE: Final = ("degree", "contact_rows")  # options of a limit load
@@ -50,23 +49,24 @@ class LimitRound(Round):
     parts: tuple[FloatArray, ...]
 
 
-def limit_strategy(
-    problem: ContactProblem, settings: Settings, names: tuple[str, ...]
-) -> "LimitOnTriangles | LimitOnGrids":
-    """How meshes of the problem's kind are refined; `InputError` for options that a limit load does not have."""
+def limit_strategy(settings: Settings, names: tuple[str, ...]) -> "LimitStrategy":
+    """How meshes are refined; `InputError` for options that a limit load does not have."""
     for name, value in settings.options.items():
         if name not in _SPACE:
-            raise InputError(name, value, "is not for limit loads: give element, degree or contact_rows")
-    return (LimitOnTriangles if isinstance(problem.mesh, TriangleMesh) else LimitOnGrids)(settings, names)
+            raise InputError(name, value, "is not for limit loads: give degree or contact_rows")
+    return LimitStrategy(settings, names)
 
 
 @dataclass(frozen=True)
-class _Limits:
-    """What both kinds of meshes have in common; see `rounds.Strategy`."""
+class LimitStrategy:
+    """Triangles beside the edges that have most of the distance bisected twice; see `rounds.Strategy`."""
 
     settings: Settings
     names: tuple[str, ...]
-    counting: ClassVar[str] = ""
+
+    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
+        """The problem on the mesh of a result."""
+        return replace(problem, mesh=result.problem.mesh)
 
     def answer(self, problem: ContactProblem) -> LimitAnalysis:
         """Both sides on the mesh."""
@@ -85,17 +85,16 @@ class _Limits:
         unit = max(abs(limit.upper), _SMALL) if np.isfinite(limit.upper) else 1.0
         estimate = 0.0 if same else max(limit.upper - limit.lower, 0.0) / unit
         parts = tuple(_edge_gaps(answer))
-        cells = self._cells(problem)
         shares = _by_cell(problem, parts)
         total = float(shares.sum())
         known = total > 0.0 and np.isfinite(estimate)
-        indicator = mesh.arranged(shares * (estimate / total) if known else np.zeros(mesh.cell_count))
+        indicator = shares * (estimate / total) if known else np.zeros(mesh.cell_count)
         exact = np.isfinite(estimate) and loads_followed(answer.posed.low) and loads_followed(answer.posed.high)
         return LimitRound(
             problem=problem,
             unknowns=answer.posed.unknowns,
             accuracy=Accuracy(limit.lower, unit, estimate, Certainty.GUARANTEED if exact else Certainty.ESTIMATE),
-            cells=cells,
+            cells=mesh.cell_count,
             indicator=indicator,
             limit=limit,
             parts=parts,
@@ -107,78 +106,20 @@ class _Limits:
         joined = np.concatenate([np.empty(0), *last.parts])
         if not joined.size:
             raise StopError(RefinementStatus.UNSOLVED, "there is no contact that limits tractions")
-        marked, start, chosen = bulk(joined), 0, []
-        for edges, parts in zip(_limited_edges(last.problem), last.parts, strict=True):
-            chosen.append(edges.take(marked[start : start + len(parts)]))
+        marked, start, beside = bulk(joined), 0, []
+        problem = last.problem
+        for edges, parts in zip(_limited_edges(problem), last.parts, strict=True):
+            chosen = marked[start : start + len(parts)] & (edges.length >= 2.0 * self.settings.thinnest)
+            beside.append(edges.cells[chosen].ravel())
             start += len(parts)
-        return self._finer(last.problem, chosen)
-
-    def _finer(self, problem: ContactProblem, chosen: Sequence[Edges]) -> ContactProblem:
-        """The problem with those edges of each contact bisected."""
-        raise NotImplementedError
-
-    def _cells(self, problem: ContactProblem) -> tuple[int, ...]:
-        """Cells along x and y, or the number of triangles."""
-        raise NotImplementedError
-
-
-class LimitOnTriangles(_Limits):
-    """Triangles beside those edges bisected twice."""
-
-    rounds: ClassVar[int] = 60
-    thinnest: ClassVar[float] = 1e-9
-
-    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
-        """The problem on the mesh of a result."""
-        return replace(problem, mesh=result.problem.mesh)
-
-    def _cells(self, problem: ContactProblem) -> tuple[int, ...]:
-        return (problem.mesh.cell_count,)
-
-    def _finer(self, problem: ContactProblem, chosen: Sequence[Edges]) -> ContactProblem:
-        mesh = _triangles(problem)
-        long = [each.cells[each.length >= 2.0 * self.settings.thinnest].ravel() for each in chosen]
-        cells = np.unique(np.concatenate(long))
+        cells = np.unique(np.concatenate(beside))
         cells = cells[cells >= 0]
         if not len(cells):
             raise StopError(RefinementStatus.THIN_CELLS)
-        fine = mesh
+        fine = mesh = problem.mesh
         for _ in range(_TWICE):
             fine = fine.refined(at_contacts(problem, mesh, fine, cells))
         return replace(problem, mesh=fine)
-
-
-class LimitOnGrids(_Limits):
-    """Grid lines inserted in the middle of those edges."""
-
-    rounds: ClassVar[int] = 20
-    thinnest: ClassVar[float] = 1e-5
-
-    def start(self, problem: ContactProblem, result: ContactResult) -> ContactProblem:
-        """The problem on the mesh of a result."""
-        mesh = result.problem.grid
-        return problem.on_lines(mesh.x, mesh.y)
-
-    def _cells(self, problem: ContactProblem) -> tuple[int, ...]:
-        return problem.grid.shape[::-1]
-
-    def _finer(self, problem: ContactProblem, chosen: Sequence[Edges]) -> ContactProblem:
-        mesh, middle = problem.grid, np.array([0.5])
-        new: tuple[list[FloatArray], list[FloatArray]] = ([mesh.x], [mesh.y])
-        for edges in chosen:
-            long = edges.take(edges.length >= 2.0 * self.settings.thinnest)
-            for axis, values in enumerate(mesh.points_along(long, middle)):
-                new[axis].append(values[long.tangent[:, axis] > 0.0, 0])
-        x, y = (np.unique(np.concatenate(lines)) for lines in new)
-        if len(x) == len(mesh.x) and len(y) == len(mesh.y):
-            raise StopError(RefinementStatus.THIN_CELLS)
-        return problem.on_lines(x, y)
-
-
-def _triangles(problem: ContactProblem) -> TriangleMesh:
-    """The mesh of a problem on triangles."""
-    assert isinstance(problem.mesh, TriangleMesh)
-    return problem.mesh
 
 
 def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:

@@ -16,8 +16,7 @@ from qvi_contact.basics.shown import SHARE, Rounding
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.contact_rows import ContactRows
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.edge_points import EdgePoints
-from qvi_contact.discretization.loads import LOAD_POINTS, physical
+from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical
 from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism import Mechanism, find_mechanism
@@ -377,9 +376,8 @@ class ContactResult(Stated):
     def traction_misfit(self) -> float:
         """Largest difference between prescribed and computed tractions on Γ_σ [stress].
 
-        Zero (to round-off) for data in the trace space: on rectangles normal tractions linear along each edge, shear
-        continuous and quadratic, on triangles of degree p polynomials of degree p − 2. Other data are met in resultant
-        force and moment of every edge; this is what is left pointwise.
+        Zero (to round-off) for data in the trace space: polynomials of degree p − 2 along each edge. Other data are met
+        in resultant force and moment of every edge; this is what is left pointwise.
         """
         return misfit_of_tractions(self.discretization, self.dofs)
 
@@ -410,12 +408,6 @@ class ContactResult(Stated):
             raise InputError("result", self.status.value, f"there is no stress state to evaluate: {self.message}")
         return self.discretization.values(self.solution.z)
 
-    @property
-    def nodal(self) -> FloatArray:
-        """The same at the nodes of a rectilinear mesh, (ny + 1, nx + 1, 4); see `Discretization.nodal_values`."""
-        ny, nx = self.problem.grid.shape
-        return self.dofs.reshape(ny + 1, nx + 1, 4)
-
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Stress at points of the body.
 
@@ -445,8 +437,7 @@ class ContactResult(Stated):
     def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Coordinates x, y [length] of the g Gauss points of each cell, shape (cells, g), and the stress there.
 
-        The stress has shape (cells, g, 3) [stress]. Rectangles are counted row by row from the bottom left, and have
-        4×4 points.
+        The stress has shape (cells, g, 3) [stress].
         """
         points, stress = self._gauss()
         x, y = physical(self.problem, self.discretization.scales, points)

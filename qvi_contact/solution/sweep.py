@@ -23,16 +23,15 @@ import numpy as np
 from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, one_of, real_array, true_or_false
 from qvi_contact.basics.units import Units
-from qvi_contact.discretization.basis import RowKind
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.families import ElementName, with_element
+from qvi_contact.discretization.space import RowKind
 from qvi_contact.errors import InputError, SolveError
+from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.problem.conditions import Condition, Contact
 from qvi_contact.problem.fingerprint import run_digest
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
-from qvi_contact.solution.limit import checked_loads, loads_of, multiplied
 from qvi_contact.solution.result import ContactResult, completed, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.solver import check_options, posed, solve
 from solvers import Status
@@ -339,7 +338,6 @@ class SweepTask:
         parameter: Parameter,
         names: Sequence[str] | None,
         *,
-        element: ElementName | None = None,
         degree: int | None = None,
         contact_rows: RowKind | None = None,
         warm_start: bool = True,
@@ -349,11 +347,11 @@ class SweepTask:
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
-        space = {"element": element, "degree": degree, "contact_rows": contact_rows}
+        space = {"degree": degree, "contact_rows": contact_rows}
         check_options(options)
         chosen = _checked_names(problem, parameter, names)
         warm = true_or_false("warm_start", warm_start) and takes_state(options)
-        return cls(with_element(problem, element), parameter, chosen, space, options, warm)
+        return cls(problem, parameter, chosen, space, options, warm)
 
     def changed(self, value: float) -> ContactProblem:
         """The problem with this value."""

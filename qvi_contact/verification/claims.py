@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.discretization.basis import PrescribedTraction
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.families import element_on
 from qvi_contact.discretization.loads import prescribed_tractions
+from qvi_contact.discretization.tractions import PrescribedTraction
 from qvi_contact.element import legendre
-from qvi_contact.element.hermite import gauss_legendre
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import airy_units, field_arrays
 from qvi_contact.mesh.edges import vectors_along
@@ -62,15 +61,13 @@ class Recomputed:
 
 
 def rediscretized(result: ContactResult) -> Discretization:
-    """The problem of a result discretised anew, in its units, with its nodes given up and the slip before it."""
+    """The problem of a result discretised anew, in its units and after the slip before it."""
     known = result.discretization
     fresh = discretize(
         known.problem,
-        element=element_on(known.problem.mesh),
         degree=known.space.degree,
         contact_rows=known.space.contact_rule.kind,
         scales=known.scales,
-        freed=known.freed,
     )
     slip = [rows.offset - new.offset for rows, new in zip(known.contacts, fresh.contacts, strict=True)]
     return fresh.slipped(slip) if any(part.any() for part in slip) else fresh

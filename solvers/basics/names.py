@@ -17,6 +17,7 @@ _RETIRED: Final = {
     "strict-direct": _WHOLE_EDGES,
     "direct:osqp": "was retired in version 0.2: give 'qp:osqp'",
     "cholmod": "was retired in version 0.2: leave `factorisation` out, or give 'pardiso' or 'superlu'",
+    "levels": "was retired in version 0.2: give 'dense'",
     "shared-subdomains": "was retired in version 0.2: leave `factorisation` out",
 }
 """Names of solvers and factorisations, or what stands before their colon, and what to do instead."""

@@ -247,10 +247,11 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     _ = qvi.bonded_error  # chooses the factorisation that the problem needs: k and K⁻¹ρ must not depend on the way here
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
-    residual = gradient + qvi.contact_rows.T @ np.concatenate([m_N, m_T]) + qvi.A.T @ nu
+    K, N, T, A = qvi.arrays
+    residual = gradient + N.T @ m_N + T.T @ m_T + A.T @ nu
     sizes = _row_sizes(qvi, z)
     error, outside = qvi.linear_system.solve(residual)
-    left = residual - qvi.K @ error - qvi.A.T @ outside
+    left = residual - K @ error - A.T @ outside
     square = float(residual @ error)
     defect = 0.5 * _admissible_square(qvi, square, error, m_N)
     law = law_residuals(qvi, z, m_N, m_T, scales)
@@ -313,7 +314,7 @@ def _stationarity(
     if qvi.root is not None and energy > _ROUNDING_FREE:
         scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
         energy = max(energy - scales["rounding"], 0.0)
-    tractions = max(largest(qvi.N @ error), largest(qvi.T @ error)) / scales["stress"]
+    tractions = max(largest(qvi.arrays.N @ error), largest(qvi.arrays.T @ error)) / scales["stress"]
     return max(energy, tractions, largest(outside) / scales["energy"])
 
 
@@ -323,7 +324,7 @@ def _admissible_square(qvi: FrictionQVI, square: float, error: Vector, m_N: Vect
     if not change.any():
         return abs(square)
     relieved = qvi.linear_system.relief(qvi.N)(change)
-    return abs(square + 2.0 * float(change @ (qvi.N @ error)) + float(change @ relieved))
+    return abs(square + 2.0 * float(change @ (qvi.arrays.N @ error)) + float(change @ relieved))
 
 
 def _unsolved(qvi: FrictionQVI, left: Vector) -> float:
@@ -337,7 +338,7 @@ def _equality(qvi: FrictionQVI, z: Vector, sizes: Vector) -> float:
     if not qvi.p:
         return 0.0
     rounding = _ROUNDED * absolute_product(qvi.A, np.full(qvi.n, largest(z)))
-    error = np.maximum(np.abs(qvi.A @ z - qvi.b) - rounding, 0.0)
+    error = np.maximum(np.abs(qvi.arrays.A @ z - qvi.b) - rounding, 0.0)
     return largest(error / np.where(sizes > 0.0, sizes, 1.0))
 
 

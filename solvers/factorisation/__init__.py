@@ -36,8 +36,8 @@ __getattr__ = front(
     {
         "augmented": ("ORTHOGONAL", "factorise_root"),
         "choice": ("Request", "condensing_pays"),
+        "dense": ("DENSE",),
         "forecast": ("Forecast", "Work", "check_limits", "machine_memory"),
-        "levels": ("LEVELS",),
         "ordering": ("interface_last", "nested_dissection"),
         "registry": ("VARIABLE",),
         "threads": ("limited_blas", "thread_count"),

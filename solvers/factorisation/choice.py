@@ -9,14 +9,14 @@ from scipy.sparse import csc_array
 from solvers.basics.checks import whole_number
 from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.factorisation.base import Factorisation
+from solvers.factorisation.dense import DENSE
 from solvers.factorisation.forecast import check_limits
-from solvers.factorisation.levels import LEVELS
 from solvers.factorisation.ordering import nested_dissection
 from solvers.factorisation.registry import BACKENDS, factorise, faster_than, resolve, usable
 from solvers.factorisation.threads import limited_blas, thread_count
 from solvers.factorisation.unsymmetric import Refactorisation, refactorisation
 
-OTHERS: Final = ("auto", LEVELS)
+OTHERS: Final = ("auto", DENSE)
 """What is no back end."""
 
 CHOICES: Final = (*OTHERS, *BACKENDS)

@@ -12,9 +12,9 @@ from solvers.basics.narration import LOGGER
 from solvers.basics.types import IntVector, Module, Sparse, load
 from solvers.errors import InputError, SolverUnavailableError
 from solvers.factorisation.base import Factorisation, NoInterior
+from solvers.factorisation.dense import DENSE, SMALL, DenseFactor
 from solvers.factorisation.errors import FactorisationError
 from solvers.factorisation.forecast import check_limits
-from solvers.factorisation.levels import LEVELS, LevelFactor, cheap_levels
 from solvers.factorisation.threads import thread_count
 
 BACKENDS: Final = ("pardiso", "superlu")
@@ -38,9 +38,8 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
     interface : IntVector (k,)
         Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation, and nothing more.
     backend : str
-        A name in `BACKENDS`, "levels", or "auto": the name given to `set_default`, else the one in the environment
-        variable QVI_CONTACT_FACTORISATION, else "levels" where K is small enough (see `levels`), else the first that is
-        installed.
+        A name in `BACKENDS`, "dense", or "auto": the name given to `set_default`, else the one in the environment
+        variable QVI_CONTACT_FACTORISATION, else "dense" for up to 500 unknowns, else the first that is installed.
     threads : int, optional
         Threads to use; all cores this process may run on, or OMP_NUM_THREADS, or MKL_NUM_THREADS if not given.
         "superlu" always has one.
@@ -60,7 +59,8 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
     K, interface = _checked(K, interface)
     if threads is not None and threads < 1:
         raise InputError("threads", threads, "give 1 or more, or None for all cores")
-    name = backend if backend == LEVELS else resolve(backend)
+    small = backend == "auto" and chosen() is None and K.shape[0] <= SMALL
+    name = DENSE if small or backend == DENSE else resolve(backend)
     if interface.size == K.shape[0]:
         return NoInterior(K, interface)
     diagonal = K.diagonal()
@@ -69,10 +69,9 @@ def factorise(K: Sparse, interface: IntVector, backend: str = "auto", threads: i
         raise FactorisationError("singular", name, f"diagonal entry {row} of K is {diagonal[row]:.3g}")
     if name == BACKENDS[-1] and chosen() is None and K.shape[0] >= _WORTH_INSTALLING:
         LOGGER.info("%d unknowns by SuperLU; PARDISO takes half the time or less: %s", K.shape[0], _INSTALL["pardiso"])
-    levels = cheap_levels(K, interface) if backend == "auto" and chosen() is None else None
     try:
-        if levels is not None:
-            return LevelFactor(K, levels)
+        if name == DENSE:
+            return DenseFactor(K, interface)
         check_limits(K, interface, name, thread_count(threads), faster_than(name))
         return _module(name).factorise(K, interface, threads)  # type: ignore[no-any-return]
     except MemoryError as error:

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,6 +13,7 @@ from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
 from solvers.factorisation.choice import Request, condensing_pays, make, make_unsymmetric
 from solvers.factorisation.unsymmetric import Refactorisation
+from solvers.inequality.blocks import for_products
 from solvers.inequality.energy import Energy, EnergyRoot
 from solvers.inequality.equilibrium import Equilibrium
 from solvers.inequality.interface import ContactFrame, Interface
@@ -55,6 +57,11 @@ class Operator:
         """Copies and pickles of a problem factorise anew: factors live in the memory of a library."""
         return Operator, (self._K, self._root, self._places)
 
+    @cached_property
+    def array(self) -> Any:
+        """K as products with vectors are taken with it."""
+        return for_products(self._K)
+
     @property
     def factor(self) -> Factorisation | None:
         """The factorisation, if one was needed so far."""
@@ -87,7 +94,7 @@ class Operator:
 
     def energy(self, problem: "FrictionQVI") -> Energy:
         """The energy of a problem, the same object for the next one if it has this energy too."""
-        data = (problem.K, problem.f, problem.root, problem.load)
+        data = (self.array, problem.f, problem.root, problem.load)
         if self._energy is None or not self._energy.serves(*data):
             self._energy = Energy(*data)
         return self._energy

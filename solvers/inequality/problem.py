@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_array, issparse
@@ -26,6 +26,18 @@ from solvers.inequality.traces import Traces
 __all__ = ["EnergyRoot", "FrictionQVI"]
 
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
+
+
+class Arrays(NamedTuple):
+    """K (n, n), N and T (m, n) and A (p, n) of a problem as products with vectors are taken with them.
+
+    Dense where they are small: the overhead of a sparse product is more than a small product in all.
+    """
+
+    K: Any
+    N: Any
+    T: Any
+    A: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,11 +190,11 @@ class FrictionQVI:
 
     def normal(self, z: Vector) -> Vector:
         """Return the normal traction σ_N = N z + n0 (m,), ≤ 0 where admissible."""
-        return np.asarray(self.N @ z + self.n0)
+        return np.asarray(self.arrays.N @ z + self.n0)
 
     def tangential(self, z: Vector) -> Vector:
         """Tangential traction σ_T = T z + t0 (m,)."""
-        return np.asarray(self.T @ z + self.t0)
+        return np.asarray(self.arrays.T @ z + self.t0)
 
     def pressure(self, z: Vector) -> Vector:
         """Contact pressure s = max(−(N z + n0), 0), where bilateral |N z + n0| (m,)."""
@@ -226,6 +238,11 @@ class FrictionQVI:
         """The energy as an object of its own, the same for problems that differ in friction alone."""
         return self.operator.energy(self)
 
+    @cached_property
+    def arrays(self) -> Arrays:
+        """K, N, T and A for products."""
+        return Arrays(self.operator.array, *self._frame.arrays)
+
     @property
     def contact_rows(self) -> Sparse:
         """[N; T] (2m, n)."""
@@ -245,7 +262,7 @@ class FrictionQVI:
         """(m,) a number for each contact: points hang together through the unknowns that their tractions feel."""
         return self._frame.contacts
 
-    @property
+    @cached_property
     def _frame(self) -> ContactFrame:
         return self.operator.frame(self)
 

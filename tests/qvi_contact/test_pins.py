@@ -107,7 +107,7 @@ def test_force_of_a_tied_pin_lies_between_its_bounds():
 
 def test_two_pins_at_once():
     """One moved, one driven: equilibrium, and the second moved as it was gives the first state again."""
-    mesh = TriangleMesh.of_rectangles(holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5)))
+    mesh = holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5))
     for number, at in enumerate((0.0, 2.0)):
         mesh = mesh.with_edges(f"hole {number}", lambda x, y, at=at: np.maximum(np.abs(x - at), np.abs(y)) < 0.6)
     mesh = mesh.with_edges("rest", lambda x, y: np.maximum(np.abs(x - 1.0) - 1.0, np.abs(y)) > 1.4)
@@ -323,7 +323,7 @@ class TestWhatIsNotDetermined:
 
 
 TWO_HOLES = (
-    TriangleMesh.of_rectangles(holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5)))
+    holed(2, [(0.0, 0.0), (2.0, 0.0)], (-1.5, -1.5), (3.5, 1.5))
     .with_edges("hole", lambda x, y: np.maximum(np.abs(x), np.abs(y)) < 0.6)
     .with_edges("outside", lambda x, y: np.maximum(np.abs(x), np.abs(y)) > 0.6)
 )

@@ -139,7 +139,7 @@ def test_wrong_options(name, value):
     ("given", "instead"),
     [({"inner": "strict:clarabel"}, "direct:clarabel"), ({"inner": "strict-direct:clarabel"}, "direct:clarabel"),
      ({"inner": "direct:osqp"}, "qp:osqp"), ({"factorisation": "cholmod"}, "superlu"),
-     ({"factorisation": "shared-subdomains"}, "factorisation")],
+     ({"factorisation": "shared-subdomains"}, "factorisation"), ({"factorisation": "levels"}, "dense")],
     ids=lambda each: next(iter(each.values())) if isinstance(each, dict) else "",
 )  # fmt: skip
 def test_retired_names_are_refused_with_what_takes_their_place(given, instead):

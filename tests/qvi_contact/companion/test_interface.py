@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, RectilinearMesh, Traction
+from qvi_contact import Contact, ContactProblem, Displacement, InputError, Material, Traction, TriangleMesh
 from qvi_contact.companion import solve_companion
 from qvi_contact.files import write_vtu
 from qvi_contact.gallery import compressed_plate, ssnv128
@@ -16,13 +16,13 @@ from qvi_contact.units import Units
 from solvers import Status
 
 STEEL = Material(1000.0, 0.3)
-PLATE = compressed_plate(0.1, (3, 2)).triangulated()
+PLATE = compressed_plate(0.1, (3, 2))
 FREE = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
 
 
 def block(contact, top=None):
-    mesh = RectilinearMesh([0.0, 0.5, 1.0], [0.0, 0.4, 1.0])
-    return ContactProblem(mesh, STEEL, [contact, top or Traction("top", 0.0, -1.0), *FREE]).triangulated()
+    mesh = TriangleMesh.grid([0.0, 0.5, 1.0], [0.0, 0.4, 1.0])
+    return ContactProblem(mesh, STEEL, [contact, top or Traction("top", 0.0, -1.0), *FREE])
 
 
 class TestBadInput:
@@ -68,7 +68,7 @@ class TestBadInput:
         assert companion.status is Status.SOLVED
 
     def test_loads_out_of_balance(self):
-        mesh = RectilinearMesh.rectangle((2, 2))
+        mesh = TriangleMesh.rectangle((2, 2))
         conditions = [Traction("top", 0.0, -1.0), Traction("bottom", 0.0, 0.9), *FREE]
         with pytest.raises(InputError, match="balance"):
             solve_companion(ContactProblem(mesh, STEEL, conditions))
@@ -167,7 +167,7 @@ class TestReasons:
     def test_supports_that_disagree_in_a_corner(self):
         conditions = [Displacement("left", 0.0, 0.0), Displacement("top", 0.01, 0.0)]
         conditions += [Traction(side, 0.0, 0.0) for side in ("right", "bottom")]
-        reasons = solve_companion(ContactProblem(RectilinearMesh.rectangle((2, 2)), STEEL, conditions)).reasons
+        reasons = solve_companion(ContactProblem(TriangleMesh.rectangle((2, 2)), STEEL, conditions)).reasons
         assert any("disagree" in reason for reason in reasons)
 
 

@@ -1,0 +1,189 @@
+"""Second-order cone programs by Clarabel, and answers made to hold: what is proved comes from x, not from the solver.
+
+min q·x   s.t.   E x = e,   L x ≤ h,   |u_i(x)| ≤ t_i(x)  with  (t, u)_i = g_i − G_i x
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import linalg
+
+from qvi_contact.basics.checks import FloatArray
+from qvi_contact.errors import SolveError
+from solvers.basics.types import load
+from solvers.basics.watch import left
+
+_TOLERANCE: Final = 1e-9  # of the solver
+_DAMPED: Final = 1e-14  # added to the normal equations of E, whose rows may depend on each other
+_SWEEPS: Final = 4  # of the projection on E x = e
+_ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
+_BALANCING: Final = 3  # sweeps over rows and columns
+_LEAST_TIME: Final = 1.0  # seconds for one program, at least
+
+INFEASIBLE: Final = "infeasible"
+UNBOUNDED: Final = "unbounded"
+
+
+@dataclass(frozen=True, eq=False)
+class Cones:
+    """Blocks (t, u)_i = g_i − G_i x of one size, |u_i| ≤ t_i.
+
+    Attributes
+    ----------
+    G : (b d, n) sparse array
+        The rows, block by block.
+    g : (b, d) array
+        The constants.
+
+    """
+
+    G: sparse.csr_array
+    g: FloatArray
+
+    def margins(self, x: FloatArray) -> FloatArray:
+        """T − |u| of all blocks (b,): negative where x is outside."""
+        block = self.g - (self.G @ x).reshape(self.g.shape)
+        return np.asarray(block[:, 0] - np.linalg.norm(block[:, 1:], axis=1))
+
+    def sizes(self, x: FloatArray) -> FloatArray:
+        """What margins are to be compared with (b,)."""
+        return np.asarray(np.abs(self.g - (self.G @ x).reshape(self.g.shape)).max(axis=1, initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class ConicProgram:
+    """The program above; `cones` may have blocks of several sizes."""
+
+    q: FloatArray
+    E: sparse.csr_array
+    e: FloatArray
+    L: sparse.csr_array
+    h: FloatArray
+    cones: Sequence[Cones]
+
+    def solve(self) -> FloatArray | str:
+        """The solver's x, unchecked; or "infeasible", or "unbounded" where it has a certificate.
+
+        Raises
+        ------
+        SolveError
+            If there is no x, or not in time.
+
+        """
+        clarabel = load("clarabel")
+        parts = [(self.E, self.e), (self.L, self.h), *((cone.G, cone.g.ravel()) for cone in self.cones)]
+        A = sparse.csc_array(sparse.vstack([matrix for matrix, _ in parts]))
+        b = np.concatenate([vector for _, vector in parts])
+        kinds = [clarabel.ZeroConeT(len(self.e))] if len(self.e) else []
+        kinds += [clarabel.NonnegativeConeT(len(self.h))] if len(self.h) else []
+        kinds += [clarabel.SecondOrderConeT(cone.g.shape[1]) for cone in self.cones for _ in range(len(cone.g))]
+        scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
+        scale[scale == 0.0] = 1.0
+        A = sparse.csc_matrix(A @ sparse.diags_array(1.0 / scale))
+        settings = clarabel.DefaultSettings()
+        settings.verbose, settings.max_threads = False, 1
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
+        settings.time_limit = max(left(), _LEAST_TIME)
+        n = len(self.q)
+        answer = clarabel.DefaultSolver(sparse.csc_matrix((n, n)), self.q / scale, A, b, kinds, settings).solve()
+        word, x = str(answer.status), np.array(answer.x) / scale
+        if word.endswith("PrimalInfeasible"):
+            return INFEASIBLE
+        if word.endswith("DualInfeasible"):
+            return UNBOUNDED
+        if word == "MaxTime":
+            raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
+        if not np.isfinite(x).all():
+            raise SolveError(
+                f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
+            )
+        return x
+
+    def projected(self, x: FloatArray) -> FloatArray:
+        """The nearest point with E x = e, rows of which may depend on each other."""
+        if not len(self.e):
+            return x
+        for _ in range(_SWEEPS):
+            x = x + self.E.T @ self._normal.solve(self.e - self.E @ x)
+        return np.asarray(x)
+
+    @cached_property
+    def _normal(self) -> Any:
+        """The factorised E Eᵀ."""
+        square = sparse.csc_array(self.E @ self.E.T)
+        largest = float(np.abs(square.diagonal()).max())
+        return linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(square.shape[0])))
+
+    def margins(self, x: FloatArray) -> FloatArray:
+        """How far inside all inequalities and cones x is, relative to what stands in them."""
+        slack = self.h - self.L @ x
+        size = max([1e-300, np.abs(self.h).max(initial=0.0), *(cone.sizes(x).max(initial=0.0) for cone in self.cones)])
+        return np.concatenate([slack, *(cone.margins(x) for cone in self.cones)]) / size
+
+    def repaired(self, x: FloatArray) -> tuple[FloatArray, float]:
+        """A point near x that holds everything, and what it still violates, relative: rows that leave no room.
+
+        It is the convex combination with a point inside that is nearest to x; E x = e but for rounding.
+        """
+        x = self.projected(x)
+        margins = self.margins(x)
+        if margins.min(initial=0.0) < -_ROUNDING:
+            inside = self._inside()
+            if inside is not None:
+                room = self.margins(inside)
+                outside = (margins < 0.0) & (room > 0.0)
+                share = float((-margins[outside] / (room[outside] - margins[outside])).max(initial=0.0))
+                x = x + min(1.0, share * (1.0 + 1e-9)) * (inside - x)
+                margins = self.margins(x)
+        return x, float(max(-margins.min(initial=0.0), 0.0))
+
+    def _inside(self) -> FloatArray | None:
+        """A point as far inside as can be, as far as rows leave room."""
+        for each in (False, True):
+            program = self._roomy(each)
+            found = program.solve()
+            if isinstance(found, str):
+                return None
+            x = self.projected(found[: len(self.q)])
+            if each or self.margins(x).min(initial=0.0) > _ROUNDING:
+                return x
+        return None
+
+    def _roomy(self, each: bool) -> ConicProgram:
+        """Max m, 0 ≤ m ≤ 1, with m taken off all rows; or Σ m_i with one for each row that leaves room."""
+        rows = [len(self.h), *(len(cone.g) for cone in self.cones)]
+        count = sum(rows) if each else 1
+        n = len(self.q)
+
+        def more(size: int, start: int, places: FloatArray) -> sparse.csr_array:
+            columns = start + np.arange(len(places)) if each else np.zeros(len(places), dtype=np.int64)
+            return sparse.csr_array((np.ones(len(places)), (places, columns)), shape=(size, count))
+
+        cones, start = [], rows[0]
+        for cone in self.cones:
+            blocks, d = cone.g.shape
+            added = more(blocks * d, start, d * np.arange(blocks))
+            cones.append(Cones(sparse.csr_array(sparse.hstack([cone.G, added])), cone.g))
+            start += blocks
+        L = sparse.hstack([self.L, more(rows[0], 0, np.arange(rows[0]))])
+        own = sparse.hstack([sparse.csr_array((count, n)), sparse.eye_array(count)])
+        bounds = sparse.vstack([L, own, -own])
+        limits = np.concatenate([self.h, np.ones(count), np.zeros(count)])
+        q = np.concatenate([np.zeros(n), -np.ones(count) / count])
+        E = sparse.csr_array(sparse.hstack([self.E, sparse.csr_array((len(self.e), count))]))
+        return ConicProgram(q, E, self.e, sparse.csr_array(bounds), limits, cones)
+
+    def tightened(self, share: float) -> ConicProgram:
+        """The program with positive constants of inequalities and cones less by a share."""
+        cones = []
+        for cone in self.cones:
+            g = cone.g.copy()
+            g[:, 0] -= share * np.maximum(g[:, 0], 0.0)
+            cones.append(Cones(cone.G, g))
+        return replace(self, h=self.h - share * np.maximum(self.h, 0.0), cones=cones)

@@ -1,0 +1,503 @@
+"""Limit analysis: how much of a load friction and unilateral contact can carry, by a mesh and by the body at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact import __version__
+from qvi_contact.basics.checks import Field, FloatArray, IntArray
+from qvi_contact.discretization.contact_rows import joined
+from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.space import RowKind
+from qvi_contact.errors import InputError, SolveError
+from qvi_contact.limit.carried_forces import Relations
+from qvi_contact.limit.flow import ContactFlow, FlowProgram
+from qvi_contact.limit.gap import gap_in_cells
+from qvi_contact.limit.stresses import StressProgram
+from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
+from qvi_contact.limit.yielding import YieldCones
+from qvi_contact.mechanism import Mechanism, upper_bound
+from qvi_contact.mechanism.works import BODY
+from qvi_contact.problem.conditions import Condition, Contact, Traction, components
+from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.frames import frame
+from solvers.basics.names import known_name
+from solvers.basics.narration import narrated
+from solvers.basics.watch import watched
+from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, UNBOUNDED, Answer, solved
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+_SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
+_CERTIFIED = 1e-7  # violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted
+
+
+_AT_LIMIT = (
+    "limit load: the loads that are not multiplied are themselves at the limit of what this mesh carries, to within "
+    "rounding: whether they are carried cannot be told. Change these loads, or the friction, by a millionth"
+)
+
+
+class LimitLoad(float):
+    """Result of a limit analysis: a number, the load factor that the mesh carries, and what is known besides.
+
+    Attributes
+    ----------
+    lower : float
+        The largest multiple for which the mesh has stresses that keep the contact laws on whole edges; the value of the
+        number itself. Infinity if any multiple can be carried, minus infinity if none can. Stresses exist up to here;
+        whether Coulomb's law, whose slip is not associated, has a solution with them only `solve` can tell.
+    upper : float
+        No stress of the body carries a larger multiple, whatever the mesh: the bound of `mechanism`. Infinity if the
+        loads can grow without limit, that is if they can do no work on mechanisms but 1e-7 of what they could do on
+        other motions; minus infinity if no multiple can be carried.
+    mechanism : Mechanism or None
+        The motion of the blocks that proves `upper`; None where that is infinite.
+    bound : float
+        No multiple above this can be carried by this mesh: the dual bound of the multipliers found.
+    violation : float
+        Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions.
+    collapse : Collapse or None
+        How a body that yields gives way; None if no part of it has a strength, or a side is not finite.
+
+    Notes
+    -----
+    With prescribed tractions that stresses of the mesh cannot follow point by point, `lower` is that of tractions with
+    the same resultants on every edge. On bodies that yield and have sides that are arcs both numbers are estimates:
+    strengths hold on the straight triangles.
+
+    """
+
+    lower: float
+    upper: float
+    mechanism: Mechanism | None
+    bound: float
+    violation: float
+    collapse: Collapse | None
+
+    def __new__(
+        cls,
+        lower: float,
+        upper: float,
+        mechanism: Mechanism | None,
+        bound: float,
+        violation: float,
+        collapse: Collapse | None = None,
+    ) -> LimitLoad:
+        """The number `lower` with its bounds."""
+        made = super().__new__(cls, lower)
+        made.lower, made.upper, made.mechanism = float(lower), float(upper), mechanism
+        made.bound, made.violation, made.collapse = float(bound), float(violation), collapse
+        return made
+
+    def to_frame(self) -> DataFrame:
+        """One row as a pandas table: "lower", "upper", "bound", "violation", and which contacts slide or open.
+
+        "slides" and "opens" are the names of the contacts that do so in the mechanism, joined by ", ". Needs the extra
+        ``frame`` (pandas); without it an `InputError` says so.
+        """
+        moved = {} if self.mechanism is None else self.mechanism.contacts
+        numbers = {name: [getattr(self, name)] for name in ("lower", "upper", "bound", "violation")}
+        slides = ", ".join(name for name, motion in moved.items() if motion.slides)
+        opens = ", ".join(name for name, motion in moved.items() if motion.opens)
+        return frame({**numbers, "slides": [slides], "opens": [opens]})
+
+    def __getnewargs__(  # type: ignore[override]
+        self,
+    ) -> tuple[float, float, Mechanism | None, float, float, Collapse | None]:
+        """For copies and pickles."""
+        return self.lower, self.upper, self.mechanism, self.bound, self.violation, self.collapse
+
+    def __repr__(self) -> str:
+        return f"LimitLoad(lower={self.lower:.9g}, upper={self.upper:.9g})"
+
+    def __str__(self) -> str:
+        return repr(float(self))
+
+
+def limit_load_factor(
+    problem: ContactProblem,
+    loads: Sequence[str],
+    *,
+    time_limit: float | None = None,
+    degree: int | None = None,
+    contact_rows: RowKind | None = None,
+    verbose: bool = False,
+) -> LimitLoad:
+    """Largest multiple of the named loads that contacts and body can carry while all other loads stay, from both sides.
+
+        max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) on the contacts,
+                      σ within the strength of the material where it has one
+
+    Where parts of the body have a `Material.strength`, both sides are second-order cone programs: stresses whose
+    Bernstein coefficients lie in the yield cones, and velocities with jumps on the contacts. Each number is computed
+    from the stresses or velocities found, not taken from the solver.
+
+    Where no part has one, bodies are infinitely strong:
+
+    *From below*, `lower`: a linear program in the Airy coefficients, with the law on whole edges. The stresses of the
+    mesh carry that much, and a finer mesh more (a shear prescribed beside a contact is met in the resultants, as
+    `solve` does where friction cannot carry it in the corner).
+
+    *From above*, `upper`: the work of the loads on rigid motions of the blocks, see `Mechanism`; the limit itself, on
+    any mesh. Every solution lies in the set above, so beyond `upper` there is none. For Coulomb's law, whose slip is
+    not associated, the converse does not hold in general: a solution below may, but need not exist, which only `solve`
+    can tell. Displacements, gaps and elastic constants do not enter, and bilateral contacts with friction count as able
+    to carry any shear up to their cap.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    loads : sequence of str
+        Names of the loads to multiply: of `Traction` conditions, of contacts whose `RigidPlate` prescribes forces, or
+        "body" for the body force.
+    time_limit : float, optional
+        Seconds for the linear programs, at most 300 for each of them in any case.
+    degree, contact_rows
+        Degree of the element, and what bounds tractions, see `discretize`.
+    verbose : bool
+        Print what is asked for, and both sides with the time.
+
+    Returns
+    -------
+    LimitLoad
+        A float, the factor `lower`, with `upper` and `mechanism`; ``inf`` if every multiple can be carried, ``-inf`` if
+        none can.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or the loads are out of balance.
+    SolveError
+        If a linear program is not solved, that of the mesh to a relative accuracy of 1e-7, or not in time.
+
+    """
+    with watched(time_limit), narrated(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as story:
+        posed = _posed(problem, loads, degree=degree, contact_rows=contact_rows)
+        story.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
+        limit = posed.solved().limit
+        gap = limit.bound - limit.lower
+        agree = problem.yields or gap <= _CERTIFIED * (1.0 + abs(limit))
+        if np.isfinite(limit.lower) and not (agree and limit.violation <= _CERTIFIED):
+            raise SolveError(
+                f"limit load: factor {limit.lower:.9g} and bound {limit.bound:.9g} do not agree (violation "
+                f"{limit.violation:.1e}): use a coarser or less graded mesh"
+            )
+        sides = f"this mesh carries {limit.lower:.9g} times the loads, no stress more than {limit.upper:.9g} times"
+        story.end("solved", sides, {}, solved=True)
+    return limit
+
+
+def limit_load(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitLoad:
+    """Both sides of `limit_load_factor` without the check of the mesh's program; `space` is for `discretize`."""
+    return _posed(problem, loads, **space).solved().limit
+
+
+def _posed(problem: ContactProblem, loads: Sequence[str], **space: Any) -> LimitProblem:
+    """The analysis of checked arguments."""
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
+    return LimitProblem.of(problem, checked_loads(problem, loads), **space)
+
+
+@dataclass(frozen=True, eq=False)
+class LimitProblem:
+    """A limit analysis on one mesh: the problem with the named loads times 1 and times 2.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        The problem.
+    names : tuple of str
+        The loads that are multiplied.
+    low, high : Discretization
+        The problem at both factors, in the same units and degrees of freedom.
+
+    """
+
+    problem: ContactProblem
+    names: tuple[str, ...]
+    low: Discretization
+    high: Discretization
+
+    @classmethod
+    def of(cls, problem: ContactProblem, names: tuple[str, ...], **space: Any) -> LimitProblem:
+        """The analysis of checked loads; `space` is for `discretize`."""
+        return cls(problem, names, *_sampled(problem, names, space))
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns of the algebraic problem."""
+        return int(self.low.qvi.n)
+
+    def solved(self) -> LimitAnalysis:
+        """Both sides."""
+        upper, mechanism = upper_bound(self.problem, self.names)
+        if upper == -np.inf:  # what no stress carries no mesh does, although its program may not tell from rounding
+            return LimitAnalysis(self, LimitLoad(upper, upper, mechanism, upper, 0.0), None)
+        if self.problem.yields:
+            return self._yielding(upper, mechanism)
+        carried, state = _carried(self.low, self.high)
+        limit = LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
+        return LimitAnalysis(self, limit, state)
+
+    def _yielding(self, of_blocks: float, mechanism: Mechanism | None) -> LimitAnalysis:
+        """Both sides of a body that yields: rigid blocks are one way of giving way, and others may be easier."""
+        degree = self.low.space.traction_degree
+        cones = YieldCones.of(self.problem, degree)
+        carried = StressProgram(self.low, self.high, cones).carried()
+        flow = FlowProgram(self.problem, self.names, cones, self.low.scales).solved()
+        upper = min(flow.bound, of_blocks)
+        if of_blocks > flow.bound:
+            mechanism = None
+        collapse = None
+        if carried.stress is not None and flow.strain is not None:
+            parts = gap_in_cells(self.low, carried, flow, degree)
+            collapse = Collapse(
+                flow.velocities,
+                flow.places,
+                flow.dissipation,
+                carried.stress * self.low.scales.stress,
+                parts,
+                flow.contacts,
+            )
+        violation = max(carried.violation, flow.violation)
+        limit = LimitLoad(carried.factor, upper, mechanism, upper, violation, collapse)
+        return LimitAnalysis(self, limit, None)
+
+
+@dataclass(frozen=True, eq=False)
+class Collapse:
+    """How a body that yields gives way at its limit load.
+
+    Attributes
+    ----------
+    velocities : (cells, m, 2) array
+        Bernstein coefficients of the velocities on each triangle, of power 1 of the multiplied loads. Each is the
+        velocity near the point that it belongs to.
+    places : (m, 3) array
+        Barycentric places of these coefficients in the triangle.
+    dissipation : (cells,) array
+        Power that each triangle dissipates, or a bound of it, as a share of that of the multiplied loads at `upper`
+        times the unit of the load factor.
+    stress : (cells, 3, count, 3) array
+        Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `lower` on the three parts of each triangle [stress].
+    gap : (cells,) array
+        Parts of upper − lower, none of them negative; those of contact edges are shared by the triangles beside them.
+    contacts : mapping of str to ContactFlow
+        Opening, slip and dissipation along each contact.
+
+    """
+
+    velocities: FloatArray
+    places: FloatArray
+    dissipation: FloatArray
+    stress: FloatArray
+    gap: FloatArray
+    contacts: Mapping[str, ContactFlow]
+
+
+@dataclass(frozen=True, eq=False)
+class LimitAnalysis:
+    """A limit load with the tractions that carry it.
+
+    Attributes
+    ----------
+    posed : LimitProblem
+        What was asked for.
+    limit : LimitLoad
+        Both sides.
+    state : LimitState or None
+        What carries `LimitLoad.lower`; None if that is not finite.
+
+    """
+
+    posed: LimitProblem
+    limit: LimitLoad
+    state: LimitState | None
+
+
+@dataclass(frozen=True, eq=False)
+class LimitState:
+    """The answer of the mesh's program, dimensionless.
+
+    Attributes
+    ----------
+    tractions : (2 m,) array
+        Rows [σ_N; σ_T].
+    motion : (2 m,) array
+        Multipliers of these rows: moments of the opening w and of the slip −[v]_T in the motion with which the mesh
+        gives way, on which the loads do the work 1.
+
+    """
+
+    tractions: FloatArray
+    motion: FloatArray
+
+
+@dataclass(frozen=True)
+class _Carried:
+    """The factor of a mesh, its dual bound, and the violation of the rows."""
+
+    factor: float
+    bound: float
+    violation: float
+
+
+def _carried(low: Discretization, high: Discretization) -> tuple[_Carried, LimitState | None]:
+    """What the mesh carries, with signs of bilateral pressure that a first program without friction there suggests.
+
+    With the state, if it is finite.
+    """
+    undecided = both_signs(low)
+    signs = np.full(len(undecided), EITHER)
+    found = [_program(low, high, signs)]
+    if undecided.any():
+        state = found[0][1]
+        trials = [np.where(undecided, PRESSURE, EITHER)]
+        if state is not None:
+            trials.append(np.where(mean_normal(low, state.tractions) > 0.0, TENSION, PRESSURE))
+        found += [_program(low, high, trial) for trial in trials]
+    return max(found, key=lambda each: each[0].factor)
+
+
+def _program(low: Discretization, high: Discretization, signs: IntArray) -> tuple[_Carried, LimitState | None]:
+    """The linear program, and the state at its answer."""
+    rows = WholeEdgeRows.of(low, signs)
+    if not len(rows.limit):
+        return _Carried(np.inf, np.inf, 0.0), None
+    qvi, width = low.qvi, _SAMPLES[1] - _SAMPLES[0]
+    weights = joined([contact.row_weights for contact in low.contacts if contact.law != "tied"])
+    shares = np.tile(weights / weights.max(), 2)
+    relations = Relations.of(low, shares)
+    first, second = (shares * np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (low, high))
+    slope, b_slope = (second - first) / width, (high.qvi.b - qvi.b) / width
+    zero, b = first - _SAMPLES[0] * slope, qvi.b - _SAMPLES[0] * b_slope
+    H, limit = rows.of_forces(shares)  # unknown are forces y: tractions grow where edges are short, forces do not
+    C, D = relations.forces, relations.resultants
+    program = _Program(H, limit - H @ zero, -(H @ slope), C, -(D @ b), -(D @ b_slope))
+    carried, answer = program.solve()
+    if answer is None:
+        return carried, None
+    tractions = (answer.x[:-1] + zero + carried.factor * slope) / shares
+    return carried, LimitState(tractions, shares * (H.T @ np.maximum(-answer.inequalities, 0.0)))
+
+
+def loads_of(problem: ContactProblem) -> list[str]:
+    """The names of loads that can be multiplied."""
+    known = [BODY]
+    known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
+    known += [contact.name for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
+    return known
+
+
+def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "loads") -> tuple[str, ...]:
+    """The names of loads that can be multiplied; `InputError` lists those there are."""
+    known = loads_of(problem)
+    if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
+        raise InputError(field, loads, f"give a list of names out of {', '.join(known)}")
+    return tuple(known_name(field, name, {"loads": known}) for name in loads)
+
+
+def _sampled(
+    problem: ContactProblem, names: Sequence[str], space: Mapping[str, Any]
+) -> tuple[Discretization, Discretization]:
+    """The problem at two load factors in the same units, with the same degrees of freedom kept."""
+    multiples = [multiplied(problem, names, factor) for factor in _SAMPLES]
+    scales = Scales.of(multiples[1])
+    low = discretize(multiples[0], scales=scales, **space)
+    return low, low.following(multiples[1], scales)
+
+
+def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:
+    """The problem with the named loads times a factor."""
+    conditions = [_scaled(condition, names, factor) for condition in problem.conditions]
+    potential = _times(problem.body_potential, factor) if BODY in names else problem.body_potential
+    return replace(problem, conditions=conditions, body_potential=potential)
+
+
+def _scaled(condition: Condition, names: Sequence[str], factor: float) -> Condition:
+    """A named traction, or a named plate's forces, times the factor."""
+    if not isinstance(condition, (Traction, Contact)) or condition.name not in names:
+        return condition
+    if isinstance(condition, Traction):
+        scaled: dict[str, Any] = {name: _times(value, factor) for name, value in components(condition).items()}
+        return replace(condition, **scaled)
+    forces = {name: getattr(condition.plate, name, None) for name in ("force_x", "force_y", "moment")}
+    larger = {name: factor * value for name, value in forces.items() if value is not None}
+    return replace(condition, plate=replace(condition.plate, **larger)) if condition.plate else condition
+
+
+def _times(field: Field, factor: float) -> Field:
+    if not callable(field):
+        return factor * field
+    function: Callable[[FloatArray, FloatArray], object] = field
+    return lambda x, y: factor * np.asarray(function(x, y), dtype=float)
+
+
+@dataclass(frozen=True)
+class _Program:
+    """Max α s.t. G y ≤ h + α h', A y = b + α b'."""
+
+    G: sparse.csr_array
+    h: FloatArray
+    h_slope: FloatArray
+    A: sparse.csr_array
+    b: FloatArray
+    b_slope: FloatArray
+
+    def solve(self) -> tuple[_Carried, Answer | None]:
+        """Simplex, and a bound from its multipliers; its answer (y, α) too, or None if that is not finite."""
+        answer = self._linprog(np.append(np.zeros(self.G.shape[1]), -1.0))
+        if answer.status == UNBOUNDED:
+            return _Carried(np.inf, np.inf, 0.0), None
+        if answer.status == INFEASIBLE:
+            if self._is_infeasible():
+                return _Carried(-np.inf, -np.inf, 0.0), None
+            raise SolveError(_AT_LIMIT)
+        if answer.status == TIME_LIMIT:
+            raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
+        if not answer.solved:
+            raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
+        y, factor = answer.x[:-1], float(answer.x[-1])
+        return _Carried(factor, self._bound(answer, y), self._violation(y, factor)), answer
+
+    def _violation(self, y: FloatArray, factor: float) -> float:
+        """The most by which a row is missed, over the largest limit."""
+        size = max(float(np.abs(self.h).max()), abs(factor) * float(np.abs(self.h_slope).max()), 1e-300)
+        above = np.maximum(self.G @ y - self.h - factor * self.h_slope, 0.0)
+        missed = np.abs(self.A @ y - self.b - factor * self.b_slope)
+        return float(max(above.max(), missed.max(initial=0.0))) / size
+
+    def _linprog(self, cost: FloatArray, relaxed: bool = False) -> Answer:
+        """Minimise over (y, α), or over (y, α, t ≥ 0) with G y ≤ h + α h' + t."""
+        G = _beside(self.G, -self.h_slope, *(-np.ones(len(self.h)) for _ in range(relaxed)))
+        A = _beside(self.A, -self.b_slope, *(np.zeros(len(self.b)) for _ in range(relaxed)))
+        equations: dict[str, Any] = {"A_eq": A, "b_eq": self.b} if len(self.b) else {}
+        bounds = [(None, None)] * (self.G.shape[1] + 1) + [(0.0, None)] * relaxed
+        return solved(cost, A_ub=G, b_ub=self.h, bounds=bounds, **equations)
+
+    def _is_infeasible(self) -> bool:
+        """Whether the rows cannot be met even approximately."""
+        answer = self._linprog(np.append(np.zeros(self.G.shape[1] + 1), 1.0), relaxed=True)
+        return bool(answer.solved and answer.x[-1] > _CERTIFIED * max(1.0, float(np.abs(self.h).max())))
+
+    def _bound(self, answer: Answer, y: FloatArray) -> float:
+        """From Σ d (h + α h' − G y) ≥ 0 with Gᵀd + Aᵀν = 0:  α ≤ (h·d + b·ν) / −(h'·d + b'·ν), rounding added."""
+        d, nu = np.maximum(-answer.inequalities, 0.0), -answer.equations
+        rate = -float(self.h_slope @ d + self.b_slope @ nu)
+        rounding = float(np.abs(self.G.T @ d + self.A.T @ nu) @ np.abs(y))
+        return (float(self.h @ d + self.b @ nu) + rounding) / rate if rate > 0.0 else np.inf
+
+
+def _beside(matrix: sparse.csr_array, *columns: FloatArray) -> sparse.csc_array:
+    """The matrix with further columns."""
+    return sparse.csc_array(sparse.hstack([matrix, *(sparse.csc_array(column[:, None]) for column in columns)]))

@@ -1,0 +1,210 @@
+"""Limit loads from below: stresses in equilibrium whose Bernstein coefficients lie in the yield cones.
+
+On each of the three parts of a triangle σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy) is a polynomial of degree k = p − 2 with
+coefficients
+
+    σ_i = S_i (z, y) + s_i⁰ + α s_i¹
+
+in the unknowns z, the functions y inside a triangle, and the load factor α. Then
+
+    max α   s.t.   σ_i ∈ G for every i,   the contact laws on whole edges (D24),   resultants of plates
+
+is a second-order cone program. σ(x) = Σ B_i(x) σ_i is a convex combination, so σ(x) ∈ G everywhere, and Φ is C1: α is a
+lower bound of the limit load, whatever the solver did.
+
+In `docs/theory.md`: (D36).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.limit.conic import INFEASIBLE, UNBOUNDED, Cones, ConicProgram
+from qvi_contact.limit.whole_edges import EITHER, PRESSURE, TENSION, WholeEdgeRows, both_signs, mean_normal
+from qvi_contact.limit.yielding import YieldCones, coefficients_of
+
+_TIGHTER: Final = 1e-8  # share of strengths that is kept back, so that rounding of the solver breaks no cone
+_HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
+
+
+@dataclass(frozen=True, eq=False)
+class CarriedStress:
+    """Stresses of a mesh at a load factor, dimensionless.
+
+    Attributes
+    ----------
+    factor : float
+        α; infinity if there is no limit, minus infinity if no multiple is carried.
+    violation : float
+        What rows are missed by, relative to what stands in them: rounding.
+    unknowns : (n,) array or None
+        (z, y, α); None if α is not finite.
+    stress : (cells, 3, count, 3) array or None
+        Coefficients of (σ_xx, σ_yy, σ_xy), φ included.
+    tractions : (2 m,) array or None
+        Rows [σ_N; σ_T] of the contacts.
+
+    """
+
+    factor: float
+    violation: float
+    unknowns: FloatArray | None = None
+    stress: FloatArray | None = None
+    tractions: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StressProgram:
+    """The program of a problem discretised at the load factors 1 and 2.
+
+    Attributes
+    ----------
+    low, high : Discretization
+        The problem at both factors, in the same units and degrees of freedom.
+    cones : YieldCones
+        What its body can carry.
+
+    """
+
+    low: Discretization
+    high: Discretization
+    cones: YieldCones
+
+    def carried(self) -> CarriedStress:
+        """The largest factor, with signs of bilateral pressure that a first program without friction there suggests."""
+        undecided = both_signs(self.low)
+        found = [self._solved(np.full(len(undecided), EITHER))]
+        if undecided.any():
+            trials = [np.where(undecided, PRESSURE, EITHER)]
+            if found[0].tractions is not None:
+                pulled = mean_normal(self.low, found[0].tractions) > 0.0
+                trials.append(np.where(undecided & pulled, TENSION, np.where(undecided, PRESSURE, EITHER)))
+            found += [self._solved(trial) for trial in trials]
+        return max(found, key=lambda each: each.factor)
+
+    def _solved(self, signs: IntArray) -> CarriedStress:
+        program = self.program(signs)
+        found = program.tightened(_TIGHTER).solve()
+        if isinstance(found, str):
+            return CarriedStress({INFEASIBLE: -np.inf, UNBOUNDED: np.inf}[found], 0.0)
+        x, violation = program.repaired(found)
+        if violation > _HELD:  # the solver has given up: nothing is proved
+            return CarriedStress(-np.inf, 0.0)
+        tractions = self._tractions[0] @ x[: self.low.qvi.n] + self._tractions[1] + x[-1] * self._tractions[2]
+        stress = (self._matrix @ x + self._constant).reshape(-1, 3, self.cones.count, 3)
+        return CarriedStress(float(x[-1]), violation, x, stress, tractions)
+
+    def program(self, signs: IntArray) -> ConicProgram:
+        """The cone program for signs (e,) of σ_N on contact edges, which count where `both_signs`."""
+        size = self._matrix.shape[1]
+        q = np.zeros(size)
+        q[-1] = -1.0
+        rows = WholeEdgeRows.of(self.low, signs)
+        matrix, constant, slope = self._tractions
+        inner = sparse.csr_array((rows.H.shape[0], size - 1 - matrix.shape[1]))
+        L = sparse.hstack([rows.H @ matrix, inner, sparse.csr_array((rows.H @ slope)[:, None])])
+        qvi, b_slope = self.low.qvi, self.high.qvi.b - self.low.qvi.b
+        inner = sparse.csr_array((qvi.p, size - 1 - matrix.shape[1]))
+        E = sparse.hstack([qvi.A, inner, sparse.csr_array(-b_slope[:, None])])
+        limits = rows.limit - rows.H @ constant
+        return ConicProgram(
+            q, sparse.csr_array(E), qvi.b - b_slope, sparse.csr_array(L), limits, tuple(self._yield_cones())
+        )
+
+    def _yield_cones(self) -> list[Cones]:
+        """Cones without and with the mean stress in them."""
+        cones, unit, found = self.cones, self.low.scales.stress, []
+        for mean in (False, True):
+            chosen = np.flatnonzero((cones.mean != 0.0) == mean)
+            if not len(chosen):
+                continue
+            at = 3 * cones.coefficient[chosen]
+            xx, yy, xy = (self._matrix[at + i] for i in range(3))
+            c_xx, c_yy, c_xy = (self._constant[at + i] for i in range(3))
+            beta, gamma = cones.pressure[chosen], cones.mean[chosen]
+            parts = [
+                (sparse.diags_array(beta) @ (xx + yy), cones.low[chosen] / unit - beta * (c_xx + c_yy)),
+                (-(xx - yy), c_xx - c_yy),
+                (-2.0 * xy, 2.0 * c_xy),
+            ]
+            if mean:
+                parts.append((-(sparse.diags_array(gamma) @ (xx + yy)), gamma * (c_xx + c_yy)))
+            d, b = len(parts), len(chosen)
+            order = np.arange(d * b).reshape(d, b).T.ravel()
+            G = sparse.csr_array(sparse.csr_array(sparse.vstack([part for part, _ in parts]))[order])
+            found.append(Cones(G, np.column_stack([constant for _, constant in parts])))
+        return found
+
+    @cached_property
+    def _tractions(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
+        """[σ_N; σ_T] as rows on z, their constants at α = 0, and what α adds."""
+        first, second = (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (self.low, self.high))
+        return self.low.qvi.contact_rows, 2.0 * first - second, second - first
+
+    @cached_property
+    def _of_freedoms(self) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Stress coefficients, three numbers each, as rows on the degrees of freedom of the body and on y."""
+        space = self.low.space
+        element, triangles, k = space.element, space.triangles, space.element.shared - 3
+        n = len(triangles)
+        reference = np.einsum("nab,sbcd->nscad", triangles.stress_maps, element.hessian_coefficients[..., 3:])
+        reference = reference.reshape(n, -1, element.dimension - 3)
+        w = reference[..., :k] @ element.transformations(triangles)[:, 3:, 3:]
+        y = reference[..., k:].copy()
+        if len(space.curved):
+            at = space.curved.numbers
+            own = reference[at] @ space.curved.functions[:, 3:, 3:]
+            w[at], y[at] = own[..., :k], own[..., k:]
+        differences, rows = space.differences, w.shape[1]
+        full = differences.spread(differences.rows(w))
+        if len(differences.across):
+            own_rows = (rows * differences.across[:, None] + np.arange(rows)).ravel()
+            place = sparse.csr_array(
+                (np.ones(len(own_rows)), (own_rows, np.arange(len(own_rows)))), shape=(full.shape[0], len(own_rows))
+            )
+            full = full + place @ differences.rows_beyond(w)
+        inner = element.interior
+        columns = np.repeat(np.arange(n * inner).reshape(n, inner), rows, axis=0)
+        starts = inner * np.arange(n * rows + 1)
+        return full, sparse.csr_array((y.ravel(), columns.ravel(), starts), shape=(n * rows, n * inner))
+
+    @cached_property
+    def _matrix(self) -> sparse.csr_array:
+        """Stress coefficients as rows on (z, y, α), dimensionless."""
+        shared, inner = self._of_freedoms
+        change = self.high.elimination.particular - self.low.elimination.particular
+        slope = shared @ change + _pressures(self._potentials[1] - self._potentials[0])
+        return sparse.csr_array(sparse.hstack([shared @ self.low.basis, inner, sparse.csr_array(slope[:, None])]))
+
+    @cached_property
+    def _constant(self) -> FloatArray:
+        """What they are at z = y = α = 0."""
+        particular = 2.0 * self.low.elimination.particular - self.high.elimination.particular
+        return np.asarray(
+            self._of_freedoms[0] @ particular + _pressures(2.0 * self._potentials[0] - self._potentials[1])
+        )
+
+    @cached_property
+    def _potentials(self) -> tuple[FloatArray, FloatArray]:
+        """Coefficients of φ at both factors, dimensionless."""
+        cells = np.arange(self.low.problem.mesh.cell_count)
+        low, high = (
+            coefficients_of(
+                part.problem, cells, self.cones.degree, "ContactProblem.body_potential", part.problem.body_potential
+            )[0].ravel()
+            / self.low.scales.stress
+            for part in (self.low, self.high)
+        )
+        return low, high
+
+
+def _pressures(values: FloatArray) -> FloatArray:
+    """Stresses (v, v, 0) of scalars, three numbers each."""
+    return np.column_stack([values, values, np.zeros_like(values)]).ravel()

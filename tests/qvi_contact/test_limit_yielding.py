@@ -1,0 +1,218 @@
+"""Limit loads of bodies that yield, with their contacts, against closed forms and each other."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    Mises,
+    MohrCoulomb,
+    NoTension,
+    Region,
+    RigidPlate,
+    Symmetry,
+    Traction,
+    Tresca,
+    TriangleMesh,
+    limit_load_factor,
+)
+from tests.effort import thinned
+
+E = 1e-9
+
+
+def stretched(strength, plane="strain", mesh=None):
+    """A block pulled along y between lines of symmetry and a free side."""
+    mesh = mesh or TriangleMesh.rectangle((2, 2))
+    material = Material(10.0, 0.3, plane, strength)
+    return ContactProblem(
+        mesh, material, [Traction("top", x=0, y=1.0), Traction("right", x=0, y=0), Symmetry("left"), Symmetry("bottom")]
+    )
+
+
+def in_tension(c, phi):
+    return 2 * c * np.cos(phi) / (1 + np.sin(phi))
+
+
+@pytest.mark.parametrize("degree", [3, 4, 5])
+@pytest.mark.parametrize(
+    ("strength", "plane", "exact"),
+    [
+        (Mises(1.0), "stress", 1.0),
+        (Mises(1.0), "strain", 2 / np.sqrt(3)),
+        (Tresca(0.7), "stress", 1.4),
+        (Tresca(0.7), "strain", 1.4),
+        (MohrCoulomb(0.5, 0.3), "strain", in_tension(0.5, 0.3)),
+        (MohrCoulomb(0.5, 0.3), "stress", in_tension(0.5, 0.3)),
+        (MohrCoulomb(0.5, 0.3, 0.2), "strain", 0.2),
+    ],
+)
+def test_uniform_tension(strength, plane, exact, degree):
+    limit = limit_load_factor(stretched(strength, plane), ["top"], degree=degree)
+    assert limit.lower == pytest.approx(exact, rel=1e-6)
+    assert limit.upper == pytest.approx(exact, rel=1e-5)
+    assert limit.lower <= limit.upper
+
+
+def test_rectangles_become_triangles_and_units_do_not_matter():
+    problem = stretched(Tresca(0.7e6), mesh=TriangleMesh.rectangle((2, 2), 1e3, 1e3))
+    assert limit_load_factor(problem, ["top"]).lower == pytest.approx(1.4e6, rel=1e-6)
+
+
+def test_strength_that_grows_with_height():
+    """Pulled along x in proportion to c = 1 + y, every layer yields at once."""
+    mesh, strength = TriangleMesh.rectangle((2, 2)), Tresca(lambda _, y: 1.0 + y)
+    pulled = Traction("right", x=lambda _, y: 1.0 + y, y=0.0)
+    sides = [Symmetry("left"), Symmetry("bottom"), Traction("top", x=0, y=0)]
+    limit = limit_load_factor(
+        ContactProblem(mesh, Material(10.0, 0.3, "strain", strength), [pulled, *sides]), ["right"]
+    )
+    assert limit.lower == pytest.approx(2.0, rel=1e-6)
+    assert limit.upper == pytest.approx(2.0, rel=1e-6)
+
+
+def block(strength, mu, pressure):
+    """A block under the same pressure all around and in pure shear, on a rough base."""
+    return ContactProblem(
+        TriangleMesh.rectangle((4, 2), 2.0, 1.0),
+        Material(10.0, 0.3, "strain", strength),
+        [
+            Contact("bottom", mu),
+            Traction("top", y=-pressure, name="weight"),
+            Traction("top", x=1.0, name="shear"),
+            Traction("left", x=pressure, name="weight"),
+            Traction("right", x=-pressure, name="weight"),
+            Traction("left", y=-1.0, name="shear"),
+            Traction("right", y=1.0, name="shear"),
+        ],
+    )
+
+
+@pytest.mark.parametrize(("mu", "c"), [(0.1, 10.0), (0.3, 1.2), (0.6, 1.0), (2.0, 0.5)])
+def test_a_rough_base_or_the_block_gives_way(mu, c):
+    """Pressure 2 and shear τ: slip at τ = 2μ, yield at τ = c."""
+    limit = limit_load_factor(block(Tresca(c), mu, 2.0), ["shear"])
+    exact = min(2.0 * mu, c)
+    assert limit.lower == pytest.approx(exact, rel=1e-5)
+    assert limit.upper == pytest.approx(exact, rel=1e-4)
+    assert limit.lower <= limit.upper
+    assert limit.collapse.gap.min() >= 0.0
+    assert limit.collapse.gap.sum() >= limit.upper - limit.lower - 1e-6  # rigid blocks may be nearer
+
+
+def test_what_the_other_loads_break_carries_no_multiple():
+    problem = block(Tresca(0.9), 0.3, 2.0)
+    pressed = [each for each in problem.conditions if each.name != "weight"]
+    pressed += [Traction("top", y=-2.0), Traction("left", x=0.0), Traction("right", x=0.0)]
+    problem = ContactProblem(problem.mesh, problem.material, pressed)
+    assert limit_load_factor(problem, ["shear"]).upper == -np.inf
+
+
+def test_a_rigid_punch_by_force_is_two_plus_pi_at_most():
+    """Prandtl's punch, half of it; friction under it does not matter, and bounds hold 2 + π."""
+    mesh = TriangleMesh.grid([0, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4], [-2, -1, -0.5, -0.25, 0])
+    mesh = TriangleMesh(mesh.vertices, mesh.cells)
+    mesh = mesh.with_edges("foot", lambda x, y: (y > -E) & (x < 1)).with_edges("free", lambda x, y: (y > -E) & (x > 1))
+    mesh = mesh.with_edges("left", lambda x, _: x < E).with_edges("far", lambda x, y: (x > 4 - E) | (y < -2 + E))
+    found = []
+    for mu in (0.0, 0.3):
+        punch = Contact("foot", mu, name="punch", plate=RigidPlate(force_y=-1.0, x=0.0, rotation=0.0))
+        problem = ContactProblem(
+            mesh,
+            Material(10.0, 0.3, "strain", Tresca(1.0)),
+            [punch, Traction("free", x=0, y=0), Symmetry("left"), Displacement("far", x=0, y=0)],
+        )
+        limit = limit_load_factor(problem, ["punch"])
+        assert limit.lower < 2 + np.pi < limit.upper
+        found.append((limit.lower, limit.upper))
+    assert found[0][0] > 4.3
+    assert found[0][1] < 5.6
+
+
+def test_a_strong_inclusion_stays_rigid():
+    """A block of two layers in tension: the strong one carries all, the weak one decides."""
+    mesh = TriangleMesh.rectangle((2, 4)).with_region("strong", lambda _, y: y > 0.5)
+    problem = stretched(Tresca(0.7), mesh=mesh)
+    strong = Region(Material(10.0, 0.3, "strain"), name="strong")
+    problem = ContactProblem(mesh, problem.material, problem.conditions, regions=[strong])
+    limit = limit_load_factor(problem, ["top"])
+    assert 1.4 * (1 - 1e-6) <= limit.lower <= limit.upper  # the strong layer holds the weak one together
+    velocities = limit.collapse.velocities[mesh.region("strong")]
+    assert np.ptp(velocities[..., 1]) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_no_tension_masonry_on_its_edge():
+    """A wall 1 wide under its weight and a push: it turns about its toe, at the resultant's distance 1/2."""
+    mesh = TriangleMesh.rectangle((4, 8), 1.0, 2.0)
+    problem = ContactProblem(
+        mesh,
+        Material(10.0, 0.3, "strain", NoTension(200.0)),
+        [
+            Contact("bottom", 5.0),
+            Traction("top", x=0, y=-1.0),
+            Traction("left", x=1.0, y=0.0, name="push"),
+            Traction("right", x=0.0, y=0.0),
+        ],
+    )
+    limit = limit_load_factor(problem, ["push"])
+    assert limit.lower <= limit.upper <= 0.25 + 1e-6  # ½ · 1 against ½ · 2²
+    assert limit.lower > 0.05
+
+
+def random_body(seed):
+    """Blocks with random strengths, contacts, weight and thrust."""
+    generator = np.random.default_rng(seed)
+    mesh = TriangleMesh.rectangle((3, 4), 1.0, 2.0)
+    if generator.random() < 0.6:
+        mesh = mesh.with_joint("joint", lambda _, y: np.isclose(y, 1.0))
+    mesh = mesh.with_region("part", lambda x, _: x > 0.4)
+    c = float(generator.uniform(0.5, 3.0))
+    strengths = [
+        Tresca(c), Mises(2 * c), MohrCoulomb(c, 0.4), MohrCoulomb(c, 0.2, 0.3 * c), NoTension(4 * c), None,
+    ]  # fmt: skip
+    plane = str(generator.choice(["strain", "stress"]))
+    own, other = (strengths[i] for i in generator.choice(6, 2))
+    if own is None and other is None:
+        own = Tresca(c)
+    law = {"friction": float(generator.choice([0.0, 0.4])), "cohesion": float(generator.choice([0.0, 0.3]))}
+    if generator.random() < 0.4:
+        law["shear_limit"] = float(generator.uniform(0.2, 1.0))
+    contacts = [Contact("bottom", **law)]
+    if mesh.joint_names:
+        kind = str(generator.choice(["unilateral", "bilateral", "tied"]))
+        contacts.append(Contact("joint", 0.0 if kind == "tied" else 0.5, law=kind))
+    loads = [
+        Traction("top", x=float(generator.uniform(-0.3, 0.3)), y=-float(generator.uniform(0.1, 1.0))),
+        Traction("left", x=float(generator.uniform(0.1, 1.0)), y=0.0, name="push"),
+        Traction("right", x=0.0, y=0.0),
+    ]
+    weight = float(generator.choice([0.0, 0.5]))
+    return ContactProblem(
+        mesh,
+        Material(1.0, 0.2, plane, own),
+        [*contacts, *loads],
+        (lambda _, y: weight * y) if weight else 0.0,
+        [Region(Material(2.0, 0.3, plane, other), name="part")],
+    )
+
+
+@pytest.mark.parametrize("seed", thinned(list(range(200)), 10))
+def test_no_lower_bound_exceeds_an_upper_one(seed):
+    for load in ("push", "top"):
+        limit = limit_load_factor(random_body(seed), [load], degree=4)
+        rounding = 1e-7 * (1 + abs(limit.upper)) if np.isfinite(limit.upper) else 0.0
+        assert limit.lower <= limit.upper + rounding
+        if limit.collapse is not None and limit.mechanism is None:
+            assert limit.collapse.gap.sum() == pytest.approx(limit.upper - limit.lower, abs=1e-5 * (1 + limit.upper))
+
+
+def test_a_limit_load_can_be_copied():
+    limit = limit_load_factor(stretched(Tresca(0.7)), ["top"])
+    again = copy.deepcopy(limit)
+    assert (again.lower, again.upper) == (limit.lower, limit.upper)
+    assert (again.collapse.gap == limit.collapse.gap).all()
