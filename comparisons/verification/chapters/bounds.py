@@ -98,7 +98,7 @@ def rates_of_the_gap(element: Element, quick: bool) -> Iterator[Row]:
         yield at_least(f"{name}: order of the gap in h", rate, least, 0.0, source, _guaranteed(*found))
 
 
-@PROBLEMS.on("bounds-refined", TRIANGLES, QUINTIC, _CUBIC)
+@PROBLEMS.on("bounds-refined", _CUBIC, TRIANGLES, QUINTIC)
 def orders_of_refined_bounds(element: Element, quick: bool) -> Iterator[Row]:
     """How fast guaranteed bounds close by `refine` in the number of unknowns, whatever corners the body has.
 
